@@ -1,0 +1,1 @@
+"""The ground floor: errors, arrays, notices, provenance, optional dependencies."""

@@ -1,0 +1,78 @@
+"""Every error that dynid raises on purpose.
+
+    DynidError                 exit code 1
+    ├── JobError               the job itself failed (1)
+    └── InputError             bad usage or bad input (2)
+        ├── RobotError         a robot name, URDF or robot file
+        ├── RecordError        a recording or its columns
+        └── MissingExtraError  an optional dependency is absent
+"""
+
+from __future__ import annotations
+
+
+class DynidError(Exception):
+    """An error with the facts a person needs to act.
+
+    Args:
+        what: What went wrong, as a sentence without its full stop.
+        where: File, row, column, joint or option concerned.
+        value: The offending value.
+        limit: What was allowed or available.
+        next_step: What to do now.
+    """
+
+    exit_code = 1
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        where: str | None = None,
+        value: object = None,
+        limit: object = None,
+        next_step: str | None = None,
+    ) -> None:
+        self.what = what
+        self.where = where
+        self.value = value
+        self.limit = limit
+        self.next_step = next_step
+        super().__init__(self._message())
+
+    def _message(self) -> str:
+        parts = [f"{self.where}: {self.what}" if self.where else self.what]
+        if self.value is not None:
+            parts.append(f"got {_short(self.value)}")
+        if self.limit is not None:
+            parts.append(f"allowed: {_short(self.limit)}")
+        message = "; ".join(parts)
+        return f"{message}. {self.next_step}" if self.next_step else message
+
+
+class JobError(DynidError):
+    """The job was well posed but failed."""
+
+
+class InputError(DynidError):
+    """The usage or the input is wrong."""
+
+    exit_code = 2
+
+
+class RobotError(InputError):
+    """A robot name, URDF or robot file is wrong."""
+
+
+class RecordError(InputError):
+    """A recording cannot be read or does not fit the robot."""
+
+
+class MissingExtraError(InputError):
+    """An optional dependency is not installed."""
+
+
+def _short(value: object, width: int = 200) -> str:
+    text = value if isinstance(value, str) else repr(value)
+    text = "".join(c if c.isprintable() else "?" for c in text)
+    return text if len(text) <= width else text[: width - 3] + "..."
