@@ -1,0 +1,1 @@
+"""Joint motions as functions of time: Fourier series, polynomials, files."""

@@ -1,0 +1,110 @@
+"""Typed fields of a JSON document, checked as they are read."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.core.errors import InputError
+
+
+@dataclass(frozen=True, slots=True)
+class JsonFields:
+    """A JSON object whose fields are asked for by type.
+
+    The typed getters raise InputError, naming the field, when it is missing or of another type.
+    """
+
+    values: Mapping[str, Any]
+    """The object as the JSON module gave it."""
+    prefix: str = ""
+    """Path of this object in the document, for messages."""
+
+    def get(self, name: str) -> object:
+        """The raw value, None if absent."""
+        return self.values.get(name)
+
+    def text(self, name: str) -> str:
+        """A string."""
+        value = self.get(name)
+        if not isinstance(value, str):
+            raise InputError(f"{self.prefix}{name} must be a text", value=value)
+        return value
+
+    def number(self, name: str) -> float:
+        """A number; true and false are not numbers."""
+        return _number(self.get(name), self.prefix + name)
+
+    def vector(self, name: str, *, null: bool = False) -> Array:
+        """(N) numbers; with `null`, null stands for NaN."""
+        label = self.prefix + name
+        return _row(self.get(name), label, null=null)
+
+    def matrix(self, name: str) -> Array:
+        """(N, M) numbers, given as rows."""
+        label = self.prefix + name
+        rows = [_row(row, label, null=False) for row in _list(self.get(name), label)]
+        if len({len(row) for row in rows}) != 1:
+            raise InputError(f"{label} must have rows of one length")
+        return np.array(rows)
+
+    def object(self, name: str) -> JsonFields:
+        """A JSON object."""
+        label = self.prefix + name
+        return JsonFields(_mapping(self.get(name), label), prefix=f"{label}.")
+
+
+def load_object(path: Path) -> JsonFields:
+    """The JSON object in a file.
+
+    Raises:
+        InputError: The file cannot be read, is not strict JSON, or holds no object.
+    """
+    where = str(path)
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
+    except OSError as error:
+        raise InputError("the file cannot be read", where=where, value=error.strerror) from error
+    except (ValueError, RecursionError) as error:
+        raise InputError("the file is not JSON", where=where, value=str(error)) from error
+    try:
+        return JsonFields(_mapping(document, "the content"))
+    except InputError as error:
+        raise InputError(error.what, where=where, value=error.value) from error
+
+
+def _refuse(constant: str) -> float:
+    raise ValueError(f"{constant} is not a JSON number")
+
+
+def _mapping(value: object, label: str) -> Mapping[str, Any]:
+    if not isinstance(value, dict):
+        raise InputError(f"{label} must be a JSON object", value=value)
+    return cast("dict[str, Any]", value)
+
+
+def _list(value: object, label: str) -> list[object]:
+    if not isinstance(value, list):
+        raise InputError(f"{label} must be a list of numbers", value=value)
+    return cast("list[object]", value)
+
+
+def _row(value: object, label: str, *, null: bool) -> Array:
+    items = _list(value, label)
+    return np.array([np.nan if null and one is None else _number(one, label) for one in items])
+
+
+def _number(value: object, label: str) -> float:
+    # bool is an int in Python, but no one means true as a number.
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{label} must be a number", value=value)
+    try:
+        return float(value)
+    except OverflowError as error:
+        raise InputError(f"{label} is too large") from error
