@@ -1,0 +1,1 @@
+"""A simulated arm with known parameters, to test identification against."""

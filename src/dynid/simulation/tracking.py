@@ -1,0 +1,74 @@
+"""From set points to what the servo tracks: the target filter and the controller's own model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.core.optional import require
+from dynid.simulation.inertia import link_parameters
+from dynid.simulation.kernel import plan_target
+from dynid.simulation.mjcf import mujoco_model
+from dynid.simulation.state import Target
+from dynid.simulation.truth import SimulatedArm
+
+_POINT = 1e-9 * np.eye(3)  # MuJoCo wants a tensor that is not quite zero
+
+
+class Tracker:
+    """Turns one set point a control cycle into targets for every physics step (see `Servo`).
+
+    Args:
+        arm: The simulated arm.
+        cycle: Length of a control cycle [s].
+        steps: Physics steps in a cycle.
+    """
+
+    def __init__(self, arm: SimulatedArm, cycle: float, steps: int) -> None:
+        mujoco = require("mujoco", "sim")
+        n, controller = arm.robot.joints, arm.controller
+        self._controller = controller
+        self._rate = arm.servo.filter_rate(cycle)
+        self._step = cycle / steps
+        self._target, self._setpoints = np.zeros((2, n)), np.zeros((2, n))
+        self._way, self._speed = np.zeros((steps, n)), np.zeros((steps, n))
+        self._part = np.arange(steps)[:, None] / steps
+        bodies = zip(controller.masses, controller.com, strict=True)
+        believed = np.array([link_parameters(mass, com, _POINT) for mass, com in bodies])
+        self._model = mujoco_model(arm.robot, believed, np.zeros(n), self._step)
+        self._data = mujoco.MjData(self._model)
+        self._inverse = mujoco.mj_inverse
+        self.now = self._reached()
+
+    def reset(self, pose: Array) -> None:
+        """Aim at standing still at a pose (n) [rad or m]."""
+        self._setpoints[:] = pose
+        self._target[0], self._target[1] = pose, 0.0
+        self.now = self._reached()
+
+    def plan(self, setpoint: Array) -> Array:
+        """Take the next set point (n) and plan one control cycle.
+
+        Returns:
+            (steps, 3, n) target position, target velocity and feed-forward at the start of each
+            physics step.
+        """
+        self._setpoints[0] = self._setpoints[1]
+        self._setpoints[1] = setpoint
+        plan_target(self._target, self._setpoints, self._rate, self._step, self._way, self._speed)
+        before, self.now = self.now, self._reached()
+        # The model is evaluated once a cycle; a straight line in between leaves no steps in the
+        # torque that the recorded acceleration could not explain.
+        torque = before.feedforward + self._part * (self.now.feedforward - before.feedforward)
+        return np.stack([self._way, self._speed, torque], axis=1)
+
+    def _reached(self) -> Target:
+        """The target at the end of the cycle planned last."""
+        q, dq = self._target.copy()
+        ddq = self._rate**2 * (self._setpoints[1] - q) - 2.0 * self._rate * dq
+        data = self._data
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
+        self._inverse(self._model, data)
+        moment = np.array(data.qfrc_inverse)
+        feedforward = moment + self._controller.friction(dq)
+        return Target(q=q, dq=dq, ddq=ddq, moment=moment, feedforward=feedforward)

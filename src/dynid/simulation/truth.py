@@ -1,0 +1,157 @@
+"""The truth of a simulated arm: every number that identification has to find."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dynid.core.arrays import Array, frozen, read_only
+from dynid.core.errors import InputError
+from dynid.robot.model import RobotModel
+from dynid.simulation.friction import JointFriction
+from dynid.simulation.inertia import in_parent_frame, link_body
+from dynid.simulation.sensors import JointSensors
+from dynid.simulation.servo import ControllerModel, Servo
+from dynid.simulation.thermal import JointThermal
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroundTruth:
+    """What the simulated arm is made of.
+
+    Raises:
+        InputError: Shapes that disagree, a mass that is not positive, a negative motor inertia
+            or a gain of zero.
+    """
+
+    inertials: Array
+    """(n, 10) m, mx, my, mz, Jxx, Jyy, Jzz, Jyz, Jxz, Jxy about the joint frame
+    [kg, kg.m, kg.m^2]."""
+    motor_inertia: Array
+    """(n) Im, rotor inertia times gear ratio squared [kg.m^2]."""
+    friction: JointFriction
+    """Friction."""
+    thermal: JointThermal
+    """Warming up."""
+    sensors: JointSensors
+    """Noise and resolution."""
+    gain: Array
+    """(n) joint torque per motor current [N.m/A]."""
+    label: str
+    """Whose numbers these are, in words."""
+
+    def __post_init__(self) -> None:
+        n = np.size(self.motor_inertia)
+        inertials = frozen(self.inertials, shape=(n, 10), name="inertials")
+        object.__setattr__(self, "inertials", inertials)
+        for name in ("motor_inertia", "gain"):
+            object.__setattr__(self, name, frozen(getattr(self, name), shape=(n,), name=name))
+        if (inertials[:, 0] <= 0).any() or (self.motor_inertia < 0).any() or (self.gain == 0).any():
+            raise InputError(
+                "masses must be positive, motor inertias not negative and gains not zero",
+                value=(inertials[:, 0].tolist(), self.motor_inertia.tolist(), self.gain.tolist()),
+            )
+        parts = (self.friction.coulomb, self.thermal.resistance, self.sensors.position_noise)
+        if any(len(part) != n for part in parts):
+            raise InputError(
+                "parts of the truth are for another number of joints",
+                value=[len(part) for part in parts],
+                limit=n,
+            )
+
+    @property
+    def standard_parameters(self) -> Array:
+        """(n, 13) the ten `inertials`, then Fc, Fv at the reference temperature, and Im.
+
+        With a friction law richer than Fc and Fv, these two are the Coulomb torque without load
+        and the viscous slope: what is identified from data differs by what they leave out.
+        """
+        return self.standard_parameters_at(self.friction.reference_degC)
+
+    def standard_parameters_at(self, temperature_degC: float | Array) -> Array:
+        """(n, 13) as `standard_parameters`, with Fc and Fv at another temperature.
+
+        Args:
+            temperature_degC: One temperature, or (n) one a joint [degC].
+        """
+        n = len(self.motor_inertia)
+        temperature = np.broadcast_to(np.asarray(temperature_degC, dtype=np.float64), (n,))
+        return read_only(
+            np.column_stack(
+                [
+                    self.inertials,
+                    self.friction.coulomb_at(temperature),
+                    self.friction.viscous_at(temperature),
+                    self.motor_inertia,
+                ]
+            )
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedArm:
+    """A robot, its truth, and the servo that moves it.
+
+    Raises:
+        InputError: Parts for another number of joints, or a coupled transmission.
+    """
+
+    robot: RobotModel
+    """Kinematics, mounting and limits."""
+    truth: GroundTruth
+    """Everything else."""
+    controller: ControllerModel
+    """What the controller believes of the arm."""
+    servo: Servo = field(default_factory=Servo)
+    """How set points become torques."""
+
+    def __post_init__(self) -> None:
+        n = self.robot.joints
+        sizes = (len(self.truth.motor_inertia), len(self.controller.masses))
+        if sizes != (n, n):
+            raise InputError(
+                "truth and controller model", where=self.robot.name, value=sizes, limit=n
+            )
+        coupling = self.robot.drives.coupling
+        if coupling is not None and np.any(coupling != np.diag(np.diag(coupling))):
+            raise InputError(
+                "the simulated arm has one motor a joint; this robot's joints are coupled",
+                where=self.robot.name,
+            )
+
+    def standard_parameters_in(self, frames: str) -> Array:
+        """(n, 13) `truth.standard_parameters` about the frames of a convention.
+
+        Args:
+            frames: A key of `robot.parameter_frames`.
+
+        Raises:
+            InputError: The robot has no such frames.
+        """
+        if frames not in self.robot.parameter_frames:
+            raise InputError(
+                "unknown frames", value=frames, limit=tuple(self.robot.parameter_frames)
+            )
+        parameters = self.truth.standard_parameters.copy()
+        joints_in_frames = np.linalg.inv(self.robot.parameter_frames[frames])
+        for i in range(self.robot.joints):
+            parameters[i, :10] = in_parent_frame(parameters[i, :10], joints_in_frames[i])
+        return read_only(parameters)
+
+
+def point_masses(inertials: Array, coulomb: Array, viscous: Array) -> ControllerModel:
+    """A controller model with the right masses and centres of mass, and no tensors.
+
+    Args:
+        inertials: (n, 10) the ten parameters of each link about its joint frame.
+        coulomb: (n) dry friction that it compensates [N.m].
+        viscous: (n) viscous friction that it compensates [N.m.s/rad].
+    """
+    bodies = [link_body(row) for row in inertials]
+    return ControllerModel(
+        masses=np.array([mass for mass, _, _ in bodies]),
+        com=np.array([com for _, com, _ in bodies]),
+        coulomb=coulomb,
+        viscous=viscous,
+    )
