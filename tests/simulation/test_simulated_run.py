@@ -31,6 +31,7 @@ def test_shapes_and_clock(run: SimulatedRun) -> None:
     for name in ARRAYS:
         expected = {"t": (1250,), "gain": (6,)}.get(name, (1250, 6))
         assert getattr(run, name).shape == expected, name
+        assert not getattr(run, name).flags.writeable, name
     for item in fields(RunTruth):
         assert getattr(run.truth, item.name).shape == (1250, 6)
     assert not run.saturated.any()

@@ -138,6 +138,9 @@ def _recording(
     truth = RunTruth(**{item.name: stack(item.name) for item in fields(RunTruth)})
     gain, generator = arm.truth.gain, np.random.default_rng(seed)
 
+    saturated = np.stack([state.saturated for state in states])
+    saturated.setflags(write=False)
+
     def measured(quantity: str, true: Array) -> Array:
         return read_only(arm.truth.sensors.read(quantity, true, generator))
 
@@ -158,6 +161,6 @@ def _recording(
         qd_measured=measured("velocity", truth.dq),
         current=measured("current", truth.torque / gain),
         temperature=measured("temperature", truth.temperature),
-        saturated=np.stack([state.saturated for state in states]),
+        saturated=saturated,
         truth=truth,
     )
