@@ -47,7 +47,9 @@ class Drives:
                     f"drives {name}", value=getattr(self, name), limit="joint or motor"
                 )
         if self.offset is not None:
-            object.__setattr__(self, "offset", frozen(self.offset, shape=(n,), name="drives offset"))
+            object.__setattr__(
+                self, "offset", frozen(self.offset, shape=(n,), name="drives offset")
+            )
         if self.coupling is not None:
             matrix = frozen(self.coupling, shape=(n, n), name="drives coupling")
             object.__setattr__(self, "coupling", matrix)

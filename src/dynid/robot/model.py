@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from dynid.core.arrays import Array, frozen
 from dynid.core.errors import RobotError
+from dynid.robot.capsule import Capsule
 from dynid.robot.counterbalance import Counterbalance
 from dynid.robot.drives import Drives
 from dynid.robot.limits import JointLimits
@@ -53,8 +55,12 @@ class RobotModel:
     [kg, kg.m, kg.m^2]; NaN where unpublished."""
     mount: str = "floor"
     """`floor`, `wall`, `ceiling`, `tilt:DEG`, or `file` where the robot file gives gravity."""
+    flange: Array = field(default_factory=lambda: np.eye(4))
+    """(4, 4) the chain's end (tool flange) in the last joint frame [m]."""
     counterbalances: tuple[Counterbalance, ...] = ()
     """Springs and cylinders whose torque is known."""
+    capsules: tuple[Capsule, ...] = ()
+    """Self-collision shapes."""
     locked: Mapping[str, float] = field(default_factory=dict[str, float])
     """Joints frozen into the links, and where [rad or m]."""
     notes: tuple[str, ...] = ()
@@ -75,18 +81,37 @@ class RobotModel:
         _store(self, "placements", (n, 4, 4))
         _store(self, "axes", (n, 3))
         _store(self, "gravity", (3,))
+        _store(self, "flange", (4, 4))
         _store(self, "inertias", (n, 10), finite=False)
         frames = {
             key: frozen(value, shape=(n, 4, 4), name=f"{key} frames")
             for key, value in self.parameter_frames.items()
         }
         object.__setattr__(self, "parameter_frames", MappingProxyType(frames))
+        object.__setattr__(self, "locked", MappingProxyType(dict(self.locked)))
         if self.default_frames not in frames:
             raise RobotError("unknown frames", value=self.default_frames, limit=tuple(frames))
         if not np.allclose(np.linalg.norm(self.axes, axis=1), 1.0, atol=1e-9, rtol=0):
             raise RobotError("joint axes must have unit length", where=self.name)
-        for matrices in (self.placements, *frames.values()):
+        for matrices in (self.placements, self.flange[None], *frames.values()):
             _check_transforms(matrices, self.name)
+        for name, length in (
+            ("limits", len(self.limits.lower)),
+            ("drives", len(self.drives.gain)),
+        ):
+            if length != n:
+                raise RobotError(f"{name} for every joint", where=self.name, value=length, limit=n)
+        if any(not 0 <= item.joint < n for item in self.counterbalances):
+            raise RobotError("a counterbalance acts on no joint of this robot", where=self.name)
+        if any(item.link > n for item in self.capsules):
+            raise RobotError("a capsule is fixed in no link of this robot", where=self.name)
+
+    def __reduce__(self) -> tuple[Callable[[dict[str, Any]], RobotModel], tuple[dict[str, Any]]]:
+        # Read-only mappings cannot be pickled, and worker processes get robots by pickle.
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        values["parameter_frames"] = dict(self.parameter_frames)
+        values["locked"] = dict(self.locked)
+        return _rebuild, (values,)
 
     @property
     def joints(self) -> int:
@@ -99,6 +124,10 @@ class RobotModel:
         return tuple(kind == "prismatic" for kind in self.joint_types)
 
 
+def _rebuild(values: dict[str, Any]) -> RobotModel:
+    return RobotModel(**values)
+
+
 def _store(model: RobotModel, name: str, shape: tuple[int, ...], finite: bool = True) -> None:
     value = frozen(getattr(model, name), shape=shape, name=name, finite=finite)
     object.__setattr__(model, name, value)
@@ -107,5 +136,6 @@ def _store(model: RobotModel, name: str, shape: tuple[int, ...], finite: bool = 
 def _check_transforms(matrices: Array, where: str) -> None:
     rotations = matrices[:, :3, :3]
     gram = rotations @ rotations.transpose(0, 2, 1)
-    if not np.allclose(gram, np.eye(3), atol=1e-6, rtol=0) or (np.linalg.det(rotations) < 0).any():
+    rigid = np.allclose(gram, np.eye(3), atol=1e-6, rtol=0) and (np.linalg.det(rotations) > 0).all()
+    if not rigid or not np.array_equal(matrices[:, 3], np.tile([0.0, 0, 0, 1], (len(matrices), 1))):
         raise RobotError("a placement is not a rotation and a translation", where=where)

@@ -1,0 +1,1 @@
+"""The built-in robots, one robot file each; every number has its source beside it."""

@@ -1,0 +1,181 @@
+"""Strict reading of TOML tables: known keys only, and an error that names table and key."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import tomllib
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any, cast
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.core.errors import InputError, RobotError
+from dynid.robot.files import shown
+
+_LARGEST = 1e9
+
+
+def parse_toml(data: bytes, where: str) -> dict[str, Any]:
+    """The tables of TOML text.
+
+    Raises:
+        RobotError: Not UTF-8, or not TOML; the message gives line and column.
+    """
+    try:
+        return tomllib.loads(data.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        reason = "nested too deep" if isinstance(error, RecursionError) else shown(error)
+        raise RobotError(f"not a TOML file ({reason})", where=where) from error
+
+
+class Table:
+    """One table of a robot file.
+
+    Besides the known keys, `source` and `KEY_source` are texts that say where numbers are from.
+
+    Raises:
+        RobotError: The value is not a table, or has a key that is not known.
+    """
+
+    def __init__(self, values: object, name: str, where: str, known: Sequence[str]) -> None:
+        self.where = f"{where}: {name}" if name else where
+        if not isinstance(values, dict):
+            raise RobotError("must be a table", where=self.where, value=shown(values))
+        self._values = cast("dict[str, Any]", values)
+        sources = ["source", *(f"{key}_source" for key in known)]
+        for key in self._values:
+            if key not in known and key not in sources:
+                near = difflib.get_close_matches(key, known, n=1)
+                raise RobotError(
+                    f"unknown key '{shown(key, 60)}'",
+                    where=self.where,
+                    limit=", ".join(known),
+                    next_step=f"Did you mean {near[0]}?" if near else None,
+                )
+        self._sources = {key: self.text(key) for key in self._values if key in sources}
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._values
+
+    def sources(self, name: str) -> list[str]:
+        """Where this table's numbers are from, one sentence each."""
+        return [
+            f"{name} {key[: -len('_source')]}: {text}" if key != "source" else f"{name}: {text}"
+            for key, text in self._sources.items()
+        ]
+
+    def raw(self, key: str) -> object:
+        """The value as parsed, or None."""
+        return self._values.get(key)
+
+    def text(self, key: str, choices: Sequence[str] | None = None) -> str:
+        """A text of one line, or one of `choices`."""
+        value = self._required(key)
+        if not isinstance(value, str) or not value.isprintable() or not value.strip():
+            raise self._wrong(key, "must be a text of one line", value)
+        if choices is not None and value not in choices:
+            raise self._wrong(key, "unknown word", value, ", ".join(choices))
+        return value
+
+    def texts(self, key: str, count: int | None = None) -> tuple[str, ...]:
+        """A list of texts."""
+        items = self._list(key, count)
+        if not all(isinstance(item, str) and item.isprintable() and item.strip() for item in items):
+            raise self._wrong(key, "must be a list of texts", items)
+        return tuple(cast("list[str]", items))
+
+    def number(self, key: str) -> float:
+        """A finite number."""
+        return self._number(key, self._required(key), unknown=False)
+
+    def numbers(self, key: str, count: int | None = None, *, unknown: bool = False) -> Array:
+        """A list of numbers (count); `unknown` allows nan."""
+        items = self._list(key, count)
+        return np.array([self._number(key, item, unknown) for item in items], dtype=np.float64)
+
+    def rows(self, key: str, count: int, width: int, *, unknown: bool = False) -> Array:
+        """A list of lists of numbers (count, width); `unknown` allows nan."""
+        rows = [self._check_list(key, row, width) for row in self._list(key, count)]
+        values = [[self._number(key, item, unknown) for item in row] for row in rows]
+        return np.array(values, dtype=np.float64).reshape(count, width)
+
+    def _required(self, key: str) -> object:
+        if key not in self._values:
+            raise RobotError(f"the key '{key}' is missing", where=self.where)
+        return self._values[key]
+
+    def _list(self, key: str, count: int | None) -> list[object]:
+        return self._check_list(key, self._required(key), count)
+
+    def _check_list(self, key: str, value: object, count: int | None) -> list[object]:
+        if not isinstance(value, list):
+            raise self._wrong(key, "must be a list", value)
+        items = cast("list[object]", value)
+        if count is not None and len(items) != count:
+            raise self._wrong(key, "wrong number of entries", len(items), count)
+        return items
+
+    def _number(self, key: str, value: object, unknown: bool) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self._wrong(key, "must be a number", value)
+        if isinstance(value, float) and math.isnan(value) and unknown:
+            return math.nan
+        # An int may be too large for a float, but compares with one.
+        if not -_LARGEST <= value <= _LARGEST:
+            raise self._wrong(
+                key, "is out of range", shown(value), f"-{_LARGEST:g} to {_LARGEST:g}"
+            )
+        return float(value)
+
+    def _wrong(self, key: str, what: str, value: object, limit: object = None) -> RobotError:
+        if not isinstance(value, int | float | str):
+            value = shown(value)
+        return RobotError(f"'{key}' {what}", where=self.where, value=value, limit=limit)
+
+
+def tables(values: object, name: str, where: str, known: Sequence[str]) -> list[Table]:
+    """An array of tables.
+
+    Raises:
+        RobotError: Not a list of tables, or unknown keys.
+    """
+    if not isinstance(values, list):
+        raise RobotError(f"write [[{name}]], not [{name}]", where=f"{where}: {name}")
+    items = cast("list[object]", values)
+    return [Table(item, f"{name} {k + 1}", where, known) for k, item in enumerate(items)]
+
+
+@contextmanager
+def located(where: str) -> Generator[None]:
+    """Add the place in the file to errors of the values built within.
+
+    Raises:
+        RobotError: In place of any InputError.
+    """
+    try:
+        yield
+    except InputError as error:
+        inner = f"{where}: {error.where}" if error.where else where
+        raise RobotError(
+            error.what,
+            where=inner,
+            value=error.value,
+            limit=error.limit,
+            next_step=error.next_step,
+        ) from error
+
+
+def locked_joints(values: object, where: str) -> Mapping[str, float]:
+    """The table `locked`: joint name to position.
+
+    Raises:
+        RobotError: Not a table of finite numbers.
+    """
+    if not isinstance(values, dict):
+        raise RobotError("must be a table of positions", where=f"{where}: locked")
+    names = list(cast("dict[str, Any]", values))
+    table = Table(cast("object", values), "locked", where, names)
+    return {name: table.number(name) for name in names if name != "source"}
