@@ -1,11 +1,11 @@
 """Every error that dynid raises on purpose.
 
-    DynidError                 exit code 1
-    ├── JobError               the job itself failed (1)
-    └── InputError             bad usage or bad input (2)
-        ├── RobotError         a robot name, URDF or robot file
-        ├── RecordError        a recording or its columns
-        └── MissingExtraError  an optional dependency is absent
+DynidError                 exit code 1
+├── JobError               the job itself failed (1)
+└── InputError             bad usage or bad input (2)
+    ├── RobotError         a robot name, URDF or robot file
+    ├── RecordError        a recording or its columns
+    └── MissingExtraError  an optional dependency is absent
 """
 
 from __future__ import annotations

@@ -1,0 +1,133 @@
+"""Can the result be trusted? Findings in words, with codes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.core.notices import Notice
+from dynid.identification.estimate import Estimate
+from dynid.signals.samples import Samples
+
+ILL_CONDITIONED = 1000.0
+"""Condition number of W with columns of unit norm; good records stay below 300."""
+SMALL_RANGE = 0.1
+"""[rad or m] a joint that moves less hardly shows its inertia."""
+SLOW = 0.05
+"""[rad/s or m/s] a joint that never moves faster shows no viscous friction."""
+ONE_WAY = 0.05
+"""Share of the moving samples in the rarer direction; below it, friction and gravity mix."""
+UNCERTAIN_SHARE = 0.5
+"""Share of parameters with more than 100 % standard deviation that makes a record poor."""
+CORRELATED = 0.3
+"""Autocorrelation of the residuals at one sample that is worth saying."""
+POSES = 200
+DO_NOT_USE = "the result must not be used"
+
+
+def diagnose(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
+    """Warnings about an estimate and the samples that it was fitted to."""
+    return (
+        *ill_conditioned(estimate),
+        *low_excitation(estimate, samples),
+        *not_physical(estimate, samples),
+        *non_white(estimate),
+    )
+
+
+def ill_conditioned(estimate: Estimate) -> tuple[Notice, ...]:
+    """Whether directions of the parameters are nearly invisible in the data."""
+    number = estimate.scaled_condition_number
+    if number <= ILL_CONDITIONED:
+        return ()
+    return (
+        Notice(
+            "ill_conditioned",
+            f"the condition number is {estimate.condition_number:.1e} (columns scaled: "
+            f"{number:.1e}, good records stay below {ILL_CONDITIONED:.0e}): this motion hardly "
+            f"shows some combinations of parameters. Single values mean nothing; {DO_NOT_USE}"
+            " on other motions; record an optimised excitation trajectory",
+        ),
+    )
+
+
+def low_excitation(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
+    """Joints that move little, slowly or one way only; too many uncertain parameters."""
+    names = estimate.model.robot.joint_names
+    found: list[str] = []
+    for j, name in enumerate(names):
+        speed, reach = np.abs(samples.dq[:, j]), float(np.ptp(samples.q[:, j]))
+        moving = samples.dq[speed > max(0.1 * speed.max(), 1e-9), j]
+        rarer = min(float((moving > 0).mean()), float((moving < 0).mean())) if len(moving) else 0.0
+        if reach < SMALL_RANGE:
+            found.append(f"{name} moves only {reach:.3f} rad or m")
+        elif speed.max() < SLOW:
+            found.append(f"{name} never exceeds {speed.max():.3f} rad/s or m/s")
+        elif rarer < ONE_WAY:
+            found.append(f"{name} moves in one direction only")
+    with np.errstate(invalid="ignore"):
+        uncertain = int((estimate.relative_std_percent > 100).sum())
+    if uncertain > UNCERTAIN_SHARE * len(estimate.values):
+        found.append(
+            f"{uncertain} of {len(estimate.values)} parameters have standard deviations above 100 %"
+        )
+    if not found:
+        return ()
+    return (
+        Notice(
+            "low_excitation",
+            f"the motion excites too little and {DO_NOT_USE} for other motions: "
+            + "; ".join(found[:8]),
+        ),
+    )
+
+
+def not_physical(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
+    """Friction or motor inertia below zero beyond doubt, or an indefinite mass matrix."""
+    found = [
+        f"{name} = {value:.3g} +- {std:.2g} {unit}"
+        for name, value, std, unit in zip(
+            estimate.names, estimate.values, estimate.std, estimate.units, strict=True
+        )
+        if name.rstrip("0123456789") in ("Fc", "Fv", "Im") and value < -3 * std
+    ]
+    text = [f"below zero beyond doubt: {', '.join(found)}"] if found else []
+    smallest = smallest_mass_eigenvalue(estimate, samples)
+    if smallest < 0:
+        text.append(
+            f"the mass matrix is not positive at some poses of the record (eigenvalue {smallest:.2g})"
+        )
+    if not text:
+        return ()
+    return (Notice("not_physical", "; ".join(text) + ". Do not simulate or invert this model"),)
+
+
+def smallest_mass_eigenvalue(estimate: Estimate, samples: Samples) -> float:
+    """The smallest eigenvalue of the mass matrix over poses of the record."""
+    n = samples.joints
+    q = samples.q[np.linspace(0, samples.count - 1, min(POSES, samples.count)).astype(int)]
+    rest = np.zeros_like(q)
+    gravity = estimate.predict(q, rest, rest)
+    mass = np.empty((len(q), n, n))
+    for k in range(n):
+        unit = rest.copy()
+        unit[:, k] = 1.0
+        mass[:, :, k] = estimate.predict(q, rest, unit) - gravity
+    return float(np.linalg.eigvalsh((mass + mass.transpose(0, 2, 1)) / 2).min())
+
+
+def non_white(estimate: Estimate) -> tuple[Notice, ...]:
+    """Whether the residuals are correlated in time."""
+    rho: Array = estimate.residual_autocorrelation
+    if rho.max(initial=0.0) <= CORRELATED:
+        return ()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = float(np.nanmedian(estimate.std / estimate.naive_std))
+    return (
+        Notice(
+            "non_white_residuals",
+            f"residuals are correlated in time (up to {rho.max():.2f} from sample to sample): "
+            f"the standard deviations given allow for it; naive ones would be {ratio:.1f} times "
+            "smaller",
+        ),
+    )

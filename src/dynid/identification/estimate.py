@@ -1,0 +1,140 @@
+"""The result of an identification, complete enough to prove itself and to predict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from dynid.core.arrays import Array, frozen, read_only
+from dynid.core.errors import InputError
+from dynid.core.notices import Notice
+from dynid.core.provenance import Provenance
+from dynid.identification.statistics import relative_std_percent
+from dynid.regressor.model import InverseDynamicModel
+from dynid.signals.samples import ProcessingSettings
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionRange:
+    """What the identification record covered; beyond it a prediction extrapolates."""
+
+    lower: Array
+    """(n) smallest position [rad or m]."""
+    upper: Array
+    """(n) largest position [rad or m]."""
+    speed: Array
+    """(n) largest speed [rad/s or m/s]."""
+    acceleration: Array
+    """(n) largest acceleration [rad/s^2 or m/s^2]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """Base parameters with their uncertainty.
+
+    Raises:
+        InputError: Shapes that disagree.
+    """
+
+    model: InverseDynamicModel
+    independent: tuple[int, ...]
+    """(r) base columns of the model."""
+    expressions: tuple[str, ...]
+    """(r) each base parameter in standard parameters."""
+    values: Array
+    """(r) base parameters, units in `units`."""
+    covariance: Array
+    """(r, r) covariance that allows for correlated residuals (HAC)."""
+    naive_std: Array
+    """(r) standard deviations if the residuals were white."""
+    noise: Array
+    """(n) residual standard deviation of each joint [N.m or N]."""
+    condition_number: float
+    """Of W with first-come columns, unscaled, as the paper's."""
+    scaled_condition_number: float
+    """Of W with columns of unit norm."""
+    samples: int
+    """N, samples that entered the fit."""
+    estimator: str
+    preset: str
+    settings: ProcessingSettings
+    """How the record was processed; validation uses the same."""
+    essential: tuple[int, ...]
+    """Base parameters that the data really speak about."""
+    motion: MotionRange
+    choices: tuple[str, ...] = ()
+    """What `--preset best` chose, in words."""
+    warnings: tuple[Notice, ...] = ()
+    provenance: Provenance
+    residual_autocorrelation: Array = field(default_factory=lambda: np.zeros(0))
+    """(n) autocorrelation of the residuals at one sample."""
+
+    def __post_init__(self) -> None:
+        r, n = len(self.independent), self.model.robot.joints
+        shapes: dict[str, tuple[int, ...]] = {
+            "values": (r,),
+            "covariance": (r, r),
+            "naive_std": (r,),
+            "noise": (n,),
+        }
+        for name, shape in shapes.items():
+            object.__setattr__(self, name, frozen(getattr(self, name), shape=shape, name=name))
+        if len(self.expressions) != r:
+            raise InputError("one expression a parameter", value=len(self.expressions), limit=r)
+        if max(self.independent, default=0) >= len(self.model.columns):
+            raise InputError("base columns do not fit the model", value=max(self.independent))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the base parameters."""
+        return tuple(self.model.names[i] for i in self.independent)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the base parameters."""
+        return tuple(self.model.columns[i].unit for i in self.independent)
+
+    @property
+    def std(self) -> Array:
+        """(r) standard deviations."""
+        return read_only(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def relative_std_percent(self) -> Array:
+        """(r) standard deviations as a share of the values [%]."""
+        return relative_std_percent(self.values, self.std)
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Rows of W less parameters."""
+        return self.samples * self.model.robot.joints - len(self.values)
+
+    def standard_parameters(self) -> Array:
+        """(p) one set of standard parameters with the same torques: zeros outside the base."""
+        parameters = np.zeros(len(self.model.columns))
+        parameters[list(self.independent)] = self.values
+        return read_only(parameters)
+
+    def predict(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Joint torques (N, n) [N.m or N] for a motion, each argument (N, n)."""
+        torque = self.model.inverse_dynamics(q, dq, ddq, self.standard_parameters())
+        return read_only(torque - self.model.known_torque(q))
+
+    def parameter_table(self) -> list[dict[str, Any]]:
+        """One JSON object a base parameter."""
+        relative = self.relative_std_percent
+        return [
+            {
+                "name": name,
+                "value": float(self.values[k]),
+                "unit": unit,
+                "std": float(self.std[k]),
+                "relative_std_percent": float(relative[k]) if np.isfinite(relative[k]) else None,
+                "std_naive": float(self.naive_std[k]),
+                "essential": k in self.essential,
+                "expression": self.expressions[k],
+            }
+            for k, (name, unit) in enumerate(zip(self.names, self.units, strict=True))
+        ]

@@ -1,0 +1,174 @@
+"""Ordinary and weighted least squares, solved by QR."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular  # pyright: ignore[reportMissingTypeStubs]
+
+from dynid.core.arrays import Array
+from dynid.core.errors import InputError, JobError
+from dynid.identification.accumulate import joint_factors, upper_triangle
+from dynid.identification.problem import IdentificationProblem
+
+PRIOR_GAIN = 3.0
+"""Standard deviation expected of a parameter's share of the torque, over the torque itself."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """A least-squares solution and what its statistics need."""
+
+    values: Array
+    """(r) base parameters."""
+    noise: Array
+    """(n) residual standard deviation of each joint [N.m or N]."""
+    weights: Array
+    """(n) weight of each joint's rows [1/(N.m)]; 1 for ordinary least squares."""
+    information: Array
+    """(r, r) upper triangular R with R'R = W' Omega^-1 W (+ prior)."""
+    row_weights: Array | None = None
+    """(n, N) further weights of single rows, for robust estimators."""
+    iterations: int = 1
+
+
+class Estimator(ABC):
+    """A way to fit the base parameters."""
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """The word of `--estimator`."""
+
+    @abstractmethod
+    def fit(self, problem: IdentificationProblem) -> Fit:
+        """Fit.
+
+        Raises:
+            JobError: The normal equations are singular to working precision.
+        """
+
+
+@dataclass(frozen=True, kw_only=True)
+class OrdinaryLeastSquares(Estimator):
+    """The paper's Eq. 6: every torque sample counts the same, in N.m."""
+
+    @property
+    def name(self) -> str:
+        """See `Estimator`."""
+        return "ols"
+
+    def fit(self, problem: IdentificationProblem) -> Fit:
+        """See `Estimator`."""
+        factors = joint_factors(problem)
+        weights = np.ones(len(factors))
+        values, information = solve(factors, weights)
+        noise = residual_noise(factors, values, problem)
+        return Fit(values=values, noise=noise, weights=weights, information=information)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WeightedLeastSquares(Estimator):
+    """Each joint weighted by its own noise, iterated (Gautier and Poignet 2001)."""
+
+    groups: tuple[int, ...] | None = None
+    """Group of each joint; joints of a group share one noise (joint sizes). None: one each."""
+    prior_gain: float | None = None
+    """Weak prior that tames directions without data, see `PRIOR_GAIN`; None for none."""
+    max_iterations: int = 20
+    tolerance: float = 1e-4
+    """Stop when no joint's noise changes by more than this share."""
+
+    @property
+    def name(self) -> str:
+        """See `Estimator`."""
+        return "wls"
+
+    def fit(self, problem: IdentificationProblem) -> Fit:
+        """See `Estimator`."""
+        factors = joint_factors(problem)
+        groups = np.arange(len(factors)) if self.groups is None else np.array(self.groups)
+        if len(groups) != len(factors):
+            raise InputError("one group a joint", value=len(groups), limit=len(factors))
+        measured = problem.samples.noise
+        noise = torque_scale(factors, problem) if measured is None else measured
+        values = information = np.zeros(0)
+        iteration = 0
+        for iteration in range(1, self.max_iterations + 1):
+            weights = 1.0 / pooled(noise, groups)
+            values, information = solve(factors, weights, self.prior_gain)
+            update = residual_noise(factors, values, problem)
+            change = np.abs(update / noise - 1).max()
+            noise = update
+            if change < self.tolerance:
+                break
+        weights = 1.0 / pooled(noise, groups)
+        values, information = solve(factors, weights, self.prior_gain)
+        return Fit(
+            values=values,
+            noise=noise,
+            weights=weights,
+            information=information,
+            iterations=iteration,
+        )
+
+
+def solve(factors: Array, weights: Array, prior_gain: float | None = None) -> tuple[Array, Array]:
+    """Solve the weighted problem from its factors.
+
+    Args:
+        factors: (n, r + 1, r + 1) from `joint_factors`.
+        weights: (n) weight of each joint.
+        prior_gain: See `PRIOR_GAIN`; None for plain least squares.
+
+    Returns:
+        (r) values and the (r, r) triangular root of the information.
+
+    Raises:
+        JobError: Singular to working precision.
+    """
+    r = factors.shape[1] - 1
+    stacked = (factors * weights[:, None, None]).reshape(-1, r + 1)
+    scale = np.linalg.norm(stacked[:, :r], axis=0)
+    if (scale == 0).any():
+        raise JobError(
+            "a base parameter has no effect on any torque of this recording",
+            next_step="The motion stands still or moves too few joints: record more.",
+        )
+    stacked = stacked / np.append(scale, 1.0)
+    if prior_gain is not None:
+        # Column k explains norm(scale_k p_k) of the norm of all torques.
+        expected = prior_gain * np.linalg.norm(stacked[:, r])
+        stacked = np.vstack([stacked, np.eye(r, r + 1) / max(expected, 1e-300)])
+    upper = upper_triangle(stacked)
+    diagonal = np.abs(np.diag(upper)[:r])
+    if diagonal.min() < 1e-13 * diagonal.max():
+        raise JobError(
+            "the observation matrix is singular to working precision",
+            value=f"smallest pivot {diagonal.min():.1e}",
+            next_step="Record a motion that excites every joint, or use --preset best.",
+        )
+    values = solve_triangular(upper[:r, :r], upper[:r, r]) / scale
+    return values, upper[:r, :r] * scale
+
+
+def residual_noise(factors: Array, values: Array, problem: IdentificationProblem) -> Array:
+    """(n) residual standard deviations, N - r/n degrees of freedom each."""
+    norms = np.linalg.norm(factors @ np.append(values, -1.0), axis=1)
+    freedom = problem.blocks - problem.base.rank / len(factors)
+    # A joint that fits to rounding would get an infinite weight.
+    floor = 1e-9 * np.maximum(torque_scale(factors, problem), 1e-9)
+    return np.maximum(norms / np.sqrt(max(freedom, 1.0)), floor)
+
+
+def torque_scale(factors: Array, problem: IdentificationProblem) -> Array:
+    """(n) root mean square of the torques, one where a joint carries none."""
+    scale = np.linalg.norm(factors[:, :, -1], axis=1) / np.sqrt(problem.blocks)
+    return np.where(scale > 0, scale, 1.0)
+
+
+def pooled(noise: Array, groups: Array) -> Array:
+    """Noise (n) with the root mean square of its group in each joint's place."""
+    return np.array([np.sqrt(np.mean(np.square(noise[groups == g]))) for g in groups])

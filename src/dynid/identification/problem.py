@@ -1,0 +1,78 @@
+"""The linear problem: observation matrix and torques of a set of samples."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.core.errors import InputError
+from dynid.reduction.base import BaseParametrization
+from dynid.regressor.model import CHUNK
+from dynid.signals.samples import Samples
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdentificationProblem:
+    """Find p_B with W p_B = tau for the base parameters of a model.
+
+    Raises:
+        InputError: The joints of samples and model differ, or there are fewer rows than
+            parameters.
+    """
+
+    base: BaseParametrization
+    samples: Samples
+
+    def __post_init__(self) -> None:
+        robot = self.base.model.robot
+        if self.samples.joints != robot.joints:
+            raise InputError("joints differ", value=self.samples.joints, limit=robot.joints)
+        rows = self.blocks * robot.joints
+        if rows <= self.base.rank:
+            raise InputError(
+                "fewer torque samples than parameters", value=rows, limit=f"> {self.base.rank}"
+            )
+
+    @property
+    def blocks(self) -> int:
+        """Rows a joint: samples over block length."""
+        return self.samples.count // self.samples.block
+
+    @property
+    def rate_hz(self) -> float:
+        """Rows a second."""
+        return self.samples.rate_hz / self.samples.block
+
+    def chunks(self) -> Iterator[tuple[slice, Array, Array]]:
+        """Parts of the problem that fit in the cache, torques and columns averaged alike.
+
+        Yields:
+            Rows covered, columns (r, n, T), torques (n, T) with known torques added.
+        """
+        model, samples, block = self.base.model, self.samples, self.samples.block
+        columns = list(self.base.independent)
+        step = max(1, CHUNK // block)
+        for first in range(0, self.blocks, step):
+            rows = slice(first, min(first + step, self.blocks))
+            part = slice(rows.start * block, rows.stop * block)
+            q = samples.q[part]
+            stack = model.stack(q, samples.dq[part], samples.ddq[part])[columns]
+            torque = (samples.tau[part] + model.known_torque(q)).T
+            yield rows, block_mean(stack, block), block_mean(torque, block)
+
+    def residual(self, values: Array) -> Array:
+        """Measured torque minus prediction (n, rows) [N.m or N]."""
+        out = np.empty((self.samples.joints, self.blocks))
+        for rows, columns, torque in self.chunks():
+            out[:, rows] = torque - np.tensordot(values, columns, axes=1)
+        return out
+
+
+def block_mean(values: Array, block: int) -> Array:
+    """Means over blocks of the last axis, whose length is a multiple of `block`."""
+    if block == 1:
+        return values
+    return values.reshape(*values.shape[:-1], -1, block).mean(axis=-1)

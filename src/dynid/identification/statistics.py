@@ -1,0 +1,135 @@
+"""Uncertainty that can be believed: naive and autocorrelation-consistent covariances."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import solve_triangular  # pyright: ignore[reportMissingTypeStubs]
+
+from dynid.core.arrays import Array
+from dynid.identification.least_squares import Fit
+from dynid.identification.problem import IdentificationProblem
+
+MIN_LAG_S = 0.3
+"""Correlation of residuals is looked for at least this far [s]."""
+MAX_LAG_SHARE = 0.1
+"""... and at most over this share of the record."""
+
+
+def naive_covariance(fit: Fit, problem: IdentificationProblem) -> Array:
+    """(r, r) covariance if the residuals were white: s^2 (W' Omega^-1 W)^-1."""
+    joints, r = len(fit.noise), problem.base.rank
+    rows = problem.blocks * joints
+    # One for weighted fits, the residual variance for ordinary least squares.
+    variance = np.mean(np.square(fit.noise * fit.weights)) * (rows - r / joints) / (rows - r)
+    inverse = _inverse(fit.information)
+    return variance * (inverse @ inverse.T)
+
+
+def hac_covariance(fit: Fit, problem: IdentificationProblem) -> Array:
+    """(r, r) covariance that allows for correlated and unequal residuals.
+
+    Sandwich H^-1 S H^-1 with the Newey-West (Bartlett) long-run covariance S of the scores
+    sum_j w_j^2 W_j' r_j, summed over joints at each instant, so that correlation between
+    joints counts too. The lag grows with the correlation time of the residuals (Andrews 1991).
+    """
+    scores = np.empty((problem.base.rank, problem.blocks))
+    residual = np.empty((problem.samples.joints, problem.blocks))
+    square = np.square(fit.weights)[:, None]
+    for part, columns, torque in problem.chunks():
+        residual[:, part] = torque - np.tensordot(fit.values, columns, axes=1)
+        weighted = residual[:, part] * square
+        if fit.row_weights is not None:
+            weighted = weighted * fit.row_weights[:, part]
+        scores[:, part] = np.einsum("rjt,jt->rt", columns, weighted, optimize=True)
+    lag = correlation_lag(residual, problem.rate_hz)
+    long_run = long_run_covariance(scores, lag)
+    inverse = _inverse(fit.information)
+    bread = inverse @ inverse.T
+    covariance = bread @ long_run @ bread
+    # Bartlett weights and fitted residuals both shrink S; the classical corrections restore it.
+    samples = problem.blocks
+    freedom = samples / max(samples - problem.base.rank / len(fit.noise), 1.0)
+    short = 1.0 / max(1.0 - 2.0 * lag / samples, 0.5)
+    covariance *= freedom * short
+    # Estimated from few independent stretches it can fall below the white-noise floor.
+    floor = np.sqrt(np.diag(naive_covariance(fit, problem)))
+    raise_to = np.maximum(floor / np.sqrt(np.maximum(np.diag(covariance), 1e-300)), 1.0)
+    return covariance * raise_to[:, None] * raise_to[None, :]
+
+
+def correlation_lag(residual: Array, rate_hz: float) -> int:
+    """Lags to include, from the residuals' autocorrelation.
+
+    Andrews' rule for Bartlett weights with an AR(1) fit, the slowest joint, and never less
+    than `MIN_LAG_S`.
+    """
+    samples = residual.shape[1]
+    rho = np.clip(autocorrelation(residual, 1), 0.0, 0.995)
+    alpha = 4 * rho**2 / ((1 - rho) ** 2 * (1 + rho) ** 2)
+    rule = 1.1447 * (float(alpha.max(initial=0.0)) * samples) ** (1 / 3)
+    least = MIN_LAG_S * rate_hz if rho.max(initial=0.0) > 0.2 else 1.0
+    return int(np.clip(np.ceil(max(rule, least)), 1, max(1, int(MAX_LAG_SHARE * samples))))
+
+
+def autocorrelation(residual: Array, lag: int) -> Array:
+    """(n) autocorrelation of (n, N) residuals at a lag."""
+    centred = residual - residual.mean(axis=1, keepdims=True)
+    energy = np.square(centred).sum(axis=1)
+    product = (centred[:, lag:] * centred[:, :-lag]).sum(axis=1)
+    return np.divide(product, energy, out=np.zeros_like(energy), where=energy > 0)
+
+
+def long_run_covariance(scores: Array, lag: int) -> Array:
+    """(r, r) sum of autocovariances of scores (r, N) with Bartlett weights up to `lag`."""
+    samples = scores.shape[1]
+    size = 1 << (samples + lag).bit_length()
+    taps = 1.0 - np.arange(lag + 1) / (lag + 1.0)
+    kernel = np.zeros(size)
+    kernel[: lag + 1] = taps
+    kernel[size - lag :] = taps[:0:-1]
+    # The kernel is symmetric, so its spectrum is real.
+    spectrum = np.fft.rfft(kernel).real
+    smooth = np.fft.irfft(np.fft.rfft(scores, size, axis=1) * spectrum, size, axis=1)
+    result = scores @ smooth[:, :samples].T
+    return (result + result.T) / 2
+
+
+def relative_std_percent(values: Array, std: Array) -> Array:
+    """(r) 100 std / |value|, infinite for a value of zero."""
+    size = np.abs(values)
+    return 100.0 * np.divide(std, size, out=np.full_like(std, np.inf), where=size > 0)
+
+
+def essential_parameters(fit: Fit, *, ratio: float = 30.0) -> tuple[int, ...]:
+    """The parameters that the data really speak about (Pham and Gautier 1991).
+
+    Drops the parameter with the largest relative standard deviation and fits again until the
+    largest is at most `ratio` times the smallest and below 100 %.
+
+    Args:
+        fit: A solution.
+        ratio: Largest over smallest relative standard deviation of what stays.
+
+    Returns:
+        Indices of the base parameters that stay.
+    """
+    upper = fit.information
+    kept = list(range(len(fit.values)))
+    target = upper @ fit.values
+    while len(kept) > 1:
+        reduced = np.linalg.qr(np.column_stack([upper[:, kept], target]))[1]
+        count = len(kept)
+        root = reduced[:count, :count]
+        values = solve_triangular(root, reduced[:count, count])
+        inverse = _inverse(root)
+        scale = np.mean(np.square(fit.noise * fit.weights))
+        relative = relative_std_percent(values, np.sqrt(scale * np.square(inverse).sum(axis=1)))
+        worst = int(np.argmax(relative))
+        if relative[worst] <= max(ratio * relative.min(), 1e-9) and relative[worst] < 100.0:
+            break
+        kept.pop(worst)
+    return tuple(kept)
+
+
+def _inverse(upper: Array) -> Array:
+    return np.asarray(solve_triangular(upper, np.eye(len(upper))), dtype=np.float64)

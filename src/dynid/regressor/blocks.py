@@ -1,0 +1,258 @@
+"""Column blocks: what stands beside the inertial columns of the regressor.
+
+A block says which columns it adds and fills them. To add one: a frozen dataclass that extends
+`ColumnBlock`, one word in `terms.TERMS`, one test against its formula.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.regressor.terms import PAPER_WIDTH, STRIBECK_VELOCITY, TERMS, FrictionTerms
+from dynid.robot.model import RobotModel
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """The name and unit of one parameter."""
+
+    name: str
+    unit: str
+    joint: int
+    """Index of the joint it belongs to, from 0."""
+
+
+class ColumnBlock(ABC):
+    """Columns that are linear parameters of the joint torques."""
+
+    @abstractmethod
+    def columns(self, robot: RobotModel) -> tuple[Column, ...]:
+        """Names and units of the columns, in order."""
+
+    @abstractmethod
+    def fill(self, robot: RobotModel, dq: Array, ddq: Array, out: Array) -> None:
+        """Write the columns for dq, ddq (n, N) into out (k, n, N), which is zero."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointColumns(ColumnBlock):
+    """One column a joint that acts on that joint alone."""
+
+    symbol: ClassVar[str] = ""
+    power: ClassVar[int] = 0
+    """Which unit, see `_unit`."""
+    joints: tuple[int, ...] | None = None
+    """The joints that have the column, from 0; None for all."""
+
+    @abstractmethod
+    def values(self, dq: Array, ddq: Array) -> Array:
+        """(n, N) the entries for dq, ddq (n, N)."""
+
+    def columns(self, robot: RobotModel) -> tuple[Column, ...]:
+        """See `ColumnBlock`."""
+        return tuple(
+            Column(f"{self.symbol}{j + 1}", _unit(self.power, robot.prismatic[j]), j)
+            for j in self._rows(robot)
+        )
+
+    def fill(self, robot: RobotModel, dq: Array, ddq: Array, out: Array) -> None:
+        """See `ColumnBlock`."""
+        rows = list(self._rows(robot))
+        out[np.arange(len(rows)), rows] = self.values(dq, ddq)[rows]
+
+    def _rows(self, robot: RobotModel) -> tuple[int, ...]:
+        return tuple(range(robot.joints)) if self.joints is None else self.joints
+
+
+def _unit(power: int, prismatic: bool) -> str:
+    angular = {0: "N.m", 1: "N.m.s/rad", 2: "kg.m^2", -3: "N.m.(s/rad)^(1/3)"}
+    linear = {0: "N", 1: "N.s/m", 2: "kg", -3: "N.(s/m)^(1/3)"}
+    return (linear if prismatic else angular)[power]
+
+
+Width = float | tuple[float, ...]
+"""One width for all joints, or one a joint [rad/s or m/s]; 0 gives the sign."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coulomb(JointColumns):
+    """Coulomb friction tanh(dq / width): a step with a given width."""
+
+    width: Width = PAPER_WIDTH
+    symbol: ClassVar[str] = "Fc"
+
+    def values(self, dq: Array, ddq: Array) -> Array:
+        """See `JointColumns`."""
+        return smooth_sign(dq, self.width)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Viscous(JointColumns):
+    """Viscous friction dq."""
+
+    symbol: ClassVar[str] = "Fv"
+    power: ClassVar[int] = 1
+
+    def values(self, dq: Array, ddq: Array) -> Array:
+        """See `JointColumns`."""
+        return dq
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotorInertia(JointColumns):
+    """Reflected motor inertia ddq."""
+
+    symbol: ClassVar[str] = "Im"
+    power: ClassVar[int] = 2
+
+    def values(self, dq: Array, ddq: Array) -> Array:
+        """See `JointColumns`."""
+        return ddq
+
+
+@dataclass(frozen=True, kw_only=True)
+class Offset(JointColumns):
+    """A constant: sensor zero, or friction's asymmetry."""
+
+    symbol: ClassVar[str] = "Fo"
+
+    def values(self, dq: Array, ddq: Array) -> Array:
+        """See `JointColumns`."""
+        return np.ones_like(dq)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoulombAsymmetry(JointColumns):
+    """Difference of Coulomb friction by direction, |tanh(dq / width)|."""
+
+    width: Width = PAPER_WIDTH
+    symbol: ClassVar[str] = "Fca"
+
+    def values(self, dq: Array, ddq: Array) -> Array:
+        """See `JointColumns`."""
+        return np.abs(smooth_sign(dq, self.width))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViscousAsymmetry(JointColumns):
+    """Difference of viscous friction by direction, |dq|."""
+
+    symbol: ClassVar[str] = "Fva"
+    power: ClassVar[int] = 1
+
+    def values(self, dq: Array, ddq: Array) -> Array:
+        """See `JointColumns`."""
+        return np.abs(dq)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stribeck(JointColumns):
+    """Stribeck friction exp(-(dq / velocity)^2) tanh(dq / width), velocity given."""
+
+    velocity: float = STRIBECK_VELOCITY
+    """Stribeck velocity [rad/s or m/s]."""
+    width: Width = PAPER_WIDTH
+    symbol: ClassVar[str] = "Fs"
+
+    def values(self, dq: Array, ddq: Array) -> Array:
+        """See `JointColumns`."""
+        return np.exp(-np.square(dq / self.velocity)) * smooth_sign(dq, self.width)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CubeRoot(JointColumns):
+    """Sub-linear friction sign(dq) |dq|^(1/3), as strain-wave gears show."""
+
+    symbol: ClassVar[str] = "Fr"
+    power: ClassVar[int] = -3
+
+    def values(self, dq: Array, ddq: Array) -> Array:
+        """See `JointColumns`."""
+        return np.cbrt(dq)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coupling(ColumnBlock):
+    """Friction and inertia of motors that drive several joints (Staubli, ABB wrists).
+
+    Motor m turns at r' dq with r = N[m] / N[m, m]; its inertia, viscous and Coulomb torques act
+    on the joints through r (methods.md, BIRDy's TX40).
+    """
+
+    width: Width = PAPER_WIDTH
+
+    def columns(self, robot: RobotModel) -> tuple[Column, ...]:
+        """See `ColumnBlock`."""
+        rows = coupled_motors(robot)
+        return tuple(
+            Column(f"{symbol}{m + 1}", _unit(power, robot.prismatic[m]), m)
+            for symbol, power in (("Fcm", 0), ("Fvm", 1), ("Imm", 2))
+            for m in rows
+        )
+
+    def fill(self, robot: RobotModel, dq: Array, ddq: Array, out: Array) -> None:
+        """See `ColumnBlock`."""
+        rows = coupled_motors(robot)
+        ratio = robot.drives.motor_from_joint
+        for k, m in enumerate(rows):
+            share = ratio[m] / ratio[m, m]
+            speed = share @ dq
+            width = self.width if isinstance(self.width, float) else self.width[m]
+            terms = (smooth_sign(speed, width), speed, share @ ddq)
+            for block, term in enumerate(terms):
+                out[block * len(rows) + k] = share[:, None] * term
+
+
+def coupled_motors(robot: RobotModel) -> tuple[int, ...]:
+    """Motors whose row of the coupling matrix reaches more than their own joint."""
+    if robot.drives.coupling is None:
+        return ()
+    return tuple(m for m, row in enumerate(robot.drives.coupling) if np.count_nonzero(row) > 1)
+
+
+def smooth_sign(dq: Array, width: Width) -> Array:
+    """tanh(dq / width) for dq (n, N) or (N), the sign where the width is 0."""
+    if isinstance(width, float):
+        return np.sign(dq) if width == 0 else np.tanh(dq / width)
+    out = np.empty_like(dq)
+    for j, one in enumerate(width):
+        out[j] = smooth_sign(dq[j], one)
+    return out
+
+
+def column_blocks(friction: FrictionTerms, *, coupled: bool = False) -> tuple[ColumnBlock, ...]:
+    """The blocks for a choice of terms, in the order of `TERMS`.
+
+    Args:
+        friction: Terms, their joints, their shapes.
+        coupled: Add the columns of coupled motors.
+    """
+    width, speed = friction.width, friction.stribeck_velocity
+
+    def block(term: str, joints: tuple[int, ...] | None) -> ColumnBlock:
+        match term:
+            case "fc":
+                return Coulomb(width=width, joints=joints)
+            case "fv":
+                return Viscous(joints=joints)
+            case "im":
+                return MotorInertia(joints=joints)
+            case "fo":
+                return Offset(joints=joints)
+            case "fca":
+                return CoulombAsymmetry(width=width, joints=joints)
+            case "fva":
+                return ViscousAsymmetry(joints=joints)
+            case "fs":
+                return Stribeck(velocity=speed, width=width, joints=joints)
+            case _:
+                return CubeRoot(joints=joints)
+
+    terms = dict(friction.terms)
+    blocks = tuple(block(term, terms[term]) for term in TERMS if term in terms)
+    return (*blocks, Coupling(width=width)) if coupled else blocks

@@ -1,0 +1,115 @@
+"""The inverse dynamic model: torques linear in the standard parameters, Y p = tau."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dynid.core.arrays import Array, read_only
+from dynid.core.errors import InputError
+from dynid.regressor.blocks import Column, ColumnBlock, column_blocks, coupled_motors
+from dynid.regressor.inertial import ChainConstants, chain_constants, inertial_columns
+from dynid.regressor.terms import FrictionTerms
+from dynid.robot.model import RobotModel
+
+INERTIAL = ("m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy")
+INERTIAL_UNITS = ("kg", "kg.m", "kg.m", "kg.m") + ("kg.m^2",) * 6
+CHUNK = 2048
+"""Samples evaluated at once where a whole stack would not fit in the cache."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InverseDynamicModel:
+    """The regressor of a robot with chosen parameter frames and column blocks.
+
+    Raises:
+        InputError: Frames that the robot does not have.
+    """
+
+    robot: RobotModel
+    frames: str = ""
+    """`dh`, `mdh` or `urdf`; empty for the robot's own."""
+    friction: FrictionTerms = field(default_factory=FrictionTerms)
+    """Columns beside the inertial ones; the paper's are Coulomb, viscous, motor inertia."""
+    blocks: tuple[ColumnBlock, ...] = field(init=False)
+    columns: tuple[Column, ...] = field(init=False)
+    """Name, unit and joint of the p standard parameters, in order."""
+    constants: ChainConstants = field(init=False)
+
+    def __post_init__(self) -> None:
+        robot = self.robot
+        frames = self.frames or robot.default_frames
+        if frames not in robot.parameter_frames:
+            raise InputError(
+                "unknown frames",
+                where="--frames",
+                value=frames,
+                limit=", ".join(robot.parameter_frames),
+            )
+        self.friction.check_joints(robot.joints)
+        blocks = column_blocks(self.friction, coupled=bool(coupled_motors(robot)))
+        inertial = tuple(
+            Column(f"{name}{i + 1}", unit, i)
+            for i in range(robot.joints)
+            for name, unit in zip(INERTIAL, INERTIAL_UNITS, strict=True)
+        )
+        added = tuple(column for block in blocks for column in block.columns(robot))
+        object.__setattr__(self, "frames", frames)
+        object.__setattr__(self, "blocks", blocks)
+        object.__setattr__(self, "columns", inertial + added)
+        object.__setattr__(self, "constants", chain_constants(robot, frames))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the p standard parameters."""
+        return tuple(column.name for column in self.columns)
+
+    def stack(self, q: Array, dq: Array, ddq: Array, out: Array | None = None) -> Array:
+        """The regressor of a batch, ordered for linear algebra.
+
+        Args:
+            q: (N, n) positions [rad or m].
+            dq: (N, n) velocities.
+            ddq: (N, n) accelerations.
+            out: What an earlier call with the same N returned, to be written again.
+
+        Returns:
+            (p, n, N): column, joint row, sample.
+        """
+        robot = self.robot
+        first = 10 * robot.joints
+        if out is None:
+            out = np.zeros((len(self.columns), robot.joints, len(q)))
+        position, velocity, acceleration = (np.ascontiguousarray(x.T) for x in (q, dq, ddq))
+        inertial_columns(self.constants, position, velocity, acceleration, out[:first])
+        for block in self.blocks:
+            count = len(block.columns(robot))
+            block.fill(robot, velocity, acceleration, out[first : first + count])
+            first += count
+        return out
+
+    def observation_matrix(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """W (n N, p), rows joint-major: all samples of joint 1 first."""
+        stack = self.stack(q, dq, ddq)
+        return stack.reshape(len(stack), -1).T
+
+    def regressor(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Y (N, n, p)."""
+        return self.stack(q, dq, ddq).transpose(2, 1, 0)
+
+    def inverse_dynamics(self, q: Array, dq: Array, ddq: Array, parameters: Array) -> Array:
+        """Torques (N, n) [N.m or N] for standard parameters (p), known torques not included."""
+        torque = np.empty(q.shape)
+        for first in range(0, len(q), CHUNK):
+            part = slice(first, first + CHUNK)
+            stack = self.stack(q[part], dq[part], ddq[part])
+            torque[part] = np.tensordot(parameters, stack, axes=1).T
+        return read_only(torque)
+
+    def known_torque(self, q: Array) -> Array:
+        """Torques (N, n) of the counterbalances at positions q (N, n)."""
+        torque = np.zeros(q.shape)
+        for spring in self.robot.counterbalances:
+            torque[:, spring.joint] += spring.torque(q[:, spring.joint])
+        return torque

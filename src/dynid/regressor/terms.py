@@ -1,0 +1,130 @@
+"""Which columns stand beside the inertial ones, as a value that can be written to a file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from dynid.core.errors import InputError
+
+PAPER_WIDTH = 0.001
+"""Width of the paper's Coulomb column tanh(dq / 0.001) [rad/s]."""
+STRIBECK_VELOCITY = 0.1
+"""[rad/s or m/s]"""
+TERMS = ("fc", "fv", "im", "fo", "fca", "fva", "fs", "fr")
+"""Coulomb, viscous, motor inertia, offset, asymmetries, Stribeck, cube root: column order."""
+PAPER_TERMS = ("fc", "fv", "im")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrictionTerms:
+    """Terms, the joints that have them, and their shapes.
+
+    Raises:
+        InputError: An unknown or repeated term, a joint below 0, a shape out of range.
+    """
+
+    terms: tuple[tuple[str, tuple[int, ...] | None], ...] = tuple((t, None) for t in PAPER_TERMS)
+    """(term, joints from 0, or None for all)."""
+    width: float | tuple[float, ...] = PAPER_WIDTH
+    """Width of the Coulomb step, for all or a joint [rad/s or m/s]; 0 gives the sign."""
+    stribeck_velocity: float = STRIBECK_VELOCITY
+    """For the term `fs` [rad/s or m/s]."""
+
+    def __post_init__(self) -> None:
+        words = [term for term, _ in self.terms]
+        if not words or set(words) - set(TERMS) or len(set(words)) < len(words):
+            raise InputError(
+                "unknown, repeated or no terms",
+                where="--terms",
+                value=",".join(words),
+                limit=",".join(TERMS),
+            )
+        widths = self.width if isinstance(self.width, tuple) else (self.width,)
+        if not all(math.isfinite(w) and w >= 0 for w in widths):
+            raise InputError("Coulomb widths must not be negative", value=self.width)
+        if not (math.isfinite(self.stribeck_velocity) and self.stribeck_velocity > 0):
+            raise InputError("the Stribeck velocity must be positive", value=self.stribeck_velocity)
+        if any(j < 0 for _, joints in self.terms for j in joints or ()):
+            raise InputError("joints of a term count from 0", value=self.terms)
+
+    def check_joints(self, joints: int) -> None:
+        """Check against the number of joints of a robot.
+
+        Raises:
+            InputError: A joint or a list of widths that the robot does not have.
+        """
+        highest = max((j for _, js in self.terms for j in js or ()), default=0)
+        if highest >= joints:
+            raise InputError(
+                "a term names a joint that the robot does not have",
+                where="--terms",
+                value=highest + 1,
+                limit=joints,
+            )
+        if isinstance(self.width, tuple) and len(self.width) != joints:
+            raise InputError("one Coulomb width a joint", value=len(self.width), limit=joints)
+
+    def describe(self) -> str:
+        """The terms as `--terms` takes them, e.g. `fc,fv,im,fo:1+3`."""
+        return ",".join(
+            term if joints is None else f"{term}:{'+'.join(str(j + 1) for j in joints)}"
+            for term, joints in self.terms
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object."""
+        width = list(self.width) if isinstance(self.width, tuple) else self.width
+        return {
+            "terms": self.describe(),
+            "width": width,
+            "stribeck_velocity": self.stribeck_velocity,
+        }
+
+
+def parse_terms(
+    text: str,
+    *,
+    width: float | tuple[float, ...] = PAPER_WIDTH,
+    stribeck_velocity: float = STRIBECK_VELOCITY,
+) -> FrictionTerms:
+    """Read `--terms`: words of `TERMS`, each with the joints it is for if not all (`fo:1+3`).
+
+    Raises:
+        InputError: An unknown word or a joint that is not a positive number.
+    """
+    terms: list[tuple[str, tuple[int, ...] | None]] = []
+    for item in text.split(","):
+        word, colon, joints = item.strip().partition(":")
+        if not colon:
+            terms.append((word, None))
+            continue
+        numbers = joints.split("+")
+        if not all(number.isascii() and number.isdigit() and int(number) > 0 for number in numbers):
+            raise InputError(
+                "joints of a term count from 1",
+                where="--terms",
+                value=item,
+                next_step="Write for example fo:1+3.",
+            )
+        terms.append((word, tuple(sorted({int(number) - 1 for number in numbers}))))
+    return FrictionTerms(terms=tuple(terms), width=width, stribeck_velocity=stribeck_velocity)
+
+
+def terms_from_json(data: Mapping[str, Any]) -> FrictionTerms:
+    """The inverse of `FrictionTerms.to_json`.
+
+    Raises:
+        InputError: Missing keys or values of the wrong type.
+    """
+    try:
+        width = data["width"]
+        return parse_terms(
+            str(data["terms"]),
+            width=tuple(float(w) for w in width) if isinstance(width, list) else float(width),
+            stribeck_velocity=float(data["stribeck_velocity"]),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError("friction terms cannot be read", value=str(data)) from error

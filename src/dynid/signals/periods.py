@@ -1,0 +1,88 @@
+"""Periodic recordings: find the period, average over repetitions, keep the scatter."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.core.errors import InputError
+from dynid.signals.resample import UniformSignals
+
+REPEAT_TOLERANCE = 0.01
+"""Repetitions may differ by this share of the motion's standard deviation."""
+
+
+def find_period(q: Array, rate_hz: float) -> float | None:
+    """The period [s] of a motion that repeats at least twice, or None.
+
+    The lag at which the motion comes back onto itself, everywhere and in every joint, within
+    `REPEAT_TOLERANCE`. Lags are whole samples: exact averaging needs them to be.
+    """
+    count = len(q)
+    centred = q - q.mean(axis=0)
+    scale = centred.std(axis=0)
+    moving = scale > max(1e-3, 0.02 * scale.max(initial=0.0))
+    if count < 64 or not moving.any():
+        return None
+    normal = centred[:, moving] / scale[moving]
+    size = 1 << (2 * count - 1).bit_length()
+    spectrum = np.fft.rfft(normal, size, axis=0)
+    correlation = np.fft.irfft(np.abs(spectrum) ** 2, size, axis=0)[: count // 2 + 1].sum(axis=1)
+    squares = np.square(normal).sum(axis=1)
+    head = np.concatenate([[0.0], np.cumsum(squares)])
+    lags = np.arange(count // 2 + 1)
+    energy = head[count - lags] + (head[count] - head[lags])
+    difference = (energy - 2 * correlation) / ((count - lags) * moving.sum())
+    away = np.flatnonzero(difference > 0.5)
+    if not len(away):
+        return None
+    candidates = lags[away[0] :]
+    best = candidates[int(np.argmin(difference[candidates]))]
+    near = candidates[difference[candidates] < 4 * difference[best] + REPEAT_TOLERANCE**2]
+    # The shortest lag that repeats is the period; its neighbours repeat almost as well.
+    first = near[0] + int(np.argmin(difference[near[0] : near[0] + max(1, int(0.1 * rate_hz))]))
+    if difference[first] > REPEAT_TOLERANCE**2:
+        return None
+    return float(first / rate_hz)
+
+
+def fold_periods(signals: UniformSignals, period_s: float) -> UniformSignals:
+    """Average whole repetitions into one period; their scatter is the noise of the torque.
+
+    Args:
+        signals: Signals on a uniform grid.
+        period_s: Period [s].
+
+    Raises:
+        InputError: The period is not a whole number of samples (to 1e-3 of one), or is longer
+            than the record.
+    """
+    exact = period_s * signals.rate_hz
+    length = round(exact)
+    if length < 2 or abs(exact - length) > 1e-3 * max(1.0, exact / 1000):
+        raise InputError("the period is not a whole number of samples", value=exact)
+    repetitions = len(signals.t) // length
+    if repetitions < 1:
+        raise InputError("the record is shorter than its period", value=period_s)
+
+    def mean(values: Array) -> Array:
+        return _stacked(values, repetitions, length).mean(axis=0)
+
+    noise = signals.noise
+    if repetitions > 1:
+        # The mean of R repetitions is noisier than its scatter says by 1/R.
+        scatter = _stacked(signals.torque, repetitions, length).var(axis=0, ddof=1)
+        noise = np.sqrt(scatter.mean(axis=0) / repetitions)
+    return UniformSignals(
+        t=signals.t[:length],
+        rate_hz=signals.rate_hz,
+        q=mean(signals.q),
+        qd=None if signals.qd is None else mean(signals.qd),
+        torque=mean(signals.torque),
+        valid=_stacked(signals.valid[:, None], repetitions, length).min(axis=0)[:, 0],
+        noise=noise,
+    )
+
+
+def _stacked(values: Array, repetitions: int, length: int) -> Array:
+    return values[: repetitions * length].reshape(repetitions, length, -1)

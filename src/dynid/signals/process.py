@@ -1,0 +1,167 @@
+"""The pipeline from a recording to samples."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.core.errors import InputError
+from dynid.recording.record import ExperimentRecord
+from dynid.robot.model import RobotModel
+from dynid.signals.derivatives import derivative, fourier_derivative
+from dynid.signals.filters import NYQUIST_SHARE, default_cutoff, low_pass
+from dynid.signals.periods import fold_periods
+from dynid.signals.resample import UniformSignals, resample, window
+from dynid.signals.samples import ProcessingSettings, Samples
+from dynid.signals.torque import measured_torque
+
+TIME_CONSTANTS = 5.0
+"""Cut from both ends: the filter has not settled there."""
+BLOCK_RATE_FACTOR = 20.0
+"""Blocks per period of the cut-off: shorter than anything that the motion can show."""
+LOWEST_BLOCK_RATE_HZ = 125.0
+MIN_SAMPLES = 16
+
+
+def uniform_signals(
+    record: ExperimentRecord, robot: RobotModel, settings: ProcessingSettings
+) -> UniformSignals:
+    """The window of a recording on a uniform grid, torques on the joint side.
+
+    Raises:
+        InputError: An empty window, no torque, or stamps without a usable rate.
+    """
+    torque = measured_torque(record, robot)
+    part = window(record.t, settings.start_s, settings.stop_s)
+    velocity = record.signals.get("qd")
+    return resample(
+        record.t[part],
+        record.signals["q"][part],
+        None if velocity is None else velocity[part],
+        torque[part],
+    )
+
+
+def process(
+    record: ExperimentRecord, robot: RobotModel, settings: ProcessingSettings | None = None
+) -> Samples:
+    """Resample, align, filter the motion, differentiate, trim.
+
+    Torques are not low-passed on their own: a smoothed Coulomb step would no longer match its
+    column. Where data are thinned, torques and columns pass the same filter, a block mean.
+
+    Raises:
+        InputError: See `uniform_signals`; or too few samples remain.
+    """
+    settings = settings or ProcessingSettings()
+    return samples_from(uniform_signals(record, robot, settings), settings)
+
+
+def samples_from(signals: UniformSignals, settings: ProcessingSettings) -> Samples:
+    """Samples from signals on a uniform grid; see `process`."""
+    rate = signals.rate_hz
+    cutoff = settings.cutoff_hz or default_cutoff(signals.q, rate)
+    cutoff = min(cutoff, NYQUIST_SHARE * rate / 2)
+    if settings.period_s is not None:
+        return _periodic(fold_periods(signals, settings.period_s), settings, cutoff)
+    torque = delayed(signals.torque, rate, settings.delays_s)
+    q = low_pass(signals.q, rate, cutoff)
+    dq, ddq = _derivatives(signals, settings, q, cutoff)
+    keep = _kept(signals, settings, cutoff)
+    if len(keep) < MIN_SAMPLES:
+        raise InputError(
+            "too few samples remain after filtering",
+            value=len(keep),
+            limit=f"at least {MIN_SAMPLES}",
+            next_step="Use a longer window or a higher --cutoff.",
+        )
+    return Samples(
+        t=signals.t[keep] - signals.t[0],
+        q=q[keep],
+        dq=dq[keep],
+        ddq=ddq[keep],
+        tau=torque[keep],
+        block=_block(rate, cutoff) if settings.decimate else 1,
+        rate_hz=rate,
+        cutoff_hz=cutoff,
+    )
+
+
+def delayed(
+    torque: Array, rate_hz: float, delays_s: tuple[float, ...] | None, circular: bool = False
+) -> Array:
+    """Torques (N, n) moved earlier by each joint's delay [s], straight lines between samples.
+
+    Args:
+        torque: (N, n) torques.
+        rate_hz: Sampling rate.
+        delays_s: (n) delays; None for none.
+        circular: The samples span whole periods.
+
+    Raises:
+        InputError: Not one delay a joint.
+    """
+    if delays_s is None or not any(delays_s):
+        return torque
+    if len(delays_s) != torque.shape[1]:
+        raise InputError("one delay a joint", value=len(delays_s), limit=torque.shape[1])
+    index = np.arange(len(torque), dtype=np.float64)
+    return np.column_stack(
+        [
+            np.interp(
+                index + delay * rate_hz, index, column, period=len(torque) if circular else None
+            )
+            for delay, column in zip(delays_s, torque.T, strict=True)
+        ]
+    )
+
+
+def _derivatives(
+    signals: UniformSignals, settings: ProcessingSettings, q: Array, cutoff: float
+) -> tuple[Array, Array]:
+    rate = signals.rate_hz
+    if settings.velocity == "measured":
+        if signals.qd is None:
+            raise InputError("the recording has no velocities qd", value="velocity=measured")
+        dq = low_pass(signals.qd, rate, cutoff)
+        return dq, derivative(dq, rate, settings.derivative, cutoff)
+    dq = derivative(q, rate, settings.derivative, cutoff)
+    return dq, derivative(dq, rate, settings.derivative, cutoff)
+
+
+def _periodic(one: UniformSignals, settings: ProcessingSettings, cutoff: float) -> Samples:
+    """Exact derivatives of one averaged period; nothing to trim on a circle."""
+    rate = one.rate_hz
+    torque = delayed(one.torque, rate, settings.delays_s, circular=True)
+    q, dq = fourier_derivative(one.q, rate, cutoff)
+    _, ddq = fourier_derivative(dq, rate, cutoff)
+    return Samples(
+        t=one.t - one.t[0],
+        q=q,
+        dq=dq,
+        ddq=ddq,
+        tau=torque,
+        block=_block(rate, cutoff) if settings.decimate else 1,
+        rate_hz=rate,
+        cutoff_hz=cutoff,
+        noise=one.noise,
+    )
+
+
+def _kept(signals: UniformSignals, settings: ProcessingSettings, cutoff: float) -> Array:
+    rate = signals.rate_hz
+    edge = int(np.ceil(TIME_CONSTANTS / (2 * np.pi * cutoff) * rate))
+    edge += int(np.ceil(max((abs(d) for d in settings.delays_s or ()), default=0.0) * rate))
+    edge = min(edge, len(signals.t) // 4)
+    valid = signals.valid.astype(bool)
+    if not valid.all():
+        # The filter smears a gap over its settling time on both sides.
+        spread = np.ones(2 * edge + 1)
+        valid = np.convolve(~valid, spread, mode="same") < 0.5
+    valid[:edge] = False
+    valid[len(valid) - edge :] = False
+    return np.flatnonzero(valid)
+
+
+def _block(rate: float, cutoff: float) -> int:
+    return max(1, int(rate / max(BLOCK_RATE_FACTOR * cutoff, LOWEST_BLOCK_RATE_HZ)))

@@ -1,0 +1,100 @@
+"""Samples ready for identification or validation, and the settings that made them."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from dynid.core.arrays import Array, frozen
+from dynid.core.errors import InputError
+from dynid.signals.derivatives import METHODS
+
+VELOCITY_SOURCES = ("position", "measured")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProcessingSettings:
+    """How a recording becomes samples.
+
+    Raises:
+        InputError: A setting outside its range.
+    """
+
+    cutoff_hz: float | None = None
+    """Low-pass cut-off of the motion [Hz]; None: from its spectrum."""
+    velocity: str = "position"
+    """`position`: differentiate positions; `measured`: start from recorded velocities."""
+    derivative: str = "central"
+    """`central` or `savgol`; whole periods are always differentiated exactly."""
+    delays_s: tuple[float, ...] | None = None
+    """How much later each joint's torque was stamped than its motion [s]."""
+    start_s: float | None = None
+    """Start of the window, from the record's start [s]."""
+    stop_s: float | None = None
+    """End of the window [s]."""
+    decimate: bool = False
+    """Average torques and columns over blocks as long as the cut-off allows."""
+    period_s: float | None = None
+    """Average over periods of this length [s]."""
+
+    def __post_init__(self) -> None:
+        if self.cutoff_hz is not None and not 0 < self.cutoff_hz < 1e6:
+            raise InputError("must be positive", where="--cutoff", value=self.cutoff_hz)
+        if self.velocity not in VELOCITY_SOURCES:
+            raise InputError("velocity source", value=self.velocity, limit=VELOCITY_SOURCES)
+        if self.derivative not in METHODS:
+            raise InputError("derivative", value=self.derivative, limit=METHODS)
+        for name, value in (("--from", self.start_s), ("--to", self.stop_s)):
+            if value is not None and not 0 <= value < 1e9:
+                raise InputError("must not be negative", where=name, value=value)
+        if self.start_s is not None and self.stop_s is not None and self.stop_s <= self.start_s:
+            raise InputError("--to must be later than --from", value=(self.start_s, self.stop_s))
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Samples:
+    """Filtered motion and measured torque on a uniform grid.
+
+    Raises:
+        InputError: Shapes that disagree or numbers that are not finite.
+    """
+
+    t: Array
+    """(N) time from the record's start [s]."""
+    q: Array
+    """(N, n) positions, filtered [rad or m]."""
+    dq: Array
+    """(N, n) velocities [rad/s or m/s]."""
+    ddq: Array
+    """(N, n) accelerations [rad/s^2 or m/s^2]."""
+    tau: Array
+    """(N, n) joint torques as recorded, aligned in time, not filtered [N.m or N]."""
+    block: int = 1
+    """Identification averages torques and columns alike over this many samples."""
+    rate_hz: float
+    """Rate of these samples."""
+    cutoff_hz: float
+    """Cut-off that was used [Hz]."""
+    noise: Array | None = None
+    """(n) torque noise from the scatter between periods [N.m], if there were periods."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "t", frozen(self.t, shape=(None,), name="t"))
+        object.__setattr__(self, "q", frozen(self.q, shape=(len(self.t), None), name="q"))
+        for name in ("dq", "ddq", "tau"):
+            value = frozen(getattr(self, name), shape=self.q.shape, name=name)
+            object.__setattr__(self, name, value)
+
+    @property
+    def count(self) -> int:
+        """Number of samples N."""
+        return len(self.t)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints n."""
+        return self.q.shape[1]

@@ -1,0 +1,135 @@
+"""Predict the torques of another record and measure the error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.core.notices import Notice
+from dynid.identification.estimate import Estimate
+from dynid.identification.statistics import autocorrelation
+from dynid.recording.record import ExperimentRecord
+from dynid.signals.process import process
+from dynid.signals.samples import Samples
+from dynid.validation.metrics import MOVING_SPEED, Metrics, metrics
+
+EXTRAPOLATION = 1.15
+"""A record may exceed the identification's range by this factor before it is said."""
+REST_SHARE = 0.2
+"""More joint samples at rest than this are worth a warning."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ValidationResult:
+    """Prediction against measurement on one record."""
+
+    t: Array
+    """(N) time from the start of the window [s]."""
+    dq: Array
+    """(N, n) velocities [rad/s or m/s]."""
+    measured: Array
+    """(N, n) measured joint torques, not filtered [N.m or N]."""
+    predicted: Array
+    """(N, n) predicted joint torques [N.m or N]."""
+    metrics: Metrics
+    moving: Metrics
+    """Only samples where the joint moves."""
+    at_rest: Metrics
+    """Only samples where the joint stands."""
+    residual_autocorrelation: Array
+    """(n) of the error at one sample."""
+    warnings: tuple[Notice, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """METRICS, the same under `moving` and `at_rest`, and the warnings."""
+        return {
+            **self.metrics.to_json(),
+            "moving": self.moving.to_json(),
+            "at_rest": self.at_rest.to_json(),
+            "residual_autocorrelation": [float(x) for x in self.residual_autocorrelation],
+            "warnings": [notice.to_json() for notice in self.warnings],
+        }
+
+
+def validate(
+    estimate: Estimate,
+    record: ExperimentRecord,
+    *,
+    start_s: float | None = None,
+    stop_s: float | None = None,
+) -> ValidationResult:
+    """Compare predicted and measured torques, processed as the identification record was.
+
+    Args:
+        estimate: The estimate; its settings (cut-off, delays) are used as they are.
+        record: The record to predict.
+        start_s: Start of the window, from the record's start [s].
+        stop_s: End of the window [s].
+
+    Raises:
+        InputError: The record does not fit the robot, or the window is empty.
+    """
+    settings = replace(
+        estimate.settings, start_s=start_s, stop_s=stop_s, decimate=False, period_s=None
+    )
+    if "qd" not in record.signals:
+        settings = replace(settings, velocity="position")
+    samples = process(record, estimate.model.robot, settings)
+    return validate_samples(estimate, samples)
+
+
+def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:
+    """Compare predicted and measured torques of samples; see `validate`."""
+    predicted = estimate.predict(samples.q, samples.dq, samples.ddq)
+    measured = samples.tau
+    moving = np.abs(samples.dq) > MOVING_SPEED
+    return ValidationResult(
+        t=samples.t,
+        dq=samples.dq,
+        measured=measured,
+        predicted=predicted,
+        metrics=metrics(measured, predicted),
+        moving=metrics(measured, predicted, moving),
+        at_rest=metrics(measured, predicted, ~moving),
+        residual_autocorrelation=autocorrelation((measured - predicted).T, 1),
+        warnings=(*_extrapolated(estimate, samples), *_at_rest(estimate, moving)),
+    )
+
+
+def _extrapolated(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
+    known = estimate.motion
+    names = estimate.model.robot.joint_names
+    found: list[str] = []
+    for values, limit, what in (
+        (samples.dq, known.speed, "speed"),
+        (samples.ddq, known.acceleration, "acceleration"),
+    ):
+        reached = np.percentile(np.abs(values), 99.5, axis=0)
+        for j in np.flatnonzero(reached > EXTRAPOLATION * limit):
+            found.append(f"{names[j]} {what} {reached[j]:.2g} against {limit[j]:.2g}")
+    if not found:
+        return ()
+    return (
+        Notice(
+            "extrapolated",
+            "this record goes beyond the identification's: " + "; ".join(found[:4]),
+        ),
+    )
+
+
+def _at_rest(estimate: Estimate, moving: Array) -> tuple[Notice, ...]:
+    share = 1 - moving.mean(axis=0)
+    worst = int(np.argmax(share))
+    if share.mean() <= REST_SHARE:
+        return ()
+    return (
+        Notice(
+            "at_rest",
+            f"{100 * share.mean():.0f} % of the joint samples are at rest (most: "
+            f"{estimate.model.robot.joint_names[worst]}, {100 * share[worst]:.0f} %): friction "
+            "hides the torque there, judge by the moving samples",
+        ),
+    )
