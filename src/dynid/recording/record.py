@@ -41,7 +41,8 @@ class RecordMetadata:
     format: str = ""
     """The format it was read as."""
     clock: str = "recorded"
-    """`recorded` (time stamps of the file), `header` (ROS stamps), or `rate` (made from --rate)."""
+    """`recorded` (stamps of the file), `header` (ROS stamps), `receive` (ROS receive times,
+    where the headers are empty), or `rate` (made from --rate)."""
     drive_gains: tuple[float, ...] | None = None
     """Drive gains given with the recording [N.m/A]; they override the robot's."""
     dropped_rows: int = 0
@@ -49,7 +50,8 @@ class RecordMetadata:
     input_hash: str = ""
     """SHA-256 of the origin."""
     extra: Mapping[str, str] = field(default_factory=dict[str, str])
-    """Anything else worth keeping (thermal state, run settings)."""
+    """Anything else worth keeping (thermal state, run settings); an import puts the first stamp
+    in `t0` [s], its choices in `notes`, and a bag's topic in `topic`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

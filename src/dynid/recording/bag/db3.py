@@ -1,0 +1,113 @@
+"""ROS 2 bags in SQLite (`.db3`): JointState messages, also from a damaged file.
+
+Python's own sqlite3 reads them in a stream: no metadata.yaml is needed, and what precedes
+or follows a damaged page is still had.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Generator, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+from dynid.core.errors import RecordError
+from dynid.core.notices import Notice
+
+JOINT_STATE_TYPES = frozenset({"sensor_msgs/msg/JointState", "sensor_msgs/JointState"})
+Message = tuple[str, int, bytes]
+"""Topic, receive time [ns], bytes."""
+_MOST_RESUMES = 200
+
+
+def db3_messages(path: Path, findings: list[Notice]) -> Iterator[Message]:
+    """JointState messages in the order in which they were written.
+
+    Args:
+        path: The `.db3` file.
+        findings: Gets a notice for each kind of damage.
+
+    Yields:
+        Topic, receive time [ns] and bytes.
+
+    Raises:
+        RecordError: No SQLite database, no bag, or no JointState topic.
+    """
+    with _connection(path) as database:
+        topics = _topics(database, path)
+        last, resumes, step = -1, 0, 1
+        while True:
+            try:
+                query = (
+                    "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ? ORDER BY id"
+                )
+                for row_id, topic_id, stamp, data in database.execute(query, (last,)):
+                    last, step = row_id, 1
+                    if topic_id in topics and isinstance(stamp, int) and isinstance(data, bytes):
+                        yield topics[topic_id], stamp, data
+                break
+            except (sqlite3.Error, OverflowError):
+                # A damaged page hides some rows; those after it can often still be read.
+                resumes += 1
+                if resumes > _MOST_RESUMES or step > 1 << 24:
+                    break
+                last, step = last + step, step * 2
+        if resumes:
+            findings.append(
+                Notice(
+                    "truncated_file",
+                    f"{path.name} is damaged or cut off; the messages that can be read are taken",
+                )
+            )
+
+
+def _topics(database: sqlite3.Connection, path: Path) -> dict[int, str]:
+    try:
+        rows = database.execute("SELECT id, name, type FROM topics").fetchall()
+    except (sqlite3.Error, OverflowError) as error:
+        raise RecordError(
+            "this is no readable ROS 2 bag",
+            where=path.name,
+            value=str(error),
+            next_step="Give the .db3 file or the folder that `ros2 bag record` wrote.",
+        ) from error
+    topics = {
+        number: str(name)
+        for number, name, kind in rows
+        if kind in JOINT_STATE_TYPES and isinstance(number, int)
+    }
+    if not topics:
+        raise RecordError(
+            "the bag has no sensor_msgs/JointState topic",
+            where=path.name,
+            value=[f"{name} ({kind})" for _, name, kind in rows][:20],
+            next_step="Record the robot's /joint_states topic.",
+        )
+    return topics
+
+
+@contextmanager
+def _connection(path: Path) -> Generator[sqlite3.Connection]:
+    """The database, opened so that neither it nor its folder is written to."""
+    log = path.with_name(path.name + "-wal")
+    with tempfile.TemporaryDirectory(prefix="dynid-") as folder:
+        try:
+            if log.is_file() and log.stat().st_size:
+                # A killed recorder leaves its last messages in the log: merge them in a copy.
+                copy = Path(folder) / "bag.db3"
+                shutil.copyfile(path, copy)
+                shutil.copyfile(log, Path(folder) / "bag.db3-wal")
+                uri = f"{copy.as_uri()}"
+            else:
+                uri = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
+            database = sqlite3.connect(uri, uri=True)
+        except (OSError, sqlite3.Error) as error:
+            raise RecordError(
+                "the bag cannot be opened", where=path.name, value=str(error)
+            ) from error
+        with closing(database):
+            # Damaged text must not raise in the middle of a row.
+            database.text_factory = lambda raw: raw.decode(errors="replace")  # pyright: ignore[reportUnknownLambdaType, reportUnknownMemberType]
+            yield database

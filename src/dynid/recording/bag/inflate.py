@@ -1,0 +1,69 @@
+"""Decompression that bags may need, with a bound on what it yields."""
+
+from __future__ import annotations
+
+import importlib
+from types import ModuleType
+from typing import Any
+
+from dynid.core.errors import MissingExtraError
+from dynid.core.optional import require
+
+ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+MAX_BYTES = 1 << 28
+"""Most that one compressed piece may hold [bytes]."""
+
+
+class InflateError(ValueError):
+    """The compressed bytes are damaged, or hold more than they may."""
+
+
+def inflate(data: bytes, method: str, size: int | None = None) -> bytes:
+    """Decompress one piece of a bag.
+
+    Args:
+        data: The compressed bytes.
+        method: `zstd`, `lz4`, or empty for none.
+        size: How many bytes must come out, where that is known.
+
+    Raises:
+        InflateError: Damaged bytes, an unknown method, or the wrong size.
+        MissingExtraError: The decompressor is not installed.
+    """
+    limit = MAX_BYTES if size is None else size
+    if limit > MAX_BYTES:
+        raise InflateError("too large")
+    if method == "":
+        result = data
+    elif method == "zstd":
+        result = _stream(_zstd().ZstdDecompressor(), data, limit)
+    elif method == "lz4":
+        frame = require("lz4.frame", "ros")
+        result = _stream(frame.LZ4FrameDecompressor(), data, limit)
+    else:
+        raise InflateError(f"unknown compression {method[:20]!r}")
+    if size is not None and len(result) != size:
+        raise InflateError("wrong size")
+    return result
+
+
+def _stream(decompressor: Any, data: bytes, limit: int) -> bytes:
+    try:
+        result: bytes = decompressor.decompress(data, max_length=limit + 1)
+    # The two libraries share no exception: zstd has its own, lz4 raises RuntimeError.
+    except Exception as error:
+        raise InflateError("damaged") from error
+    if len(result) > limit:
+        raise InflateError("too large")
+    return result
+
+
+def _zstd() -> ModuleType:
+    for name in ("compression.zstd", "backports.zstd"):
+        try:
+            return importlib.import_module(name)
+        except ModuleNotFoundError:
+            continue
+    raise MissingExtraError(
+        "this needs the package 'backports.zstd'", next_step="Run: pip install 'dynid[ros]'"
+    )

@@ -1,0 +1,88 @@
+"""What a file is: by its first bytes, then by its extension."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dynid.core.errors import RecordError
+from dynid.recording.segments import MARK
+from dynid.recording.text.lines import looks_like_text
+
+FORMATS = ("ur-csv", "ur-rtde-csv", "csv", "rosbag", "mcap", "mat", "npz", "parquet")
+_MARKS: tuple[tuple[bytes, str], ...] = (
+    (b"PAR1", "parquet"),
+    (MARK, "parquet"),
+    (b"SQLite format 3\x00", "rosbag"),
+    (b"\x89MCAP0\r\n", "mcap"),
+    (b"MATLAB 5.0 MAT", "mat"),
+    (b"MATLAB 7", "mat"),
+    (b"\x89HDF", "mat"),
+    (b"\x93NUMPY", "npz"),
+)
+_OTHERS: tuple[tuple[bytes, str, str], ...] = (
+    (b"#ROSBAG V", "a ROS 1 bag", "Convert it with: rosbags-convert --src FILE --dst FOLDER"),
+    (b"\x1f\x8b", "gzip", "Unpack it first: gunzip FILE"),
+    (b"\x28\xb5\x2f\xfd", "zstd", "Unpack it first: zstd -d FILE"),
+    (b"BZh", "bzip2", "Unpack it first: bunzip2 FILE"),
+    (b"\xd0\xcf\x11\xe0", "an Excel sheet", "Save it as CSV."),
+    (b"ARROW1", "an Arrow file", "Save it as CSV."),
+    (b"\x80\x04\x95", "a Python pickle", "Save plain arrays with numpy.savez."),
+)
+_EXTENSIONS = {
+    ".db3": "rosbag",
+    ".mcap": "mcap",
+    ".mat": "mat",
+    ".npz": "npz",
+    ".npy": "npz",
+    ".parquet": "parquet",
+}
+
+
+def content_kind(path: Path) -> str:
+    """What a file holds: `csv` for any text, or one of the binary formats.
+
+    Raises:
+        RecordError: It cannot be read, or is none of the formats.
+    """
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(1 << 16)
+    except OSError as error:
+        raise RecordError(
+            "the file cannot be read", where=path.name, value=error.strerror
+        ) from error
+    for mark, kind in _MARKS:
+        if head.startswith(mark):
+            return kind
+    for mark, what, hint in _OTHERS:
+        if head.startswith(mark):
+            raise RecordError(f"this is {what}", where=path.name, next_step=hint)
+    if head.startswith(b"PK\x03\x04"):
+        if b".npy" in head or path.suffix == ".npz":
+            return "npz"
+        raise RecordError(
+            "this is a zip archive or an Excel sheet",
+            where=path.name,
+            next_step="Unpack it, or save the sheet as CSV.",
+        )
+    if _is_binary_ur(head):
+        raise RecordError(
+            "this is a binary log of UR's record.py",
+            where=path.name,
+            next_step="Record again without --binary.",
+        )
+    if looks_like_text(head):
+        return "csv"
+    by_name = _EXTENSIONS.get(path.suffix.lower())
+    if by_name is not None:
+        return by_name
+    raise RecordError(
+        "this is none of the formats that dynid reads",
+        where=path.name,
+        limit="UR logs, CSV, ROS 2 bags, MCAP, MATLAB up to 7, NumPy, dynid's Parquet",
+    )
+
+
+def _is_binary_ur(head: bytes) -> bool:
+    lines = head.split(b"\n", 2)
+    return lines[0].startswith(b"timestamp ") and len(lines) > 1 and b"DOUBLE" in lines[1][:20]

@@ -1,0 +1,176 @@
+"""One door for every recording: find out what a file is, read it, repair it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from dynid.core.errors import RecordError
+from dynid.core.provenance import file_hash
+from dynid.recording.csv import read_csv, text_format
+from dynid.recording.detect import FORMATS, content_kind
+from dynid.recording.mat import read_mat
+from dynid.recording.npz import read_npz
+from dynid.recording.own import read_own
+from dynid.recording.record import ExperimentRecord
+from dynid.recording.repair.pipeline import RepairSettings, repair
+from dynid.recording.rosbag import bag_files, read_bag
+from dynid.recording.table import RawTable
+from dynid.robot.model import RobotModel
+
+_TEXT = ("csv", "ur-csv", "ur-rtde-csv")
+
+
+def read_recording(
+    paths: str | Path | Sequence[str | Path],
+    *,
+    robot: RobotModel | None = None,
+    format: str = "auto",
+    columns: str | Mapping[str, str] | None = None,
+    header: bool | None = None,
+    delimiter: str | None = None,
+    gains: Sequence[float] | None = None,
+    rate_hz: float | None = None,
+    degrees: bool = False,
+    joint_order: Sequence[str] | None = None,
+    topic: str | None = None,
+) -> ExperimentRecord:
+    """Read a recording in any format, repair it, and report every repair in `problems`.
+
+    Time starts at 0; the first stamp stands in `metadata.extra["t0"]` [s]. Choices that are
+    no problem stand in `metadata.extra["notes"]`.
+
+    Args:
+        paths: One file or bag folder; or several text files side by side, whose columns count
+            across them; or the files of one split bag.
+        robot: The robot: its number of joints, names, limits, and drives. Where its drives
+            say so, motor positions and torques become joint values.
+        format: `auto` (by content, then by extension), `ur-csv`, `ur-rtde-csv`, `csv`,
+            `rosbag`, `mcap`, `mat`, `npz` or `parquet` (our own).
+        columns: Quantity to columns: `t=0,q=1:7,current=13:19` (from 0, ranges exclude their
+            end), header names, `.mat` paths (`q=rec.act_pos`), or JointState fields
+            (`current=effort`).
+        header: Whether a text table has a header; None to find out.
+        delimiter: Delimiter of a text table; None to find out.
+        gains: Drive gains of this recording [N.m/A]; they override the robot's.
+        rate_hz: The clock of a recording without time stamps [Hz]. Stamps win where both are
+            there (leave t out of `columns` to prefer the rate).
+        degrees: Positions, velocities and accelerations are in degrees.
+        joint_order: Column numbers base to tip; or joint names: the robot's, in the order of
+            the file's columns, or those of a bag's messages, base to tip.
+        topic: The bag's topic; None for the JointState topic with most messages.
+
+    Raises:
+        RecordError: Not a recording, or not one of this robot; the message says what to do.
+        MissingExtraError: A compressed bag without the `ros` extra.
+    """
+    files = _existing(paths)
+    kind = _format(files, format, header, delimiter)
+    known = tuple(float(gain) for gain in gains) if gains is not None else None
+    if kind == "parquet":
+        if columns is not None or degrees or joint_order is not None:
+            raise RecordError(
+                "a dynid recording is complete: columns, degrees and joint order do not apply",
+                where=files[0].name,
+            )
+        return read_own(files, robot, known)
+    settings = RepairSettings(
+        robot=robot,
+        gains=known,
+        rate_hz=rate_hz,
+        degrees=degrees,
+        joint_order=tuple(joint_order) if joint_order is not None else None,
+    )
+    table = _read(files, kind, robot, columns, header, delimiter, topic, settings.joint_order)
+    record = repair(table, settings)
+    metadata = replace(
+        record.metadata, origin=", ".join(str(file) for file in files), input_hash=_hash(files)
+    )
+    return replace(record, metadata=metadata)
+
+
+def _existing(paths: str | Path | Sequence[str | Path]) -> list[Path]:
+    files = [Path(paths)] if isinstance(paths, (str, Path)) else [Path(path) for path in paths]
+    if not files:
+        raise RecordError("no recording was given")
+    for file in files:
+        try:
+            size = file.stat().st_size
+        except (OSError, ValueError) as error:
+            raise RecordError("there is no such file", where=str(file)) from error
+        if file.is_dir():
+            if len(files) > 1:
+                raise RecordError("a folder cannot stand beside other files", where=str(file))
+            return bag_files(file)
+        if not file.is_file():
+            raise RecordError("this is no regular file", where=str(file))
+        if size == 0:
+            raise RecordError("the file is empty", where=str(file))
+    return files
+
+
+def _format(files: list[Path], wanted: str, header: bool | None, delimiter: str | None) -> str:
+    if wanted not in ("auto", *FORMATS):
+        raise RecordError("unknown format", value=wanted, limit=("auto", *FORMATS))
+    kinds = {content_kind(file) for file in files}
+    if len(kinds) > 1 and not kinds <= {"rosbag", "mcap"}:
+        raise RecordError(
+            "files of different formats cannot stand side by side", value=sorted(kinds)
+        )
+    kind = min(kinds)
+    if len(files) > 1 and kind not in ("csv", "rosbag", "mcap"):
+        raise RecordError(
+            f"only one {kind} file can be read at a time", value=[file.name for file in files]
+        )
+    if wanted == "auto":
+        return text_format(files[0], header, delimiter) if kinds == {"csv"} else kind
+    if (kind == "csv") != (wanted in _TEXT) or (kind != "csv" and wanted not in kinds):
+        # A .mat of version 4 has no mark to know it by.
+        if wanted == "mat" and kind == "unknown":
+            return wanted
+        raise RecordError(
+            f"the content is {kind}, not {wanted}",
+            where=files[0].name,
+            next_step="Leave --format out to go by the content.",
+        )
+    return wanted
+
+
+def _read(
+    files: list[Path],
+    kind: str,
+    robot: RobotModel | None,
+    columns: str | Mapping[str, str] | None,
+    header: bool | None,
+    delimiter: str | None,
+    topic: str | None,
+    order: tuple[str, ...] | None,
+) -> RawTable:
+    joints = robot.joints if robot is not None else None
+    if kind in _TEXT:
+        return read_csv(files, columns=columns, header=header, delimiter=delimiter, format=kind)
+    if kind in ("rosbag", "mcap"):
+        return read_bag(
+            files,
+            joints=robot.joint_names if robot is not None else (),
+            columns=columns,
+            topic=topic,
+            joint_order=order,
+            format=kind,
+        )
+    if kind == "npz":
+        return read_npz(files[0], columns=columns, joints=joints)
+    return read_mat(files[0], columns=columns, joints=joints)
+
+
+def _hash(files: list[Path]) -> str:
+    """SHA-256 of the file; of several, of their hashes one after the other."""
+    try:
+        hashes = [file_hash(file) for file in files]
+    except OSError as error:
+        raise RecordError(
+            "the file cannot be read", where=files[0].name, value=error.strerror
+        ) from error
+    return hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()

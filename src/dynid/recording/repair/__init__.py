@@ -1,0 +1,1 @@
+"""From raw tables to recordings: what can be repaired is, and none of it silently."""

@@ -1,0 +1,72 @@
+"""Repair: rows that say nothing new, and rows of nothing but zeros."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.recording.table import TORQUE_SOURCES, Mask, RawTable
+
+
+def drop_repeats(table: RawTable) -> RawTable:
+    """Leave out rows that say again what the row before said.
+
+    A repeated stamp with the same values is a row written twice. New stamps with exactly
+    the same positions and torques, while the robot moves, are a reader that ran faster than
+    the robot's updates: those rows are no measurements.
+    """
+    if table.samples < 3:
+        return table
+    stacked = np.concatenate(list(table.signals.values()), axis=1)
+    same = np.concatenate([[False], (stacked[1:] == stacked[:-1]).all(axis=1)])
+    if table.t is not None:
+        twice = same & np.concatenate([[False], table.t[1:] == table.t[:-1]])
+        if twice.any():
+            message = (
+                f"{int(twice.sum())} of {table.samples} rows were written twice; first: "
+                f"{table.row(int(np.argmax(twice)))}"
+            )
+            table = table.keep(~twice).report("dropped_rows", message)
+            same = same[~twice]
+    moving = _moves(table.signals["q"])
+    held = same & moving
+    if held.sum() < max(3, 0.002 * table.samples) or held.mean() > 0.9:
+        return table
+    message = (
+        f"{int(held.sum())} of {table.samples} rows repeat all signals of the row before "
+        f"while the robot moves (read faster than they are updated); left out; first: "
+        f"{table.row(int(np.argmax(held)))}"
+    )
+    return table.keep(~held).report("dropped_rows", message)
+
+
+def _moves(q: Array) -> Mask:
+    """Rows with motion shortly before and after."""
+    changed = np.concatenate([[False], (np.diff(q, axis=0) != 0).any(axis=1)])
+    total = np.concatenate([[0], np.cumsum(changed)])
+    index = np.arange(len(q))
+    window = 20
+    before = total[index] - total[np.maximum(index - window, 0)]
+    after = total[np.minimum(index + 1 + window, len(q))] - total[index + 1]
+    return (before > 0) & (after > 0)
+
+
+def drop_zeros(table: RawTable) -> RawTable:
+    """Leave out rows of nothing but zeros beside positions that are far from zero."""
+    measured = [v for name, v in table.signals.items() if name in ("q", *TORQUE_SOURCES)]
+    zero = np.all([(value == 0).all(axis=1) for value in measured], axis=0)
+    if not zero.any() or zero.all():
+        return table
+    reach = np.abs(table.signals["q"]).max(axis=1)
+    typical = float(np.median(reach[~zero]))
+    edge = np.flatnonzero(np.diff(zero.astype(np.int8)) != 0)
+    # A robot that truly passes its zero comes there gradually.
+    jumps = np.maximum(reach[edge], reach[edge + 1])
+    if typical == 0 or float(jumps.min()) < 0.02 * typical:
+        return table
+    where = "at the end" if zero[-1] and not zero[: int(np.argmax(zero))].any() else "first"
+    message = (
+        f"{int(zero.sum())} of {table.samples} rows hold only zeros and are left out; "
+        f"{where}: {table.row(int(np.argmax(zero)))}"
+    )
+    return table.keep(~zero).report("corrupt_rows", message)

@@ -1,0 +1,38 @@
+"""Repair: signals measured on the motor's side become joint signals."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.recording.table import ANGLES, RawTable
+from dynid.robot.model import RobotModel
+
+
+def to_joint_side(table: RawTable, robot: RobotModel | None) -> RawTable:
+    """Convert positions and torques that the robot file says are motor values.
+
+    With motor positions q_m = N (q - offset): q = N^-1 q_m + offset, tau = N' tau_m.
+    """
+    if robot is None:
+        return table
+    drives = robot.drives
+    changes: dict[str, Array] = {}
+    if drives.position_side == "motor":
+        back = np.linalg.inv(drives.motor_from_joint)
+        for name in ANGLES:
+            if name not in table.signals:
+                continue
+            value = table.signals[name] @ back.T
+            if drives.offset is not None and name in ("q", "target_q"):
+                value = value + drives.offset
+            changes[name] = value
+    if drives.torque_side == "motor":
+        for name in ("effort", "target_moment"):
+            if name in table.signals:
+                changes[name] = table.signals[name] @ drives.motor_from_joint
+    if not changes:
+        return table
+    return table.with_signals(changes).note(
+        f"{', '.join(changes)} converted from the motor's to the joint's side"
+    )

@@ -1,0 +1,216 @@
+"""Repair: single samples that no motion can have made."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.recording.table import RawTable, Rows
+
+_SHARE = 0.05
+"""Spikes on more rows than this are noise: reported, kept."""
+_MOST_CANDIDATES = 0.15
+_SMOOTH = 0.2
+_BLOCK = 64
+# How far above the local noise a sample must stand, and the least height that counts, as a
+# share of the signal's range and in its own unit. Torques are rough: their bar is higher.
+_BARS: dict[str, tuple[float, float, float]] = {
+    "q": (15.0, 1e-4, 1e-3),
+    "target_q": (15.0, 1e-4, 1e-3),
+    "qd": (20.0, 0.02, 1e-2),
+    "target_qd": (20.0, 0.02, 1e-2),
+    "current": (25.0, 0.1, 0.0),
+    "effort": (25.0, 0.1, 0.0),
+    "temperature": (40.0, 0.5, 5.0),
+}
+_DEFAULT_BAR = (40.0, 0.5, 0.0)
+
+
+def drop_spikes(table: RawTable) -> RawTable:
+    """Leave out samples that stand far off the curve through their neighbours."""
+    if table.samples < 24:
+        return table
+    t = table.t if table.t is not None else table.rows.astype(np.float64)
+    bad = np.zeros(table.samples, dtype=np.bool_)
+    found: list[str] = []
+    for quantity, value in table.signals.items():
+        bar = _BARS.get(quantity, _DEFAULT_BAR)
+        heights = np.column_stack([find_spikes(t, column, *bar) for column in value.T])
+        if quantity in ("q", "target_q"):
+            heights = _without_late_readings(value, heights)
+        for joint in np.flatnonzero(heights.any(axis=0)).tolist():
+            first = int(np.argmax(heights[:, joint] > 0))
+            found.append(
+                f"{table.label(quantity, joint)} at {table.row(first)} ({value[first, joint]:.6g})"
+            )
+        bad |= (heights > 0).any(axis=1)
+    if not found:
+        return table
+    what = f"{', '.join(found[:3])}{' and others' if len(found) > 3 else ''}"
+    if bad.mean() > _SHARE:
+        return table.report(
+            "corrupt_rows",
+            f"{int(bad.sum())} of {table.samples} rows stand off the curve of their neighbours, "
+            f"too many to be stray values; kept: {what}",
+        )
+    return table.keep(~bad).report(
+        "corrupt_rows",
+        f"{int(bad.sum())} of {table.samples} rows hold stray values and are left out: {what}",
+    )
+
+
+def _without_late_readings(value: Array, heights: Array) -> Array:
+    """Spare positions that were only read a little early or late.
+
+    Such a sample is off by no more than the joint moves in two or three steps, and so are
+    the other joints in the same row. It is spared as well where that happens often.
+    """
+    if not (heights > 0).any():
+        return heights
+    rows = np.arange(len(value), dtype=np.float64)
+    typical = np.column_stack([local_median(np.abs(np.diff(x, append=x[-1:]))) for x in value.T])
+    off = np.column_stack([np.abs(off_the_curve(rows, x, 1)) for x in value.T])
+    share = off / np.maximum(typical, 1e-9)
+    small = (heights > 0) & (heights < 2.5 * typical)
+    moving = (typical > 1e-6) & ~small
+    others = np.sum(np.where(moving, share, 0.0), axis=1) / np.maximum(moving.sum(axis=1), 1)
+    late = small & ((others > 0.25)[:, None] | (small.sum(axis=1) >= 2)[:, None])
+    if (small & ~late).any(axis=1).sum() > max(3, 0.002 * len(value)):
+        late = small
+    return np.where(late, 0.0, heights)
+
+
+def find_spikes(t: Array, x: Array, bar: float, share: float, least: float) -> Array:
+    """Samples, alone or up to three in a row, that their neighbours contradict.
+
+    A sample is compared with the cubic through two neighbours on each side. A kink or a
+    jump of the true signal stays when the sample is left out; a spike does not.
+
+    Args:
+        t: (N) time, any unit.
+        x: (N) signal.
+        bar: Multiple of the local noise that a spike exceeds.
+        share: Share of the signal's range that it exceeds.
+        least: Height that it exceeds, in the signal's unit.
+
+    Returns:
+        (N) height of each spike, 0 elsewhere.
+    """
+    heights = np.zeros(len(x))
+    low, high = np.quantile(x, [0.01, 0.99])
+    steps = np.abs(np.diff(x))
+    grain = float(np.min(steps[steps > 0], initial=np.inf))
+    floor = max(least, share * float(high - low), 4 * grain if np.isfinite(grain) else 0.0)
+    if float(steps.max()) <= floor:
+        return heights
+    for width in (1, 2, 3):
+        keep = np.flatnonzero(heights == 0)
+        x_kept, bases = x[keep], (t[keep], np.arange(len(keep), dtype=np.float64))
+        # Stamps may jitter while samples do not, or rows may be missing: a spike is off the
+        # curve over time and over the row number as well.
+        by_time, by_row = (off_the_curve(base, x_kept, width) for base in bases)
+        off = np.minimum(np.abs(by_time), np.abs(by_row))
+        bound = np.maximum(bar * 1.4826 * local_median(off), floor)
+        candidates = np.flatnonzero(off > bound)
+        if len(candidates) > _MOST_CANDIDATES * len(x):
+            return np.zeros(len(x))
+        for block, height in _confirmed(bases, x_kept, candidates, off, width):
+            heights[keep[block]] = height
+    inner = np.flatnonzero(heights == 0)
+    for take in (inner[:6], inner[::-1][:6]):
+        if len(take) == 6:
+            heights[take[0]] = _stray_end(t[take], x[take], 3 * floor)
+    return heights
+
+
+def off_the_curve(base: Array, x: Array, width: int) -> Array:
+    """(N) distance of each sample to the cubic through the two before and after a block.
+
+    The block is of `width` samples from the sample on; zero where neighbours are missing.
+
+    Args:
+        base: (N) abscissa, increasing.
+        x: (N) signal.
+        width: Samples in a block.
+    """
+    off = np.zeros(len(x))
+    n = len(x) - 3 - width
+    if n <= 0:
+        return off
+    starts = (0, 1, 2 + width, 3 + width)
+    nodes = [base[k : n + k] for k in starts]
+    at = slice(2, n + 2)
+    for i, start in enumerate(starts):
+        weight = np.ones(n)
+        for j, other in enumerate(nodes):
+            if j != i:
+                weight = weight * ((base[at] - other) / (nodes[i] - other))
+        off[at] += weight * x[start : n + start]
+    off[at] -= x[at]
+    return off
+
+
+def local_median(size: Array) -> Array:
+    """(N) typical size nearby: block medians, the largest of a block and its neighbours."""
+    blocks = -(-len(size) // _BLOCK)
+    padded = np.pad(size, (0, blocks * _BLOCK - len(size)), mode="edge")
+    medians = np.median(padded.reshape(blocks, _BLOCK), axis=1)
+    edges = np.pad(medians, 1, mode="edge")
+    widest = np.maximum(np.maximum(edges[:-2], edges[1:-1]), edges[2:])
+    return np.repeat(widest, _BLOCK)[: len(size)]
+
+
+def _confirmed(
+    bases: tuple[Array, Array], x: Array, candidates: Rows, off: Array, width: int
+) -> list[tuple[list[int], float]]:
+    """The candidates whose neighbourhood is smooth once they are left out, highest first."""
+    taken: list[tuple[list[int], float]] = []
+    for k in sorted(candidates.tolist(), key=lambda k: -float(off[k])):
+        block = list(range(k, k + width))
+        if any(abs(k - other[0]) <= width + 1 for other, _ in taken):
+            continue
+        around = [j for j in range(k - 3, k + width + 3) if 0 <= j < len(x) and j not in block]
+        if len(around) < 5:
+            continue
+        residue = min(
+            max(_residue(base, x, around, j) for j in (k - 1, k + width)) for base in bases
+        )
+        height = min(float(off[k]), *(abs(float(x[m] - x[k - 1])) for m in block))
+        if max(residue, _step_across(x, k, width)) < _SMOOTH * height:
+            taken.append((block, float(off[k])))
+    return taken
+
+
+def _step_across(x: Array, k: int, width: int) -> float:
+    """How far the signal has gone over a block, beyond what its slope on both sides explains.
+
+    A spike comes back to where it left; a step, as of a slow sensor, does not.
+    """
+    before, after = k - 1, k + width
+    if before < 1 or after + 1 >= len(x):
+        return np.inf
+    slope = 0.5 * float(x[before] - x[before - 1] + x[after + 1] - x[after])
+    return abs(float(x[after] - x[before]) - (width + 1) * slope)
+
+
+def _residue(base: Array, x: Array, around: list[int], at: int) -> float:
+    """Distance of one sample to the cubic through the four nearest of its neighbours."""
+    nodes = sorted((m for m in around if m != at), key=lambda m: abs(m - at))[:4]
+    points = [(float(base[m]), float(x[m])) for m in nodes]
+    here, guess = float(base[at]), 0.0
+    for i, (node, value) in enumerate(points):
+        weight = 1.0
+        for j, (other, _) in enumerate(points):
+            if j != i:
+                weight *= (here - other) / (node - other)
+        guess += weight * value
+    return abs(float(x[at]) - guess)
+
+
+def _stray_end(t: Array, x: Array, floor: float) -> float:
+    """How far the first of six samples is off the line through the others; 0 if not much."""
+    offsets, values = t[1:] - t[1:].mean(), x[1:] - x[1:].mean()
+    slope = float(offsets @ values) / float(offsets @ offsets)
+    noise = float(np.abs(values - slope * offsets).max())
+    off = abs(float(x[0] - x[1:].mean() - slope * (t[0] - t[1:].mean())))
+    return off if off > max(floor, 12 * noise) else 0.0

@@ -1,0 +1,201 @@
+"""ROS 2 recordings: the JointState messages of `.db3` and `.mcap` files and bag folders."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from dynid.core.errors import RecordError
+from dynid.core.notices import Notice
+from dynid.recording.bag.db3 import db3_messages
+from dynid.recording.bag.jointstates import FIELDS, Collector
+from dynid.recording.bag.mcap import MAGIC, mcap_messages
+from dynid.recording.columns import parse_columns
+from dynid.recording.table import Mask, RawTable, Rows
+
+_DEFAULT = {"q": "position", "qd": "velocity", "effort": "effort"}
+_UR_ORDER = (
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    "wrist_1_joint",
+    "wrist_2_joint",
+    "wrist_3_joint",
+)
+
+
+def read_bag(
+    paths: Sequence[Path],
+    *,
+    joints: Sequence[str] = (),
+    columns: str | Mapping[str, str] | None = None,
+    topic: str | None = None,
+    joint_order: Sequence[str] | None = None,
+    format: str = "rosbag",
+) -> RawTable:
+    """Read the JointState messages of one topic.
+
+    Stamps are those of the headers; where those are all zero, the receive times. Joints are
+    matched by name, so the order in the messages (alphabetical on UR drivers) does not matter.
+
+    Args:
+        paths: Storage files of one bag, in time order.
+        joints: The robot's joint names, base to tip; empty if the robot is unknown.
+        columns: Quantity to `position`, `velocity` or `effort`, where the default
+            (q, qd, effort) is wrong: UR drivers send currents as effort.
+        topic: The topic; None for the JointState topic with most messages.
+        joint_order: The names to take, base to tip, as the messages give them.
+        format: `rosbag` or `mcap`, for the metadata.
+
+    Raises:
+        RecordError: No bag, no such topic, no message that has the joints.
+        MissingExtraError: A compressed bag without the decompressor.
+    """
+    where = ", ".join(path.name for path in paths)
+    findings: list[Notice] = []
+    topics: dict[str, Collector] = {}
+    for path in paths:
+        with path.open("rb") as stream:
+            is_mcap = stream.read(len(MAGIC)) == MAGIC
+        for name, receive, data in (mcap_messages if is_mcap else db3_messages)(path, findings):
+            topics.setdefault(name, Collector()).add(receive, data)
+    chosen = _topic(topics, topic, where)
+    collector = topics[chosen]
+    if not collector.groups:
+        raise RecordError(
+            "no message can be decoded as JointState",
+            where=f"{where} {chosen}",
+            value=f"{collector.damaged} damaged messages",
+        )
+    names, notes = _joints(collector, tuple(joints), joint_order, where)
+    if len(topics) > 1:
+        notes.append(f"topic {chosen} of {', '.join(sorted(topics))}")
+    values, numbers, stamps, receive = collector.columns(names)
+    if len(numbers) == 0:
+        raise RecordError(
+            "no message has all the joints",
+            where=f"{where} {chosen}",
+            value=collector.common_names(),
+            limit=names,
+        )
+    if collector.damaged:
+        findings.append(
+            Notice(
+                "corrupt_rows",
+                f"{collector.damaged} of {collector.count} messages cannot be decoded; first: "
+                f"message {collector.first_damaged}",
+            )
+        )
+    lacking = collector.count - collector.damaged - len(numbers)
+    if lacking:
+        findings.append(
+            Notice(
+                "dropped_rows", f"{lacking} of {collector.count} messages lack one of the joints"
+            )
+        )
+    clock, ticks = _clock(stamps, receive)
+    mapping = parse_columns(columns) if columns is not None else _DEFAULT
+    for quantity, field in mapping.items():
+        if field not in FIELDS or quantity == "t":
+            raise RecordError(
+                f"columns: item '{quantity}={field}' is not in a JointState message", limit=FIELDS
+            )
+    return RawTable(
+        source=where,
+        format=format,
+        rows=numbers,
+        row_word="message",
+        signals={
+            quantity: values[field]
+            for quantity, field in mapping.items()
+            if quantity == "q" or not np.isnan(values[field]).all()
+        },
+        t=(ticks - ticks[0]).astype(np.float64) * 1e-9,
+        time_scale=1.0,
+        t0=f"{ticks[0] // 1_000_000_000}.{ticks[0] % 1_000_000_000:09d}",
+        clock=clock,
+        labels={
+            quantity: tuple(f"{field} of {name}" for name in names)
+            for quantity, field in mapping.items()
+        },
+        joint_names=names,
+        notices=tuple(findings),
+        notes=tuple(notes),
+        dropped=collector.damaged + lacking,
+        extra={"topic": chosen},
+    )
+
+
+def bag_files(folder: Path) -> list[Path]:
+    """The storage files of a bag folder, in the order of their numbers.
+
+    Raises:
+        RecordError: The folder holds no bag.
+    """
+    files = [path for path in folder.iterdir() if path.suffix in (".db3", ".mcap")]
+    if not files:
+        raise RecordError(
+            "the folder holds no .db3 and no .mcap file",
+            where=folder.name,
+            next_step="Give the folder that `ros2 bag record` wrote, or one recording.",
+        )
+    return sorted(files, key=lambda path: (len(path.name), path.name))
+
+
+def _topic(topics: Mapping[str, Collector], wanted: str | None, where: str) -> str:
+    if wanted is not None and wanted not in topics:
+        raise RecordError(
+            "no such JointState topic", where=where, value=wanted, limit=sorted(topics)
+        )
+    if not topics:
+        raise RecordError("the bag has no JointState message", where=where)
+    return wanted or max(topics, key=lambda name: (topics[name].count, name))
+
+
+def _joints(
+    collector: Collector, robot: tuple[str, ...], order: Sequence[str] | None, where: str
+) -> tuple[tuple[str, ...], list[str]]:
+    """The joint names to take, base to tip."""
+    common = collector.common_names()
+    if order is not None:
+        # With numbers the common order is kept here and permuted with all other formats.
+        if all(name.isdecimal() for name in order):
+            return common, []
+        missing = [name for name in order if all(name not in names for names in collector.groups)]
+        if missing:
+            raise RecordError(
+                "the messages have no such joints", where=where, value=missing, limit=common
+            )
+        return tuple(order), []
+    notes: list[str] = []
+    for names in (common, *collector.groups):
+        for wanted in (robot, _UR_ORDER):
+            matched = _matched(wanted, names)
+            # Without a robot the whole message is taken, so the order must cover all of it.
+            if matched and (wanted == robot or len(names) == len(matched)):
+                if matched != names[: len(matched)]:
+                    notes.append(f"joints taken by name, in the order {', '.join(matched)}")
+                return matched, notes
+    return common, notes
+
+
+def _matched(wanted: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:
+    """The message's names for the wanted joints: the same, or the same behind one prefix."""
+    if not wanted:
+        return ()
+    if all(name in names for name in wanted):
+        return wanted
+    found = [[name for name in names if name.endswith(short)] for short in wanted]
+    if all(len(options) == 1 for options in found):
+        return tuple(options[0] for options in found)
+    return ()
+
+
+def _clock(stamps: Rows, receive: Rows) -> tuple[str, Rows]:
+    """Header stamps, unless drivers left them empty."""
+    empty: Mask = stamps <= 0
+    if empty.mean() > 0.5 or np.unique(stamps).size <= max(1, len(stamps) // 10):
+        return "receive", receive
+    return "header", stamps

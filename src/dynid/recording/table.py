@@ -1,0 +1,141 @@
+"""The raw table: what an importer found, before anything is repaired."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynid.core.arrays import Array
+from dynid.core.errors import RecordError
+from dynid.core.notices import Notice
+
+Mask = NDArray[np.bool_]
+Rows = NDArray[np.int64]
+
+ESSENTIAL = ("q", "qd", "current", "effort")
+"""Quantities whose missing cells cost the row; any other quantity is left out instead."""
+TORQUE_SOURCES = ("current", "effort")
+ANGLES = ("q", "qd", "qdd", "target_q", "target_qd", "target_qdd")
+"""Quantities measured in rad, rad/s, rad/s^2 on revolute joints."""
+
+
+def rows_with(cells: Mask) -> Mask:
+    """(N) rows in which any of the (N, n) cells is true."""
+    return np.asarray(cells.any(axis=1), dtype=np.bool_)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RawTable:
+    """Signals as they stood in a file; cells that could not be read are NaN."""
+
+    source: str
+    """The file, for messages."""
+    format: str
+    """The format it was read as."""
+    rows: Rows
+    """(N) line, message or sample number in the file, from 1."""
+    index: Rows | None = None
+    """(N) place of each row in the table as it was read, to know where rows have gone."""
+    row_word: str = "line"
+    """What `rows` counts: `line`, `message` or `sample`."""
+    signals: Mapping[str, Array]
+    """Quantity to (N, n) samples."""
+    t: Array | None = None
+    """(N) time stamps, or None where the file has no clock."""
+    time_scale: float | None = None
+    """Seconds per unit of `t`, or None where the file does not say."""
+    t0: str = ""
+    """The stamp at which `t` is zero; empty where `t` is the stamp itself."""
+    clock: str = "recorded"
+    """`recorded`, `header`, `receive` or `rate`."""
+    labels: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
+    """Quantity to the names of its columns in the file."""
+    in_degrees: frozenset[str] = frozenset()
+    """Quantities that the file itself calls degrees."""
+    joint_names: tuple[str, ...] = ()
+    """Joint names in column order, where the file gives them."""
+    channels: Mapping[str, Array] = field(default_factory=dict[str, Array])
+    """Other columns, name to (N)."""
+    reported: Mask | None = None
+    """(N) rows whose loss `notices` reports already."""
+    notices: tuple[Notice, ...] = ()
+    """What was found so far."""
+    notes: tuple[str, ...] = ()
+    """Choices made in reading that are no problem, in words."""
+    dropped: int = 0
+    """Rows thrown away so far."""
+    extra: Mapping[str, str] = field(default_factory=dict[str, str])
+    """Facts for the record's metadata."""
+
+    @property
+    def stamps(self) -> Array:
+        """(N) time stamps.
+
+        Raises:
+            RecordError: The table has none yet.
+        """
+        if self.t is None:
+            raise RecordError("the recording has no time", where=self.source)
+        return self.t
+
+    @property
+    def samples(self) -> int:
+        """Number of rows N."""
+        return len(self.rows)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints n, from the positions."""
+        return self.signals["q"].shape[1] if "q" in self.signals else 0
+
+    def label(self, quantity: str, joint: int) -> str:
+        """The name of a column, as the file has it."""
+        names = self.labels.get(quantity, ())
+        if joint < len(names):
+            return f"{quantity} of joint {joint + 1} ({names[joint]})"
+        return f"{quantity} of joint {joint + 1}"
+
+    def row(self, index: int) -> str:
+        """Where a row stands in the file: `line 12`."""
+        return f"{self.row_word} {int(self.rows[index])}"
+
+    def report(self, code: str, message: str) -> RawTable:
+        """The same table with one more notice."""
+        return replace(self, notices=(*self.notices, Notice(code, message)))
+
+    def note(self, text: str) -> RawTable:
+        """The same table with one more note."""
+        return replace(self, notes=(*self.notes, text))
+
+    def with_signals(self, changes: Mapping[str, Array]) -> RawTable:
+        """The same table with some signals replaced."""
+        return replace(self, signals={**self.signals, **changes})
+
+    def without(self, quantity: str) -> RawTable:
+        """The same table without one quantity."""
+        return replace(
+            self, signals={name: v for name, v in self.signals.items() if name != quantity}
+        )
+
+    def keep(self, mask: Mask, *, counted: bool = True) -> RawTable:
+        """Only the rows where `mask` is true.
+
+        Args:
+            mask: (N) rows to keep.
+            counted: Whether the others count as dropped rows.
+        """
+        if bool(mask.all()):
+            return self
+        return replace(
+            self,
+            rows=self.rows[mask],
+            index=None if self.index is None else self.index[mask],
+            t=None if self.t is None else self.t[mask],
+            signals={name: value[mask] for name, value in self.signals.items()},
+            channels={name: value[mask] for name, value in self.channels.items()},
+            reported=None if self.reported is None else self.reported[mask],
+            dropped=self.dropped + (int((~mask).sum()) if counted else 0),
+        )

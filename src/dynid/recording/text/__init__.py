@@ -1,0 +1,1 @@
+"""Tables in text form: lines, cells, how they are written, and their numbers."""

@@ -1,0 +1,189 @@
+"""How a text table is written: delimiter, decimal sign, header, width."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from dynid.core.errors import RecordError
+from dynid.recording.text.cells import is_missing, is_name, is_number, split
+from dynid.recording.text.lines import encoding_of, first_lines
+
+DELIMITERS = (",", ";", "\t", " ")
+MAX_COLUMNS = 5000
+COMMENT = ("#", "%", "//")
+_WORDS = {"comma": ",", "semicolon": ";", "tab": "\t", "\\t": "\t", "space": " ", "blank": " "}
+_UNITS = frozenset(
+    {
+        "s",
+        "ms",
+        "us",
+        "ns",
+        "rad",
+        "deg",
+        "rad/s",
+        "deg/s",
+        "a",
+        "ma",
+        "nm",
+        "n.m",
+        "n*m",
+        "n m",
+        "c",
+        "degc",
+        "°",
+        "°c",
+        "rad/s^2",
+        "deg/s^2",
+        "-",
+        "m",
+        "m/s",
+    }
+)
+_SAMPLE = 300
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dialect:
+    """How one text table is written."""
+
+    path: Path
+    encoding: str
+    delimiter: str
+    """One character; a blank stands for any run of blanks."""
+    decimal: str
+    """`.` or `,`."""
+    width: int
+    """Cells in a row."""
+    first_row: int
+    """Index of the first line of numbers, from 0."""
+    names: tuple[str, ...] | None
+    """Header names, as many as `width`, or None."""
+    header_cells: int
+    """Cells of a header that does not fit the rows; 0 where it fits or is absent."""
+    numeric: frozenset[int]
+    """Columns that hold numbers in the first rows."""
+
+
+def delimiter_of(given: str | None) -> str | None:
+    """The delimiter that a user names: a character, or `tab`, `space`, `comma`.
+
+    Raises:
+        RecordError: Not one character.
+    """
+    if given is None:
+        return None
+    delimiter = _WORDS.get(given.strip().lower(), given) if given != "\t" else given
+    if len(delimiter) != 1 or delimiter.isalnum() or delimiter in "\n\r.+-\"'":
+        raise RecordError(
+            "the delimiter must be one character",
+            value=given,
+            limit="a character, or comma, semicolon, tab, space",
+        )
+    return delimiter
+
+
+def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
+    """Find out how a text table is written, from its first lines.
+
+    Args:
+        path: The file.
+        header: Whether it has a header line; None to find out.
+        delimiter: Its delimiter; None to find out.
+
+    Raises:
+        RecordError: There are no rows of numbers, or far too many columns.
+    """
+    with path.open("rb") as stream:
+        encoding = encoding_of(stream.read(4))
+    lines = first_lines(path, encoding, _SAMPLE)
+    given = delimiter_of(delimiter)
+    best, sign, width, score = ",", ".", 0, 0
+    for candidate in DELIMITERS if given is None else (given,):
+        for decimal in (".",) if candidate == "," else (".", ","):
+            found, points = _score(lines, candidate, decimal)
+            if points > score:
+                best, sign, width, score = candidate, decimal, found, points
+    if score == 0:
+        raise RecordError(
+            "there are no rows of numbers",
+            where=path.name,
+            next_step="Check the file, or name its --delimiter.",
+        )
+    if width > MAX_COLUMNS:
+        raise RecordError("too many columns", where=path.name, value=width, limit=MAX_COLUMNS)
+    first = _first_row(lines, best, sign, header)
+    names = None if header is False else _names(lines, first, best, width, forced=bool(header))
+    misfit = 0
+    if names is not None and len(names) != width:
+        misfit = len(names)
+        names = None
+    rows = [split(line, best) for line in lines[first:]]
+    whole = [cells for cells in rows if len(cells) == width]
+    numeric = frozenset(
+        k for k in range(width) if any(is_number(cells[k], sign) for cells in whole)
+    )
+    return Dialect(
+        path=path,
+        encoding=encoding,
+        delimiter=best,
+        decimal=sign,
+        width=width,
+        first_row=first,
+        names=names,
+        header_cells=misfit,
+        numeric=numeric,
+    )
+
+
+def _score(lines: list[str], delimiter: str, decimal: str) -> tuple[int, int]:
+    """The most common width of rows of numbers, and how many numbers those rows hold."""
+    widths: Counter[int] = Counter()
+    for line in lines:
+        cells = split(line, delimiter)
+        numbers = sum(is_number(cell, decimal) for cell in cells)
+        if _is_data(cells, numbers):
+            widths[len(cells)] += numbers
+    return widths.most_common(1)[0] if widths else (0, 0)
+
+
+def _is_data(cells: list[str], numbers: int) -> bool:
+    present = sum(not is_missing(cell) for cell in cells)
+    return numbers > 0 and 2 * numbers >= present
+
+
+def _first_row(lines: list[str], delimiter: str, decimal: str, header: bool | None) -> int:
+    start = 0
+    if header:
+        start = 1 + next((k for k, x in enumerate(lines) if x.strip()), 0)
+    for k, line in enumerate(lines[start:], start):
+        if not line.strip() or line.lstrip().startswith(COMMENT):
+            continue
+        cells = split(line, delimiter)
+        if header is False or _is_data(cells, sum(is_number(c, decimal) for c in cells)):
+            return k
+        # A damaged first row is a row, not a header: a header is made of names.
+        if header is None and 2 * sum(map(is_name, cells)) < len(cells):
+            return k
+    return start
+
+
+def _names(
+    lines: list[str], first: int, delimiter: str, width: int, *, forced: bool
+) -> tuple[str, ...] | None:
+    """The header above the first row: the nearest line of names that is no line of units."""
+    misfit: tuple[str, ...] | None = None
+    for line in reversed(lines[:first]):
+        text = line.strip().lstrip("#%/ ") if line.lstrip().startswith(COMMENT) else line
+        cells = [cell.strip().strip("\"'").strip() for cell in split(text, delimiter)]
+        if not any(cells) or all(cell.lower() in _UNITS for cell in cells if cell):
+            continue
+        if len(cells) == width - 1 and delimiter != " ":
+            # Rows that end in a delimiter have one empty cell more than the header.
+            cells.append("")
+        if len(cells) == width and (forced or 2 * sum(map(is_name, cells)) >= len(cells) - 1):
+            return tuple(cells)
+        if misfit is None and not line.lstrip().startswith(COMMENT) and len(cells) > 1:
+            misfit = tuple(cells)
+    return misfit

@@ -1,0 +1,90 @@
+"""Text files as blocks of lines, with bounded memory whatever the bytes are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from dynid.core.errors import RecordError
+
+MAX_LINE = 1 << 20
+"""Longest line that is read [characters]; a longer one counts as unreadable."""
+UNREADABLE = "\ufffd"
+"""What stands in the place of a line that is too long."""
+_BLOCK = 1 << 20
+
+
+def encoding_of(head: bytes) -> str:
+    """The encoding that a byte order mark announces; UTF-8 without one."""
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    return "utf-8-sig"
+
+
+def looks_like_text(head: bytes) -> bool:
+    """Whether the first bytes of a file can be a table in text form."""
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return True
+    strange = sum(1 for byte in head if byte < 9 or 13 < byte < 32 or byte > 126)
+    return strange <= 0.1 * len(head)
+
+
+def line_blocks(path: Path, encoding: str) -> Iterator[tuple[list[str], bool]]:
+    """Lines of a file, some thousands at a time.
+
+    Yields:
+        Lines without their ends, and whether the last of them was closed by a line end
+        (false for the last line of a file that stops in mid-line only).
+
+    Raises:
+        RecordError: The file cannot be read.
+    """
+    try:
+        with path.open(encoding=encoding, errors="replace") as stream:
+            pending, too_long = "", False
+            while block := stream.read(_BLOCK):
+                lines = block.split("\n")
+                lines[0] = pending + lines[0]
+                if too_long and len(lines) > 1:
+                    lines[0], too_long = UNREADABLE, False
+                pending = lines.pop()
+                if len(pending) > MAX_LINE or too_long:
+                    pending, too_long = "", True
+                yield [x if len(x) <= MAX_LINE else UNREADABLE for x in lines], True
+            if pending or too_long:
+                yield [UNREADABLE if too_long else pending], False
+    except UnicodeError as error:
+        raise RecordError(
+            "the text encoding is damaged",
+            where=path.name,
+            next_step="Save the file as UTF-8.",
+        ) from error
+    except OSError as error:
+        raise RecordError(
+            "the file cannot be read", where=path.name, value=error.strerror
+        ) from error
+
+
+def first_lines(path: Path, encoding: str, count: int) -> list[str]:
+    """At most `count` lines from the start of a file.
+
+    Raises:
+        RecordError: The file cannot be read, or its first line is too long for a table.
+    """
+    lines: list[str] = []
+    for block, _ in line_blocks(path, encoding):
+        lines.extend(block)
+        if len(lines) >= count:
+            break
+        if lines[:1] == [UNREADABLE]:
+            break
+        if not lines and path.stat().st_size > 4 * MAX_LINE:
+            break
+    if not lines or lines[0] == UNREADABLE:
+        raise RecordError(
+            "line 1 is too long for a table",
+            where=path.name,
+            limit=f"{MAX_LINE} characters",
+            next_step="Check that the file is a recording in text form.",
+        )
+    return lines[:count]

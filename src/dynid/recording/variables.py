@@ -1,0 +1,211 @@
+"""Recordings made of named arrays (`.mat`, `.npz`): choose them, and turn them upright."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynid.core.arrays import Array
+from dynid.core.errors import RecordError
+from dynid.recording.columns import parse_columns, select
+from dynid.recording.headers import match_headers
+from dynid.recording.naming import parse_name, says_degrees
+from dynid.recording.table import RawTable
+
+_SLICE = re.compile(r"(.+?)\[(?::\s*,)?\s*([\d:+]+)\s*\]")
+_COLUMNS = re.compile(r"[\d:+]+")
+
+
+def numbers_of(value: Any) -> Array | None:
+    """A value as float64 array of one or two axes; None where it is none."""
+    array: NDArray[Any] = np.asarray(value)
+    if array.ndim > 2 or array.dtype.kind not in "fiub":
+        return None
+    with np.errstate(all="ignore"):
+        return np.atleast_1d(array.astype(np.float64))
+
+
+def table_of(
+    variables: Mapping[str, Array],
+    columns: str | Mapping[str, str] | None,
+    *,
+    joints: int | None,
+    where: str,
+    format: str,
+) -> RawTable:
+    """A raw table from named arrays.
+
+    Arrays may be (N, n), (n, N) or flat (N n, sample after sample): the length of the time
+    vector and the number of joints say which.
+
+    Args:
+        variables: Path (`rec.act_pos`) to array.
+        columns: Quantity to variable path, `path[1:7]` for some columns of a matrix, or
+            column numbers where there is one matrix only; None to go by the names.
+        joints: Number of joints, if known.
+        where: The file, for messages.
+        format: The format, for the metadata.
+
+    Raises:
+        RecordError: A variable that is not there, or shapes that do not fit together.
+    """
+    notes: list[str] = []
+    if columns is None:
+        mapping, notes = _guess(variables, where)
+    else:
+        mapping = parse_columns(columns)
+    arrays = {name: _pick(variables, name, path, where) for name, path in mapping.items()}
+    length = _length(arrays, joints)
+    width = joints if joints is not None else _width(arrays, length)
+    signals = {
+        name: _upright(value, length, width, f"{where}: {name}={mapping[name]}")
+        for name, value in arrays.items()
+        if name != "t"
+    }
+    rows = len(signals["q"])
+    for name, value in signals.items():
+        if value.shape != signals["q"].shape:
+            raise RecordError(
+                f"{name}={mapping[name]} does not fit q={mapping['q']}",
+                where=where,
+                value=value.shape,
+                limit=signals["q"].shape,
+            )
+    t = arrays["t"].ravel() if "t" in arrays else None
+    if t is not None and len(t) != rows:
+        raise RecordError(
+            f"t={mapping['t']} has {len(t)} values but q has {rows} samples",
+            where=where,
+            value=signals["q"].shape,
+        )
+    return RawTable(
+        source=where,
+        format=format,
+        rows=np.arange(1, rows + 1, dtype=np.int64),
+        row_word="sample",
+        signals=signals,
+        t=t,
+        time_scale=parse_name(mapping["t"]).time_scale if "t" in mapping else None,
+        labels={name: (path,) * signals["q"].shape[1] for name, path in mapping.items()},
+        in_degrees=frozenset(name for name, path in mapping.items() if says_degrees(path)),
+        notes=tuple(notes),
+    )
+
+
+def _guess(variables: Mapping[str, Array], where: str) -> tuple[dict[str, str], list[str]]:
+    """Quantities by the last word of each path."""
+    paths = [path for path, value in variables.items() if value.size > 1]
+    words = [path.rpartition(".")[2] for path in paths]
+    try:
+        match = match_headers(words, where)
+    except RecordError as error:
+        raise RecordError(
+            "the variables do not say what they are",
+            where=where,
+            value="; ".join(f"{p} {variables[p].shape}" for p in paths[:25]),
+            next_step="Name them with --columns, for example t=rec.time,q=rec.pos,effort=rec.tau.",
+        ) from error
+    numbered = [name for name, cols in match.columns.items() if len(cols) > 1]
+    if numbered:
+        raise RecordError(
+            f"more than one variable can be {numbered[0]}",
+            where=where,
+            value=[paths[k] for k in match.columns[numbered[0]]],
+            next_step="Say which with --columns.",
+        )
+    return {name: paths[cols[0]] for name, cols in match.columns.items()}, list(match.notes)
+
+
+def _pick(variables: Mapping[str, Array], quantity: str, selector: str, where: str) -> Array:
+    path, part = selector, None
+    if selector not in variables and (match := _SLICE.fullmatch(selector)):
+        path, part = match.group(1).strip(), match.group(2)
+    elif selector not in variables and _COLUMNS.fullmatch(selector):
+        matrices = [name for name, value in variables.items() if min(value.shape, default=0) > 1]
+        if len(matrices) != 1:
+            raise RecordError(
+                f"columns: item '{quantity}={selector}' needs a variable name",
+                where=where,
+                value=matrices[:20],
+                next_step="Write it like q=data[1:7].",
+            )
+        path, part = matrices[0], selector
+    if path not in variables:
+        raise RecordError(
+            f"columns: item '{quantity}={selector}': there is no such variable of numbers",
+            where=where,
+            limit=", ".join(f"{p} {v.shape}" for p, v in list(variables.items())[:25]),
+        )
+    value = variables[path]
+    if part is None:
+        return value
+    if value.ndim != 2:
+        raise RecordError(
+            f"columns: item '{quantity}={selector}': {path} is no matrix",
+            where=where,
+            value=value.shape,
+        )
+    if value.shape[0] < value.shape[1]:
+        value = value.T
+    return value[:, select(quantity, part, value.shape[1], None)]
+
+
+def _length(arrays: Mapping[str, Array], joints: int | None) -> int | None:
+    """Number of samples N: the time vector's length, or what two or more arrays share."""
+    if "t" in arrays:
+        t = arrays["t"]
+        if t.size != max(t.shape, default=0):
+            raise RecordError("the time must be a vector", value=t.shape)
+        return t.size
+    sizes = Counter(
+        size
+        for value in arrays.values()
+        if value.ndim == 2
+        for size in value.shape
+        if size != joints and size > 1
+    )
+    return max(sizes, key=lambda size: (sizes[size], size)) if sizes else None
+
+
+def _width(arrays: Mapping[str, Array], length: int | None) -> int | None:
+    """Number of joints n, from the arrays that are matrices."""
+    for value in arrays.values():
+        if value.ndim == 2 and length in value.shape and value.size != length:
+            return value.size // (length or 1)
+    if length:
+        flat = Counter(
+            v.size // length for name, v in arrays.items() if name != "t" and v.size % length == 0
+        )
+        return max(flat, key=lambda n: flat[n]) if flat else None
+    return None
+
+
+def _upright(value: Array, length: int | None, width: int | None, where: str) -> Array:
+    """The array as (N, n)."""
+    if value.ndim == 2 and 1 not in value.shape:
+        rows, cols = value.shape
+        if length is not None and length in (rows, cols):
+            square = rows == cols
+            return value if rows == length and not (square and rows == width) else value.T
+        if width is not None and width in (rows, cols):
+            return value if cols == width else value.T
+    flat = value.ravel()
+    if value.ndim <= 1 or 1 in value.shape:
+        # Flat arrays hold one sample after the other.
+        if width and len(flat) % width == 0 and (length in (None, len(flat) // width)):
+            return flat.reshape(-1, width)
+        if length and len(flat) % length == 0:
+            return flat.reshape(length, -1)
+    elif length is None and width is None:
+        return value if value.shape[0] >= value.shape[1] else value.T
+    raise RecordError(
+        "the array does not fit the samples and joints",
+        where=where,
+        value=value.shape,
+        limit=f"{length or 'N'} samples, {width or 'n'} joints",
+    )

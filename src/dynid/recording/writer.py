@@ -1,0 +1,244 @@
+"""Record while a robot moves: what was appended a second ago survives a crash or power cut."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import math
+import os
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dynid.core.arrays import Array
+from dynid.core.errors import JobError, RecordError
+from dynid.core.notices import Notice
+from dynid.recording.parquet import write_record
+from dynid.recording.record import RecordMetadata
+from dynid.recording.schema import check_quantities, metadata_to_json
+from dynid.recording.segments import MARK, pack, partial_path, recover
+
+_FLUSH_S = 0.5
+_FLUSH_ROWS = 4096
+
+
+class RecordWriter:
+    """Appends samples to a recording; a context manager.
+
+    Rows go to `PATH.partial` at least twice a second, pushed to the disk from a second thread
+    so that the control loop never waits for it. Closing turns them into the Parquet file and
+    removes the partial file; after a crash `read_record(PATH)` reads the partial file.
+
+    Args:
+        path: The Parquet file to make.
+        joint_names: One name a joint, in column order.
+        quantities: The signals that every row brings; `q` among them.
+        metadata: Where the recording comes from; `joint_names` are filled in.
+        channels: Names of scalar columns that every row brings.
+
+    Raises:
+        RecordError: Unknown quantities, no joints, or another writer on the same file.
+        JobError: The file cannot be written.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        joint_names: Sequence[str],
+        quantities: Sequence[str],
+        metadata: RecordMetadata | None = None,
+        *,
+        channels: Sequence[str] = (),
+    ) -> None:
+        self.path = Path(path)
+        self._quantities = check_quantities(quantities)
+        self._channels = tuple(channels)
+        self._joints = len(joint_names)
+        if self._joints == 0 or len(set(self._channels)) != len(self._channels):
+            raise RecordError(
+                "a recording needs joints, and channels of different names",
+                value=(tuple(joint_names), self._channels),
+            )
+        self._width = 1 + self._joints * len(self._quantities) + len(self._channels)
+        self._buffer: list[Array] = []
+        self._last_t = -math.inf
+        self._flushed = time.monotonic()
+        self._samples = 0
+        self._sync: Future[None] | None = None
+        metadata = replace(metadata or RecordMetadata(), joint_names=tuple(joint_names))
+        description = {
+            "quantities": list(self._quantities),
+            "joints": self._joints,
+            "channels": list(self._channels),
+            "metadata": metadata_to_json(metadata),
+        }
+        self._partial = partial_path(self.path)
+        self._file = self._open()
+        self._disk = ThreadPoolExecutor(1, thread_name_prefix="dynid-record")
+        self._write(MARK + pack(b"H", json.dumps(description).encode()))
+
+    @property
+    def samples(self) -> int:
+        """Rows appended so far."""
+        return self._samples
+
+    def append(
+        self,
+        t: float,
+        signals: Mapping[str, ArrayLike],
+        channels: Mapping[str, float] | None = None,
+    ) -> None:
+        """Append one sample.
+
+        Args:
+            t: Time [s], larger than the sample before.
+            signals: Every quantity of this recording to (n) values, SI units.
+            channels: Every channel to its value.
+
+        Raises:
+            RecordError: Missing or extra signals, wrong shapes, values that are not finite, or
+                time that does not increase. Nothing is appended then.
+            JobError: The disk refuses the rows.
+        """
+        channels = channels or {}
+        if set(signals) != set(self._quantities) or set(channels) != set(self._channels):
+            raise RecordError(
+                "a sample must bring all signals and no others",
+                value=(*signals, *channels),
+                limit=(*self._quantities, *self._channels),
+            )
+        if not math.isfinite(t) or t <= self._last_t:
+            raise RecordError("time must increase", value=t, limit=f"above {self._last_t}")
+        row = np.empty(self._width)
+        row[0], at = t, 1
+        for name in self._quantities:
+            try:
+                value = np.asarray(signals[name], dtype=np.float64)
+            except (TypeError, ValueError) as error:
+                raise RecordError(f"{name} must be numbers", value=signals[name]) from error
+            if value.shape != (self._joints,) or not np.isfinite(value).all():
+                raise RecordError(
+                    f"{name} must be {self._joints} finite numbers", value=value.tolist()
+                )
+            row[at : at + self._joints] = value
+            at += self._joints
+        row[at:] = [channels[name] for name in self._channels]
+        if self._file is None:
+            raise RecordError("the recording is closed", where=str(self.path))
+        self._buffer.append(row)
+        self._last_t = float(t)
+        self._samples += 1
+        waited = time.monotonic() - self._flushed
+        recorded = t - float(self._buffer[0][0])
+        if max(waited, recorded) >= _FLUSH_S or len(self._buffer) >= _FLUSH_ROWS:
+            self.flush()
+
+    def report(self, problem: Notice) -> None:
+        """Add to the recording's problems: a gap, a stop, a late robot.
+
+        Raises:
+            JobError: The disk refuses it.
+        """
+        self._write(pack(b"N", json.dumps(problem.to_json()).encode()))
+
+    def flush(self) -> None:
+        """Hand all rows to the operating system now, and to the disk soon.
+
+        Raises:
+            JobError: The disk refused this write, or an earlier one.
+        """
+        self._flushed = time.monotonic()
+        if self._buffer:
+            rows, self._buffer = self._buffer, []
+            self._write(pack(b"R", np.stack(rows).astype("<f8").tobytes()))
+        if self._file is not None and (self._sync is None or self._sync.done()):
+            self._raise_sync()
+            self._sync = self._disk.submit(os.fsync, self._file)
+
+    def close(self) -> None:
+        """Turn the rows into the Parquet file.
+
+        Raises:
+            RecordError: Fewer than two samples; the partial file stays.
+            JobError: The file cannot be written; the partial file stays.
+        """
+        if self._file is None:
+            return
+        try:
+            self.flush()
+        finally:
+            self._disk.shutdown(wait=True)
+            os.close(self._file)
+            self._file = None
+        self._raise_sync()
+        write_record(recover(self._partial, finished=True), self.path)
+        self._partial.unlink(missing_ok=True)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        try:
+            self.close()
+        except (RecordError, JobError):
+            # The rows stay readable in the partial file; the first error is the one to show.
+            if error is None:
+                raise
+
+    def _open(self) -> int:
+        try:
+            if self._partial.exists():
+                self._set_aside()
+            file = os.open(self._partial, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o644)
+        except OSError as error:
+            raise JobError(
+                "the recording cannot be started", where=str(self._partial), value=error.strerror
+            ) from error
+        fcntl.flock(file, fcntl.LOCK_EX)
+        return file
+
+    def _set_aside(self) -> None:
+        """Keep what an interrupted recording of the same name left behind."""
+        old = os.open(self._partial, os.O_RDONLY)
+        try:
+            fcntl.flock(old, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise RecordError(
+                "another program is recording there", where=str(self._partial)
+            ) from error
+        finally:
+            os.close(old)
+        number = 1
+        while (aside := self._partial.with_name(f"{self._partial.name}.{number}")).exists():
+            number += 1
+        os.rename(self._partial, aside)
+
+    def _write(self, data: bytes) -> None:
+        if self._file is None:
+            raise RecordError("the recording is closed", where=str(self.path))
+        view = memoryview(data)
+        try:
+            while view:
+                view = view[os.write(self._file, view) :]
+        except OSError as error:
+            raise JobError(
+                "the recording cannot be written", where=str(self._partial), value=error.strerror
+            ) from error
+
+    def _raise_sync(self) -> None:
+        if self._sync is not None and self._sync.done() and (error := self._sync.exception()):
+            raise JobError(
+                "the disk does not take the recording", where=str(self._partial), value=str(error)
+            ) from error
