@@ -45,12 +45,15 @@ class Candidates:
     samples: int
     """N."""
 
-    def score(self, variants: tuple[Variant, ...], weights: Array) -> tuple[Array, Array]:
+    def score(
+        self, variants: tuple[Variant, ...], weights: Array, prior_gain: float = PRIOR_GAIN
+    ) -> tuple[Array, Array]:
         """Held-out and training errors of one variant a joint.
 
         Args:
             variants: n variants.
             weights: (n) weight of each joint [1/(N.m)].
+            prior_gain: See `PRIOR_GAIN`.
 
         Returns:
             (n) mean squared error of predicted against measured torque on the stretches
@@ -61,7 +64,7 @@ class Candidates:
         total, target = matrix.sum(axis=0), vector.sum(axis=0)
         scale = np.sqrt(np.maximum(np.diag(total), 1e-300))
         size = len(scale)
-        prior = np.eye(size) / max(PRIOR_GAIN**2 * energy, 1e-300)
+        prior = np.eye(size) / max(prior_gain**2 * energy, 1e-300)
         # The products square the condition number: keep a margin above rounding.
         prior += 1e-12 * np.eye(size)
         systems = np.concatenate([total[None] - matrix, total[None]]) / np.outer(scale, scale)

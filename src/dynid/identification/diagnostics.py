@@ -17,7 +17,7 @@ SLOW = 0.05
 """[rad/s or m/s] a joint that never moves faster shows no viscous friction."""
 ONE_WAY = 0.05
 """Share of the moving samples in the rarer direction; below it, friction and gravity mix."""
-UNCERTAIN_SHARE = 0.5
+UNCERTAIN_SHARE = 0.75
 """Share of parameters with more than 100 % standard deviation that makes a record poor."""
 CORRELATED = 0.3
 """Autocorrelation of the residuals at one sample that is worth saying."""
@@ -94,9 +94,7 @@ def not_physical(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
     text = [f"below zero beyond doubt: {', '.join(found)}"] if found else []
     smallest = smallest_mass_eigenvalue(estimate, samples)
     if smallest < 0:
-        text.append(
-            f"the mass matrix is not positive at some poses of the record (eigenvalue {smallest:.2g})"
-        )
+        text.append(f"the mass matrix is not positive at some poses (eigenvalue {smallest:.2g})")
     if not text:
         return ()
     return (Notice("not_physical", "; ".join(text) + ". Do not simulate or invert this model"),)

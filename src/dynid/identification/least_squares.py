@@ -13,7 +13,7 @@ from dynid.core.errors import InputError, JobError
 from dynid.identification.accumulate import joint_factors, upper_triangle
 from dynid.identification.problem import IdentificationProblem
 
-PRIOR_GAIN = 3.0
+PRIOR_GAIN = 1.0
 """Standard deviation expected of a parameter's share of the torque, over the torque itself."""
 
 
@@ -31,7 +31,6 @@ class Fit:
     """(r, r) upper triangular R with R'R = W' Omega^-1 W (+ prior)."""
     row_weights: Array | None = None
     """(n, N) further weights of single rows, for robust estimators."""
-    iterations: int = 1
 
 
 class Estimator(ABC):
@@ -95,8 +94,7 @@ class WeightedLeastSquares(Estimator):
         measured = problem.samples.noise
         noise = torque_scale(factors, problem) if measured is None else measured
         values = information = np.zeros(0)
-        iteration = 0
-        for iteration in range(1, self.max_iterations + 1):
+        for _ in range(self.max_iterations):
             weights = 1.0 / pooled(noise, groups)
             values, information = solve(factors, weights, self.prior_gain)
             update = residual_noise(factors, values, problem)
@@ -106,13 +104,7 @@ class WeightedLeastSquares(Estimator):
                 break
         weights = 1.0 / pooled(noise, groups)
         values, information = solve(factors, weights, self.prior_gain)
-        return Fit(
-            values=values,
-            noise=noise,
-            weights=weights,
-            information=information,
-            iterations=iteration,
-        )
+        return Fit(values=values, noise=noise, weights=weights, information=information)
 
 
 def solve(factors: Array, weights: Array, prior_gain: float | None = None) -> tuple[Array, Array]:
@@ -152,6 +144,14 @@ def solve(factors: Array, weights: Array, prior_gain: float | None = None) -> tu
         )
     values = solve_triangular(upper[:r, :r], upper[:r, r]) / scale
     return values, upper[:r, :r] * scale
+
+
+def autocorrelation(residual: Array, lag: int) -> Array:
+    """(n) autocorrelation of (n, N) residuals at a lag."""
+    centred = residual - residual.mean(axis=1, keepdims=True)
+    energy = np.square(centred).sum(axis=1)
+    product = (centred[:, lag:] * centred[:, :-lag]).sum(axis=1)
+    return np.divide(product, energy, out=np.zeros_like(energy), where=energy > 0)
 
 
 def residual_noise(factors: Array, values: Array, problem: IdentificationProblem) -> Array:

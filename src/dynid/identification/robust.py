@@ -41,8 +41,7 @@ class HuberRegression(Estimator):
         start = WeightedLeastSquares(prior_gain=self.prior_gain).fit(problem)
         values, noise, information = start.values, start.noise, start.information
         rows = np.ones((problem.samples.joints, problem.blocks))
-        iteration = 0
-        for iteration in range(1, self.max_iterations + 1):
+        for _ in range(self.max_iterations):
             residual = problem.residual(values)
             noise = np.maximum(_spread(residual), 1e-12 * np.abs(residual).max(initial=1e-12))
             rows = np.minimum(1.0, self.threshold * noise[:, None] / (np.abs(residual) + 1e-300))
@@ -60,7 +59,6 @@ class HuberRegression(Estimator):
             weights=1.0 / noise,
             information=information,
             row_weights=rows,
-            iterations=iteration,
         )
 
 

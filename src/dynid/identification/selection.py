@@ -1,6 +1,6 @@
 """`--preset best`: choose cut-off, velocities, delays and friction inside the record.
 
-Every choice is scored by block cross-validation against the unfiltered torque of the
+Every choice is scored by block cross-validation against the measured torque of the
 identification record alone. A variant that is not clearly better than a simpler one loses.
 """
 
@@ -19,6 +19,7 @@ from dynid.identification.crossvalidation import (
     Variant,
     accumulate_candidates,
 )
+from dynid.identification.least_squares import PRIOR_GAIN
 from dynid.reduction.base import reduce_model
 from dynid.regressor.blocks import smooth_sign
 from dynid.regressor.model import InverseDynamicModel
@@ -40,6 +41,8 @@ CUTOFFS_HZ = (2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 22.0, 33.0, 50.0, 75.0)
 ILL_CONDITIONED = 1000.0
 """Condition number of the scaled problem above which friction stays plain: blocks of such a
 record do not show how a richer model will do on another motion."""
+PRIOR_GAINS = (PRIOR_GAIN, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
+"""Priors that are tried on such a record."""
 DELAY_STEPS = (-3, -2, -1, 1, 2, 3)
 SHORTEST_DELAY_STEP_S = 0.002
 GAIN_OF_TERM = 0.03
@@ -61,6 +64,8 @@ class Selection:
     """Sum over joints of log RMS of the held-out error [log N.m]."""
     noise: Array
     """(n) held-out RMS error [N.m or N]."""
+    prior_gain: float
+    """Strength of the weak prior; the default unless the record is ill-conditioned."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +107,8 @@ def select(
         scored.append((search.score(search.candidates(trial), plain)[0], index))
     best = min(scored)[1]
     choices = plain
-    if search.candidates(trials[best]).condition(search.variants(plain)) > ILL_CONDITIONED:
+    ill = search.candidates(trials[best]).condition(search.variants(plain)) > ILL_CONDITIONED
+    if ill:
         search.extras = ()
     tell("friction and delays", 0.4)
     score, choices, noise = search.descend(trials[best], choices)
@@ -114,12 +120,16 @@ def select(
             better, moved, spread = search.descend(trials[near], choices)
             if better < score:
                 score, choices, noise, best = better, moved, spread, near
+    gain = PRIOR_GAIN
+    if ill:
+        gain, score, noise = search.prior(trials[best], choices)
     tell("done", 1.0)
     return Selection(
         settings=search.settings(trials[best], choices),
         friction=search.friction(choices),
         score=score,
         noise=noise,
+        prior_gain=gain,
     )
 
 
@@ -133,9 +143,7 @@ class _Search:
         self.signals = signals
         self.given = terms
         step = max(1.0 / signals.rate_hz, SHORTEST_DELAY_STEP_S)
-        self.delays = (*(k * step for k in DELAY_STEPS if k < 0), 0.0) + tuple(
-            k * step for k in DELAY_STEPS if k > 0
-        )
+        self.delays = tuple(sorted(k * step for k in (*DELAY_STEPS, 0)))
         self.no_delay = self.delays.index(0.0)
         fixed = terms or FrictionTerms()
         shared = tuple(
@@ -241,6 +249,18 @@ class _Search:
             if choices == before:
                 break
         return score, choices, noise
+
+    def prior(
+        self, settings: ProcessingSettings, choices: tuple[_JointChoice, ...]
+    ) -> tuple[float, float, Array]:
+        """The best prior for choices, its score and held-out RMS (n)."""
+        candidates = self.candidates(settings)
+        weights = self.score(candidates, choices)[2]
+        variants = self.variants(choices)
+        errors = [candidates.score(variants, weights, gain)[0] for gain in PRIOR_GAINS]
+        scores = [float(np.log(error).sum() / 2) for error in errors]
+        best = int(np.argmin(scores))
+        return PRIOR_GAINS[best], scores[best], np.sqrt(errors[best])
 
     def _moves(self, now: _JointChoice, settings: ProcessingSettings) -> list[_JointChoice]:
         widths = range(len(WIDTHS)) if self.stepped else range(1)

@@ -6,13 +6,17 @@ import numpy as np
 from scipy.linalg import solve_triangular  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core.arrays import Array
-from dynid.identification.least_squares import Fit
+from dynid.identification.correlated import ar_covariance
+from dynid.identification.least_squares import Fit, autocorrelation
 from dynid.identification.problem import IdentificationProblem
 
 MIN_LAG_S = 0.3
 """Correlation of residuals is looked for at least this far [s]."""
 MAX_LAG_SHARE = 0.1
 """... and at most over this share of the record."""
+
+MODEL_CORRELATION = 0.2
+"""Autocorrelation at one row from which a model of the noise supports the Newey-West sums."""
 
 
 def naive_covariance(fit: Fit, problem: IdentificationProblem) -> Array:
@@ -51,9 +55,11 @@ def hac_covariance(fit: Fit, problem: IdentificationProblem) -> Array:
     freedom = samples / max(samples - problem.base.rank / len(fit.noise), 1.0)
     short = 1.0 / max(1.0 - 2.0 * lag / samples, 0.5)
     covariance *= freedom * short
-    # Estimated from few independent stretches it can fall below the white-noise floor.
-    floor = np.sqrt(np.diag(naive_covariance(fit, problem)))
-    raise_to = np.maximum(floor / np.sqrt(np.maximum(np.diag(covariance), 1e-300)), 1.0)
+    # Sums over few independent stretches fall short: never below the parametric answers.
+    floor = np.diag(naive_covariance(fit, problem))
+    if autocorrelation(residual, 1).max() > MODEL_CORRELATION and fit.row_weights is None:
+        floor = np.maximum(floor, np.diag(ar_covariance(fit, problem, residual)))
+    raise_to = np.sqrt(np.maximum(floor / np.maximum(np.diag(covariance), 1e-300), 1.0))
     return covariance * raise_to[:, None] * raise_to[None, :]
 
 
@@ -69,14 +75,6 @@ def correlation_lag(residual: Array, rate_hz: float) -> int:
     rule = 1.1447 * (float(alpha.max(initial=0.0)) * samples) ** (1 / 3)
     least = MIN_LAG_S * rate_hz if rho.max(initial=0.0) > 0.2 else 1.0
     return int(np.clip(np.ceil(max(rule, least)), 1, max(1, int(MAX_LAG_SHARE * samples))))
-
-
-def autocorrelation(residual: Array, lag: int) -> Array:
-    """(n) autocorrelation of (n, N) residuals at a lag."""
-    centred = residual - residual.mean(axis=1, keepdims=True)
-    energy = np.square(centred).sum(axis=1)
-    product = (centred[:, lag:] * centred[:, :-lag]).sum(axis=1)
-    return np.divide(product, energy, out=np.zeros_like(energy), where=energy > 0)
 
 
 def long_run_covariance(scores: Array, lag: int) -> Array:

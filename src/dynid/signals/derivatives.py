@@ -17,7 +17,8 @@ def derivative(values: Array, rate_hz: float, method: str, cutoff_hz: float) -> 
     Args:
         values: (N, n) uniform samples.
         rate_hz: Sampling rate.
-        method: `central` differences of fourth order; `savgol`, a cubic over one period of the cut-off.
+        method: `central` differences of fourth order, or `savgol`, a cubic over one period
+            of the cut-off.
         cutoff_hz: Sets the window of `savgol`.
 
     Raises:

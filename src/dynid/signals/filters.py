@@ -12,6 +12,8 @@ NYQUIST_SHARE = 0.8
 """Cut-offs stay below this share of half the sampling rate."""
 HARMONIC_FACTOR = 10.0
 """Default cut-off over the highest frequency of the motion (5 to 10 in methods.md 3)."""
+HIGHEST_MOTION_HZ = 25.0
+"""No arm is excited by design above this."""
 LOWEST_DEFAULT_HZ = 5.0
 """Friction turns over faster than the slowest motions."""
 
@@ -27,24 +29,25 @@ def low_pass(values: Array, rate_hz: float, cutoff_hz: float) -> Array:
     )
 
 
-def motion_bandwidth(q: Array, rate_hz: float, share: float = 0.999) -> float:
+def motion_bandwidth(q: Array, rate_hz: float, share: float = 0.99) -> float:
     """The frequency [Hz] below which `share` of the velocity's power lies, median joint.
 
-    Measurement noise is white in position: its floor, read off the upper half of the spectrum,
-    is taken away first.
+    Only the band in which arms are driven counts: above it lies noise, which differentiation
+    makes large.
     """
     taper = np.hanning(len(q))[:, None]
-    power = np.square(np.abs(np.fft.rfft((q - q.mean(axis=0)) * taper, axis=0)))
+    spectrum = np.fft.rfft((q - q.mean(axis=0)) * taper, axis=0)
     frequency = np.fft.rfftfreq(len(q), 1.0 / rate_hz)
-    floor = np.median(power[len(power) // 2 :], axis=0)
-    power = np.where(power > 8 * floor, power, 0.0) * np.square(frequency)[:, None]
+    driven = frequency <= max(HIGHEST_MOTION_HZ, frequency[1])
+    frequency = frequency[driven]
+    power = np.square(np.abs(spectrum[driven]) * frequency[:, None])
     total = power.sum(axis=0)
     moving = total > 1e-4 * total.max(initial=0.0)
     if total.max(initial=0.0) == 0:
         return float(frequency[1])
     cumulative = np.cumsum(power[:, moving], axis=0) / total[moving]
     edges = frequency[np.argmax(cumulative >= share, axis=0)]
-    return float(np.clip(np.median(edges), frequency[1], rate_hz / 2))
+    return float(max(np.median(edges), frequency[1]))
 
 
 def default_cutoff(q: Array, rate_hz: float) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from dynid.core.arrays import Array
 from dynid.core.notices import Notice
 from dynid.identification.estimate import Estimate
-from dynid.identification.statistics import autocorrelation
+from dynid.identification.least_squares import autocorrelation
 from dynid.recording.record import ExperimentRecord
 from dynid.signals.process import process
 from dynid.signals.samples import Samples

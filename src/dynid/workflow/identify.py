@@ -19,12 +19,12 @@ from dynid.identification.least_squares import (
     Estimator,
     OrdinaryLeastSquares,
     WeightedLeastSquares,
+    autocorrelation,
 )
 from dynid.identification.problem import IdentificationProblem
 from dynid.identification.robust import HuberRegression
 from dynid.identification.selection import Progress, select
 from dynid.identification.statistics import (
-    autocorrelation,
     essential_parameters,
     hac_covariance,
     naive_covariance,
@@ -156,13 +156,22 @@ def identify(
     )
     friction = settings.terms or FrictionTerms()
     choices: tuple[str, ...] = ()
+    prior_gain = None
     if settings.preset == "best":
-        processing, friction, choices = _choose(records, robot, settings, processing, progress)
+        processing, friction, prior_gain, choices = _choose(
+            records, robot, settings, processing, progress
+        )
     parts = [process(record, robot, processing) for record in records]
     samples = parts[0] if len(parts) == 1 else _joined(parts)
     model = InverseDynamicModel(robot=robot, frames=settings.frames, friction=friction)
     estimate = _estimate(
-        model, samples, settings, replace(processing, cutoff_hz=samples.cutoff_hz), choices, records
+        model,
+        samples,
+        settings,
+        replace(processing, cutoff_hz=samples.cutoff_hz),
+        prior_gain,
+        choices,
+        records,
     )
     training = validate(estimate, records[0], start_s=settings.start_s, stop_s=settings.stop_s)
     result = None
@@ -201,7 +210,7 @@ def _choose(
     settings: IdentifySettings,
     processing: ProcessingSettings,
     progress: Progress | None,
-) -> tuple[ProcessingSettings, FrictionTerms, tuple[str, ...]]:
+) -> tuple[ProcessingSettings, FrictionTerms, float, tuple[str, ...]]:
     longest = max(records, key=lambda record: record.duration_s)
     signals = uniform_signals(longest, robot, processing)
     period = find_period(signals.q, signals.rate_hz)
@@ -221,6 +230,7 @@ def _choose(
     return (
         chosen.settings,
         chosen.friction,
+        chosen.prior_gain,
         (
             *folded,
             f"cut-off {chosen.settings.cutoff_hz:g} Hz",
@@ -231,6 +241,11 @@ def _choose(
             + ("none" if delays is None else " ".join(f"{1000 * d:g}" for d in delays) + " ms"),
             f"friction terms {chosen.friction.describe()}",
             "Coulomb widths " + " ".join(f"{w:g}" for w in widths) + " rad/s",
+            *(
+                (f"prior gain {chosen.prior_gain:g}, stronger for an ill-conditioned record",)
+                if chosen.prior_gain < PRIOR_GAIN
+                else ()
+            ),
             "held-out RMS " + " ".join(f"{x:.3g}" for x in chosen.noise) + " N.m",
         ),
     )
@@ -241,12 +256,13 @@ def _estimate(
     samples: Samples,
     settings: IdentifySettings,
     processing: ProcessingSettings,
+    prior_gain: float | None,
     choices: tuple[str, ...],
     records: Sequence[ExperimentRecord],
 ) -> Estimate:
     base = reduce_model(model)
     problem = IdentificationProblem(base=base, samples=samples)
-    estimator = _estimator(settings, model.robot)
+    estimator = _estimator(settings, model.robot, prior_gain)
     fit = estimator.fit(problem)
     root = upper_triangle(joint_factors(problem)[:, :, : base.rank].reshape(-1, base.rank))
     estimate = Estimate(
@@ -283,9 +299,8 @@ def _estimate(
     return replace(estimate, warnings=tuple(notices))
 
 
-def _estimator(settings: IdentifySettings, robot: RobotModel) -> Estimator:
+def _estimator(settings: IdentifySettings, robot: RobotModel, prior: float | None) -> Estimator:
     word = settings.estimator or ("ols" if settings.preset == "paper" else "wls")
-    prior = PRIOR_GAIN if settings.preset == "best" else None
     if word == "ols":
         return OrdinaryLeastSquares()
     if word == "irls":
