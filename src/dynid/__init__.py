@@ -1,3 +1,134 @@
-"""dynid identifies the dynamics of a robot arm."""
+"""dynid identifies the dynamics of a robot arm.
+
+Every name below is loaded when it is first used, so `import dynid` costs nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from dynid.core.errors import (
+        DynidError,
+        InputError,
+        JobError,
+        MissingExtraError,
+        RecordError,
+        RobotError,
+    )
+    from dynid.core.notices import Notice
+    from dynid.identification.estimate import Estimate
+    from dynid.identification.estimate_file import read_estimate, write_estimate
+    from dynid.recording.files import read_recording
+    from dynid.recording.parquet import read_record, write_record
+    from dynid.recording.record import ExperimentRecord, RecordMetadata
+    from dynid.recording.writer import RecordWriter
+    from dynid.reduction.base import BaseParametrization, reduce_model
+    from dynid.regressor.model import InverseDynamicModel
+    from dynid.regressor.terms import FrictionTerms, parse_terms
+    from dynid.robot.load import load_robot, robots
+    from dynid.robot.model import RobotModel
+    from dynid.signals.process import process
+    from dynid.signals.samples import ProcessingSettings, Samples
+    from dynid.trajectory.fourier import FourierSeries
+    from dynid.trajectory.random_excitation import random_excitation
+    from dynid.validation.prediction import ValidationResult, validate
+    from dynid.workflow.analyze import Analysis, analyze
+    from dynid.workflow.identify import Identification, IdentifySettings, identify
+    from dynid.workflow.importing import ImportOptions, import_recording
+    from dynid.workflow.simulating import simulate_recording
+    from dynid.workflow.verdict import Verdict, verdict
+
+__all__ = [
+    "Analysis",
+    "BaseParametrization",
+    "DynidError",
+    "Estimate",
+    "ExperimentRecord",
+    "FourierSeries",
+    "FrictionTerms",
+    "Identification",
+    "IdentifySettings",
+    "ImportOptions",
+    "InputError",
+    "InverseDynamicModel",
+    "JobError",
+    "MissingExtraError",
+    "Notice",
+    "ProcessingSettings",
+    "RecordError",
+    "RecordMetadata",
+    "RecordWriter",
+    "RobotError",
+    "RobotModel",
+    "Samples",
+    "ValidationResult",
+    "Verdict",
+    "__version__",
+    "analyze",
+    "identify",
+    "import_recording",
+    "load_robot",
+    "parse_terms",
+    "process",
+    "random_excitation",
+    "read_estimate",
+    "read_record",
+    "read_recording",
+    "reduce_model",
+    "robots",
+    "simulate_recording",
+    "validate",
+    "verdict",
+    "write_estimate",
+    "write_record",
+]
+
+_HOME = {
+    "core.errors": (
+        "DynidError",
+        "InputError",
+        "JobError",
+        "MissingExtraError",
+        "RecordError",
+        "RobotError",
+    ),
+    "core.notices": ("Notice",),
+    "identification.estimate": ("Estimate",),
+    "identification.estimate_file": ("read_estimate", "write_estimate"),
+    "recording.files": ("read_recording",),
+    "recording.parquet": ("read_record", "write_record"),
+    "recording.record": ("ExperimentRecord", "RecordMetadata"),
+    "recording.writer": ("RecordWriter",),
+    "reduction.base": ("BaseParametrization", "reduce_model"),
+    "regressor.model": ("InverseDynamicModel",),
+    "regressor.terms": ("FrictionTerms", "parse_terms"),
+    "robot.load": ("load_robot", "robots"),
+    "robot.model": ("RobotModel",),
+    "signals.process": ("process",),
+    "signals.samples": ("ProcessingSettings", "Samples"),
+    "trajectory.fourier": ("FourierSeries",),
+    "trajectory.random_excitation": ("random_excitation",),
+    "validation.prediction": ("ValidationResult", "validate"),
+    "workflow.analyze": ("Analysis", "analyze"),
+    "workflow.identify": ("Identification", "IdentifySettings", "identify"),
+    "workflow.importing": ("ImportOptions", "import_recording"),
+    "workflow.simulating": ("simulate_recording",),
+    "workflow.verdict": ("Verdict", "verdict"),
+}
+_MODULE_OF = {name: f"dynid.{module}" for module, names in _HOME.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module 'dynid' has no attribute {name!r}")
+    value = getattr(importlib.import_module(_MODULE_OF[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,78 @@
+"""Errors become one line on stderr and an exit code."""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable
+from types import FrameType
+
+import typer
+
+from dynid.core.errors import DynidError
+
+TRACEBACK = "DYNID_TRACEBACK"
+"""Set in the environment, this shows the traceback of any error."""
+BAD_INPUT, JOB_FAILED, INTERRUPTED, BROKEN_PIPE = 2, 1, 130, 141
+
+
+def exit_code_of(job: Callable[[], int]) -> int:
+    """Run a job; whatever it raises becomes one line on stderr and an exit code."""
+    try:
+        code = job()
+    except DynidError as error:
+        return _say(str(error), error.exit_code)
+    except typer.TyperException as error:
+        return _say(_usage(error), BAD_INPUT)
+    except (KeyboardInterrupt, typer.Abort):
+        code = INTERRUPTED
+    except BrokenPipeError:
+        # Whoever read our output has left: nothing to say, and nobody to say it to.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+    except MemoryError:
+        return _say("not enough memory for this job; use a shorter record", JOB_FAILED)
+    except Exception as error:
+        # The last resort: a person must never meet a bare traceback. Every error that is
+        # foreseen is a DynidError; what arrives here is a bug and is called one.
+        return _say(
+            f"internal error, a bug in dynid: {type(error).__name__}: {error}. "
+            f"Run again with {TRACEBACK}=1 to see the traceback, and report it",
+            JOB_FAILED,
+        )
+    if code == INTERRUPTED:
+        return _say("interrupted; no file was left half-written", INTERRUPTED)
+    return code
+
+
+def guard_streams() -> None:
+    """Make streams take any text, and SIGTERM clean up as Ctrl-C does."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, _terminate)
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    raise SystemExit(128 + number)
+
+
+def _usage(error: typer.TyperException) -> str:
+    """What was wrong with the command line, and where its help is."""
+    context = getattr(error, "ctx", None)
+    command = getattr(context, "command_path", "dynid")
+    text = error.format_message().strip()
+    return f"{text if text.endswith(('.', '?')) else text + '.'} See: {command} --help"
+
+
+def _say(message: str, code: int) -> int:
+    if os.environ.get(TRACEBACK):
+        traceback.print_exc()
+    line = " ".join(part.strip() for part in message.splitlines() if part.strip())
+    print(f"dynid: {line}", file=sys.stderr)
+    return code

@@ -1,0 +1,72 @@
+"""An identification in words and tables: first whether to trust it, then the numbers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dynid.cli.metrics_table import print_metrics
+from dynid.cli.output import number, print_notices, print_table
+from dynid.workflow.verdict import verdict
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from dynid.workflow.identify import Identification
+
+COLOURS = {"usable": "bold green", "care": "bold yellow", "do_not_use": "bold red"}
+
+
+def print_identification(screen: Console, result: Identification, output: Path | None) -> None:
+    """Print an identification.
+
+    Args:
+        screen: Where to.
+        result: The identification.
+        output: Where the estimate was written, if it was.
+    """
+    estimate, judged = result.estimate, verdict(result)
+    screen.print(judged.headline, style=COLOURS[judged.level])
+    screen.print()
+    screen.print(
+        f"{estimate.model.robot.name}: {len(estimate.values)} base parameters from "
+        f"{estimate.samples} samples, estimator {estimate.estimator}, preset {estimate.preset}, "
+        f"{estimate.model.frames} frames"
+    )
+    screen.print(
+        f"condition number {number(estimate.condition_number, 3)}, with scaled columns "
+        f"{number(estimate.scaled_condition_number, 3)}"
+    )
+    for choice in estimate.choices:
+        screen.print(f"- {choice}")
+    _print_parameters(screen, result)
+    print_metrics(screen, "Training: prediction of the identification record", result.training)
+    if result.validation is not None:
+        print_metrics(screen, "Validation: prediction of the other record", result.validation)
+    print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
+    screen.print()
+    if output is None:
+        screen.print("Nothing was written; keep the estimate with -o ESTIMATE.json")
+    else:
+        screen.print(f"Estimate written to {output}")
+
+
+def _print_parameters(screen: Console, result: Identification) -> None:
+    rows = [
+        (
+            row["name"],
+            number(row["value"]),
+            number(row["std"], 2),
+            number(row["relative_std_percent"], 3),
+            row["unit"],
+            "" if row["essential"] else "weak",
+        )
+        for row in result.estimate.parameter_table()
+    ]
+    print_table(
+        screen,
+        "Base parameters (weak: the data hardly speak about it)",
+        ("name", "value", "std", "std %", "unit", ""),
+        rows,
+        words=(0, 4, 5),
+    )

@@ -1,0 +1,137 @@
+"""What goes to stdout: one JSON object, or text and tables that read well in 80 columns."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from dynid.core.errors import InputError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+WIDTH = 80
+
+
+def print_json(data: Mapping[str, Any]) -> None:
+    """Print one JSON object; numbers that are not finite become null."""
+    print(json.dumps(_finite(data), allow_nan=False))
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(k): _finite(v) for k, v in cast("Mapping[Any, Any]", value).items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in cast("Sequence[Any]", value)]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def console(*, stderr: bool = False) -> Console:
+    """A console that prints text as it is; colour only on a terminal."""
+    from rich.console import Console
+
+    stream = sys.stderr if stderr else sys.stdout
+    return Console(
+        file=stream,
+        markup=False,
+        highlight=False,
+        emoji=False,
+        width=None if stream.isatty() else WIDTH,
+    )
+
+
+def print_table(
+    screen: Console,
+    title: str,
+    columns: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    words: Iterable[int] = (0,),
+) -> None:
+    """Print a table.
+
+    Args:
+        screen: Where to.
+        title: A line above it.
+        columns: Headings.
+        rows: Cells.
+        words: The columns that hold words; the others hold numbers, which never wrap.
+    """
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    for k, name in enumerate(columns):
+        word = k in words
+        table.add_column(
+            name, justify="left" if word else "right", overflow="fold", no_wrap=not word
+        )
+    for row in rows:
+        table.add_row(*row)
+    screen.print()
+    screen.print(title, style="bold")
+    screen.print(table)
+
+
+def print_notices(screen: Console, title: str, notices: Iterable[Mapping[str, str]]) -> None:
+    """Print findings in words, each with its code; nothing where there are none."""
+    found = list(notices)
+    if not found:
+        return
+    screen.print()
+    screen.print(title, style="bold")
+    for notice in found:
+        screen.print(f"- {notice['code']}: {notice['message']}.")
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """A number for people; a dash where there is none."""
+    if value is None or not math.isfinite(value):
+        return "-"
+    if isinstance(value, int):
+        return str(value)
+    text = f"{value:.{digits}g}"
+    if "e" in text or value == 0.0:
+        return text
+    places = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+    return f"{value:.{places}f}"
+
+
+def check_output(path: Path, inputs: Iterable[Path] = (), suffix: str | None = None) -> None:
+    """Find out before a long job whether its result can be written.
+
+    Args:
+        path: Where the result goes.
+        inputs: Files that it must not overwrite.
+        suffix: What the name must end in.
+
+    Raises:
+        InputError: The directory is missing or closed, or the path is no place for the result.
+    """
+    where = "-o"
+    if suffix is not None and path.suffix.lower() != suffix:
+        raise InputError(
+            "the output has another format", where=where, value=str(path), limit=f"*{suffix}"
+        )
+    if path.is_dir():
+        raise InputError("the output is a directory", where=where, value=str(path))
+    if any(path.exists() and source.exists() and path.samefile(source) for source in inputs):
+        raise InputError("the output would overwrite an input", where=where, value=str(path))
+    directory = path.parent
+    if not directory.is_dir():
+        raise InputError(
+            "the output's directory does not exist",
+            where=where,
+            value=str(directory),
+            next_step=f"Run: mkdir -p {directory}",
+        )
+    if not os.access(directory, os.W_OK):
+        raise InputError(
+            "the output's directory cannot be written to", where=where, value=str(directory)
+        )

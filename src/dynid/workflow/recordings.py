@@ -1,0 +1,90 @@
+"""Recordings and the robots they belong to, whatever files they come in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from dynid.core.errors import InputError
+from dynid.recording.detect import content_kind
+from dynid.recording.files import read_recording
+from dynid.recording.parquet import read_record
+from dynid.recording.record import ExperimentRecord
+from dynid.robot.load import load_robot, robots
+from dynid.robot.model import RobotModel
+
+_NEXT = "Pass --robot: a built-in name (dynid robots), a URDF or a robot file."
+
+
+def robot_reference(name_or_path: str | Path) -> str:
+    """What a recording remembers of its robot: a built-in name, or an absolute path."""
+    text = str(name_or_path)
+    if text.lower() in {robot.name for robot in robots()}:
+        return text.lower()
+    return str(Path(text).expanduser().resolve())
+
+
+def open_record(path: str | Path, robot: RobotModel) -> ExperimentRecord:
+    """A recording of a robot: our own Parquet, or any file that can be read without options.
+
+    Args:
+        path: The recording.
+        robot: The robot it was made on.
+
+    Raises:
+        RecordError: Not a recording, or not one of this robot.
+    """
+    file = Path(path)
+    if not file.exists():
+        # The recording of a killed writer may be there under its partial name.
+        return read_record(file)
+    return read_recording(file, robot=robot)
+
+
+def open_records(
+    paths: Sequence[str | Path], robot: str | Path | None = None
+) -> tuple[list[ExperimentRecord], RobotModel]:
+    """Recordings of one robot, and the robot.
+
+    Args:
+        paths: The recordings.
+        robot: Built-in name, URDF or robot file; None to take what the recordings say.
+
+    Raises:
+        InputError: No recordings, a robot that is not known, or recordings that do not fit it.
+    """
+    if not paths:
+        raise InputError("needs at least one recording")
+    model = load_robot(stored_robot(paths) if robot is None else robot)
+    return [open_record(path, model) for path in paths], model
+
+
+def stored_robot(paths: Sequence[str | Path]) -> str:
+    """The robot that recordings remember.
+
+    Raises:
+        InputError: A recording does not say, they disagree, or the robot's file has gone.
+    """
+    found: list[str] = []
+    for path in paths:
+        file = Path(path)
+        own = not file.exists() or content_kind(file) == "parquet" if not file.is_dir() else False
+        name = read_record(file).metadata.robot if own else None
+        if name is None:
+            raise InputError(
+                "the recording does not say which robot it is of", where=str(path), next_step=_NEXT
+            )
+        found.append(name)
+    if len(set(found)) > 1:
+        raise InputError(
+            "the recordings are of different robots", value=", ".join(found), next_step=_NEXT
+        )
+    name = found[0]
+    if Path(name).is_absolute() and not Path(name).exists():
+        raise InputError(
+            "the robot file of the recording has gone",
+            where=str(paths[0]),
+            value=name,
+            next_step=_NEXT,
+        )
+    return name

@@ -1,0 +1,64 @@
+"""Can a result be trusted? One word and the reasons, from its warnings and errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from dynid.identification.diagnostics import ILL_CONDITIONED
+from dynid.workflow.identify import Identification
+
+CARE = frozenset(
+    {"not_physical", "over_fitted", "extrapolated", "saturated", "unit_suspect", "clock_mismatch"}
+)
+"""Codes that ask for a look before the result is used."""
+POOR_PREDICTION = 15.0
+"""[%] of the torque of moving joints; good identifications predict to 5 %."""
+
+HEADLINES = {
+    "usable": "This result can be used",
+    "care": "Use this result with care",
+    "do_not_use": "This result must not be used",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What a person has to know first."""
+
+    level: str
+    """`usable`, `care` or `do_not_use`."""
+    reasons: tuple[str, ...]
+    """Why, in words."""
+
+    @property
+    def headline(self) -> str:
+        """The verdict in one sentence."""
+        return f"{HEADLINES[self.level]}: {'; '.join(self.reasons)}."
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object."""
+        return {"level": self.level, "reasons": list(self.reasons)}
+
+
+def verdict(result: Identification) -> Verdict:
+    """Judge an identification."""
+    codes = {notice.code for notice in result.warnings}
+    poor: list[str] = []
+    if result.estimate.scaled_condition_number > ILL_CONDITIONED:
+        poor.append("the motion does not tell its parameters apart (ill_conditioned)")
+    if "low_excitation" in codes:
+        poor.append("the motion excites too little (low_excitation)")
+    if poor:
+        return Verdict(level="do_not_use", reasons=tuple(poor))
+    reasons = [f"see the warning {code}" for code in sorted(codes & CARE)]
+    if result.validation is None:
+        reasons.append("no other recording has confirmed it yet (--validate)")
+        return Verdict(level="care", reasons=tuple(reasons))
+    error = result.validation.moving.relative_error_overall_percent
+    share = f"it predicts the torques of another motion to {error:.1f} % (moving joints)"
+    if not error <= POOR_PREDICTION:
+        reasons.append(share)
+    if reasons:
+        return Verdict(level="care", reasons=tuple(reasons))
+    return Verdict(level="usable", reasons=(share, "and its parameters are told apart"))
