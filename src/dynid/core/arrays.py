@@ -9,6 +9,10 @@ from dynid.core.errors import InputError
 
 Array = NDArray[np.float64]
 """A float64 array; shape and unit stand in each field's docstring."""
+Indices = NDArray[np.intp]
+"""An array of indices."""
+Mask = NDArray[np.bool_]
+"""An array of truth values."""
 
 
 def frozen(

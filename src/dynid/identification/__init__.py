@@ -1,0 +1,1 @@
+"""Estimators, their statistics, and the choice of settings."""

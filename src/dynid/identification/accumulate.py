@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import qr  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core.arrays import Array
+from dynid.core.linalg import upper_triangle
 from dynid.identification.problem import IdentificationProblem
 
 
@@ -31,12 +31,3 @@ def joint_factors(problem: IdentificationProblem, row_weights: Array | None = No
                 rows = rows * row_weights[j, part, None]
             factors[j] = upper_triangle(np.vstack([factors[j], rows]))
     return factors
-
-
-def upper_triangle(matrix: Array) -> Array:
-    """The square upper triangle R of a QR, padded with zero rows."""
-    width = matrix.shape[1]
-    upper = np.asarray(
-        qr(matrix, mode="r", check_finite=False, overwrite_a=True)[0], dtype=np.float64
-    )[:width]
-    return np.vstack([upper, np.zeros((width - len(upper), width))])

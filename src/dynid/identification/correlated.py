@@ -8,10 +8,10 @@ with the correlation and variance whose residuals, after the fit, would look lik
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solve_triangular  # pyright: ignore[reportMissingTypeStubs]
-from scipy.signal import lfilter  # pyright: ignore[reportMissingTypeStubs]
+from scipy import signal  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core.arrays import Array
+from dynid.core.linalg import inverse_upper
 from dynid.identification.least_squares import Fit
 from dynid.identification.problem import IdentificationProblem
 
@@ -36,11 +36,11 @@ def ar_covariance(fit: Fit, problem: IdentificationProblem, residual: Array) -> 
     lag0 = np.square(rows).sum(axis=1)
     lag1 = (rows[:, 1:] * rows[:, :-1]).sum(axis=1)
     observed = np.divide(lag1, lag0, out=np.zeros_like(lag0), where=lag0 > 0)
-    rho = np.clip(observed, 0.0, LARGEST_CORRELATION)
+    rho: Array = np.clip(observed, 0.0, LARGEST_CORRELATION)
     variance = lag0 / count
     spread = np.zeros((designs.shape[2],) * 2)
     for _ in range(ITERATIONS):
-        smoothed = [_correlate(x, r) for x, r in zip(designs, rho, strict=True)]
+        smoothed = [_correlate(x, r) for x, r in zip(designs, rho.tolist(), strict=True)]
         crossed = [x.T @ s for x, s in zip(designs, smoothed, strict=True)]
         spread = np.sum([v * c for v, c in zip(variance, crossed, strict=True)], axis=0)
         expected0, expected1 = _expected_sums(designs, smoothed, spread, rho, variance)
@@ -52,15 +52,13 @@ def ar_covariance(fit: Fit, problem: IdentificationProblem, residual: Array) -> 
         rho = np.where(observed > NEGLIGIBLE, np.clip(update, 0.0, LARGEST_CORRELATION), rho)
         if np.abs(gain).max() < 0.02:
             break
-    inverse = np.asarray(solve_triangular(fit.information, np.eye(len(spread))), dtype=np.float64)
+    inverse = inverse_upper(fit.information)
     return inverse @ spread @ inverse.T
 
 
 def _whitened_columns(fit: Fit, problem: IdentificationProblem) -> Array:
     """(n, N, r) weighted columns times the inverse root of the information."""
-    inverse = np.asarray(
-        solve_triangular(fit.information, np.eye(problem.base.rank)), dtype=np.float64
-    )
+    inverse = inverse_upper(fit.information)
     out = np.empty((problem.samples.joints, problem.blocks, problem.base.rank))
     for rows, columns, _ in problem.chunks():
         out[:, rows] = columns.transpose(1, 2, 0) @ inverse
@@ -71,9 +69,15 @@ def _correlate(columns: Array, rho: float) -> Array:
     """Omega X for the correlation matrix Omega_ts = rho^|t - s|."""
     if rho < NEGLIGIBLE:
         return columns
-    ahead = lfilter([1.0], [1.0, -rho], columns, axis=0)
-    behind = lfilter([1.0], [1.0, -rho], columns[::-1], axis=0)[::-1]
-    return np.asarray(ahead + behind - columns, dtype=np.float64)
+    ahead = _recursion(columns, rho)
+    behind = _recursion(columns[::-1], rho)[::-1]
+    return ahead + behind - columns
+
+
+def _recursion(columns: Array, rho: float) -> Array:
+    """y_t = x_t + rho y_(t-1) along the first axis."""
+    filtered = signal.lfilter([1.0], [1.0, -rho], columns, axis=0)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
+    return np.asarray(filtered, dtype=np.float64)
 
 
 def _expected_sums(

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dynid.core.arrays import Array
+from dynid.core.arrays import Array, Indices
 from dynid.identification.least_squares import PRIOR_GAIN
 from dynid.identification.problem import block_mean
 from dynid.reduction.base import BaseParametrization
@@ -89,15 +89,15 @@ class Candidates:
         eigenvalues = np.linalg.eigvalsh(matrix / np.outer(scale, scale))
         return float(np.sqrt(eigenvalues[-1] / max(eigenvalues[0], 1e-15)))
 
-    def _picks(self, variants: tuple[Variant, ...]) -> list[tuple[Array, Array, int]]:
+    def _picks(self, variants: tuple[Variant, ...]) -> list[tuple[Indices, Indices, int]]:
         """For each joint: unknowns it touches, where their products stand, its torque."""
         common = np.arange(self.shared)
-        picks: list[tuple[Array, Array, int]] = []
+        picks: list[tuple[Indices, Indices, int]] = []
         first = self.shared
         for variant in variants:
             own = np.arange(first, first + len(variant.columns))
             first += len(own)
-            there = self.shared + np.array(variant.columns, dtype=int)
+            there = self.shared + np.array(variant.columns, dtype=np.intp)
             picks.append(
                 (
                     np.concatenate([common, own]),
@@ -108,7 +108,7 @@ class Candidates:
         return picks
 
     def _normal_equations(
-        self, picks: list[tuple[Array, Array, int]], weights: Array
+        self, picks: list[tuple[Indices, Indices, int]], weights: Array
     ) -> tuple[Array, Array, float]:
         size = 1 + max(int(here[-1]) for here, _, _ in picks)
         matrix = np.zeros((BLOCKS, size, size))
@@ -122,7 +122,7 @@ class Candidates:
         return matrix, vector, energy
 
 
-def _square_error(products: Array, values: Array, columns: Array, torque: int) -> float:
+def _square_error(products: Array, values: Array, columns: Indices, torque: int) -> float:
     quadratic = values @ products[np.ix_(columns, columns)] @ values
     return float(products[torque, torque] - 2 * values @ products[columns, torque] + quadratic)
 

@@ -6,11 +6,11 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core.arrays import Array
+from dynid.core.arrays import Array, Indices
 from dynid.core.errors import InputError, JobError
-from dynid.identification.accumulate import joint_factors, upper_triangle
+from dynid.core.linalg import solve_upper, upper_triangle
+from dynid.identification.accumulate import joint_factors
 from dynid.identification.problem import IdentificationProblem
 
 PRIOR_GAIN = 1.0
@@ -142,7 +142,7 @@ def solve(factors: Array, weights: Array, prior_gain: float | None = None) -> tu
             value=f"smallest pivot {diagonal.min():.1e}",
             next_step="Record a motion that excites every joint, or use --preset best.",
         )
-    values = solve_triangular(upper[:r, :r], upper[:r, r]) / scale
+    values = solve_upper(upper[:r, :r], upper[:r, r]) / scale
     return values, upper[:r, :r] * scale
 
 
@@ -169,6 +169,6 @@ def torque_scale(factors: Array, problem: IdentificationProblem) -> Array:
     return np.where(scale > 0, scale, 1.0)
 
 
-def pooled(noise: Array, groups: Array) -> Array:
+def pooled(noise: Array, groups: Indices) -> Array:
     """Noise (n) with the root mean square of its group in each joint's place."""
     return np.array([np.sqrt(np.mean(np.square(noise[groups == g]))) for g in groups])

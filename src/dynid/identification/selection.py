@@ -99,7 +99,7 @@ def select(
     """
     search = _Search(robot, frames, signals, terms)
     plain = (_JointChoice(0, frozenset(), search.no_delay),) * robot.joints
-    tell = progress or (lambda _what, _share: None)
+    tell = progress or _silent
     trials = _settings_to_try(signals, settings)
     scored: list[tuple[float, int]] = []
     for index, trial in enumerate(trials):
@@ -131,6 +131,10 @@ def select(
         noise=noise,
         prior_gain=gain,
     )
+
+
+def _silent(_what: str, _share: float) -> None:
+    """Progress that nobody watches."""
 
 
 class _Search:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solve_triangular  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core.arrays import Array
+from dynid.core.linalg import inverse_upper, solve_upper
 from dynid.identification.correlated import ar_covariance
 from dynid.identification.least_squares import Fit, autocorrelation
 from dynid.identification.problem import IdentificationProblem
@@ -25,7 +25,7 @@ def naive_covariance(fit: Fit, problem: IdentificationProblem) -> Array:
     rows = problem.blocks * joints
     # One for weighted fits, the residual variance for ordinary least squares.
     variance = np.mean(np.square(fit.noise * fit.weights)) * (rows - r / joints) / (rows - r)
-    inverse = _inverse(fit.information)
+    inverse = inverse_upper(fit.information)
     return variance * (inverse @ inverse.T)
 
 
@@ -47,7 +47,7 @@ def hac_covariance(fit: Fit, problem: IdentificationProblem) -> Array:
         scores[:, part] = np.einsum("rjt,jt->rt", columns, weighted, optimize=True)
     lag = correlation_lag(residual, problem.rate_hz)
     long_run = long_run_covariance(scores, lag)
-    inverse = _inverse(fit.information)
+    inverse = inverse_upper(fit.information)
     bread = inverse @ inverse.T
     covariance = bread @ long_run @ bread
     # Bartlett weights and fitted residuals both shrink S; the classical corrections restore it.
@@ -118,8 +118,8 @@ def essential_parameters(fit: Fit, *, ratio: float = 30.0) -> tuple[int, ...]:
         reduced = np.linalg.qr(np.column_stack([upper[:, kept], target]))[1]
         count = len(kept)
         root = reduced[:count, :count]
-        values = solve_triangular(root, reduced[:count, count])
-        inverse = _inverse(root)
+        values = solve_upper(root, reduced[:count, count])
+        inverse = inverse_upper(root)
         scale = np.mean(np.square(fit.noise * fit.weights))
         relative = relative_std_percent(values, np.sqrt(scale * np.square(inverse).sum(axis=1)))
         worst = int(np.argmax(relative))
@@ -127,7 +127,3 @@ def essential_parameters(fit: Fit, *, ratio: float = 30.0) -> tuple[int, ...]:
             break
         kept.pop(worst)
     return tuple(kept)
-
-
-def _inverse(upper: Array) -> Array:
-    return np.asarray(solve_triangular(upper, np.eye(len(upper))), dtype=np.float64)

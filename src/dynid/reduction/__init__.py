@@ -1,0 +1,1 @@
+"""Base parameters: rank, regrouping, classes."""

@@ -123,7 +123,7 @@ def reduce_model(
         dependent=dependent,
         regrouping=read_only(k),
         classes=classes,
-        singular_values=read_only(np.linalg.svd(w, compute_uv=False)),
+        singular_values=read_only(np.asarray(np.linalg.svd(w, compute_uv=False), dtype=np.float64)),
         tolerance=tolerance,
         seed=seed,
         samples=rows,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import qr, solve_triangular  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core.arrays import Array
+from dynid.core.linalg import solve_upper, upper_triangle
 
 RANK_TOLERANCE = 1e-9
 """Of the largest singular value, columns normalised; the UR5's gap is 1e-2 to 1e-16."""
@@ -66,18 +66,13 @@ def regrouping(
     """
     norms = np.linalg.norm(w, axis=0)
     scale = np.where(norms > tolerance * norms.max(initial=1e-300), norms, 1.0)
-    diagonal = np.abs(np.diag(_upper(w / scale)))
+    diagonal = np.abs(np.diag(upper_triangle(w / scale)))
     # A dependent column leaves rounding only; the first zero columns are below it too.
     independent = diagonal > max(tolerance, 1e-12)
     base, dependent = np.flatnonzero(independent), np.flatnonzero(~independent)
     r = len(base)
-    upper = _upper((w / scale)[:, np.concatenate([base, dependent])])
-    k = solve_triangular(upper[:r, :r], upper[:r, r:])
+    upper = upper_triangle((w / scale)[:, np.concatenate([base, dependent])])
+    k = solve_upper(upper[:r, :r], upper[:r, r:])
     k[np.abs(k) < CLASS_TOLERANCE * 1e-2] = 0.0
     k = k * (scale[dependent][None, :] / scale[base][:, None])
     return tuple(base.tolist()), tuple(dependent.tolist()), k
-
-
-def _upper(matrix: Array) -> Array:
-    result = qr(matrix, mode="r", check_finite=False)[0]
-    return result[: matrix.shape[1]]

@@ -1,0 +1,1 @@
+"""The regressor: inertial columns, friction columns, the inverse dynamic model."""

@@ -1,0 +1,1 @@
+"""From recorded signals to samples: torque, grid, filters, derivatives, periods."""

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core.arrays import Array
+from dynid.core.arrays import Array, Mask
 
 MOVING_SPEED = 0.02
 """A joint moves above this speed [rad/s or m/s]; below it friction hides the torque."""
@@ -45,7 +45,7 @@ class Metrics:
         }
 
 
-def metrics(measured: Array, predicted: Array, mask: Array | None = None) -> Metrics:
+def metrics(measured: Array, predicted: Array, mask: Mask | None = None) -> Metrics:
     """Metrics of a prediction.
 
     Args:
@@ -66,7 +66,7 @@ def metrics(measured: Array, predicted: Array, mask: Array | None = None) -> Met
         norm = float(np.square(torque).sum())
         square, energy = square + squares, energy + norm
         if len(torque) == 0:
-            columns.append((np.nan,) * 4)
+            columns.append((np.nan, np.nan, np.nan, np.nan))
             continue
         rms = np.sqrt(squares / len(torque))
         spread = float(np.square(torque - torque.mean()).sum())

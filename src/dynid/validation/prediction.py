@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core.arrays import Array
+from dynid.core.arrays import Array, Mask
 from dynid.core.notices import Notice
 from dynid.identification.estimate import Estimate
 from dynid.identification.least_squares import autocorrelation
@@ -120,7 +120,7 @@ def _extrapolated(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
     )
 
 
-def _at_rest(estimate: Estimate, moving: Array) -> tuple[Notice, ...]:
+def _at_rest(estimate: Estimate, moving: Mask) -> tuple[Notice, ...]:
     share = 1 - moving.mean(axis=0)
     worst = int(np.argmax(share))
     if share.mean() <= REST_SHARE:

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from dynid.core.errors import InputError
+from dynid.core.linalg import upper_triangle
 from dynid.core.notices import Notice
 from dynid.core.provenance import provenance
-from dynid.identification.accumulate import joint_factors, upper_triangle
+from dynid.identification.accumulate import joint_factors
 from dynid.identification.diagnostics import diagnose
 from dynid.identification.estimate import Estimate, MotionRange
 from dynid.identification.least_squares import (
