@@ -11,15 +11,15 @@ from numpy.typing import ArrayLike
 from dynid.core.arrays import Array, frozen
 from dynid.core.errors import RobotError
 from dynid.robot.chain import robot_from_chain
-from dynid.robot.frames import PARALLEL_WITHIN, parameter_frames
+from dynid.robot.frames import PARALLEL_WITHIN, link_frames, parameter_frames, poses_at_zero
 from dynid.robot.model import RobotModel
-from dynid.robot.transforms import rotation_x, rotation_z, translation
+from dynid.robot.transforms import inverse, rotation_x, rotation_z, translation
 
 CONVENTIONS = ("standard", "modified")
 _NOT_EXACT = 1e-9
 _PLACED = (
-    "axes that are nearly parallel: the dh and mdh frames were placed as if they were parallel,"
-    " not where the table puts them"
+    "axes that are nearly parallel: the joint, dh and mdh frames were placed as if they were"
+    " parallel, not where the table puts them"
 )
 
 
@@ -91,7 +91,7 @@ def robot_from_dh(
     tip = far[-1] @ end if n else end
     frames, notes = {"dh": far, "mdh": near, "urdf": own}, ()
     if _nearly_parallel(twist[:-1]):
-        # The table's own frames may stand hundreds of metres away, where the axes meet.
+        placements, tip = _brought_back(placements, axes, tip, convention)
         frames, notes = parameter_frames(placements, axes, tip), (_PLACED,)
     return robot_from_chain(
         name=name,
@@ -104,6 +104,22 @@ def robot_from_dh(
         default_frames="dh",
         notes=notes,
     )
+
+
+def _brought_back(
+    placements: Array, axes: Array, tip: Array, convention: str
+) -> tuple[Array, Array]:
+    """The same arm with its joint frames slid along their axes to where the links are.
+
+    Where axes nearly meet, a table's frames stand at the meeting point, hundreds of metres off.
+    """
+    poses = poses_at_zero(placements)
+    near, far = link_frames(poses, axes, tip)
+    feet = near if convention == "modified" else np.concatenate([poses[:1], far[:-1]])
+    slid = _stack([translation(0, 0, z) for z in (inverse(poses) @ feet)[:, 2, 3]])
+    back = inverse(slid)
+    before = _stack([np.eye(4), *back[:-1]])
+    return before @ placements @ slid, back[-1] @ tip
 
 
 def _stack(matrices: list[Array]) -> Array:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 
-from dynid.core.errors import RobotError
+from dynid.core.errors import InputError, RobotError
 
 
 def read_limited(path: Path, limit: int) -> bytes:
@@ -34,6 +36,15 @@ def read_limited(path: Path, limit: int) -> bytes:
     return data
 
 
+def is_there(path: Path) -> bool:
+    """Whether something is at a path; a path that no file can have has nothing at it."""
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        # Longer than the file system allows, or with a null byte.
+        return False
+
+
 def shown(name: object, width: int = 120) -> str:
     """Any name as one printable line of at most `width` characters."""
     text = "".join(c if c.isprintable() else "?" for c in str(name))
@@ -44,3 +55,23 @@ def shown_path(path: Path, width: int = 120) -> str:
     """A path as one printable line; where it is too long, its end."""
     text = shown(path, 10_000)
     return text if len(text) <= width else "..." + text[3 - width :]
+
+
+@contextmanager
+def located(where: str) -> Generator[None]:
+    """Add the place in the file to errors of the values built within.
+
+    Raises:
+        RobotError: In place of any InputError.
+    """
+    try:
+        yield
+    except InputError as error:
+        inner = f"{where}: {error.where}" if error.where else where
+        raise RobotError(
+            error.what,
+            where=inner,
+            value=error.value,
+            limit=error.limit,
+            next_step=error.next_step,
+        ) from error

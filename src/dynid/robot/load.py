@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import difflib
+import os
 from importlib import resources
 from pathlib import Path
 from typing import NamedTuple
 
 from dynid.core.errors import RobotError
 from dynid.robot import library
-from dynid.robot.files import read_limited, shown, shown_path
+from dynid.robot.files import is_there, read_limited, shown, shown_path
 from dynid.robot.model import RobotModel
 from dynid.robot.mount import with_mount
 from dynid.robot.robotfile import MAX_BYTES as MAX_TOML
@@ -56,8 +57,8 @@ def _load(name_or_path: str | Path) -> RobotModel:
     if text.lower() in names:
         file = resources.files(library) / f"{text.lower()}.toml"
         return robot_from_toml(file.read_bytes(), Path(f"{text.lower()}.toml"))
-    path = Path(text).expanduser() if text.startswith("~/") else Path(text)
-    if not text.strip() or not _exists(path):
+    path = Path(os.path.expanduser(text))
+    if not text.strip() or not is_there(path):
         near = difflib.get_close_matches(text.lower(), names, n=1)
         raise RobotError(
             "neither a built-in robot nor a file",
@@ -79,11 +80,3 @@ def _load(name_or_path: str | Path) -> RobotModel:
 def _names() -> list[str]:
     files = resources.files(library).iterdir()
     return sorted(file.name[:-5] for file in files if file.name.endswith(".toml"))
-
-
-def _exists(path: Path) -> bool:
-    try:
-        return path.exists()
-    except (OSError, ValueError):
-        # A name too long for the file system, or one with a null byte, is no file.
-        return False

@@ -29,7 +29,7 @@ from dynid.core.arrays import Array
 from dynid.core.errors import RobotError
 from dynid.robot.chain import MAX_JOINTS, robot_from_chain
 from dynid.robot.dh import CONVENTIONS, robot_from_dh
-from dynid.robot.files import shown_path
+from dynid.robot.files import is_there, located, shown_path
 from dynid.robot.model import FRAMES, RobotModel
 from dynid.robot.robotfile_parts import (
     read_capsules,
@@ -39,7 +39,7 @@ from dynid.robot.robotfile_parts import (
     read_limits,
     read_mount,
 )
-from dynid.robot.tables import Table, located, locked_joints, parse_toml, tables
+from dynid.robot.tables import Table, locked_joints, parse_toml, tables
 from dynid.robot.transforms import from_xyz_rpy
 from dynid.robot.urdf import load_urdf
 
@@ -64,11 +64,10 @@ def robot_from_toml(data: bytes, path: Path) -> RobotModel:
     Raises:
         RobotError: Anything that is not a sound robot file; names table and key.
     """
-    where = shown_path(path)
-    top = Table(parse_toml(data, where), "", where, _TOP)
-    with located(where):
-        robot = _kinematics(top, path, where)
-        sources = top.sources("robot")
+    with located(shown_path(path)):
+        top = Table(parse_toml(data), "", "", _TOP)
+        robot = _kinematics(top, path)
+        sources = [robot.source] if robot.source else []
         changes: dict[str, Any] = {}
         for name, read in (
             ("mount", read_mount),
@@ -87,11 +86,10 @@ def robot_from_toml(data: bytes, path: Path) -> RobotModel:
             changes["name"] = top.text("name")
         if "frames" in top:
             changes["default_frames"] = top.text("frames", FRAMES)
-        before = [robot.source] if robot.source else []
-        return replace(robot, **changes, source="; ".join(before + sources))
+        return replace(robot, **changes, source="; ".join(top.sources("") + sources))
 
 
-def _kinematics(top: Table, path: Path, where: str) -> RobotModel:
+def _kinematics(top: Table, path: Path) -> RobotModel:
     kinds = [key for key in ("urdf", "dh", "joint") if key in top]
     if len(kinds) != 1:
         raise RobotError(
@@ -103,7 +101,7 @@ def _kinematics(top: Table, path: Path, where: str) -> RobotModel:
         if key in top:
             raise RobotError(f"'{key}' does not go with {kinds[0]}")
     if kinds == ["urdf"]:
-        robot = _from_urdf(top, path, where)
+        robot = _from_urdf(top, path)
     else:
         robot = _from_dh(top, path) if kinds == ["dh"] else _from_joints(top, path)
     if "joint_names" in top:
@@ -112,15 +110,15 @@ def _kinematics(top: Table, path: Path, where: str) -> RobotModel:
         table = Table(top.raw("urdf_frames"), "urdf_frames", "", ("xyz", "rpy"))
         xyz, rpy = (table.rows(key, robot.joints, 3) for key in ("xyz", "rpy"))
         placed = [from_xyz_rpy(a, b) for a, b in zip(xyz.tolist(), rpy.tolist(), strict=True)]
-        robot = replace(
-            robot, parameter_frames={**robot.parameter_frames, "urdf": np.array(placed)}
-        )
+        frames = {**robot.parameter_frames, "urdf": np.array(placed)}
+        sources = [robot.source, *table.sources("urdf_frames")]
+        robot = replace(robot, parameter_frames=frames, source="; ".join(filter(None, sources)))
     return robot
 
 
-def _from_urdf(top: Table, path: Path, where: str) -> RobotModel:
+def _from_urdf(top: Table, path: Path) -> RobotModel:
     file = path.parent / top.text("urdf")
-    if not file.is_file():
+    if not is_there(file):
         raise RobotError(
             "no such URDF file; the path starts where the robot file is",
             where="urdf",
@@ -128,7 +126,7 @@ def _from_urdf(top: Table, path: Path, where: str) -> RobotModel:
             limit=shown_path(path.parent.absolute()),
         )
     tip = top.text("tip") if "tip" in top else None
-    locked = locked_joints(top.raw("locked"), where) if "locked" in top else None
+    locked = locked_joints(top.raw("locked")) if "locked" in top else None
     return load_urdf(file, tip=tip, locked=locked)
 
 

@@ -5,20 +5,19 @@ from __future__ import annotations
 import difflib
 import math
 import tomllib
-from collections.abc import Generator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
 
 from dynid.core.arrays import Array
-from dynid.core.errors import InputError, RobotError
+from dynid.core.errors import RobotError
 from dynid.robot.files import shown
 
 _LARGEST = 1e9
 
 
-def parse_toml(data: bytes, where: str) -> dict[str, Any]:
+def parse_toml(data: bytes) -> dict[str, Any]:
     """The tables of TOML text.
 
     Raises:
@@ -28,7 +27,7 @@ def parse_toml(data: bytes, where: str) -> dict[str, Any]:
         return tomllib.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         reason = "nested too deep" if isinstance(error, RecursionError) else shown(error)
-        raise RobotError(f"not a TOML file ({reason})", where=where) from error
+        raise RobotError(f"not a TOML file ({reason})") from error
 
 
 class Table:
@@ -41,9 +40,9 @@ class Table:
     """
 
     def __init__(self, values: object, name: str, where: str, known: Sequence[str]) -> None:
-        self.where = f"{where}: {name}" if name else where
+        self.where = ": ".join(part for part in (where, name) if part)
         if not isinstance(values, dict):
-            raise RobotError("must be a table", where=self.where, value=shown(values))
+            raise RobotError("must be a table", where=self.where or None, value=shown(values))
         self._values = cast("dict[str, Any]", values)
         sources = ["source", *(f"{key}_source" for key in known)]
         for key in self._values:
@@ -51,7 +50,7 @@ class Table:
                 near = difflib.get_close_matches(key, known, n=1)
                 raise RobotError(
                     f"unknown key '{shown(key, 60)}'",
-                    where=self.where,
+                    where=self.where or None,
                     limit=", ".join(known),
                     next_step=f"Did you mean {near[0]}?" if near else None,
                 )
@@ -61,11 +60,12 @@ class Table:
         return key in self._values
 
     def sources(self, name: str) -> list[str]:
-        """Where this table's numbers are from, one sentence each."""
-        return [
-            f"{name} {key[: -len('_source')]}: {text}" if key != "source" else f"{name}: {text}"
-            for key, text in self._sources.items()
-        ]
+        """Where this table's numbers are from, one sentence each; `name` stands before them."""
+        found: list[str] = []
+        for key, text in self._sources.items():
+            about = f"{name} {key.removesuffix('source').removesuffix('_')}".strip()
+            found.append(f"{about}: {text}" if about else text)
+        return found
 
     def raw(self, key: str) -> object:
         """The value as parsed, or None."""
@@ -104,7 +104,7 @@ class Table:
 
     def _required(self, key: str) -> object:
         if key not in self._values:
-            raise RobotError(f"the key '{key}' is missing", where=self.where)
+            raise RobotError(f"the key '{key}' is missing", where=self.where or None)
         return self._values[key]
 
     def _list(self, key: str, count: int | None) -> list[object]:
@@ -133,7 +133,7 @@ class Table:
     def _wrong(self, key: str, what: str, value: object, limit: object = None) -> RobotError:
         if not isinstance(value, int | float | str):
             value = shown(value)
-        return RobotError(f"'{key}' {what}", where=self.where, value=value, limit=limit)
+        return RobotError(f"'{key}' {what}", where=self.where or None, value=value, limit=limit)
 
 
 def tables(values: object, name: str, where: str, known: Sequence[str]) -> list[Table]:
@@ -143,39 +143,19 @@ def tables(values: object, name: str, where: str, known: Sequence[str]) -> list[
         RobotError: Not a list of tables, or unknown keys.
     """
     if not isinstance(values, list):
-        raise RobotError(f"write [[{name}]], not [{name}]", where=f"{where}: {name}")
+        raise RobotError(f"write [[{name}]], not [{name}]", where=where or None)
     items = cast("list[object]", values)
     return [Table(item, f"{name} {k + 1}", where, known) for k, item in enumerate(items)]
 
 
-@contextmanager
-def located(where: str) -> Generator[None]:
-    """Add the place in the file to errors of the values built within.
-
-    Raises:
-        RobotError: In place of any InputError.
-    """
-    try:
-        yield
-    except InputError as error:
-        inner = f"{where}: {error.where}" if error.where else where
-        raise RobotError(
-            error.what,
-            where=inner,
-            value=error.value,
-            limit=error.limit,
-            next_step=error.next_step,
-        ) from error
-
-
-def locked_joints(values: object, where: str) -> Mapping[str, float]:
+def locked_joints(values: object) -> Mapping[str, float]:
     """The table `locked`: joint name to position.
 
     Raises:
         RobotError: Not a table of finite numbers.
     """
     if not isinstance(values, dict):
-        raise RobotError("must be a table of positions", where=f"{where}: locked")
+        raise RobotError("must be a table of positions", where="locked")
     names = list(cast("dict[str, Any]", values))
-    table = Table(cast("object", values), "locked", where, names)
+    table = Table(cast("object", values), "locked", "", names)
     return {name: table.number(name) for name in names if name != "source"}

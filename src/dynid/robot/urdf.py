@@ -11,13 +11,14 @@ import numpy as np
 from dynid.core.arrays import Array
 from dynid.core.errors import RobotError
 from dynid.robot.chain import robot_from_chain
-from dynid.robot.files import read_limited, shown, shown_path
+from dynid.robot.files import located, read_limited, shown, shown_path
 from dynid.robot.inertia import is_physical, move
 from dynid.robot.limits import JointLimits
 from dynid.robot.model import RobotModel
 from dynid.robot.transforms import joint_motion
+from dynid.robot.urdf_tree import UrdfJoint, UrdfTree
 from dynid.robot.urdf_trunk import Trunk, find_trunk
-from dynid.robot.urdf_xml import UrdfJoint, UrdfTree, parse_urdf
+from dynid.robot.urdf_xml import parse_urdf
 
 MAX_BYTES = 20_000_000
 """The largest URDF file that is read."""
@@ -79,23 +80,24 @@ def robot_from_urdf(
     notes = [*tree.notes, *trunk.notes]
     inertias = _merge(tree, trunk, poses, carriers, notes)
     placements = np.array([_in_previous(joint, poses, carriers) for joint in joints])
-    robot = robot_from_chain(
-        name=tree.name or shown(stem),
-        joint_names=trunk.joints,
-        joint_types=["prismatic" if j.kind == "prismatic" else "revolute" for j in joints],
-        placements=placements,
-        axes=np.array([joint.axis for joint in joints]),
-        flange=poses[trunk.tip],
-        notes=tuple(notes),
-    )
-    lower, upper, velocity, effort = np.array([joint.limits for joint in joints]).T
-    unknown = np.full(len(joints), np.nan)
-    limits = JointLimits(
-        lower=lower, upper=upper, velocity=velocity, acceleration=unknown, torque=effort
-    )
-    return replace(
-        robot, limits=limits, inertias=inertias, locked=trunk.locked, source=f"URDF {where}"
-    )
+    with located(where):
+        robot = robot_from_chain(
+            name=tree.name or shown(stem),
+            joint_names=trunk.joints,
+            joint_types=["prismatic" if j.kind == "prismatic" else "revolute" for j in joints],
+            placements=placements,
+            axes=np.array([joint.axis for joint in joints]),
+            flange=poses[trunk.tip],
+            notes=tuple(notes),
+        )
+        lower, upper, velocity, effort = np.array([joint.limits for joint in joints]).T
+        unknown = np.full(len(joints), np.nan)
+        limits = JointLimits(
+            lower=lower, upper=upper, velocity=velocity, acceleration=unknown, torque=effort
+        )
+        return replace(
+            robot, limits=limits, inertias=inertias, locked=trunk.locked, source=f"URDF {where}"
+        )
 
 
 def _between(tree: UrdfTree, trunk: Trunk) -> list[str]:

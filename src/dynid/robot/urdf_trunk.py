@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from dynid.core.errors import RobotError
 from dynid.robot.files import shown
-from dynid.robot.urdf_xml import MOVING, UrdfJoint, UrdfTree
+from dynid.robot.urdf_tree import MOVING, UrdfJoint, UrdfTree
 
 _GRIPPER = re.compile(r"gripper|finger|jaw|knuckle|claw", re.IGNORECASE)
 _WRIST = re.compile(r"roll|pitch|yaw|rot|wrist|twist", re.IGNORECASE)

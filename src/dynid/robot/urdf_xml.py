@@ -7,10 +7,8 @@ never a crash of a C++ library.
 from __future__ import annotations
 
 import math
-import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -18,44 +16,10 @@ from dynid.core.arrays import Array
 from dynid.core.errors import RobotError
 from dynid.robot.files import shown
 from dynid.robot.inertia import from_body, move
-from dynid.robot.transforms import from_xyz_rpy, translation
+from dynid.robot.urdf_numbers import read_bound, read_number, read_origin, read_vector
+from dynid.robot.urdf_tree import FIXED, MOVING, UrdfJoint, UrdfTree, check_tree
 
-MOVING = ("revolute", "continuous", "prismatic")
-FIXED = ("fixed", "floating", "planar")
 _MAX_DEPTH = 100
-_LARGEST = 1e6
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UrdfJoint:
-    """One joint as the file has it."""
-
-    name: str
-    kind: str
-    """One of `MOVING` or `FIXED`."""
-    parent: str
-    child: str
-    origin: Array
-    """(4, 4) in the parent link's frame [m]."""
-    axis: Array
-    """(3) unit axis in the joint frame."""
-    limits: tuple[float, float, float, float]
-    """Lower, upper [rad or m], velocity, effort; NaN where unknown."""
-    mimic: tuple[str, float, float] | None = None
-    """The joint it follows, multiplier and offset: q = multiplier * q_other + offset."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UrdfTree:
-    """A robot as the file has it."""
-
-    name: str
-    root: str
-    links: dict[str, Array | None]
-    """Link to its ten parameters in the link frame, None where the file gives none."""
-    joints: dict[str, UrdfJoint]
-    notes: tuple[str, ...]
 
 
 def parse_urdf(data: bytes, where: str) -> UrdfTree:
@@ -82,7 +46,7 @@ def parse_urdf(data: bytes, where: str) -> UrdfTree:
     if not links:
         raise RobotError("the file has no links", where=where)
     title = shown(root.get("name") or "", 80).strip()
-    top = _check_tree(links, joints, where)
+    top = check_tree(links, joints, where)
     return UrdfTree(name=title, root=top, links=links, joints=joints, notes=tuple(notes))
 
 
@@ -141,14 +105,14 @@ def _inertia(element: ET.Element, where: str) -> Array | None:
     inertial = element.find("inertial")
     if inertial is None:
         return None
-    mass = _attribute(inertial.find("mass"), "value", where)
+    mass = read_number(inertial.find("mass"), "value", where)
     if mass < 0:
         raise RobotError("negative mass", where=where, value=mass)
     found = inertial.find("inertia")
-    six = [0.0 if found is None else _attribute(found, key, where, 0.0) for key in _TENSOR]
+    six = [0.0 if found is None else read_number(found, key, where, 0.0) for key in _TENSOR]
     xx, xy, xz, yy, yz, zz = six
     central = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return move(from_body(mass, np.zeros(3), central), _origin(inertial, where))
+    return move(from_body(mass, np.zeros(3), central), read_origin(inertial, where))
 
 
 _TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -172,7 +136,7 @@ def _joint(
     axis = np.array([1.0, 0.0, 0.0])
     found = element.find("axis")
     if kind in MOVING and found is not None:
-        axis = np.array(_vector(found, "xyz", where))
+        axis = np.array(read_vector(found, "xyz", where))
         length = float(np.linalg.norm(axis))
         if length < 1e-6:
             raise RobotError("the axis has no length", where=where, value=axis.tolist())
@@ -184,7 +148,7 @@ def _joint(
         kind=kind,
         parent=ends[0],
         child=ends[1],
-        origin=_origin(element, where),
+        origin=read_origin(element, where),
         axis=axis,
         limits=_limits(element.find("limit"), kind, name, where, notes),
         mimic=_mimic(element.find("mimic"), where),
@@ -197,16 +161,16 @@ def _limits(
     nan = math.nan
     if kind not in MOVING or found is None:
         return nan, nan, nan, nan
-    lower = _attribute(found, "lower", where, nan, unbounded=True)
-    upper = _attribute(found, "upper", where, nan, unbounded=True)
+    lower = read_bound(found, "lower", where)
+    upper = read_bound(found, "upper", where)
     if lower > upper:
         raise RobotError("lower limit above the upper one", where=where, value=lower, limit=upper)
     if kind == "continuous" or (lower == 0 == upper):
         if kind != "continuous":
             notes.append(f"joint {shown(name)}: limits 0 to 0 read as unknown")
         lower = upper = nan
-    speed = _attribute(found, "velocity", where, nan, unbounded=True)
-    effort = _attribute(found, "effort", where, nan, unbounded=True)
+    speed = read_bound(found, "velocity", where)
+    effort = read_bound(found, "effort", where)
     # Zero or less is how files say that they do not know.
     return lower, upper, speed if speed > 0 else nan, effort if effort > 0 else nan
 
@@ -214,92 +178,6 @@ def _limits(
 def _mimic(found: ET.Element | None, where: str) -> tuple[str, float, float] | None:
     if found is None:
         return None
-    multiplier = _attribute(found, "multiplier", where, 1.0)
-    offset = _attribute(found, "offset", where, 0.0)
+    multiplier = read_number(found, "multiplier", where, 1.0)
+    offset = read_number(found, "offset", where, 0.0)
     return (found.get("joint") or "").strip(), multiplier, offset
-
-
-def _origin(element: ET.Element, where: str) -> Array:
-    found = element.find("origin")
-    if found is None:
-        return translation(0, 0, 0)
-    zero = [0.0, 0.0, 0.0]
-    xyz = _vector(found, "xyz", where) if found.get("xyz") is not None else zero
-    rpy = _vector(found, "rpy", where) if found.get("rpy") is not None else zero
-    return from_xyz_rpy(xyz, rpy)
-
-
-def _vector(element: ET.Element, key: str, where: str) -> list[float]:
-    words = (element.get(key) or "").split()
-    if len(words) != 3:
-        raise RobotError(
-            f"<{element.tag} {key}> needs three numbers", where=where, value=element.get(key)
-        )
-    return [_number(word, f"<{element.tag} {key}>", where) for word in words]
-
-
-def _attribute(
-    element: ET.Element | None,
-    key: str,
-    where: str,
-    default: float | None = None,
-    unbounded: bool = False,
-) -> float:
-    text = element.get(key) if element is not None else None
-    if text is None:
-        if default is None:
-            raise RobotError(f"the mass or its '{key}' is missing", where=where)
-        return default
-    if unbounded and text.strip().lower().lstrip("+-").startswith("inf"):
-        return math.nan
-    value = _number(text.strip(), f"<{'' if element is None else element.tag} {key}>", where, 1e300)
-    # Limits far beyond any robot are how files say that there is none.
-    return math.nan if unbounded and abs(value) >= 1e9 else _bounded(value, key, where)
-
-
-def _number(text: str, what: str, where: str, largest: float = _LARGEST) -> float:
-    if not _NUMBER.fullmatch(text) or not text.isascii():
-        step = "Run: xacro FILE > FILE.urdf" if "${" in text or "$(" in text else None
-        raise RobotError(f"{what} is not a finite number", where=where, value=text, next_step=step)
-    value = float(text)
-    if abs(value) > largest:
-        raise RobotError(f"{what} is out of range", where=where, value=text, limit=largest)
-    return value
-
-
-def _bounded(value: float, key: str, where: str) -> float:
-    if abs(value) > 1e9:
-        raise RobotError(f"'{key}' is out of range", where=where, value=value, limit=1e9)
-    return value
-
-
-def _check_tree(links: dict[str, Array | None], joints: dict[str, UrdfJoint], where: str) -> str:
-    above: dict[str, str] = {}
-    for joint in joints.values():
-        if joint.child in above:
-            raise RobotError("a link has two parent joints", where=where, value=joint.child)
-        above[joint.child] = joint.parent
-    roots = [name for name in links if name not in above]
-    if len(roots) != 1:
-        raise RobotError(
-            "the links do not form one tree: there must be one link without a parent joint",
-            where=where,
-            value=[shown(name, 40) for name in roots[:6]] or "none (a loop)",
-        )
-    # One root and one parent each: whatever is not reached from the root is a loop.
-    reached = set(_reached(roots[0], joints))
-    if len(reached) != len(links):
-        lost = next(name for name in links if name not in reached)
-        raise RobotError("joints form a loop", where=where, value=lost)
-    return roots[0]
-
-
-def _reached(root: str, joints: dict[str, UrdfJoint]) -> Iterator[str]:
-    below: dict[str, list[str]] = {}
-    for joint in joints.values():
-        below.setdefault(joint.parent, []).append(joint.child)
-    waiting = [root]
-    while waiting:
-        link = waiting.pop()
-        yield link
-        waiting += below.get(link, [])

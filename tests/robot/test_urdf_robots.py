@@ -1,0 +1,287 @@
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from robot_oracles import DATA, SHARED
+from urdf_samples import ARM, chain, joint
+
+from dynid.core.errors import RobotError
+from dynid.robot.inertia import from_pinocchio
+from dynid.robot.kinematics import flange_pose, joint_poses
+from dynid.robot.load import load_robot
+from dynid.robot.model import RobotModel
+from dynid.robot.urdf import load_urdf, robot_from_urdf
+
+ARMS = [
+    "ur_description/urdf/ur5_robot.urdf",
+    "ur_description/urdf/ur3_gripper.urdf",
+    "panda_description/urdf/panda.urdf",
+    "kinova_description/robots/kinova.urdf",
+    "xarm_description/urdf/xarm7.urdf",
+    "z1_description/urdf/z1.urdf",
+    "so_arm_description/urdf/so101.urdf",
+    "talos_data/robots/talos_left_arm.urdf",
+    "double_pendulum_description/urdf/double_pendulum_continuous.urdf",
+    "finger_edu_description/robots/finger_edu.urdf",
+]
+
+
+def _reduced(path: Path, robot: RobotModel) -> pin.Model:
+    """The same chain by pinocchio: other joints locked, continuous joints made revolute."""
+    text = path.read_text().replace('"continuous"', '"revolute"')
+    model = pin.buildModelFromXML(text)
+    free = pin.neutral(model)
+    rest = [name for name in model.names[1:] if name not in robot.joint_names]
+    for name, value in robot.locked.items():
+        free[model.joints[model.getJointId(name)].idx_q] = value
+    return pin.buildReducedModel(model, [model.getJointId(name) for name in rest], free)
+
+
+def _agrees(robot: RobotModel, model: pin.Model) -> None:
+    order = [model.getJointId(name) for name in robot.joint_names]
+    assert sorted(order) == list(range(1, robot.joints + 1))
+    data = model.createData()
+    for q in np.random.default_rng(0).uniform(-2, 2, (3, robot.joints)):
+        theirs = np.empty(robot.joints)
+        for k, index in enumerate(order):
+            theirs[model.joints[index].idx_q] = q[k]
+        pin.forwardKinematics(model, data, theirs)
+        poses = [data.oMi[index].homogeneous for index in order]
+        np.testing.assert_allclose(joint_poses(robot, q), poses, atol=1e-10)
+    for k, index in enumerate(order):
+        inertia = from_pinocchio(model.inertias[index].toDynamicParameters())
+        ours = np.nan_to_num(robot.inertias[k])  # a link without inertia is unknown to us
+        np.testing.assert_allclose(ours, inertia, atol=1e-10)
+        assert robot.joint_types[k] == (
+            "prismatic" if "P" in model.joints[index].shortname()[10:12] else "revolute"
+        )
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_kinematics_and_inertias_agree_with_pinocchio(name: str) -> None:
+    robot = load_urdf(DATA / name)
+    assert robot.default_frames == "urdf"
+    _agrees(robot, _reduced(DATA / name, robot))
+
+
+def test_a_xacro_arm_with_everything_in_it(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM.replace("0 -2 0", "0 -1 0"))
+    robot = load_robot(path)
+    assert robot.name == "arm"
+    assert robot.joint_names == ("j1", "j2", "j3")
+    assert robot.joint_types == ("revolute", "revolute", "prismatic")
+    assert dict(robot.locked) == {"finger_1": 0.0, "finger_2": 0.01}
+    _agrees(robot, _reduced(path, robot))
+    limits = robot.limits
+    np.testing.assert_array_equal(limits.lower, [np.nan, -2, 0])
+    np.testing.assert_array_equal(limits.upper, [np.nan, 1.5, 0.5])
+    np.testing.assert_array_equal(limits.velocity, [2, 3, 1])
+    np.testing.assert_array_equal(limits.torque, [np.nan, 80, 100])
+    assert np.isnan(limits.acceleration).all()
+    assert any("branches" in note for note in robot.notes)
+    assert any("finger_1 at 0" in note for note in robot.notes)
+    # The flange is tool0, which is fixed to the hand.
+    np.testing.assert_allclose(robot.flange[:3, 3], [0, 0, 0.3], atol=1e-15)
+
+
+def test_locked_joints_and_tips_of_choice(tmp_path: Path) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM.replace("0 -2 0", "0 -1 0"))
+    robot = load_urdf(path, tip="l2", locked={"finger_1": 0.02})
+    assert robot.joint_names == ("j1", "j2")
+    assert dict(robot.locked) == {"j3": 0.0, "finger_1": 0.02, "finger_2": 0.05}
+    _agrees(robot, _reduced(path, robot))
+    bent = load_urdf(path, locked={"j2": 0.7})
+    assert bent.joint_names == ("j1", "j3")
+    _agrees(bent, _reduced(path, bent))
+    finger = load_urdf(path, tip="f1")
+    assert finger.joint_names == ("j1", "j2", "j3", "finger_1")
+
+
+def test_axes_get_unit_length_with_a_note() -> None:
+    robot = robot_from_urdf(ARM.encode())
+    np.testing.assert_array_equal(robot.axes[1], [0, -1, 0])
+    assert any("axis of length 2" in note for note in robot.notes)
+    default = robot_from_urdf(
+        chain(joint("j", "a", "b", inside=""))
+        .replace('<link name="c"/><link name="d"/><link name="e"/><link name="f"/>', "")
+        .encode()
+    )
+    np.testing.assert_array_equal(default.axes, [[1, 0, 0]])
+    assert np.isnan(default.inertias).all()
+    assert any("no inertia" in note for note in default.notes)
+
+
+def _links(text: str, kept: str) -> bytes:
+    for name in "abcdef":
+        if name not in kept:
+            text = text.replace(f'<link name="{name}"/>', "")
+    return text.encode()
+
+
+def test_mimicking_branches_do_not_end_the_arm() -> None:
+    mimic = '<axis xyz="0 1 0"/><mimic joint="j1"/>'
+    text = chain(
+        joint("j1", "a", "b"),
+        joint("rod", "b", "f", inside=mimic),
+        joint("j2", "b", "c"),
+        joint("j3", "c", "d"),
+    )
+    robot = robot_from_urdf(_links(text, "abcdf"))
+    assert robot.joint_names == ("j1", "j2", "j3")
+    assert dict(robot.locked) == {"rod": 0.0}
+    # A hand of one driven and one mimicking finger does.
+    text = chain(
+        joint("j1", "a", "b"),
+        joint("left", "b", "c"),
+        joint("right", "b", "d", inside='<axis xyz="0 1 0"/><mimic joint="left"/>'),
+    )
+    assert robot_from_urdf(_links(text, "abcd")).joint_names == ("j1",)
+
+
+def test_a_mimicking_joint_within_the_arm_is_frozen_and_told() -> None:
+    text = chain(
+        joint("j1", "a", "b"),
+        joint("j2", "b", "c", inside='<axis xyz="0 1 0"/><mimic joint="j1" offset="0.5"/>'),
+        joint("j3", "c", "d"),
+    )
+    robot = robot_from_urdf(_links(text, "abcd"))
+    assert robot.joint_names == ("j1", "j3")
+    assert dict(robot.locked) == {"j2": 0.5}
+    assert any("mimics j1 within the arm" in note for note in robot.notes)
+
+
+def test_floating_bases_are_fixed_and_floating_joints_within_the_arm_refused() -> None:
+    text = chain(joint("root", "a", "b", "floating", ""), joint("j1", "b", "c"))
+    robot = robot_from_urdf(_links(text, "abc"))
+    assert robot.joint_names == ("j1",)
+    assert any("floating" in note for note in robot.notes)
+    text = chain(
+        joint("j1", "a", "b"), joint("free", "b", "c", "planar", ""), joint("j2", "c", "d")
+    )
+    with pytest.raises(RobotError, match="within the arm"):
+        robot_from_urdf(_links(text, "abcd"))
+
+
+def test_limits_that_mean_nothing_are_unknown() -> None:
+    inside = '<axis xyz="0 0 1"/><limit lower="-inf" upper="1e10" effort="-1" velocity="inf"/>'
+    robot = robot_from_urdf(_links(chain(joint("j", "a", "b", inside=inside)), "ab"))
+    assert np.isnan([robot.limits.lower, robot.limits.upper, robot.limits.torque]).all()
+    inside = '<axis xyz="0 0 1"/><limit lower="0" upper="0" effort="5" velocity="1"/>'
+    robot = robot_from_urdf(_links(chain(joint("j", "a", "b", inside=inside)), "ab"))
+    assert np.isnan(robot.limits.lower).all()
+    assert any("0 to 0" in note for note in robot.notes)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "tiago_description/robots/tiago_no_hand.urdf",
+        "allegro_hand_description/urdf/allegro_left_hand.urdf",
+        "hector_description/robots/quadrotor_base.urdf",
+    ],
+)
+def test_without_a_trunk_the_error_lists_tips(name: str) -> None:
+    with pytest.raises(RobotError, match="no chain of moving joints") as caught:
+        load_urdf(DATA / name)
+    if "tiago" in name:
+        assert str(caught.value.limit).startswith("arm_tool_link")
+        robot = load_urdf(DATA / name, tip="arm_tool_link")
+        assert robot.joints == 8
+        _agrees(robot, _reduced(DATA / name, robot))
+
+
+BROKEN = {
+    "empty": ("", "empty"),
+    "text": ("hello", "not well-formed"),
+    "cut": (ARM[:900], "not well-formed"),
+    "sdf": ("<sdf version='1.6'><model/></sdf>", "outer element is not <robot>"),
+    "xacro": (
+        ARM.replace("<material", '<xacro:property name="x" value="1"/><material', 1),
+        "xacro FILE",
+    ),
+    "unbound xacro": ("<robot name='r'><xacro:arm/></robot>", "xacro FILE"),
+    "xacro number": (ARM.replace('"0 0 0.3"', '"0 0 ${h}"'), "xacro FILE"),
+    "entities": (
+        '<!DOCTYPE r [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;">]><robot name="&b;"/>',
+        "document type",
+    ),
+    "deep": ("<robot>" + "<a>" * 200000, "deep"),
+    "no links": ('<robot name="r"/>', "no links"),
+    "nan": (ARM.replace('"0 0 0.3"', '"0 0 nan"'), "joint j1: <origin xyz> is not a finite"),
+    "inf mass": (ARM.replace('value="4"', 'value="inf"'), "link l1: <mass value> is not a finite"),
+    "underscore": (ARM.replace('"0 0 0.3"', '"0 0 1_0"'), "not a finite"),
+    "comma": (ARM.replace('"0 0 0.3"', '"0,0,0.3"'), "three numbers"),
+    "huge": (ARM.replace('"0 0 0.3"', '"0 0 1e30"'), "out of range"),
+    "huge exponent": (ARM.replace('"0 0 0.3"', '"0 0 1e999"'), "out of range"),
+    "negative mass": (ARM.replace('value="4"', 'value="-4"'), "link l1: negative mass"),
+    "no mass": (ARM.replace('<mass value="4"/>', ""), "link l1: the mass"),
+    "zero axis": (ARM.replace("0 -2 0", "0 0 0"), "joint j2: the axis has no length"),
+    "type": (ARM.replace('"continuous"', '"screw"'), "unknown joint type"),
+    "no type": (ARM.replace(' type="continuous"', ""), "unknown joint type"),
+    "missing link": (
+        ARM.replace('<child link="l1"/>', '<child link="l9"/>'),
+        "child link does not",
+    ),
+    "no parent": (ARM.replace('<parent link="base"/>', ""), "parent link does not exist"),
+    "no name": (ARM.replace('<link name="tool0"/>', "<link/>"), "no name"),
+    "same link": (ARM.replace('<link name="tool0"/>', '<link name="l1"/>'), "same name"),
+    "same joint": (ARM.replace('joint name="j2"', 'joint name="j1"'), "same name"),
+    "limits": (ARM.replace('lower="-2"', 'lower="2"'), "lower limit above"),
+    "two roots": (ARM.replace("</robot>", '<link name="x"/></robot>'), "one tree"),
+    "two parents": (ARM.replace('<child link="cover"/>', '<child link="l1"/>'), "two parent"),
+    "loop": (ARM.replace('<parent link="world"/>', '<parent link="hand"/>'), "one tree|loop"),
+    "many joints": (
+        '<robot name="r"><link name="n0"/>'
+        + "".join(
+            f'<link name="n{k}"/>' + joint(f"j{k}", f"n{k - 1}", f"n{k}") for k in range(1, 99)
+        )
+        + "</robot>",
+        "number of joints",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_broken_files_name_the_place(name: str, tmp_path: Path) -> None:
+    text, message = BROKEN[name]
+    path = tmp_path / "broken.urdf"
+    path.write_text(text)
+    with pytest.raises(RobotError, match=message) as caught:
+        load_robot(path)
+    assert "broken.urdf" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_bad_wishes() -> None:
+    data = ARM.encode()
+    with pytest.raises(RobotError, match=r"no such tip link.*tool0"):
+        robot_from_urdf(data, tip="tool00")
+    with pytest.raises(RobotError, match="no such joint to lock"):
+        robot_from_urdf(data, locked={"nope": 0.0})
+    with pytest.raises(RobotError, match="does not move"):
+        robot_from_urdf(data, locked={"fix": 0.0})
+    with pytest.raises(RobotError, match="finite"):
+        robot_from_urdf(data, locked={"j1": float("nan")})
+    with pytest.raises(RobotError, match="no chain of moving joints"):
+        robot_from_urdf(data, tip="base")
+
+
+def test_other_encodings_and_blank_lines_first() -> None:
+    for data in (
+        b"\n\n" + ARM.encode(),
+        b"\xef\xbb\xbf" + ARM.encode(),
+        ARM.replace('version="1.0"', 'version="1.0" encoding="UTF-16"').encode("utf-16"),
+    ):
+        assert robot_from_urdf(data).joints == 3
+
+
+@pytest.mark.skipif(not SHARED.is_dir(), reason="recordings of ../shared/data are not here")
+@pytest.mark.parametrize("path", sorted(SHARED.glob("*/*.urdf")), ids=lambda path: path.stem)
+def test_robots_of_the_recordings(path: Path) -> None:
+    robot = load_urdf(path)
+    assert robot.joints in (6, 7)
+    _agrees(robot, _reduced(path, robot))
+    assert flange_pose(robot, np.zeros(robot.joints)).shape == (4, 4)
