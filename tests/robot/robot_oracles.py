@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+import pytest
 from numpy.typing import NDArray
 
 from dynid.robot.inertia import frame_map, from_pinocchio
@@ -20,7 +21,9 @@ DATA = Path(sys.prefix) / (
     f"lib/python3.{sys.version_info.minor}/site-packages/"
     "cmeel.prefix/share/example-robot-data/robots"
 )
-UR5_URDF = DATA / "ur_description/urdf/ur5_robot.urdf"
+needs_models = pytest.mark.skipif(
+    not DATA.is_dir(), reason="the package example-robot-data is not installed"
+)
 
 UR5_DH: dict[str, Any] = {
     "a": [0, -0.425, -0.39225, 0, 0, 0],

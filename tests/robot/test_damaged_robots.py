@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from robot_oracles import EXAMPLES, UR5_URDF
+from robot_oracles import EXAMPLES
 from test_robot_files import FULL
-from urdf_samples import ARM
+from urdf_samples import ARM, URS
 
 from dynid.core.errors import InputError
 from dynid.robot.kinematics import joint_poses
@@ -24,7 +24,7 @@ DAMAGES = 700
 SECONDS = 3.0
 LIBRARY = Path(load_robot.__code__.co_filename).parent / "library"
 TOML = [FULL, *(path.read_text() for path in [LIBRARY / "ur5.toml", *EXAMPLES.glob("*.toml")])]
-URDF = [ARM, UR5_URDF.read_text(), (EXAMPLES / "tx40.urdf").read_text()]
+URDF = [ARM, URS["ur5"], (EXAMPLES / "tx40.urdf").read_text()]
 NUMBER = re.compile(r"(?<![\w.])-?\d+\.?\d*(?:e-?\d+)?")
 ODD = [
     "nan", "inf", "-inf", "1e300", "-1e9", "1e-300", "0", "-0.0", "9" * 400, "true", '"x"', "[]",

@@ -2,14 +2,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from robot_oracles import DATA, UR5_URDF, classes
+from robot_oracles import DATA, classes, needs_models
+from urdf_samples import URS
 
 from dynid.robot.chain import robot_from_chain
 from dynid.robot.dh import robot_from_dh
 from dynid.robot.frames import parameter_frames, poses_at_zero
 from dynid.robot.load import load_robot
 from dynid.robot.transforms import from_xyz_rpy, inverse
-from dynid.robot.urdf import load_urdf
+from dynid.robot.urdf import load_urdf, robot_from_urdf
 
 angles = st.sampled_from([0.0, np.pi / 2, -np.pi / 2, np.pi, 0.3, -1.1])
 lengths = st.sampled_from([0.0, 0.0, 0.2, -0.4])
@@ -60,14 +61,22 @@ def test_frames_of_a_generic_table_are_the_tables(seed: int, n: int) -> None:
 
 @pytest.mark.parametrize("name", ["ur3", "ur5", "ur10"])
 def test_urdf_and_table_give_the_same_structure(name: str) -> None:
-    urdf = load_urdf(DATA / f"ur_description/urdf/{name}_robot.urdf")
+    urdf = robot_from_urdf(URS[name].encode())
     table = load_robot(name)
     for frames in ("dh", "mdh", "urdf"):
         assert classes(urdf, frames) == classes(table, frames), frames
 
 
+@needs_models
+def test_the_urdf_of_ros_has_the_same_structure() -> None:
+    urdf = load_urdf(DATA / "ur_description/urdf/ur5_robot.urdf")
+    assert classes(urdf, "dh") == (52, 36, 33, 9)
+    assert classes(urdf, "mdh") == (52, 36, 31, 11)
+    assert classes(urdf, "urdf") == (52, 34, 35, 9)
+
+
 def test_truncated_right_angles_leave_no_residue() -> None:
-    robot = load_urdf(UR5_URDF)  # rpy 1.57079632679
+    robot = robot_from_urdf(URS["ur5"].encode())  # rpy 1.57079632679
     for frames in ("dh", "mdh"):
         rotations = robot.parameter_frames[frames][:, :3, :3]
         assert np.abs(rotations - np.round(rotations)).max() < 1e-10

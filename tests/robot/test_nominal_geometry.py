@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from robot_oracles import DATA, UR5_DH, classes
-from urdf_samples import ARM
+from robot_oracles import UR5_DH, classes
+from urdf_samples import ARM, URS
 
 from dynid.robot.capsule import Capsule
 from dynid.robot.chain import robot_from_chain
@@ -12,7 +12,7 @@ from dynid.robot.kinematics import joint_poses
 from dynid.robot.load import load_robot
 from dynid.robot.nominal import nominal_geometry, structural_gravity
 from dynid.robot.transforms import from_xyz_rpy
-from dynid.robot.urdf import load_urdf, robot_from_urdf
+from dynid.robot.urdf import robot_from_urdf
 
 # Two real factory calibrations in the layout of ROS 2's ur_description (z axes throughout):
 # x y z roll pitch yaw of each joint. A UR5e and a UR5.
@@ -80,12 +80,12 @@ def test_real_calibrations(rows: str) -> None:
 
 
 def test_rounded_angles_of_a_urdf() -> None:
-    text = (DATA / "ur_description/urdf/ur5_robot.urdf").read_text()
+    text = URS["ur5"]
     robot = robot_from_urdf(text.replace("1.57079632679", "1.5708").encode())
     nominal, notes = nominal_geometry(robot)
     assert notes
     assert classes(nominal, "urdf") == (52, 34, 35, 9)
-    exact, none = nominal_geometry(load_urdf(DATA / "ur_description/urdf/ur5_robot.urdf"))
+    exact, none = nominal_geometry(robot_from_urdf(text.encode()))
     assert none == ()
     assert set(np.abs(exact.placements[:, :3, :3]).ravel()) <= {0.0, 1.0}
 

@@ -3,7 +3,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot_oracles import DATA, SHARED
+from robot_oracles import DATA, EXAMPLES, SHARED, needs_models
 from urdf_samples import ARM, chain, joint
 
 from dynid.core.errors import RobotError
@@ -58,11 +58,18 @@ def _agrees(robot: RobotModel, model: pin.Model) -> None:
         )
 
 
+@needs_models
 @pytest.mark.parametrize("name", ARMS)
 def test_kinematics_and_inertias_agree_with_pinocchio(name: str) -> None:
     robot = load_urdf(DATA / name)
     assert robot.default_frames == "urdf"
     _agrees(robot, _reduced(DATA / name, robot))
+
+
+def test_the_tx40_agrees_with_pinocchio() -> None:
+    path = EXAMPLES / "tx40.urdf"
+    robot = load_urdf(path)
+    _agrees(robot, _reduced(path, robot))
 
 
 def test_a_xacro_arm_with_everything_in_it(tmp_path: Path) -> None:
@@ -175,6 +182,7 @@ def test_limits_that_mean_nothing_are_unknown() -> None:
     assert any("0 to 0" in note for note in robot.notes)
 
 
+@needs_models
 @pytest.mark.parametrize(
     "name",
     [

@@ -69,3 +69,42 @@ def joint(
         f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
         f"{inside}</joint>"
     )
+
+
+def ur(shoulder: float, elbow: float, upper: float, fore: float, d: list[float]) -> str:
+    """A UR arm in the layout of ros-industrial's URDFs: axes z, y, y, y, z, y.
+
+    Args:
+        shoulder: Where link 2's frame stands along its axis [m].
+        elbow: The same for links 3 and 4.
+        upper: Length of the upper arm.
+        fore: Length of the forearm.
+        d: d1, d4, d5, d6 of the DH table.
+    """
+    right = "1.57079632679"
+    rows = [
+        ((0, 0, d[0]), "0 0 0", "0 0 1"),
+        ((0, shoulder, 0), f"0 {right} 0", "0 1 0"),
+        ((0, elbow - shoulder, upper), "0 0 0", "0 1 0"),
+        ((0, 0, fore), f"0 {right} 0", "0 1 0"),
+        ((0, d[1] - elbow, 0), "0 0 0", "0 0 1"),
+        ((0, 0, d[2]), "0 0 0", "0 1 0"),
+    ]
+    text = '<robot name="ur"><link name="base_link"/>'
+    for k, (xyz, rpy, axis) in enumerate(rows):
+        text += f'<link name="l{k + 1}"/>' + joint(
+            f"j{k + 1}",
+            "base_link" if k == 0 else f"l{k}",
+            f"l{k + 1}",
+            inside=f'<origin xyz="{xyz[0]} {xyz[1]} {xyz[2]}" rpy="{rpy}"/><axis xyz="{axis}"/>',
+        )
+    flange = f'<origin xyz="0 {d[3]} 0" rpy="-{right} 0 0"/>'
+    text += '<link name="tool0"/>' + joint("flange", "l6", "tool0", "fixed", flange)
+    return text + "</robot>"
+
+
+URS = {
+    "ur3": ur(0.1198, 0.0273, 0.24365, 0.21325, [0.1519, 0.11235, 0.08535, 0.0819]),
+    "ur5": ur(0.13585, 0.01615, 0.425, 0.39225, [0.089159, 0.10915, 0.09465, 0.0823]),
+    "ur10": ur(0.220941, 0.049041, 0.612, 0.5723, [0.1273, 0.163941, 0.1157, 0.0922]),
+}

@@ -60,12 +60,13 @@ def _load(name_or_path: str | Path) -> RobotModel:
     path = Path(os.path.expanduser(text))
     if not text.strip() or not is_there(path):
         near = difflib.get_close_matches(text.lower(), names, n=1)
+        looks_like_path = "/" in text or path.suffix.lower() in (".urdf", ".toml", ".xml")
         raise RobotError(
-            "neither a built-in robot nor a file",
+            "no such file" if looks_like_path else "neither a built-in robot nor a file",
             where="robot",
             value=shown(text) or "nothing",
-            limit=", ".join(names),
-            next_step=f"Did you mean {near[0]}?" if near else "Or give a URDF or robot file",
+            limit=f"{', '.join(names)}, or a URDF or robot file",
+            next_step=f"Did you mean {near[0]}?" if near else None,
         )
     data = read_limited(path, MAX_URDF)
     if data.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] == b"<" or path.suffix.lower() == ".urdf":

@@ -123,7 +123,7 @@ def _from_urdf(top: Table, path: Path) -> RobotModel:
             "no such URDF file; the path starts where the robot file is",
             where="urdf",
             value=top.text("urdf"),
-            limit=shown_path(path.parent.absolute()),
+            next_step=f"Looked in {shown_path(path.parent.absolute())}",
         )
     tip = top.text("tip") if "tip" in top else None
     locked = locked_joints(top.raw("locked")) if "locked" in top else None
