@@ -17,6 +17,8 @@ from dynid.identification.problem import IdentificationProblem
 
 ITERATIONS = 6
 LARGEST_CORRELATION = 0.998
+MOST_ROWS = 6000
+"""Rows a joint that are looked at; longer records are thinned."""
 NEGLIGIBLE = 0.05
 """Correlation at one row below which the noise counts as white."""
 
@@ -29,20 +31,21 @@ def ar_covariance(fit: Fit, problem: IdentificationProblem, residual: Array) -> 
         problem: Its problem.
         residual: (n, N) residuals [N.m or N].
     """
-    # In coordinates where the information is the identity, traces are plain sums.
-    designs = _whitened_columns(fit, problem)
-    rows = residual * fit.weights[:, None]
+    stride = -(-problem.blocks // MOST_ROWS)
+    # In coordinates where the information of these rows is the identity, traces are plain sums.
+    inverse = inverse_upper(fit.information) * np.sqrt(stride)
+    designs = _whitened_columns(fit, problem, inverse, stride)
+    rows = residual[:, ::stride] * fit.weights[:, None]
     count = rows.shape[1]
     lag0 = np.square(rows).sum(axis=1)
     lag1 = (rows[:, 1:] * rows[:, :-1]).sum(axis=1)
     observed = np.divide(lag1, lag0, out=np.zeros_like(lag0), where=lag0 > 0)
     rho: Array = np.clip(observed, 0.0, LARGEST_CORRELATION)
     variance = lag0 / count
-    spread = np.zeros((designs.shape[2],) * 2)
     for _ in range(ITERATIONS):
         smoothed = [_correlate(x, r) for x, r in zip(designs, rho.tolist(), strict=True)]
-        crossed = [x.T @ s for x, s in zip(designs, smoothed, strict=True)]
-        spread = np.sum([v * c for v, c in zip(variance, crossed, strict=True)], axis=0)
+        crossed = np.array([x.T @ s for x, s in zip(designs, smoothed, strict=True)])
+        spread = np.tensordot(variance, crossed, axes=1)
         expected0, expected1 = _expected_sums(designs, smoothed, spread, rho, variance)
         variance = variance * np.clip(lag0 / np.maximum(expected0, 1e-300), 0.2, 5.0)
         wanted = np.clip(expected1 / np.maximum(expected0, 1e-300), -1.0, 1.0)
@@ -52,17 +55,29 @@ def ar_covariance(fit: Fit, problem: IdentificationProblem, residual: Array) -> 
         rho = np.where(observed > NEGLIGIBLE, np.clip(update, 0.0, LARGEST_CORRELATION), rho)
         if np.abs(gain).max() < 0.02:
             break
-    inverse = inverse_upper(fit.information)
+    smoothed = [_correlate(x, r) for x, r in zip(designs, rho.tolist(), strict=True)]
+    crossed = np.array([x.T @ s for x, s in zip(designs, smoothed, strict=True)])
+    spread = np.tensordot(variance * _thinning(rho, stride), crossed, axes=1)
     return inverse @ spread @ inverse.T
 
 
-def _whitened_columns(fit: Fit, problem: IdentificationProblem) -> Array:
-    """(n, N, r) weighted columns times the inverse root of the information."""
-    inverse = inverse_upper(fit.information)
-    out = np.empty((problem.samples.joints, problem.blocks, problem.base.rank))
-    for rows, columns, _ in problem.chunks():
-        out[:, rows] = columns.transpose(1, 2, 0) @ inverse
-    return out * fit.weights[:, None, None]
+def _thinning(rho: Array, stride: int) -> Array:
+    """(n) variance of a mean of all rows over that of every `stride`-th, rho between those."""
+    if stride == 1:
+        return np.ones_like(rho)
+    single = np.maximum(rho, 1e-12) ** (1.0 / stride)
+    return (1 + single) / (1 - single) / stride / ((1 + rho) / (1 - rho))
+
+
+def _whitened_columns(
+    fit: Fit, problem: IdentificationProblem, inverse: Array, stride: int
+) -> Array:
+    """(n, N / stride, r) weighted columns times the inverse root of the information."""
+    parts = [
+        columns[:, :, -rows.start % stride :: stride].transpose(1, 2, 0) @ inverse
+        for rows, columns, _ in problem.chunks()
+    ]
+    return np.concatenate(parts, axis=1) * fit.weights[:, None, None]
 
 
 def _correlate(columns: Array, rho: float) -> Array:

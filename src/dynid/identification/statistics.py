@@ -19,12 +19,10 @@ MODEL_CORRELATION = 0.2
 """Autocorrelation at one row from which a model of the noise supports the Newey-West sums."""
 
 
-def naive_covariance(fit: Fit, problem: IdentificationProblem) -> Array:
+def naive_covariance(fit: Fit) -> Array:
     """(r, r) covariance if the residuals were white: s^2 (W' Omega^-1 W)^-1."""
-    joints, r = len(fit.noise), problem.base.rank
-    rows = problem.blocks * joints
-    # One for weighted fits, the residual variance for ordinary least squares.
-    variance = np.mean(np.square(fit.noise * fit.weights)) * (rows - r / joints) / (rows - r)
+    # Degrees of freedom are in the noise already: one for weighted fits, s^2 for ordinary ones.
+    variance = float(np.mean(np.square(fit.noise * fit.weights)))
     inverse = inverse_upper(fit.information)
     return variance * (inverse @ inverse.T)
 
@@ -56,7 +54,7 @@ def hac_covariance(fit: Fit, problem: IdentificationProblem) -> Array:
     short = 1.0 / max(1.0 - 2.0 * lag / samples, 0.5)
     covariance *= freedom * short
     # Sums over few independent stretches fall short: never below the parametric answers.
-    floor = np.diag(naive_covariance(fit, problem))
+    floor = np.diag(naive_covariance(fit))
     if autocorrelation(residual, 1).max() > MODEL_CORRELATION and fit.row_weights is None:
         floor = np.maximum(floor, np.diag(ar_covariance(fit, problem, residual)))
     raise_to = np.sqrt(np.maximum(floor / np.maximum(np.diag(covariance), 1e-300), 1.0))

@@ -43,6 +43,8 @@ from dynid.validation.prediction import ValidationResult, validate
 PRESETS = ("best", "paper")
 ESTIMATORS = ("ols", "wls", "irls")
 WEIGHTINGS = ("joint", "size")
+LONG_RECORD = 20_000
+"""Samples above which rows are averaged whatever the preset: time and memory stay bounded."""
 OVER_FITTED = 1.6
 """Median ratio of validation to training RMS error above which a result is over-fitted."""
 
@@ -153,7 +155,7 @@ def identify(
         cutoff_hz=settings.cutoff_hz,
         start_s=settings.start_s,
         stop_s=settings.stop_s,
-        decimate=settings.preset == "best",
+        decimate=settings.preset == "best" or max(r.samples for r in records) > LONG_RECORD,
     )
     friction = settings.terms or FrictionTerms()
     choices: tuple[str, ...] = ()
@@ -272,7 +274,7 @@ def _estimate(
         expressions=base.expressions,
         values=fit.values,
         covariance=hac_covariance(fit, problem),
-        naive_std=np.sqrt(np.diag(naive_covariance(fit, problem))),
+        naive_std=np.sqrt(np.diag(naive_covariance(fit))),
         noise=fit.noise,
         condition_number=float(np.linalg.cond(root)),
         scaled_condition_number=float(np.linalg.cond(root / np.linalg.norm(root, axis=0))),

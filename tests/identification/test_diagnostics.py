@@ -1,0 +1,98 @@
+import numpy as np
+import pytest
+from known_robot import recording, ur5
+
+from dynid.core.errors import InputError
+from dynid.recording.record import ExperimentRecord
+from dynid.regressor.terms import parse_terms
+from dynid.workflow.identify import Identification, IdentifySettings, identify
+
+
+def codes(result: Identification) -> set[str]:
+    return {notice.code for notice in result.warnings}
+
+
+def test_a_good_record_raises_no_alarm() -> None:
+    result = identify([recording(0)], ur5(), IdentifySettings(), validation=recording(1))
+    assert not codes(result) & {
+        "ill_conditioned",
+        "low_excitation",
+        "over_fitted",
+        "not_physical",
+    }
+
+
+def test_a_joint_that_stands_is_low_excitation() -> None:
+    record = recording(0)
+    q = record.signals["q"].copy()
+    q[:, 3] = 0.5 + 1e-4 * np.sin(np.arange(len(q)) / 40)
+    still = ExperimentRecord(t=record.t, signals={"q": q, "effort": record.signals["effort"]})
+    result = identify([still], ur5(), IdentifySettings())
+    assert {"low_excitation"} <= codes(result)
+    message = next(n.message for n in result.warnings if n.code == "low_excitation")
+    assert "wrist_1_joint" in message
+    assert "must not be used" in message
+
+
+def test_one_way_motion_is_low_excitation_and_ill_conditioned() -> None:
+    t = np.arange(500) / 125
+    ramp = 0.5 * (1 - np.cos(np.pi * t / t[-1]))
+    q = ramp[:, None] * np.array([1.0, 0.9, 1.1, 0.8, 1.0, 1.2])
+    effort = np.random.default_rng(0).normal(size=q.shape) + 5
+    record = ExperimentRecord(t=t, signals={"q": q, "effort": effort})
+    result = identify([record], ur5(), IdentifySettings())
+    assert {"low_excitation", "ill_conditioned"} <= codes(result)
+
+
+def test_torques_of_the_wrong_sign_are_not_physical() -> None:
+    record = recording(0)
+    wrong = ExperimentRecord(
+        t=record.t, signals={"q": record.signals["q"], "effort": -record.signals["effort"]}
+    )
+    assert "not_physical" in codes(identify([wrong], ur5(), IdentifySettings()))
+
+
+def test_a_model_of_another_robot_is_over_fitted() -> None:
+    record, other = recording(0), recording(1)
+    heavier = ExperimentRecord(
+        t=other.t, signals={"q": other.signals["q"], "effort": 1.4 * other.signals["effort"]}
+    )
+    result = identify([record], ur5(), IdentifySettings(), validation=heavier)
+    assert "over_fitted" in codes(result)
+
+
+def test_correlated_residuals_are_said() -> None:
+    result = identify([recording(0, correlation=0.9)], ur5(), IdentifySettings(preset="paper"))
+    assert "non_white_residuals" in codes(result)
+
+
+def test_given_terms_and_cutoff_are_kept() -> None:
+    terms = parse_terms("fc,fv,im,fo:2")
+    result = identify([recording(0)], ur5(), IdentifySettings(terms=terms, cutoff_hz=12.5)).estimate
+    assert result.model.friction.terms == terms.terms
+    assert result.settings.cutoff_hz == 12.5
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"preset": "worst"}, "--preset"),
+        ({"estimator": "tls"}, "ols, wls, irls"),
+        ({"weighting": "loud"}, "--weighting"),
+    ],
+)
+def test_unknown_words_are_refused(settings: dict[str, str], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        IdentifySettings(**settings)
+
+
+def test_no_record_is_refused() -> None:
+    with pytest.raises(InputError, match="at least one record"):
+        identify([], ur5())
+
+
+def test_same_input_same_bits() -> None:
+    first = identify([recording(0)], ur5()).estimate
+    second = identify([recording(0)], ur5()).estimate
+    np.testing.assert_array_equal(first.values, second.values)
+    np.testing.assert_array_equal(first.covariance, second.covariance)

@@ -1,0 +1,99 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from known_robot import recording, ur5
+
+from dynid.core.errors import InputError
+from dynid.identification.estimate import Estimate
+from dynid.identification.estimate_file import read_estimate, write_estimate, write_json
+from dynid.validation.prediction import validate
+from dynid.workflow.identify import IdentifySettings, identify
+
+DAMAGES = 500
+
+
+@pytest.fixture(scope="module")
+def estimate() -> Estimate:
+    return identify([recording(0)], ur5(), IdentifySettings()).estimate
+
+
+def test_an_estimate_survives_its_file(estimate: Estimate, tmp_path: Path) -> None:
+    path = tmp_path / "estimate.json"
+    write_estimate(estimate, path)
+    again = read_estimate(path)
+    for name in ("values", "covariance", "naive_std", "noise"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(estimate, name))
+    assert again.settings == estimate.settings
+    assert again.model.friction == estimate.model.friction
+    assert again.names == estimate.names
+    assert again.expressions == estimate.expressions
+    assert again.essential == estimate.essential
+    assert again.provenance == estimate.provenance
+    other = recording(1)
+    np.testing.assert_array_equal(
+        validate(again, other).predicted, validate(estimate, other).predicted
+    )
+
+
+def test_the_file_is_strict_json_without_pickles(estimate: Estimate, tmp_path: Path) -> None:
+    path = tmp_path / "estimate.json"
+    write_estimate(estimate, path)
+
+    def refuse(constant: str) -> None:
+        raise AssertionError(constant)
+
+    data = json.loads(path.read_text(), parse_constant=refuse)
+    assert data["format"] == "dynid-estimate"
+    assert [row["name"] for row in data["parameters"]] == list(estimate.names)
+
+
+def test_an_interrupt_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "result.json"
+    write_json({"old": 1}, path)
+
+    def interrupted(*_args: object, **_kwargs: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(json, "dump", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_json({"new": 2}, path)
+    assert json.loads(path.read_text()) == {"old": 1}
+    assert [item.name for item in tmp_path.iterdir()] == ["result.json"]
+
+
+def test_unwritable_and_missing_files_are_said(estimate: Estimate, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="cannot write"):
+        write_estimate(estimate, tmp_path / "absent" / "estimate.json")
+    with pytest.raises(InputError, match="cannot read"):
+        read_estimate(tmp_path / "absent.json")
+    (tmp_path / "other.json").write_text("[1, 2]")
+    with pytest.raises(InputError, match="not a dynid estimate"):
+        read_estimate(tmp_path / "other.json")
+
+
+def test_damaged_files_are_refused_in_words(estimate: Estimate, tmp_path: Path) -> None:
+    path = tmp_path / "estimate.json"
+    write_estimate(estimate, path)
+    good = path.read_bytes()
+    generator = np.random.default_rng(0)
+    messages: list[str] = []
+    for _ in range(DAMAGES):
+        data = bytearray(good)
+        match generator.integers(3):
+            case 0:
+                for at in generator.integers(len(data), size=generator.integers(1, 20)):
+                    data[at] = generator.integers(256)
+            case 1:
+                del data[generator.integers(len(data)) :]
+            case _:
+                at = generator.integers(len(data))
+                del data[at : at + generator.integers(1, 200)]
+        path.write_bytes(bytes(data))
+        try:
+            read_estimate(path)
+        except InputError as error:
+            messages.append(str(error))
+    assert len(messages) > DAMAGES / 4
+    assert not any("\n" in message for message in messages)

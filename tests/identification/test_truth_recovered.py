@@ -1,0 +1,148 @@
+import numpy as np
+import pytest
+from known_robot import oracle, recording, ur5
+
+from dynid.identification.least_squares import WeightedLeastSquares
+from dynid.identification.problem import IdentificationProblem
+from dynid.reduction.base import reduce_model
+from dynid.regressor.model import InverseDynamicModel
+from dynid.signals.process import process
+from dynid.signals.samples import ProcessingSettings
+from dynid.workflow.identify import Identification, IdentifySettings, identify
+
+EXACT = 2e-3
+"""Noise-free: what filtering and differentiating 125 Hz samples leave, relative."""
+SEEDS = range(20)
+
+
+def z_scores(result: Identification) -> np.ndarray:
+    estimate = result.estimate
+    _, truth = oracle()
+    base = reduce_model(estimate.model)
+    standard = np.zeros(len(estimate.model.columns))
+    standard[:60] = truth[:60]
+    for k, name in enumerate(estimate.model.names):
+        kind, joint = name.rstrip("0123456789"), int(name[-1]) - 1
+        if kind in ("Fc", "Fv", "Im"):
+            standard[k] = truth[60 + 6 * ("Fc", "Fv", "Im").index(kind) + joint]
+    return (estimate.values - base.from_standard(standard)) / estimate.std
+
+
+def coverage(preset: str, **kwargs: float) -> float:
+    scores = [
+        z_scores(identify([recording(seed, **kwargs)], ur5(), IdentifySettings(preset=preset)))
+        for seed in SEEDS
+    ]
+    return float(np.mean(np.abs(np.concatenate(scores)) < 1.96))
+
+
+@pytest.mark.parametrize("preset", ["paper", "best"])
+def test_95_percent_intervals_cover_the_truth(preset: str) -> None:
+    assert 0.90 <= coverage(preset, position_noise=5e-6) <= 0.99
+
+
+def test_intervals_cover_under_correlated_noise_where_naive_ones_do_not() -> None:
+    results = [
+        identify(
+            [recording(seed, correlation=0.95, seconds=30.0, period=30.0)],
+            ur5(),
+            IdentifySettings(preset="paper"),
+        )
+        for seed in range(10)
+    ]
+    honest = np.concatenate([z_scores(result) for result in results])
+    naive = np.concatenate([z_scores(r) * r.estimate.std / r.estimate.naive_std for r in results])
+    assert 0.90 <= np.mean(np.abs(honest) < 1.96) <= 0.995
+    assert np.mean(np.abs(naive) < 1.96) < 0.6
+
+
+def test_intervals_cover_with_averaged_periods() -> None:
+    results = [
+        identify([recording(seed, seconds=30.0)], ur5(), IdentifySettings()) for seed in range(8)
+    ]
+    assert all("average of 3 periods of 10 s" in r.estimate.choices for r in results)
+    scores = np.concatenate([z_scores(result) for result in results])
+    assert 0.90 <= np.mean(np.abs(scores) < 1.96) <= 0.995
+
+
+def test_without_noise_the_torques_are_reproduced() -> None:
+    result = identify(
+        [recording(3, noise=0.0)],
+        ur5(),
+        IdentifySettings(preset="paper", cutoff_hz=40.0),
+        validation=recording(4, noise=0.0),
+    )
+    assert result.validation is not None
+    assert result.validation.moving.relative_error_overall_percent < 100 * EXACT * 5
+    _, truth = oracle()
+    names = result.estimate.names
+    for k, name in enumerate(("Fc3", "Fv3", "Im3")):
+        value = result.estimate.values[names.index(name)]
+        assert value == pytest.approx(truth[60 + 6 * k + 2], rel=0.02)
+
+
+def test_standard_deviations_fall_with_the_root_of_the_length() -> None:
+    deviations = []
+    for seconds in (20.0, 80.0):
+        record = recording(1, period=20.0, seconds=seconds)
+        result = identify([record], ur5(), IdentifySettings(preset="paper"))
+        deviations.append(result.estimate.naive_std)
+    assert np.median(deviations[0] / deviations[1]) == pytest.approx(2.0, rel=0.05)
+
+
+@pytest.mark.parametrize("frames", ["dh", "mdh", "urdf"])
+def test_the_frames_do_not_change_the_prediction(frames: str) -> None:
+    record, other = recording(5), recording(6)
+    here = identify([record], ur5(), IdentifySettings(preset="paper"), validation=other)
+    there = identify(
+        [record], ur5(), IdentifySettings(preset="paper", frames=frames), validation=other
+    )
+    assert here.validation is not None
+    assert there.validation is not None
+    np.testing.assert_allclose(
+        there.validation.predicted, here.validation.predicted, atol=1e-6, rtol=0
+    )
+
+
+def test_best_finds_a_planted_delay_width_and_offset() -> None:
+    delay = np.array([0.0, 2, 0, 0, 1, 0])
+    record = recording(
+        7,
+        seconds=30.0,
+        period=30.0,
+        noise=0.3,
+        delay_samples=delay,
+        width=0.12,
+        offset=np.array([0, 0, 6.0, 0, 0, 0]),
+    )
+    estimate = identify([record], ur5(), IdentifySettings()).estimate
+    assert estimate.settings.delays_s is not None
+    np.testing.assert_allclose(estimate.settings.delays_s, delay / 125, atol=1e-9, rtol=0)
+    widths = estimate.model.friction.width
+    assert isinstance(widths, tuple)
+    assert all(0.07 <= width <= 0.2 for width in widths)
+    assert dict(estimate.model.friction.terms).get("fo") == (2,)
+    assert estimate.values[estimate.names.index("Fo3")] == pytest.approx(6.0, abs=1.0)
+
+
+def test_best_adds_nothing_to_a_plain_arm() -> None:
+    estimate = identify([recording(8)], ur5(), IdentifySettings()).estimate
+    assert estimate.model.friction.describe() == "fc,fv,im"
+    assert estimate.settings.delays_s is None
+
+
+def test_the_weak_prior_hardly_moves_a_good_record() -> None:
+    base = reduce_model(InverseDynamicModel(robot=ur5()))
+    samples = process(recording(2), ur5(), ProcessingSettings(cutoff_hz=15.0))
+    problem = IdentificationProblem(base=base, samples=samples)
+    free = WeightedLeastSquares().fit(problem).values
+    tame = WeightedLeastSquares(prior_gain=1.0).fit(problem).values
+    result = identify([recording(2)], ur5(), IdentifySettings(preset="paper"))
+    assert np.abs((tame - free) / result.estimate.std).max() < 0.1
+
+
+def test_more_records_mean_more_certainty() -> None:
+    one = identify([recording(1)], ur5(), IdentifySettings(preset="paper"))
+    two = identify([recording(1), recording(2)], ur5(), IdentifySettings(preset="paper"))
+    assert two.estimate.samples > 1.8 * one.estimate.samples
+    assert np.median(two.estimate.naive_std / one.estimate.naive_std) < 0.8
