@@ -17,7 +17,7 @@ from dynid.core.errors import DynidError
 
 TRACEBACK = "DYNID_TRACEBACK"
 """Set in the environment, this shows the traceback of any error."""
-BAD_INPUT, JOB_FAILED, INTERRUPTED, BROKEN_PIPE = 2, 1, 130, 141
+BAD_INPUT, JOB_FAILED, INTERRUPTED, BROKEN_PIPE = 2, 1, 130, 1
 
 
 def exit_code_of(job: Callable[[], int]) -> int:

@@ -40,9 +40,9 @@ def print_identification(screen: Console, result: Identification, output: Path |
     for choice in estimate.choices:
         screen.print(f"- {choice}")
     _print_parameters(screen, result)
-    print_metrics(screen, "Training: prediction of the identification record", result.training)
+    print_metrics(screen, "Training", result.training)
     if result.validation is not None:
-        print_metrics(screen, "Validation: prediction of the other record", result.validation)
+        print_metrics(screen, "Validation", result.validation)
     print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
     screen.print()
     if output is None:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from dynid.validation.prediction import ValidationResult
 
-COLUMNS = ("joint", "RMS", "moving", "at rest", "relative %", "moving %", "R2")
+COLUMNS = ("joint", "RMS", "moving", "at rest", "rel. %", "moving %", "R2")
 
 
 def print_metrics(screen: Console, title: str, result: ValidationResult) -> None:
@@ -35,7 +35,7 @@ def print_metrics(screen: Console, title: str, result: ValidationResult) -> None
         )
         for j in range(len(whole.rmse))
     ]
-    print_table(screen, f"{title} (RMS in N.m, or N where a joint slides)", COLUMNS, rows)
+    print_table(screen, f"{title}: RMS errors in N.m, N where a joint slides", COLUMNS, rows)
     screen.print(
         f"all joints: {number(whole.relative_error_overall_percent, 3)} % of the torque, "
         f"{number(moving.relative_error_overall_percent, 3)} % while moving; "

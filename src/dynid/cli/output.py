@@ -119,12 +119,15 @@ def check_output(path: Path, inputs: Iterable[Path] = (), suffix: str | None = N
         raise InputError(
             "the output has another format", where=where, value=str(path), limit=f"*{suffix}"
         )
-    if path.is_dir():
+    # os.path says False where Path raises, as for names that no file can have.
+    if os.path.isdir(path):
         raise InputError("the output is a directory", where=where, value=str(path))
-    if any(path.exists() and source.exists() and path.samefile(source) for source in inputs):
+    if os.path.exists(path) and any(
+        os.path.exists(source) and os.path.samefile(path, source) for source in inputs
+    ):
         raise InputError("the output would overwrite an input", where=where, value=str(path))
     directory = path.parent
-    if not directory.is_dir():
+    if not os.path.isdir(directory):
         raise InputError(
             "the output's directory does not exist",
             where=where,

@@ -42,5 +42,5 @@ def _validate(
         print_json(result.to_json())
         return
     screen = console()
-    print_metrics(screen, f"Prediction of {record}", result)
+    print_metrics(screen, "Prediction", result)
     print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])

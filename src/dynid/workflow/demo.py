@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from dynid.core.arrays import Array
-from dynid.core.errors import InputError
+from dynid.core.errors import InputError, JobError
 from dynid.core.provenance import provenance
 from dynid.identification.estimate_file import write_estimate, write_json
 from dynid.recording.parquet import write_record
@@ -76,7 +76,7 @@ def run_demo(
 
     Raises:
         InputError: The directory cannot be made or written to.
-        JobError: The simulated arm ran away, or the problem is singular.
+        JobError: The simulated arm ran away, the problem is singular, or a file cannot be written.
         MissingExtraError: MuJoCo is not installed.
     """
     started = time.perf_counter()
@@ -130,13 +130,13 @@ def _recording(
     record = record_of(run)
     paths = [folder / f"{name}{end}" for end in (".parquet", "_trajectory.json", "_truth.json")]
     write_record(record, paths[0])
-    write_trajectory(
-        paths[1],
-        series,
-        robot=robot.name,
-        limits=robot.limits,
-        provenance=provenance(settings={"harmonics": HARMONICS, "period": PERIOD}, seed=seed),
-    )
+    made = provenance(settings={"harmonics": HARMONICS, "period": PERIOD}, seed=seed)
+    try:
+        write_trajectory(paths[1], series, robot=robot.name, limits=robot.limits, provenance=made)
+    except OSError as error:
+        raise JobError(
+            "the trajectory cannot be written", where=str(paths[1]), value=error.strerror
+        ) from error
     truth = truth_to_json(robot, arm.truth, run)
     write_json({**truth, "torque_rms": _rms(run.truth.torque)}, paths[2])
     return record, paths

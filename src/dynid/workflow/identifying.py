@@ -9,6 +9,7 @@ from dynid.core.errors import InputError
 from dynid.identification.estimate_file import write_estimate
 from dynid.identification.selection import Progress
 from dynid.recording.record import ExperimentRecord
+from dynid.signals.resample import window
 from dynid.workflow.identify import Identification, IdentifySettings, identify
 from dynid.workflow.recordings import open_record, open_records
 
@@ -53,6 +54,9 @@ def identify_files(
                 next_step="Name it with --validate RECORD.",
             )
         other = records[0]
+    if other is not None:
+        # A wrong window must not cost the time of an identification first.
+        window(other.t, validation_start_s, validation_stop_s)
     result = identify(
         records,
         model,

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from dynid.core.errors import InputError
+from dynid.core.errors import InputError, RecordError
 from dynid.recording.detect import content_kind
 from dynid.recording.files import read_recording
 from dynid.recording.parquet import read_record
@@ -34,11 +35,9 @@ def open_record(path: str | Path, robot: RobotModel) -> ExperimentRecord:
     Raises:
         RecordError: Not a recording, or not one of this robot.
     """
-    file = Path(path)
-    if not file.exists():
-        # The recording of a killed writer may be there under its partial name.
-        return read_record(file)
-    return read_recording(file, robot=robot)
+    if _was_cut_off(path):
+        return read_record(path)
+    return read_recording(path, robot=robot)
 
 
 def open_records(
@@ -67,9 +66,7 @@ def stored_robot(paths: Sequence[str | Path]) -> str:
     """
     found: list[str] = []
     for path in paths:
-        file = Path(path)
-        own = not file.exists() or content_kind(file) == "parquet" if not file.is_dir() else False
-        name = read_record(file).metadata.robot if own else None
+        name = _robot_in(path)
         if name is None:
             raise InputError(
                 "the recording does not say which robot it is of", where=str(path), next_step=_NEXT
@@ -88,3 +85,16 @@ def stored_robot(paths: Sequence[str | Path]) -> str:
             next_step=_NEXT,
         )
     return name
+
+
+def _robot_in(path: str | Path) -> str | None:
+    if not os.path.exists(path) and not _was_cut_off(path):
+        raise RecordError("there is no such file", where=str(path))
+    foreign = os.path.isfile(path) and content_kind(Path(path)) != "parquet"
+    return None if foreign or os.path.isdir(path) else read_record(path).metadata.robot
+
+
+def _was_cut_off(path: str | Path) -> bool:
+    """Whether only the partial file of a killed writer is there."""
+    # os.path says False where Path raises, as for names that no file can have.
+    return not os.path.exists(path) and os.path.isfile(f"{path}.partial")

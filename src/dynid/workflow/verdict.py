@@ -51,14 +51,13 @@ def verdict(result: Identification) -> Verdict:
         poor.append("the motion excites too little (low_excitation)")
     if poor:
         return Verdict(level="do_not_use", reasons=tuple(poor))
-    reasons = [f"see the warning {code}" for code in sorted(codes & CARE)]
+    found = sorted(codes & CARE)
+    doubts = [f"see the warning{'s' * (len(found) > 1)} {', '.join(found)}"] if found else []
     if result.validation is None:
-        reasons.append("no other recording has confirmed it yet (--validate)")
-        return Verdict(level="care", reasons=tuple(reasons))
+        doubts.append("no other motion has confirmed it yet (--validate)")
+        return Verdict(level="care", reasons=tuple(doubts))
     error = result.validation.moving.relative_error_overall_percent
-    share = f"it predicts the torques of another motion to {error:.1f} % (moving joints)"
-    if not error <= POOR_PREDICTION:
-        reasons.append(share)
-    if reasons:
-        return Verdict(level="care", reasons=tuple(reasons))
-    return Verdict(level="usable", reasons=(share, "and its parameters are told apart"))
+    share = f"it predicts another motion's torques to {error:.1f} % (moving joints)"
+    if found or not error <= POOR_PREDICTION:
+        return Verdict(level="care", reasons=(share, *doubts))
+    return Verdict(level="usable", reasons=(share, "the motion tells its parameters apart"))

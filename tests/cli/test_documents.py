@@ -1,0 +1,112 @@
+"""What the documents say is true: examples run, commands and names exist."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import shlex
+from functools import reduce
+from pathlib import Path
+
+import pytest
+from cli_runs import COMMANDS, Run
+
+import dynid
+from dynid.core.notices import CODES
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text()
+DATA = ROOT.parent / "shared" / "data"
+
+
+def commands_in(text: str) -> list[list[str]]:
+    return [shlex.split(line)[1:] for line in re.findall(r"^ {4}(dynid .*)$", text, re.MULTILINE)]
+
+
+def test_every_public_name_loads_from_where_it_lives() -> None:
+    assert sorted(dynid.__all__) == dynid.__all__
+    assert set(dynid._MODULE_OF) == set(dynid.__all__) - {"__version__"}
+    for name in dynid.__all__:
+        assert getattr(dynid, name) is not None
+    assert set(dynid.__all__) <= set(dir(dynid))
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        dynid.nothing  # noqa: B018
+
+
+def test_the_ten_lines_of_the_readme_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    lines = [line for line in code.splitlines() if line.strip()]
+    assert len(lines) <= 11  # ten and the import
+    exec(compile(code, "README.md", "exec"), {})
+    printed = capsys.readouterr().out
+    assert "52 of 78 parameters" in printed
+    assert "This result can be used" in printed
+
+
+@pytest.mark.parametrize("words", commands_in(README), ids=lambda words: " ".join(words)[:60])
+def test_commands_of_the_readme_exist_with_their_options(run: Run, words: list[str]) -> None:
+    assert words[0] in COMMANDS
+    text = run(words[0], "--help").out
+    for option in (word for word in words if word.startswith("-")):
+        assert re.search(rf"(?<![\w-]){option}(?![\w-])", text), option
+    for robot in (word for word in words if word.startswith("examples/")):
+        assert (ROOT / robot).is_file()
+
+
+@pytest.mark.skipif(not DATA.exists(), reason=f"the recordings are not at {DATA}")
+@pytest.mark.parametrize(
+    "words", [w for w in commands_in(README) if "$DATA" in " ".join(w)], ids=lambda w: w[-1]
+)
+def test_imports_of_the_readme_work(
+    run: Run, words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    target = tmp_path / words[-1]
+    places = [word.replace("$DATA", str(DATA)) for word in words[:-1]]
+    data = run(*places, target, "--json").json()
+    assert data["samples"] > 1000
+    assert dynid.read_record(target).samples == data["samples"]
+
+
+def test_links_of_the_documents_lead_somewhere() -> None:
+    for document in (*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")):
+        for link in re.findall(r"\]\(([^)]+)\)", document.read_text()):
+            if not link.startswith("http"):
+                assert (document.parent / link).exists(), f"{document.name}: {link}"
+
+
+def test_names_in_the_table_of_equations_exist() -> None:
+    names = re.findall(r"`(dynid\.[\w.]+)`", (ROOT / "docs" / "equations.md").read_text())
+    assert len(names) > 15
+    for name in names:
+        module, attributes = name, []
+        while True:
+            try:
+                found = importlib.import_module(module)
+                break
+            except ModuleNotFoundError:
+                module, _, last = module.rpartition(".")
+                attributes.insert(0, last)
+        assert attributes, name
+        reduce(getattr, attributes, found)
+
+
+def test_every_warning_is_explained() -> None:
+    rows = re.findall(r"^\| `(\w+)` \|", (ROOT / "docs" / "warnings.md").read_text(), re.MULTILINE)
+    assert set(rows) == CODES
+
+
+def test_the_robot_file_of_the_documents_is_one(tmp_path: Path) -> None:
+    (text,) = re.findall(
+        r"```toml\n(.*?)```", (ROOT / "docs" / "robot-files.md").read_text(), re.DOTALL
+    )
+    path = tmp_path / "myarm.toml"
+    path.write_text(text)
+    assert dynid.load_robot(path).mount == "wall"
+
+
+def test_the_version_is_the_same_everywhere() -> None:
+    assert f"version: {dynid.__version__}" in (ROOT / "CITATION.cff").read_text()

@@ -1,0 +1,178 @@
+"""Errors, interrupts and broken pipes: one line, an exit code, no half-written file."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli_runs import COMMANDS, Recordings, Run
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from dynid.core.errors import JobError, MissingExtraError
+
+HEAVY = ("numpy", "scipy", "pyarrow", "numba", "pinocchio", "mujoco", "rich")
+
+
+def fail_with(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
+    def robots() -> None:
+        raise error
+
+    monkeypatch.setattr("dynid.robot.load.robots", robots)
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "says"),
+    [
+        (ValueError("no\nluck"), 1, "internal error, a bug in dynid: ValueError: no luck"),
+        (JobError("it failed", value=3), 1, "it failed; got 3"),
+        (MissingExtraError("needs x", next_step="Run: pip install 'dynid[sim]'"), 2, "dynid[sim]"),
+        (MemoryError(), 1, "not enough memory"),
+        (RecursionError("deep"), 1, "internal error"),
+        (KeyboardInterrupt(), 130, "interrupted"),
+    ],
+)
+def test_any_error_is_one_line(
+    run: Run, monkeypatch: pytest.MonkeyPatch, error: BaseException, code: int, says: str
+) -> None:
+    fail_with(monkeypatch, error)
+    outcome = run("robots", "--json")
+    assert (outcome.code, outcome.out) == (code, "")
+    assert says in outcome.err
+    assert len(outcome.err.splitlines()) == 1
+
+
+def test_the_traceback_is_there_on_request(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    fail_with(monkeypatch, ValueError("no luck"))
+    assert "DYNID_TRACEBACK=1" in run("robots").err
+    monkeypatch.setenv("DYNID_TRACEBACK", "1")
+    assert "Traceback" in run("robots").err
+
+
+def test_an_interrupt_while_writing_leaves_the_old_file(
+    run: Run, recordings: Recordings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = tmp_path / "estimate.json"
+    target.write_text("old")
+
+    def half(data: Any, stream: Any, **_: Any) -> None:
+        stream.write("{")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("dynid.identification.estimate_file.json.dump", half)
+    outcome = run("identify", recordings.identification, "--preset", "paper", "-o", target)
+    assert outcome.code == 130
+    assert [path.name for path in tmp_path.iterdir()] == ["estimate.json"]
+    assert target.read_text() == "old"
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_signals_stop_a_running_demo(tmp_path: Path, number: signal.Signals, code: int) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "dynid", "demo", "-o", str(tmp_path)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 60
+    while not (tmp_path / "identification.parquet").exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    process.send_signal(number)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out) == (code, ""), err
+    assert "Traceback" not in err
+    assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
+
+
+def test_a_reader_that_leaves_early_is_no_error() -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "dynid", "robots", "--json"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.close()
+    err = process.stderr.read()
+    process.stderr.close()
+    assert process.wait(timeout=60) == 1
+    assert err == b""
+
+
+def test_a_full_disk_behind_stdout_is_said() -> None:
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "dynid", "robots"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 1
+    assert "No space left" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("words", [["--help"], ["--version"], *([c, "--help"] for c in COMMANDS)])
+def test_help_loads_nothing_heavy(words: list[str]) -> None:
+    code = (
+        "import json, sys; from dynid.cli.app import main; "
+        f"code = main({words!r}); print(json.dumps([code, sorted(sys.modules)]), file=sys.stderr)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=os.environ
+    )
+    code_, modules = json.loads(done.stderr)
+    assert code_ == 0
+    assert not set(HEAVY) & set(modules)
+
+
+WORDS = st.sampled_from(
+    [
+        *("ur5", "ur5e", "tilt:45", "tilt:nan", "wall", "dh", "fc,fv,im", "fc:1", "fo:0", "", " "),
+        *("-1", "0", "1e99", "nan", "inf", "3", "\x00"[:0], "ä\udcff", "-o", "--json", "--seed"),
+        *("--samples", "--mount", "--frames", "--terms", "--help", "--", "/", ".", "/dev/null"),
+        *(
+            "--columns",
+            "--gains",
+            "--rate",
+            "--delimiter",
+            "t=0,q=1:7",
+            "1,2",
+            "--robot",
+            "x" * 300,
+        ),
+        *("x" * 300, "x" * 5000, "a\nb", "\t", "--json=1", "-h", "--version"),
+        *("--preset", "paper", "best", "--from", "--to", "--validate", "--cutoff", "--estimator"),
+    ]
+)
+
+
+@settings(
+    max_examples=150,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+@given(command=st.sampled_from(COMMANDS[:-1]), data=st.data())
+def test_no_command_line_makes_a_traceback(
+    run: Run, recordings: Recordings, command: str, data: st.DataObject
+) -> None:
+    files = st.sampled_from([str(recordings.csv), str(recordings.estimate), str(Path(__file__))])
+    words = data.draw(st.lists(WORDS | files, max_size=5))
+    # Random words must not become files.
+    words = [word for word in words if word not in ("-o", "--output")]
+    words += data.draw(st.sampled_from([[], ["-o", "/nowhere/x"], ["-o", "x" * 300]]))
+    outcome = run(command, *words)
+    assert outcome.code in (0, 2), outcome
+    assert "Traceback" not in outcome.err
+    assert "internal error" not in outcome.err
+    if outcome.code == 2:
+        assert len(outcome.err.splitlines()) == 1
+        assert outcome.out == ""
