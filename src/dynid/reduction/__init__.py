@@ -1,1 +1,1 @@
-"""Base parameters: rank, regrouping, classes."""
+"""From standard to base parameters: rank, regrouping, classes."""

@@ -12,7 +12,13 @@ from dynid.core.notices import Notice
 from dynid.reduction.rank import RANK_TOLERANCE, Rank, rank_and_classes, regrouping
 from dynid.reduction.sampling import random_states
 from dynid.regressor.model import InverseDynamicModel
+from dynid.robot.model import RobotModel
 from dynid.robot.nominal import nominal_geometry, structural_gravity
+
+MATERIAL_ANGLE_DEG = 0.01
+"""Geometry this close to nominal is nominal but for the digits of its file [deg]."""
+MATERIAL_SHIFT = 1e-4
+"""The same for places [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,6 +123,7 @@ def reduce_model(
     w = structural.observation_matrix(*states)
     classes = rank_and_classes(w, tolerance)
     independent, dependent, k = regrouping(w, tolerance)
+    warnings = (*warnings, *_weak_gap(classes), *_two_ranks(classes.rank, len(independent)))
     return BaseParametrization(
         model=model,
         independent=independent,
@@ -127,20 +134,56 @@ def reduce_model(
         tolerance=tolerance,
         seed=seed,
         samples=rows,
-        warnings=(*warnings, *_weak_gap(classes)),
+        warnings=warnings,
     )
 
 
 def _structural_model(
     model: InverseDynamicModel,
 ) -> tuple[InverseDynamicModel, tuple[Notice, ...]]:
-    nominal, notes = nominal_geometry(model.robot)
+    nominal, _ = nominal_geometry(model.robot)
     gravity, tilt = structural_gravity(nominal)
-    warnings = [Notice("ill_conditioned", note) for note in (*notes, *((tilt,) if tilt else ()))]
+    found = (_departure(model.robot, nominal, model.frames), tilt)
     robot = replace(nominal, gravity=gravity)
     return (
         InverseDynamicModel(robot=robot, frames=model.frames, friction=model.friction),
-        tuple(warnings),
+        tuple(Notice("ill_conditioned", text) for text in found if text),
+    )
+
+
+def _departure(robot: RobotModel, nominal: RobotModel, frames: str) -> str | None:
+    """How far a geometry is from its nominal one, in words; None where rounding explains it."""
+    given, taken = (
+        np.concatenate([r.placements, r.parameter_frames[frames]]) for r in (robot, nominal)
+    )
+    turned = np.linalg.norm(given[:, :3, :3] - taken[:, :3, :3], axis=(1, 2)) / np.sqrt(2)
+    moved = np.linalg.norm(given[:, :3, 3] - taken[:, :3, 3], axis=1)
+    parts: list[str] = []
+    for size, limit, unit in (
+        (np.degrees(turned), MATERIAL_ANGLE_DEG, "deg"),
+        (moved, MATERIAL_SHIFT, "m"),
+    ):
+        worst = int(np.argmax(size))
+        if size[worst] > limit:
+            name = robot.joint_names[worst % robot.joints]
+            parts.append(f"{size[worst]:.2g} {unit} ({name})")
+    if not parts:
+        return None
+    return (
+        "rank and regrouping are those of the nominal geometry, whose axes are exactly parallel,"
+        f" square or crossing; the robot's is up to {' and '.join(parts)} off it"
+    )
+
+
+def _two_ranks(by_singular_values: int, by_columns: int) -> tuple[Notice, ...]:
+    if by_singular_values == by_columns:
+        return ()
+    return (
+        Notice(
+            "ill_conditioned",
+            f"the tolerance cuts through the singular values: they give rank {by_singular_values},"
+            f" the columns in order give {by_columns}",
+        ),
     )
 
 

@@ -6,12 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core.arrays import Array
+from dynid.core.arrays import Array, Mask, read_only
 from dynid.core.linalg import solve_upper, upper_triangle
 
 RANK_TOLERANCE = 1e-9
 """Of the largest singular value, columns normalised; the UR5's gap is 1e-2 to 1e-16."""
 CLASS_TOLERANCE = 1e-7
+"""A column with less than this of its norm in the null space is identifiable alone."""
+NO_SHARE = 1e-9
+"""Smaller entries of K, columns normalised, are zero."""
+ROUNDING = 1e-12
+"""No tolerance may ask for more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,22 +35,20 @@ class Rank:
 
 
 def rank_and_classes(w: Array, tolerance: float = RANK_TOLERANCE) -> Rank:
-    """Rank and classes of W (M, p) with M >= p.
+    """Rank and classes of W (M, p).
 
     Class by null space V2 and row space V1: column j is unidentifiable if W e_j = 0, alone if
     row j of V2 is zero, combined otherwise (methods.md 1.2).
     """
-    norms = np.linalg.norm(w, axis=0)
-    zero = norms <= tolerance * norms.max(initial=1e-300)
-    scaled = w / np.where(zero, 1.0, norms)
-    scaled[:, zero] = 0.0
-    _, s, vt = np.linalg.svd(scaled, full_matrices=True)
+    scaled, _, zero = _unit_columns(w, tolerance)
+    # The triangle has the same singular values and row space, whatever the number of rows.
+    _, s, vt = np.linalg.svd(upper_triangle(scaled))
     rank = int((s > tolerance * s[0]).sum())
     null_norms = np.linalg.norm(vt[rank:], axis=0)
     alone = (null_norms < CLASS_TOLERANCE) & ~zero
     return Rank(
         rank=rank,
-        normalised_singular_values=s,
+        normalised_singular_values=read_only(s),
         alone=tuple(np.flatnonzero(alone).tolist()),
         combined=tuple(np.flatnonzero(~alone & ~zero).tolist()),
         unidentifiable=tuple(np.flatnonzero(zero).tolist()),
@@ -64,15 +67,21 @@ def regrouping(
     Returns:
         Base columns (r), dependent columns (p - r), K (r, p - r) with W2 = W1 K.
     """
-    norms = np.linalg.norm(w, axis=0)
-    scale = np.where(norms > tolerance * norms.max(initial=1e-300), norms, 1.0)
-    diagonal = np.abs(np.diag(upper_triangle(w / scale)))
-    # A dependent column leaves rounding only; the first zero columns are below it too.
-    independent = diagonal > max(tolerance, 1e-12)
+    scaled, scale, _ = _unit_columns(w, tolerance)
+    # A dependent column leaves nothing but rounding on the diagonal.
+    independent = np.abs(np.diag(upper_triangle(scaled))) > max(tolerance, ROUNDING)
     base, dependent = np.flatnonzero(independent), np.flatnonzero(~independent)
     r = len(base)
-    upper = upper_triangle((w / scale)[:, np.concatenate([base, dependent])])
+    upper = upper_triangle(scaled[:, np.concatenate([base, dependent])])
     k = solve_upper(upper[:r, :r], upper[:r, r:])
-    k[np.abs(k) < CLASS_TOLERANCE * 1e-2] = 0.0
+    k[np.abs(k) < NO_SHARE] = 0.0
     k = k * (scale[dependent][None, :] / scale[base][:, None])
     return tuple(base.tolist()), tuple(dependent.tolist()), k
+
+
+def _unit_columns(w: Array, tolerance: float) -> tuple[Array, Array, Mask]:
+    """W with columns of unit norm or exactly zero; what it was divided by (p); zero columns (p)."""
+    norms = np.linalg.norm(w, axis=0)
+    zero = norms <= tolerance * norms.max(initial=1e-300)
+    scale = np.where(zero, 1.0, norms)
+    return np.where(zero, 0.0, w / scale), scale, zero

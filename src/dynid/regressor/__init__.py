@@ -1,1 +1,1 @@
-"""The regressor: inertial columns, friction columns, the inverse dynamic model."""
+"""What every torque is made of: the columns that multiply the parameters."""

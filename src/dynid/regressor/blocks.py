@@ -1,7 +1,7 @@
 """Column blocks: what stands beside the inertial columns of the regressor.
 
 A block says which columns it adds and fills them. To add one: a frozen dataclass that extends
-`ColumnBlock`, one word in `terms.TERMS`, one test against its formula.
+`ColumnBlock`, one word in `terms.TERMS`, one case in `column_blocks`, one test against its formula.
 """
 
 from __future__ import annotations
@@ -70,6 +70,7 @@ class JointColumns(ColumnBlock):
 
 
 def _unit(power: int, prismatic: bool) -> str:
+    """Unit of what multiplies 1 (0), a speed (1), an acceleration (2), a speed's cube root (-3)."""
     angular = {0: "N.m", 1: "N.m.s/rad", 2: "kg.m^2", -3: "N.m.(s/rad)^(1/3)"}
     linear = {0: "N", 1: "N.s/m", 2: "kg", -3: "N.(s/m)^(1/3)"}
     return (linear if prismatic else angular)[power]
@@ -202,7 +203,7 @@ class Coupling(ColumnBlock):
         for k, m in enumerate(rows):
             share = ratio[m] / ratio[m, m]
             speed = share @ dq
-            width = self.width if isinstance(self.width, float) else self.width[m]
+            width = self.width[m] if isinstance(self.width, tuple) else self.width
             terms = (smooth_sign(speed, width), speed, share @ ddq)
             for block, term in enumerate(terms):
                 out[block * len(rows) + k] = share[:, None] * term
@@ -217,8 +218,8 @@ def coupled_motors(robot: RobotModel) -> tuple[int, ...]:
 
 def smooth_sign(dq: Array, width: Width) -> Array:
     """tanh(dq / width) for dq (n, N) or (N), the sign where the width is 0."""
-    if isinstance(width, float):
-        return np.sign(dq) if width == 0 else np.tanh(dq / width)
+    if not isinstance(width, tuple):
+        return np.tanh(dq / width) if width > 0 else np.sign(dq)
     out = np.empty_like(dq)
     for j, one in enumerate(width):
         out[j] = smooth_sign(dq[j], one)
@@ -250,8 +251,10 @@ def column_blocks(friction: FrictionTerms, *, coupled: bool = False) -> tuple[Co
                 return ViscousAsymmetry(joints=joints)
             case "fs":
                 return Stribeck(velocity=speed, width=width, joints=joints)
-            case _:
+            case "fr":
                 return CubeRoot(joints=joints)
+            case _:
+                raise ValueError(f"no column block for the term {term!r}")
 
     terms = dict(friction.terms)
     blocks = tuple(block(term, terms[term]) for term in TERMS if term in terms)

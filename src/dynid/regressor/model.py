@@ -15,8 +15,9 @@ from dynid.robot.model import RobotModel
 
 INERTIAL = ("m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy")
 INERTIAL_UNITS = ("kg", "kg.m", "kg.m", "kg.m") + ("kg.m^2",) * 6
-CHUNK = 2048
-"""Samples evaluated at once where a whole stack would not fit in the cache."""
+CHUNK = 2000
+"""Samples evaluated at once where a whole stack would not fit in the cache. Not a power of two:
+columns then start at the same place of the cache and push each other out (three times slower)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,18 +77,33 @@ class InverseDynamicModel:
 
         Returns:
             (p, n, N): column, joint row, sample.
+
+        Raises:
+            InputError: Shapes that do not fit the robot or each other.
         """
         robot = self.robot
         first = 10 * robot.joints
+        self._check_shapes(q, dq, ddq, out)
         if out is None:
             out = np.zeros((len(self.columns), robot.joints, len(q)))
-        position, velocity, acceleration = (np.ascontiguousarray(x.T) for x in (q, dq, ddq))
+        # Copies, never views: read-only arrays would make Numba compile the kernel once more.
+        position, velocity, acceleration = (np.array(x.T, order="C") for x in (q, dq, ddq))
         inertial_columns(self.constants, position, velocity, acceleration, out[:first])
         for block in self.blocks:
             count = len(block.columns(robot))
             block.fill(robot, velocity, acceleration, out[first : first + count])
             first += count
         return out
+
+    def _check_shapes(self, q: Array, dq: Array, ddq: Array, out: Array | None) -> None:
+        # The compiled kernel trusts its shapes: it would read beyond shorter arrays.
+        samples, joints = len(q), self.robot.joints
+        for name, array in (("q", q), ("dq", dq), ("ddq", ddq)):
+            if array.shape != (samples, joints):
+                raise InputError(f"{name} does not fit", value=array.shape, limit=(samples, joints))
+        expected = (len(self.columns), joints, samples)
+        if out is not None and out.shape != expected:
+            raise InputError("out does not fit", value=out.shape, limit=expected)
 
     def observation_matrix(self, q: Array, dq: Array, ddq: Array) -> Array:
         """W (n N, p), rows joint-major: all samples of joint 1 first."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 from dynid.core.errors import InputError
 
@@ -23,7 +23,8 @@ class FrictionTerms:
     """Terms, the joints that have them, and their shapes.
 
     Raises:
-        InputError: An unknown or repeated term, a joint below 0, a shape out of range.
+        InputError: An unknown or repeated term, no, repeated or negative joints, a shape out
+            of range.
     """
 
     terms: tuple[tuple[str, tuple[int, ...] | None], ...] = tuple((t, None) for t in PAPER_TERMS)
@@ -49,6 +50,8 @@ class FrictionTerms:
             raise InputError("the Stribeck velocity must be positive", value=self.stribeck_velocity)
         if any(j < 0 for _, joints in self.terms for j in joints or ()):
             raise InputError("joints of a term count from 0", value=self.terms)
+        if any(js is not None and (not js or len(set(js)) < len(js)) for _, js in self.terms):
+            raise InputError("a term needs joints, each once", value=self.terms)
 
     def check_joints(self, joints: int) -> None:
         """Check against the number of joints of a robot.
@@ -102,7 +105,7 @@ def parse_terms(
             terms.append((word, None))
             continue
         numbers = joints.split("+")
-        if not all(number.isascii() and number.isdigit() and int(number) > 0 for number in numbers):
+        if not all(_is_count(number) for number in numbers):
             raise InputError(
                 "joints of a term count from 1",
                 where="--terms",
@@ -123,8 +126,17 @@ def terms_from_json(data: Mapping[str, Any]) -> FrictionTerms:
         width = data["width"]
         return parse_terms(
             str(data["terms"]),
-            width=tuple(float(w) for w in width) if isinstance(width, list) else float(width),
+            width=(
+                tuple(float(w) for w in cast("list[Any]", width))
+                if isinstance(width, list)
+                else float(width)
+            ),
             stribeck_velocity=float(data["stribeck_velocity"]),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise InputError("friction terms cannot be read", value=str(data)) from error
+
+
+def _is_count(text: str) -> bool:
+    # int() refuses thousands of digits with another error; no robot has that many joints.
+    return text.isascii() and text.isdigit() and len(text) < 10 and int(text) > 0

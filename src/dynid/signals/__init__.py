@@ -1,1 +1,1 @@
-"""From recorded signals to samples: torque, grid, filters, derivatives, periods."""
+"""From a recording to samples: uniform time, filters, derivatives, periods, torques."""

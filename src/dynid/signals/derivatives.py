@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import savgol_filter  # pyright: ignore[reportMissingTypeStubs]
+from scipy.signal import (  # pyright: ignore[reportMissingTypeStubs]
+    savgol_filter,  # pyright: ignore[reportUnknownVariableType]
+)
 
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError

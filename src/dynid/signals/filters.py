@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt  # pyright: ignore[reportMissingTypeStubs]
+from scipy.signal import (  # pyright: ignore[reportMissingTypeStubs]
+    butter,  # pyright: ignore[reportUnknownVariableType]
+    sosfiltfilt,  # pyright: ignore[reportUnknownVariableType]
+)
 
 from dynid.core.arrays import Array
 
@@ -21,7 +24,7 @@ LOWEST_DEFAULT_HZ = 5.0
 def low_pass(values: Array, rate_hz: float, cutoff_hz: float) -> Array:
     """Butterworth of order 4, forward and backward, along the first axis."""
     share = min(cutoff_hz / (rate_hz / 2), NYQUIST_SHARE)
-    sections = butter(ORDER, share, output="sos")
+    sections = np.asarray(butter(ORDER, share, output="sos"), dtype=np.float64)
     # The natural length of the tail, so that short records still filter.
     padding = min(int(3 * rate_hz / max(cutoff_hz, 1e-3)) + 1, len(values) - 2)
     return np.asarray(

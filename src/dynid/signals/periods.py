@@ -40,7 +40,8 @@ def find_period(q: Array, rate_hz: float) -> float | None:
     best = candidates[int(np.argmin(difference[candidates]))]
     near = candidates[difference[candidates] < 4 * difference[best] + REPEAT_TOLERANCE**2]
     # The shortest lag that repeats is the period; its neighbours repeat almost as well.
-    first = near[0] + int(np.argmin(difference[near[0] : near[0] + max(1, int(0.1 * rate_hz))]))
+    together = near[near - near[0] == np.arange(len(near))]
+    first = together[int(np.argmin(difference[together]))]
     if difference[first] > REPEAT_TOLERANCE**2:
         return None
     return float(first / rate_hz)
@@ -49,13 +50,15 @@ def find_period(q: Array, rate_hz: float) -> float | None:
 def fold_periods(signals: UniformSignals, period_s: float) -> UniformSignals:
     """Average whole repetitions into one period; their scatter is the noise of the torque.
 
+    What lies in gaps does not count; where every repetition has a gap, nothing is valid.
+
     Args:
         signals: Signals on a uniform grid.
         period_s: Period [s].
 
     Raises:
-        InputError: The period is not a whole number of samples (to 1e-3 of one), or is longer
-            than the record.
+        InputError: The period is not a whole number of samples (to 1e-3 of one, or to 1e-6 of
+            itself), or is longer than the record.
     """
     exact = period_s * signals.rate_hz
     length = round(exact)
@@ -65,21 +68,28 @@ def fold_periods(signals: UniformSignals, period_s: float) -> UniformSignals:
     if repetitions < 1:
         raise InputError("the record is shorter than its period", value=period_s)
 
+    counts = _stacked(signals.valid[:, None], repetitions, length)
+    total = counts.sum(axis=0)
+    # Without any repetition, what the gaps were bridged with keeps the period whole.
+    weights = np.where(total > 0, counts / np.maximum(total, 1), 1.0 / repetitions)
+
     def mean(values: Array) -> Array:
-        return _stacked(values, repetitions, length).mean(axis=0)
+        return (_stacked(values, repetitions, length) * weights).sum(axis=0)
 
     noise = signals.noise
-    if repetitions > 1:
-        # The mean of R repetitions is noisier than its scatter says by 1/R.
-        scatter = _stacked(signals.torque, repetitions, length).var(axis=0, ddof=1)
-        noise = np.sqrt(scatter.mean(axis=0) / repetitions)
+    torque = mean(signals.torque)
+    freedom = np.maximum(total - 1, 0).sum()
+    if freedom > 0:
+        errors = counts * (_stacked(signals.torque, repetitions, length) - torque)
+        # The mean of R repetitions is less noisy than each by 1/sqrt(R).
+        noise = np.sqrt(np.square(errors).sum(axis=(0, 1)) / freedom / total.mean())
     return UniformSignals(
         t=signals.t[:length],
         rate_hz=signals.rate_hz,
         q=mean(signals.q),
         qd=None if signals.qd is None else mean(signals.qd),
-        torque=mean(signals.torque),
-        valid=_stacked(signals.valid[:, None], repetitions, length).min(axis=0)[:, 0],
+        torque=torque,
+        valid=np.where(total[:, 0] > 0, 1.0, 0.0),
         noise=noise,
     )
 

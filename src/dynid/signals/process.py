@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dynid.core.arrays import Array
+from dynid.core.arrays import Array, Indices
 from dynid.core.errors import InputError
 from dynid.recording.record import ExperimentRecord
 from dynid.robot.model import RobotModel
@@ -68,13 +68,6 @@ def samples_from(signals: UniformSignals, settings: ProcessingSettings) -> Sampl
     q = low_pass(signals.q, rate, cutoff)
     dq, ddq = _derivatives(signals, settings, q, cutoff)
     keep = _kept(signals, settings, cutoff)
-    if len(keep) < MIN_SAMPLES:
-        raise InputError(
-            "too few samples remain after filtering",
-            value=len(keep),
-            limit=f"at least {MIN_SAMPLES}",
-            next_step="Use a longer window or a higher --cutoff.",
-        )
     return Samples(
         t=signals.t[keep] - signals.t[0],
         q=q[keep],
@@ -106,14 +99,11 @@ def delayed(
     if len(delays_s) != torque.shape[1]:
         raise InputError("one delay a joint", value=len(delays_s), limit=torque.shape[1])
     index = np.arange(len(torque), dtype=np.float64)
-    return np.column_stack(
-        [
-            np.interp(
-                index + delay * rate_hz, index, column, period=len(torque) if circular else None
-            )
-            for delay, column in zip(delays_s, torque.T, strict=True)
-        ]
-    )
+    period = len(torque) if circular else None
+    moved = np.empty_like(torque)
+    for j, delay in enumerate(delays_s):
+        moved[:, j] = np.interp(index + delay * rate_hz, index, torque[:, j], period=period)
+    return moved
 
 
 def _derivatives(
@@ -130,17 +120,18 @@ def _derivatives(
 
 
 def _periodic(one: UniformSignals, settings: ProcessingSettings, cutoff: float) -> Samples:
-    """Exact derivatives of one averaged period; nothing to trim on a circle."""
+    """Exact derivatives of one averaged period; only gaps to trim on a circle."""
     rate = one.rate_hz
     torque = delayed(one.torque, rate, settings.delays_s, circular=True)
     q, dq = fourier_derivative(one.q, rate, cutoff)
     _, ddq = fourier_derivative(dq, rate, cutoff)
+    keep = _kept(one, settings, cutoff, circular=True)
     return Samples(
-        t=one.t - one.t[0],
-        q=q,
-        dq=dq,
-        ddq=ddq,
-        tau=torque,
+        t=one.t[keep] - one.t[0],
+        q=q[keep],
+        dq=dq[keep],
+        ddq=ddq[keep],
+        tau=torque[keep],
         block=_block(rate, cutoff) if settings.decimate else 1,
         rate_hz=rate,
         cutoff_hz=cutoff,
@@ -148,19 +139,26 @@ def _periodic(one: UniformSignals, settings: ProcessingSettings, cutoff: float) 
     )
 
 
-def _kept(signals: UniformSignals, settings: ProcessingSettings, cutoff: float) -> Array:
+def _kept(
+    signals: UniformSignals, settings: ProcessingSettings, cutoff: float, circular: bool = False
+) -> Indices:
+    """The samples that neither the ends nor a gap reach through filter and delay."""
     rate = signals.rate_hz
     edge = int(np.ceil(TIME_CONSTANTS / (2 * np.pi * cutoff) * rate))
     edge += int(np.ceil(max((abs(d) for d in settings.delays_s or ()), default=0.0) * rate))
     edge = min(edge, len(signals.t) // 4)
-    valid = signals.valid.astype(bool)
-    if not valid.all():
-        # The filter smears a gap over its settling time on both sides.
-        spread = np.ones(2 * edge + 1)
-        valid = np.convolve(~valid, spread, mode="same") < 0.5
-    valid[:edge] = False
-    valid[len(valid) - edge :] = False
-    return np.flatnonzero(valid)
+    gap = signals.valid < 0.5
+    lost = np.pad(gap, edge, mode="wrap") if circular else np.pad(gap, edge, constant_values=True)
+    before = np.concatenate([[0], np.cumsum(lost)])
+    keep = np.flatnonzero(before[2 * edge + 1 :] == before[: -2 * edge - 1])
+    if len(keep) < MIN_SAMPLES:
+        raise InputError(
+            "too few samples remain after filtering",
+            value=len(keep),
+            limit=f"at least {MIN_SAMPLES}",
+            next_step="Use a longer window or a higher --cutoff.",
+        )
+    return keep
 
 
 def _block(rate: float, cutoff: float) -> int:

@@ -10,8 +10,8 @@ from scipy.interpolate import PchipInterpolator  # pyright: ignore[reportMissing
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError
 
-UNIFORM_JITTER = 1e-3
-"""Steps within this share of the median count as uniform."""
+UNIFORM_WITHIN = 0.05
+"""Stamps within this share of a step of a uniform grid count as uniform."""
 GAP_STEPS = 6
 """A step longer than this many medians is a gap: nothing is invented inside it."""
 MAX_GROWTH = 4
@@ -62,13 +62,16 @@ def resample(t: Array, q: Array, qd: Array | None, torque: Array) -> UniformSign
 
     Positions and velocities follow a shape-preserving cubic, torques straight lines. A
     recording that is uniform already passes through untouched.
+
+    Raises:
+        InputError: Stamps so irregular that the grid would be `MAX_GROWTH` times as long.
     """
     steps = np.diff(t)
     step = float(np.median(steps))
     gaps = steps > GAP_STEPS * step
-    # Stamps with few digits jitter in their last one; only the drift of the grid matters.
-    drift = np.abs(t - (t[0] + np.arange(len(t)) * (t[-1] - t[0]) / (len(t) - 1)))
-    if drift.max() <= max(UNIFORM_JITTER, 0.05) * step:
+    # Stamps with few digits jitter in their last one; only the distance from the grid matters.
+    away = np.abs(t - (t[0] + np.arange(len(t)) * (t[-1] - t[0]) / (len(t) - 1)))
+    if away.max() <= UNIFORM_WITHIN * step:
         step = float((t[-1] - t[0]) / (len(t) - 1))
         return UniformSignals(
             t=t, rate_hz=1.0 / step, q=q, qd=qd, torque=torque, valid=np.ones(len(t))
@@ -80,16 +83,23 @@ def resample(t: Array, q: Array, qd: Array | None, torque: Array) -> UniformSign
             value=f"steps from {steps.min():.2g} to {steps.max():.2g} s",
             next_step="Cut the recording at its gaps, or pass --rate at import.",
         )
-    grid = t[0] + np.arange(count) * step
+    grid: Array = float(t[0]) + step * np.arange(count, dtype=np.float64)
     before = np.clip(np.searchsorted(t, grid, side="right") - 1, 0, len(t) - 2)
     return UniformSignals(
         t=grid,
         rate_hz=1.0 / step,
         q=_cubic(t, q, grid),
         qd=None if qd is None else _cubic(t, qd, grid),
-        torque=np.column_stack([np.interp(grid, t, column) for column in torque.T]),
+        torque=_linear(t, torque, grid),
         valid=np.where(gaps[before], 0.0, 1.0),
     )
+
+
+def _linear(t: Array, values: Array, grid: Array) -> Array:
+    out = np.empty((len(grid), values.shape[1]))
+    for j, column in enumerate(values.T):
+        out[:, j] = np.interp(grid, t, column)
+    return out
 
 
 def _cubic(t: Array, values: Array, grid: Array) -> Array:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
+
+import numpy as np
 
 from dynid.core.arrays import Array, frozen
 from dynid.core.errors import InputError
@@ -64,7 +67,7 @@ class Samples:
     """
 
     t: Array
-    """(N) time from the record's start [s]."""
+    """(N) time from the start of the window [s]."""
     q: Array
     """(N, n) positions, filtered [rad or m]."""
     dq: Array
@@ -98,3 +101,18 @@ class Samples:
     def joints(self) -> int:
         """Number of joints n."""
         return self.q.shape[1]
+
+
+def joined(parts: Sequence[Samples]) -> Samples:
+    """Samples of several records, one after the other, a second apart."""
+    starts = np.cumsum([0.0, *(part.t[-1] + 1.0 for part in parts[:-1])])
+    return Samples(
+        t=np.concatenate([part.t + s for part, s in zip(parts, starts, strict=True)]),
+        q=np.concatenate([part.q for part in parts]),
+        dq=np.concatenate([part.dq for part in parts]),
+        ddq=np.concatenate([part.ddq for part in parts]),
+        tau=np.concatenate([part.tau for part in parts]),
+        block=max(part.block for part in parts),
+        rate_hz=parts[0].rate_hz,
+        cutoff_hz=parts[0].cutoff_hz,
+    )

@@ -1,1 +1,1 @@
-"""Prediction against measurement."""
+"""How well a model predicts another record."""

@@ -69,11 +69,13 @@ def metrics(measured: Array, predicted: Array, mask: Mask | None = None) -> Metr
             columns.append((np.nan, np.nan, np.nan, np.nan))
             continue
         rms = np.sqrt(squares / len(torque))
-        spread = float(np.square(torque - torque.mean()).sum())
+        reach = float(np.ptp(torque))
+        # Rounding of the mean would give a constant torque a spread.
+        spread = float(np.square(torque - torque.mean()).sum()) if reach > 0 else 0.0
         columns.append(
             (
                 rms,
-                _ratio(rms, float(np.ptp(torque))),
+                _ratio(rms, reach),
                 100 * np.sqrt(_ratio(squares, norm)),
                 1 - _ratio(squares, spread),
             )

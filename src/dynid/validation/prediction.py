@@ -17,7 +17,8 @@ from dynid.signals.samples import Samples
 from dynid.validation.metrics import MOVING_SPEED, Metrics, metrics
 
 EXTRAPOLATION = 1.15
-"""A record may exceed the identification's range by this factor before it is said."""
+"""A record may exceed the identification's speeds, accelerations and ranges of motion by this
+factor before it is said."""
 REST_SHARE = 0.2
 """More joint samples at rest than this are worth a warning."""
 
@@ -110,6 +111,13 @@ def _extrapolated(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
         reached = np.percentile(np.abs(values), 99.5, axis=0)
         for j in np.flatnonzero(reached > EXTRAPOLATION * limit):
             found.append(f"{names[j]} {what} {reached[j]:.2g} against {limit[j]:.2g}")
+    margin = (EXTRAPOLATION - 1) * (known.upper - known.lower)
+    low, high = np.percentile(samples.q, [0.25, 99.75], axis=0)
+    for j in np.flatnonzero((low < known.lower - margin) | (high > known.upper + margin)):
+        found.append(
+            f"{names[j]} position {low[j]:.2g} to {high[j]:.2g} against "
+            f"{known.lower[j]:.2g} to {known.upper[j]:.2g}"
+        )
     if not found:
         return ()
     return (
