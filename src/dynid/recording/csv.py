@@ -23,7 +23,7 @@ def read_csv(
     columns: str | Mapping[str, str] | None = None,
     header: bool | None = None,
     delimiter: str | None = None,
-    format: str = "csv",
+    format: str = "auto",
 ) -> RawTable:
     """Read text tables; several files stand side by side and their columns count across them.
 
@@ -35,7 +35,8 @@ def read_csv(
         columns: Quantity to columns; None to go by the header.
         header: Whether there is a header line; None to find out.
         delimiter: One character; None to find out.
-        format: `csv`, `ur-csv` or `ur-rtde-csv`; the last two must have UR's header names.
+        format: `csv`, or `ur-csv` or `ur-rtde-csv`, which must have UR's header names; `auto`
+            names it by the header.
 
     Raises:
         RecordError: No rows of numbers, columns that do not exist, or files whose rows do not
@@ -69,7 +70,9 @@ def read_csv(
         mapping, degrees = dict(match.columns), match.in_degrees
         joint_names, time_scale = match.joint_names, match.time_scale
         notes = (*notes, *match.notes)
-    if format != "csv" and not is_ur_header(names):
+    if format == "auto":
+        format = _format(names, sheets[0].dialect.delimiter)
+    elif format != "csv" and not is_ur_header(names):
         raise RecordError(
             f"the header is not that of a {format} file",
             where=where,
@@ -109,15 +112,9 @@ def is_ur_header(names: Sequence[str] | None) -> bool:
     return names is not None and {"timestamp", "actual_q_0"} <= set(names)
 
 
-def text_format(path: Path, header: bool | None, delimiter: str | None) -> str:
-    """`ur-csv`, `ur-rtde-csv` or `csv`, from the header.
-
-    Raises:
-        RecordError: There are no rows of numbers.
-    """
-    dialect = sniff(path, header=header, delimiter=delimiter)
-    if is_ur_header(dialect.names):
-        return {" ": "ur-csv", ",": "ur-rtde-csv"}.get(dialect.delimiter, "csv")
+def _format(names: Sequence[str] | None, delimiter: str) -> str:
+    if is_ur_header(names):
+        return {" ": "ur-csv", ",": "ur-rtde-csv"}.get(delimiter, "csv")
     return "csv"
 
 

@@ -54,6 +54,8 @@ def content_kind(path: Path) -> str:
     for mark, kind in _MARKS:
         if head.startswith(mark):
             return kind
+    if head[124:128] in (b"\x00\x01IM", b"\x01\x00MI"):
+        return "mat"
     for mark, what, hint in _OTHERS:
         if head.startswith(mark):
             raise RecordError(f"this is {what}", where=path.name, next_step=hint)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dynid.core.errors import RecordError
 from dynid.core.provenance import file_hash
-from dynid.recording.csv import read_csv, text_format
+from dynid.recording.csv import read_csv
 from dynid.recording.detect import FORMATS, content_kind
 from dynid.recording.mat import read_mat
 from dynid.recording.npz import read_npz
@@ -20,7 +20,7 @@ from dynid.recording.rosbag import bag_files, read_bag
 from dynid.recording.table import RawTable
 from dynid.robot.model import RobotModel
 
-_TEXT = ("csv", "ur-csv", "ur-rtde-csv")
+_TEXT = ("auto", "csv", "ur-csv", "ur-rtde-csv")
 
 
 def read_recording(
@@ -67,8 +67,8 @@ def read_recording(
         MissingExtraError: A compressed bag without the `ros` extra.
     """
     files = _existing(paths)
-    kind = _format(files, format, header, delimiter)
-    known = tuple(float(gain) for gain in gains) if gains is not None else None
+    kind = _format(files, format)
+    known = _gains(gains)
     if kind == "parquet":
         if columns is not None or degrees or joint_order is not None:
             raise RecordError(
@@ -111,31 +111,38 @@ def _existing(paths: str | Path | Sequence[str | Path]) -> list[Path]:
     return files
 
 
-def _format(files: list[Path], wanted: str, header: bool | None, delimiter: str | None) -> str:
+def _format(files: list[Path], wanted: str) -> str:
+    """The format to read; `auto` for any text, whose header says more."""
     if wanted not in ("auto", *FORMATS):
         raise RecordError("unknown format", value=wanted, limit=("auto", *FORMATS))
     kinds = {content_kind(file) for file in files}
+    kind = min(kinds)
     if len(kinds) > 1 and not kinds <= {"rosbag", "mcap"}:
         raise RecordError(
             "files of different formats cannot stand side by side", value=sorted(kinds)
         )
-    kind = min(kinds)
     if len(files) > 1 and kind not in ("csv", "rosbag", "mcap"):
         raise RecordError(
             f"only one {kind} file can be read at a time", value=[file.name for file in files]
         )
     if wanted == "auto":
-        return text_format(files[0], header, delimiter) if kinds == {"csv"} else kind
-    if (kind == "csv") != (wanted in _TEXT) or (kind != "csv" and wanted not in kinds):
-        # A .mat of version 4 has no mark to know it by.
-        if wanted == "mat" and kind == "unknown":
-            return wanted
+        return "auto" if kind == "csv" else kind
+    if wanted not in kinds and not (kind == "csv" and wanted in _TEXT):
         raise RecordError(
             f"the content is {kind}, not {wanted}",
             where=files[0].name,
             next_step="Leave --format out to go by the content.",
         )
     return wanted
+
+
+def _gains(gains: Sequence[float] | None) -> tuple[float, ...] | None:
+    if gains is None:
+        return None
+    try:
+        return tuple(float(gain) for gain in gains)
+    except (TypeError, ValueError) as error:
+        raise RecordError("drive gains must be numbers", value=gains) from error
 
 
 def _read(

@@ -68,14 +68,17 @@ def recover(path: Path, *, finished: bool = False) -> ExperimentRecord:
     blocks: list[bytes] = []
     notices: list[Any] = []
     used = len(MARK)
-    for kind, payload in _segments(data):
-        used += _HEAD.size + len(payload)
-        if kind == b"H":
-            description = json.loads(payload)
-        elif kind == b"R":
-            blocks.append(payload)
-        elif kind == b"N":
-            notices.append(json.loads(payload))
+    try:
+        for kind, payload in _segments(data):
+            used += _HEAD.size + len(payload)
+            if kind == b"H":
+                description = json.loads(payload)
+            elif kind == b"R":
+                blocks.append(payload)
+            elif kind == b"N":
+                notices.append(json.loads(payload))
+    except ValueError as error:
+        raise RecordError("the recording's description is damaged", where=path.name) from error
     if not isinstance(description, dict):
         raise RecordError("the recording's description is lost", where=path.name)
     record = _record(path, description, b"".join(blocks), notices)

@@ -208,4 +208,5 @@ def _upright(value: Array, length: int | None, width: int | None, where: str) ->
         where=where,
         value=value.shape,
         limit=f"{length or 'N'} samples, {width or 'n'} joints",
+        next_step="Map the time vector, or give the robot, to know how it is laid out.",
     )

@@ -9,6 +9,7 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -206,18 +207,18 @@ class RecordWriter:
             raise JobError(
                 "the recording cannot be started", where=str(self._partial), value=error.strerror
             ) from error
-        fcntl.flock(file, fcntl.LOCK_EX)
+        # The lock only tells other writers; a file system without locks can still record.
+        with suppress(OSError):
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         return file
 
     def _set_aside(self) -> None:
         """Keep what an interrupted recording of the same name left behind."""
         old = os.open(self._partial, os.O_RDONLY)
         try:
-            fcntl.flock(old, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise RecordError(
-                "another program is recording there", where=str(self._partial)
-            ) from error
+            # A file system without locks cannot say; the old rows are kept in any case.
+            with suppress(OSError):
+                _lock_or_refuse(old, self._partial)
         finally:
             os.close(old)
         number = 1
@@ -242,3 +243,10 @@ class RecordWriter:
             raise JobError(
                 "the disk does not take the recording", where=str(self._partial), value=str(error)
             ) from error
+
+
+def _lock_or_refuse(file: int, path: Path) -> None:
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise RecordError("another program is recording there", where=str(path)) from error

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
+import struct
 import tempfile
 from collections.abc import Generator, Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 from dynid.core.errors import RecordError
@@ -19,7 +20,7 @@ from dynid.core.notices import Notice
 JOINT_STATE_TYPES = frozenset({"sensor_msgs/msg/JointState", "sensor_msgs/JointState"})
 Message = tuple[str, int, bytes]
 """Topic, receive time [ns], bytes."""
-_MOST_RESUMES = 200
+_MOST_RESUMES = 60
 
 
 def db3_messages(path: Path, findings: list[Notice]) -> Iterator[Message]:
@@ -54,7 +55,7 @@ def db3_messages(path: Path, findings: list[Notice]) -> Iterator[Message]:
                 if resumes > _MOST_RESUMES or step > 1 << 24:
                     break
                 last, step = last + step, step * 2
-        if resumes:
+        if resumes or _is_short(path):
             findings.append(
                 Notice(
                     "truncated_file",
@@ -110,4 +111,17 @@ def _connection(path: Path) -> Generator[sqlite3.Connection]:
         with closing(database):
             # Damaged text must not raise in the middle of a row.
             database.text_factory = lambda raw: raw.decode(errors="replace")  # pyright: ignore[reportUnknownLambdaType, reportUnknownMemberType]
+            # Only so does SQLite open a file that is shorter than its header says.
+            with suppress(sqlite3.Error):
+                database.execute("PRAGMA writable_schema=ON")
             yield database
+
+
+def _is_short(path: Path) -> bool:
+    """Whether pages are missing at the end of the file."""
+    with path.open("rb") as stream:
+        head = stream.read(32)
+    if len(head) < 32:
+        return True
+    size, pages = struct.unpack_from(">H", head, 16)[0], struct.unpack_from(">I", head, 28)[0]
+    return path.stat().st_size < pages * (65536 if size == 1 else size)

@@ -130,6 +130,7 @@ def refuse_degrees(table: RawTable, robot: RobotModel | None) -> RawTable:
     excess = np.maximum(low, high)
     outside = (excess > 0.05) | (many_turns)
     if outside.any():
+        excess = np.where(np.isfinite(excess), excess, reach)
         joint = int(np.argmax(np.where(outside, excess, -np.inf)))
         table = table.report(
             "unit_suspect",

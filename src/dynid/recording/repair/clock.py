@@ -171,7 +171,7 @@ def check_velocities(table: RawTable, rate_hz: float | None) -> RawTable:
         table = table.report(
             "clock_mismatch",
             f"positions move {slope:.4g} times as far as velocities and clock say: the clock "
-            f"gives {nominal:.5g} Hz, the velocities {nominal / abs(slope):.5g} Hz",
+            f"gives {nominal:.5g} Hz, the velocities {nominal / abs(slope):.4g} Hz",
         )
     return table
 

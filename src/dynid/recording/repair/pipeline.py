@@ -9,11 +9,16 @@ import numpy as np
 from dynid.core.errors import RecordError
 from dynid.recording.record import ExperimentRecord, RecordMetadata
 from dynid.recording.repair.angles import convert_degrees, refuse_degrees, unwrap_turns
+from dynid.recording.repair.bursts import (
+    check_counted_rows,
+    drop_bursts,
+    drop_zero_positions,
+)
 from dynid.recording.repair.clock import check_velocities, report_clock, settle_unit
 from dynid.recording.repair.findings import report_rest, report_saturation, report_small_efforts
 from dynid.recording.repair.joints import settle_joints
 from dynid.recording.repair.missing import drop_missing
-from dynid.recording.repair.repeats import drop_repeats, drop_zeros
+from dynid.recording.repair.repeats import drop_repeats
 from dynid.recording.repair.sides import to_joint_side
 from dynid.recording.repair.spikes import drop_spikes
 from dynid.recording.repair.stamps import repair_stamps
@@ -54,7 +59,7 @@ def repair(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
     _check_gains(settings.gains, table)
     table = _start_clock(table, settings.rate_hz)
     table = drop_missing(table)
-    table = drop_zeros(table)
+    table = drop_zero_positions(table)
     table = drop_repeats(table)
     table = repair_stamps(table)
     _require_rows(table)
@@ -62,11 +67,13 @@ def repair(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
     table = unwrap_turns(table, robot)
     table = to_joint_side(table, robot)
     table = drop_spikes(table)
+    table = drop_bursts(table)
     table = drop_broken_ends(table)
     _require_rows(table)
     table = settle_unit(table)
     table = refuse_degrees(table, robot)
     table = report_clock(table)
+    table = check_counted_rows(table)
     table = check_velocities(table, settings.rate_hz)
     table = report_saturation(table)
     table = report_rest(table)

@@ -1,11 +1,11 @@
-"""Repair: rows that say nothing new, and rows of nothing but zeros."""
+"""Repair: rows that only say again what the row before said."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from dynid.core.arrays import Array
-from dynid.recording.table import TORQUE_SOURCES, Mask, RawTable
+from dynid.recording.table import Mask, RawTable
 
 
 def drop_repeats(table: RawTable) -> RawTable:
@@ -48,25 +48,6 @@ def _moves(q: Array) -> Mask:
     window = 20
     before = total[index] - total[np.maximum(index - window, 0)]
     after = total[np.minimum(index + 1 + window, len(q))] - total[index + 1]
-    return (before > 0) & (after > 0)
-
-
-def drop_zeros(table: RawTable) -> RawTable:
-    """Leave out rows of nothing but zeros beside positions that are far from zero."""
-    measured = [v for name, v in table.signals.items() if name in ("q", *TORQUE_SOURCES)]
-    zero = np.all([(value == 0).all(axis=1) for value in measured], axis=0)
-    if not zero.any() or zero.all():
-        return table
-    reach = np.abs(table.signals["q"]).max(axis=1)
-    typical = float(np.median(reach[~zero]))
-    edge = np.flatnonzero(np.diff(zero.astype(np.int8)) != 0)
-    # A robot that truly passes its zero comes there gradually.
-    jumps = np.maximum(reach[edge], reach[edge + 1])
-    if typical == 0 or float(jumps.min()) < 0.02 * typical:
-        return table
-    where = "at the end" if zero[-1] and not zero[: int(np.argmax(zero))].any() else "first"
-    message = (
-        f"{int(zero.sum())} of {table.samples} rows hold only zeros and are left out; "
-        f"{where}: {table.row(int(np.argmax(zero)))}"
-    )
-    return table.keep(~zero).report("corrupt_rows", message)
+    # The first and last rows have one side only to judge by.
+    first, last = index < window, index >= len(q) - window
+    return ((before > 0) | first) & ((after > 0) | last) & (before + after > 0)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from dynid.core.arrays import Array
-from dynid.recording.table import RawTable, Rows
+from dynid.recording.table import TORQUE_SOURCES, RawTable, Rows, rows_with
 
 _SHARE = 0.05
 """Spikes on more rows than this are noise: reported, kept."""
+_ROUGH = 0.005
+"""Torques that stand out on more rows than this are rough by nature."""
 _MOST_CANDIDATES = 0.15
+_NOTHING = 1e-30
 _SMOOTH = 0.2
 _BLOCK = 64
 # How far above the local noise a sample must stand, and the least height that counts, as a
@@ -17,10 +20,10 @@ _BLOCK = 64
 _BARS: dict[str, tuple[float, float, float]] = {
     "q": (15.0, 1e-4, 1e-3),
     "target_q": (15.0, 1e-4, 1e-3),
-    "qd": (20.0, 0.02, 1e-2),
-    "target_qd": (20.0, 0.02, 1e-2),
-    "current": (25.0, 0.1, 0.0),
-    "effort": (25.0, 0.1, 0.0),
+    "qd": (15.0, 0.02, 1e-2),
+    "target_qd": (15.0, 0.02, 1e-2),
+    "current": (15.0, 0.1, 0.0),
+    "effort": (15.0, 0.1, 0.0),
     "temperature": (40.0, 0.5, 5.0),
 }
 _DEFAULT_BAR = (40.0, 0.5, 0.0)
@@ -38,12 +41,14 @@ def drop_spikes(table: RawTable) -> RawTable:
         heights = np.column_stack([find_spikes(t, column, *bar) for column in value.T])
         if quantity in ("q", "target_q"):
             heights = _without_late_readings(value, heights)
+        elif quantity in TORQUE_SOURCES and rows_with(heights > 0).mean() > _ROUGH:
+            continue
         for joint in np.flatnonzero(heights.any(axis=0)).tolist():
             first = int(np.argmax(heights[:, joint] > 0))
             found.append(
                 f"{table.label(quantity, joint)} at {table.row(first)} ({value[first, joint]:.6g})"
             )
-        bad |= (heights > 0).any(axis=1)
+        bad |= rows_with(heights > 0)
     if not found:
         return table
     what = f"{', '.join(found[:3])}{' and others' if len(found) > 3 else ''}"
@@ -110,7 +115,9 @@ def find_spikes(t: Array, x: Array, bar: float, share: float, least: float) -> A
         # curve over time and over the row number as well.
         by_time, by_row = (off_the_curve(base, x_kept, width) for base in bases)
         off = np.minimum(np.abs(by_time), np.abs(by_row))
-        bound = np.maximum(bar * 1.4826 * local_median(off), floor)
+        noise = 1.4826 * local_median(off)
+        # Nothing measured is zero by chance so often as by damage.
+        bound = np.maximum(np.where(np.abs(x_kept) < _NOTHING, bar / 3, bar) * noise, floor)
         candidates = np.flatnonzero(off > bound)
         if len(candidates) > _MOST_CANDIDATES * len(x):
             return np.zeros(len(x))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dynid.core.arrays import Array
-from dynid.recording.table import Mask, RawTable
+from dynid.recording.table import Mask, RawTable, Rows
 
 _MOST = 50
 _TIMES = 4.0
@@ -20,10 +20,12 @@ def drop_broken_ends(table: RawTable) -> RawTable:
     most = min(_MOST, table.samples // 50)
     if most < 2:
         return table
+    # A step over rows that were left out is a step of as many rows.
+    ticks = np.ones(table.samples - 1) if table.index is None else np.diff(table.index)
     bad = np.zeros(table.samples, dtype=np.bool_)
     for quantity in ("q", "qd"):
         if quantity in table.signals:
-            bad |= _broken(table.signals[quantity], most)
+            bad |= _broken(table.signals[quantity], ticks, most)
     if not bad.any():
         return table
     first = int(np.argmax(bad))
@@ -35,8 +37,8 @@ def drop_broken_ends(table: RawTable) -> RawTable:
     )
 
 
-def _broken(value: Array, most: int) -> Mask:
-    steps = np.abs(np.diff(value, axis=0))
+def _broken(value: Array, ticks: Array | Rows, most: int) -> Mask:
+    steps = np.abs(np.diff(value, axis=0)) / ticks[:, None]
     inner = steps[most:-most].max(axis=0)
     over = (steps > _TIMES * inner) & (steps > 1e-3) & (inner > 0)
     rows = over.any(axis=1)

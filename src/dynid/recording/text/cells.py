@@ -25,23 +25,37 @@ def number(cell: str, decimal: str = ".") -> float:
     Raises:
         ValueError: The cell is neither a number nor a sign for a missing value.
     """
-    text = cell.strip().strip("\"'")
-    if decimal == "," and _DECIMAL_COMMA.fullmatch(text):
-        text = text.replace(",", ".")
-    if is_missing(text):
-        return math.nan
     # float() takes 1_000 and digits of other scripts; no recorder writes them.
-    if not text.isascii() or "_" in text:
-        raise ValueError(text)
-    return float(text)
+    if not cell.isascii() or "_" in cell:
+        raise ValueError(cell)
+    try:
+        return float(cell)
+    except ValueError:
+        if is_missing(cell):
+            return math.nan
+        text = cell.strip().strip("\"'")
+        if decimal == "," and _DECIMAL_COMMA.fullmatch(text):
+            text = text.replace(",", ".")
+        return float(text)
 
 
 def is_number(cell: str, decimal: str = ".") -> bool:
     """Whether a cell holds a number (missing values are not numbers)."""
     try:
-        return not is_missing(cell) and not math.isnan(number(cell, decimal))
+        return not math.isnan(number(cell, decimal))
     except ValueError:
         return False
+
+
+def count(cells: list[str], decimal: str = ".") -> tuple[int, int]:
+    """How many cells hold numbers, and how many hold something else than a missing value."""
+    numbers = others = 0
+    for cell in cells:
+        if is_number(cell, decimal):
+            numbers += 1
+        elif not is_missing(cell):
+            others += 1
+    return numbers, numbers + others
 
 
 def is_name(cell: str) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dynid.core.errors import RecordError
-from dynid.recording.text.cells import is_missing, is_name, is_number, split
+from dynid.recording.text.cells import count, is_name, is_number, split
 from dynid.recording.text.lines import encoding_of, first_lines
 
 DELIMITERS = (",", ";", "\t", " ")
@@ -42,6 +42,7 @@ _UNITS = frozenset(
     }
 )
 _SAMPLE = 300
+_SCORED = 120
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,7 +103,7 @@ def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
     best, sign, width, score = ",", ".", 0, 0
     for candidate in DELIMITERS if given is None else (given,):
         for decimal in (".",) if candidate == "," else (".", ","):
-            found, points = _score(lines, candidate, decimal)
+            found, points = _score(lines[:_SCORED], candidate, decimal)
             if points > score:
                 best, sign, width, score = candidate, decimal, found, points
     if score == 0:
@@ -142,14 +143,13 @@ def _score(lines: list[str], delimiter: str, decimal: str) -> tuple[int, int]:
     widths: Counter[int] = Counter()
     for line in lines:
         cells = split(line, delimiter)
-        numbers = sum(is_number(cell, decimal) for cell in cells)
-        if _is_data(cells, numbers):
+        numbers, present = count(cells, decimal)
+        if _is_data(numbers, present):
             widths[len(cells)] += numbers
     return widths.most_common(1)[0] if widths else (0, 0)
 
 
-def _is_data(cells: list[str], numbers: int) -> bool:
-    present = sum(not is_missing(cell) for cell in cells)
+def _is_data(numbers: int, present: int) -> bool:
     return numbers > 0 and 2 * numbers >= present
 
 
@@ -161,7 +161,7 @@ def _first_row(lines: list[str], delimiter: str, decimal: str, header: bool | No
         if not line.strip() or line.lstrip().startswith(COMMENT):
             continue
         cells = split(line, delimiter)
-        if header is False or _is_data(cells, sum(is_number(c, decimal) for c in cells)):
+        if header is False or _is_data(*count(cells, decimal)):
             return k
         # A damaged first row is a row, not a header: a header is made of names.
         if header is None and 2 * sum(map(is_name, cells)) < len(cells):

@@ -17,6 +17,7 @@ from dynid.recording.text.dialect import COMMENT, Dialect
 from dynid.recording.text.lines import line_blocks
 
 _CHUNK = 512
+_PIECE = 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,6 +141,12 @@ def _take(
             draft.rows.extend(n for n, _ in chunk)
             draft.recent.extend(line for _, line in chunk[-60:])
             return
+    if len(chunk) > _PIECE:
+        # Halve it, so that one bad cell does not make all its neighbours slow.
+        half = len(chunk) // 2
+        _take(draft, chunk[:half], dialect, wanted, soft)
+        _take(draft, chunk[half:], dialect, wanted, soft)
+        return
     for (line_number, line), count in zip(chunk, counts, strict=True):
         if count != width:
             draft.broken += 1
@@ -162,7 +169,8 @@ def _close_run(draft: _Draft, width: int, columns: int) -> None:
     draft.run_lines = draft.run_cells = 0
     if lines == 0:
         return
-    true_rows = math.ceil(cells / width) if lines == 1 else round(cells / width)
+    # Two rows in one line have 2 width - 1 cells if the line end became part of a number.
+    true_rows = round((cells + 1) / width) if lines == 1 else round(cells / width)
     for _ in range(min(true_rows, _CHUNK) - 1):
         draft.rows.append(draft.rows[-1])
         draft.bad.append(len(draft.rows) - 1)

@@ -1,0 +1,176 @@
+from __future__ import annotations
+
+import pytest
+
+from dynid.core.errors import RecordError
+from dynid.recording.columns import parse_columns, select
+from dynid.recording.headers import match_headers
+from dynid.recording.naming import parse_name, says_degrees
+
+
+def test_mapping_is_taken_apart() -> None:
+    spec = parse_columns(" t=0, q=1:7 ,qd = 7:13,current=13+15 ")
+    assert spec == {"t": "0", "q": "1:7", "qd": "7:13", "current": "13+15"}
+
+
+def test_mapping_may_hold_matrix_columns() -> None:
+    assert parse_columns("q=data[:,1:7],t=data[0]") == {"q": "data[:,1:7]", "t": "data[0]"}
+
+
+@pytest.mark.parametrize(
+    ("spec", "item"),
+    [
+        ("q", "'q'"),
+        ("q=1:3,x=4", "x=4"),
+        ("q=1:3,q=4:6", "q=4:6"),
+        ("q=", "q="),
+        ("t=0", "positions q"),
+        ("", "positions q"),
+        ("q=0:6,,effort", "'effort'"),
+    ],
+)
+def test_bad_mappings_name_the_item(spec: str, item: str) -> None:
+    with pytest.raises(RecordError) as caught:
+        parse_columns(spec)
+    assert item in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_selectors() -> None:
+    assert select("q", "3", 10, None) == [3]
+    assert select("q", "1:4", 10, None) == [1, 2, 3]
+    assert select("q", "1:3+7+5", 10, None) == [1, 2, 7, 5]
+    names = ["time", "q_0", "q_1", "tau_1", "tau_2"]
+    assert select("t", "time", 5, names) == [0]
+    assert select("q", "q", 5, names) == [1, 2]
+    assert select("effort", "tau", 5, names) == [3, 4]
+    assert select("q", "q_1+q_0", 5, names) == [2, 1]
+
+
+@pytest.mark.parametrize(
+    "selector",
+    ["10", "0:11", "4:4", "7:3", "a", "-1", "1:2:3", "1.5", "", "1+1", "9" * 30, ":", "q"],
+)
+def test_bad_selectors_are_one_error(selector: str) -> None:
+    with pytest.raises(RecordError):
+        select("q", selector, 10, None)
+
+
+def test_time_is_one_column() -> None:
+    with pytest.raises(RecordError, match="one column"):
+        select("t", "0:2", 10, None)
+
+
+@pytest.mark.parametrize(
+    ("text", "base", "index"),
+    [
+        ("actual_q_3", "actual_q", 3),
+        ("Position1", "position", 1),
+        ("q0", "q", 0),
+        ("tau_J[6]", "tau_j", 6),
+        ("tau_Nm 2", "tau", 2),
+        ("Torque 2 [Nm]", "torque", 2),
+        ("j1_pos", "pos", 1),
+        ("joint_2_velocity", "velocity", 2),
+        ("q_joint_4", "q", 4),
+        ("TorqueSm7", "torquesm", 7),
+        ("timestamp", "timestamp", None),
+        ("/joint_states/position[2]", "position", 2),
+        ("Joint_1", "joint_1", None),
+        ("", "", None),
+    ],
+)
+def test_names_are_taken_apart(text: str, base: str, index: int | None) -> None:
+    name = parse_name(text)
+    assert (name.base, name.index) == (base, index)
+
+
+def test_names_tell_units() -> None:
+    assert parse_name("Time (ms)").time_scale == 1e-3
+    assert parse_name("time_us").time_scale == 1e-6
+    assert parse_name("time").time_scale is None
+    assert parse_name("q_1 [deg]").degrees
+    assert parse_name("position_deg_1").degrees
+    assert not parse_name("q_1 [rad]").degrees
+    assert says_degrees("rec.act_pos_mot_deg")
+
+
+def ur(names: str, joints: int = 6) -> list[str]:
+    return [f"{name}_{k}" for name in names.split() for k in range(joints)]
+
+
+def test_ur_header() -> None:
+    names = [
+        "timestamp",
+        *ur("target_q target_qd actual_q actual_qd actual_current"),
+        *ur("joint_temperatures target_moment"),
+        "robot_mode",
+        *ur("actual_TCP_pose"),
+    ]
+    match = match_headers(names, "x")
+    assert match.columns["t"] == [0]
+    assert match.columns["q"] == list(range(13, 19))
+    assert match.columns["temperature"] == list(range(31, 37))
+    assert set(match.columns) == {
+        "t",
+        "target_q",
+        "target_qd",
+        "q",
+        "qd",
+        "current",
+        "temperature",
+        "target_moment",
+    }
+
+
+def test_plain_torque_wins_and_a_note_says_so() -> None:
+    names = [
+        "Time",
+        *(f"{n}{k}" for n in ("Position", "TorqueSm", "Torque", "TorqueCur") for k in (1, 2, 3)),
+    ]
+    match = match_headers(names, "x")
+    assert match.columns["effort"] == [7, 8, 9]
+    assert "torquecur" in " ".join(match.notes)
+
+
+def test_the_only_torque_is_taken() -> None:
+    match = match_headers(["t", "q1", "q2", "torque_sensor_1", "torque_sensor_2"], "x")
+    assert match.columns["effort"] == [3, 4]
+
+
+def test_one_joint_needs_no_index() -> None:
+    match = match_headers(["t", "q", "qd", "tau"], "x")
+    assert match.columns == {"t": [0], "q": [1], "qd": [2], "effort": [3]}
+
+
+def test_plotjuggler_paths_give_joint_names() -> None:
+    names = [
+        "__time",
+        *(
+            f"/joint_states/{joint}/{what}"
+            for joint in ("elbow", "base")
+            for what in ("position", "velocity", "effort")
+        ),
+    ]
+    match = match_headers(names, "x")
+    assert match.joint_names == ("elbow", "base")
+    assert match.columns["effort"] == [3, 6]
+    assert match.columns["t"] == [0]
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["t", "q_0", "q_1", "q_3"],
+        ["t", "q_0", "q_1", "q_1"],
+        ["t", "q_2", "q_3"],
+        ["t", "time", "x_0", "x_1"],
+        ["t", "q_0", "q_1", "q_2", "tau_0", "tau_1"],
+        ["t", "t", "q_0", "q_1"],
+        ["q", "q", "q"],
+        ["", "", ""],
+    ],
+)
+def test_damaged_headers_are_refused(names: list[str]) -> None:
+    with pytest.raises(RecordError):
+        match_headers(names, "x")

@@ -1,0 +1,166 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+from recorded_motions import MAT_COLUMNS, Motion, write_mat, write_npz
+
+from dynid.core.errors import RecordError
+from dynid.recording.files import read_recording
+from dynid.robot.load import load_robot
+
+
+def codes(record) -> list[str]:
+    return [problem.code for problem in record.problems]
+
+
+@pytest.mark.parametrize("compress", [False, True])
+def test_struct_by_paths(tmp_path: Path, compress: bool) -> None:
+    motion = Motion()
+    path = write_mat(motion, tmp_path / "run.mat", compress=compress)
+    record = read_recording(path, columns=MAT_COLUMNS)
+    assert record.metadata.format == "mat"
+    assert record.problems == ()
+    assert record.metadata.extra["t0"] == str(motion.start)
+    np.testing.assert_array_equal(record.signals["q"], motion.position(motion.t))
+
+
+def test_names_are_enough_where_they_are_plain(tmp_path: Path) -> None:
+    motion = Motion()
+    t = motion.t
+    path = tmp_path / "run.mat"
+    scipy.io.savemat(
+        path,
+        {
+            "t": t,
+            "q": motion.position(t),
+            "dq": motion.velocity(t),
+            "tau": motion.current(t),
+            "note": "x",
+        },
+    )
+    record = read_recording(path)
+    assert set(record.signals) == {"q", "qd", "effort"}
+
+
+@pytest.mark.parametrize("shape", ["rows", "columns", "flat"])
+@pytest.mark.parametrize("known", ["time", "robot", "nothing"])
+@pytest.mark.parametrize("suffix", [".npz", ".mat"])
+def test_every_orientation(tmp_path: Path, shape: str, known: str, suffix: str) -> None:
+    motion = Motion()
+    t = motion.t
+    turn = {"rows": lambda x: x, "columns": np.transpose, "flat": np.ravel}[shape]
+    arrays = {"q": turn(motion.position(t)), "current": turn(motion.current(t))}
+    if known == "time":
+        arrays["t"] = t
+    path = tmp_path / f"x{suffix}"
+    np.savez(path, **arrays) if suffix == ".npz" else scipy.io.savemat(path, arrays)
+    columns = ",".join(f"{name}={name}" for name in arrays)
+    robot = load_robot("ur5") if known == "robot" else None
+    rate = None if known == "time" else motion.rate
+    if shape == "flat" and known == "nothing":
+        # Six joints cannot be told from one.
+        with pytest.raises(RecordError, match="give the robot"):
+            read_recording(path, columns=columns, rate_hz=rate)
+        return
+    record = read_recording(path, columns=columns, robot=robot, rate_hz=rate)
+    np.testing.assert_array_equal(record.signals["q"], motion.position(t))
+
+
+def test_columns_of_one_matrix(tmp_path: Path) -> None:
+    motion = Motion()
+    scipy.io.savemat(tmp_path / "x.mat", {"data": motion.table(), "name": "n"})
+    np.save(tmp_path / "x.npy", motion.table())
+    for path, columns in (
+        (tmp_path / "x.mat", "t=0,q=1:7,current=13:19"),
+        (tmp_path / "x.mat", "t=data[0],q=data[1:7],current=data[:,13:19]"),
+        (tmp_path / "x.npy", "t=0,q=1:7,current=13:19"),
+    ):
+        record = read_recording(path, columns=columns)
+        np.testing.assert_array_equal(record.signals["q"], motion.table()[:, 1:7])
+
+
+def test_missing_variable_is_named_with_what_there_is(tmp_path: Path) -> None:
+    path = write_mat(Motion(), tmp_path / "run.mat")
+    with pytest.raises(RecordError, match=r"q=rec\.pos.*rec\.act_pos \(6, 500\)"):
+        read_recording(path, columns="q=rec.pos,t=rec.time")
+    with pytest.raises(RecordError, match="--columns"):
+        read_recording(path)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "columns"),
+    [
+        ({"q": np.zeros((50, 6)), "tau": np.zeros((49, 6)), "t": np.arange(50)}, None),
+        ({"q": np.zeros((50, 6)), "tau": np.zeros((50, 5)), "t": np.arange(50)}, None),
+        ({"q": np.zeros((50, 6)), "tau": np.zeros((50, 6)), "t": np.zeros((50, 2))}, None),
+        ({"q": np.zeros((5, 6, 7)), "t": np.arange(5)}, None),
+        ({"q": np.zeros(0), "tau": np.zeros(0), "t": np.zeros(0)}, "q=q,effort=tau,t=t"),
+        ({"q": 1.0, "tau": 2.0, "t": 3.0}, "q=q,effort=tau,t=t"),
+        ({"a": np.zeros((3, 4)), "b": np.zeros((3, 4))}, "q=0:2,effort=2:4"),
+        ({"q": np.zeros((50, 6)), "tau": np.zeros((50, 6)), "t": np.arange(50)}, "q=q[9]"),
+        ({"q": np.array(["x", "y"]), "tau": np.zeros(2), "t": np.arange(2)}, None),
+    ],
+)
+def test_arrays_that_do_not_fit_are_one_error(tmp_path: Path, arrays, columns) -> None:
+    np.savez(tmp_path / "x.npz", **arrays)
+    scipy.io.savemat(tmp_path / "x.mat", arrays)
+    for path in (tmp_path / "x.npz", tmp_path / "x.mat"):
+        with pytest.raises(RecordError) as caught:
+            read_recording(path, columns=columns)
+        assert "\n" not in str(caught.value)
+
+
+def test_pickled_arrays_are_never_loaded(tmp_path: Path) -> None:
+    path = tmp_path / "x.npz"
+    np.savez(path, q=np.array([{"a": 1}], dtype=object))
+    with pytest.raises(RecordError, match="damaged or not plain arrays"):
+        read_recording(path)
+
+
+def test_version_73_says_how_to_save(tmp_path: Path) -> None:
+    path = tmp_path / "x.mat"
+    path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512) + b"\x89HDF\r\n\x1a\n")
+    with pytest.raises(RecordError, match="-v7"):
+        read_recording(path)
+
+
+def test_cut_file_keeps_the_whole_variables(tmp_path: Path) -> None:
+    motion = Motion()
+    t = motion.t
+    path = tmp_path / "x.mat"
+    scipy.io.savemat(
+        path,
+        {"t": t, "q": motion.position(t), "tau": motion.current(t), "junk": np.zeros((100, 100))},
+    )
+    data = path.read_bytes()
+    path.write_bytes(data[:-500])
+    record = read_recording(path)
+    assert codes(record) == ["truncated_file"]
+    np.testing.assert_array_equal(record.signals["q"], motion.position(t))
+    path.write_bytes(data[:2000])
+    with pytest.raises(RecordError):
+        read_recording(path)
+
+
+def test_npz(tmp_path: Path) -> None:
+    motion = Motion()
+    record = read_recording(write_npz(motion, tmp_path / "x.npz"))
+    assert record.problems == ()
+    assert record.metadata.format == "npz"
+    np.testing.assert_array_equal(record.signals["current"], motion.current(motion.t))
+
+
+def test_paths_that_say_degrees_need_the_flag(tmp_path: Path) -> None:
+    motion = Motion()
+    t = motion.t
+    path = tmp_path / "x.mat"
+    rec = {"pos_deg": np.degrees(motion.position(t)), "tau": motion.current(t), "t": t}
+    scipy.io.savemat(path, {"rec": rec})
+    columns = "q=rec.pos_deg,effort=rec.tau,t=rec.t"
+    with pytest.raises(RecordError, match="--degrees"):
+        read_recording(path, columns=columns)
+    record = read_recording(path, columns=columns, degrees=True)
+    np.testing.assert_allclose(record.signals["q"], motion.position(t))

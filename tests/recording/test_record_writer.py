@@ -1,0 +1,232 @@
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dynid.core.errors import JobError, RecordError
+from dynid.core.notices import Notice
+from dynid.recording.parquet import read_record
+from dynid.recording.record import RecordMetadata
+from dynid.recording.segments import MARK, pack, partial_path
+from dynid.recording.writer import RecordWriter
+
+NAMES = ("a", "b")
+
+
+def fill(writer: RecordWriter, rows: int, start: int = 0) -> None:
+    for k in range(start, start + rows):
+        writer.append(k / 100, {"q": [k, -k], "current": [0.5 * k, 1]}, {"speed": k % 7})
+
+
+def open_writer(path: Path) -> RecordWriter:
+    metadata = RecordMetadata(robot="ur5", drive_gains=(10.0, 11.0), extra={"thermal": "cold"})
+    return RecordWriter(path, NAMES, ("q", "current"), metadata, channels=("speed",))
+
+
+def test_closing_makes_a_parquet_file(tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    with open_writer(path) as writer:
+        fill(writer, 300)
+        writer.report(Notice("clock_jitter", "one gap"))
+        assert writer.samples == 300
+    record = read_record(path)
+    assert os.listdir(tmp_path) == ["run.parquet"]
+    assert record.samples == 300
+    assert record.metadata.joint_names == NAMES
+    assert record.metadata.drive_gains == (10.0, 11.0)
+    assert record.problems == (Notice("clock_jitter", "one gap"),)
+    np.testing.assert_array_equal(record.signals["q"][:, 1], -np.arange(300.0))
+    np.testing.assert_array_equal(record.channels["speed"], np.arange(300) % 7)
+
+
+KILLED = """
+import sys, time
+from dynid.recording.writer import RecordWriter
+writer = RecordWriter(sys.argv[1], ("a", "b"), ("q", "effort"))
+start = time.monotonic()
+k = 0
+while True:
+    t = time.monotonic() - start
+    writer.append(t, {"q": [t, k], "effort": [1.0, 2.0]})
+    k += 1
+    if k % 25 == 0:
+        print(t, flush=True)
+    time.sleep(0.004)
+"""
+
+
+def test_killed_writer_loses_at_most_a_second(tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    process = subprocess.Popen(
+        [sys.executable, "-c", KILLED, str(path)], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    last = 0.0
+    while last < 1.6:
+        last = float(process.stdout.readline())
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+    assert not path.exists()
+    record = read_record(path)
+    assert record.t[-1] > last - 1.0
+    np.testing.assert_array_equal(record.signals["q"][:, 0], record.t)
+    np.testing.assert_array_equal(record.signals["q"][:, 1], np.arange(record.samples))
+    assert [problem.code for problem in record.problems] == ["truncated_file"]
+
+
+def test_next_writer_keeps_what_a_killed_one_left(tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    first = open_writer(path)
+    fill(first, 200)
+    first.flush()
+    first._disk.shutdown(wait=True)
+    os.close(first._file)  # what a crash does
+    first._file = None
+    with open_writer(path) as writer:
+        fill(writer, 50)
+    assert read_record(path).samples == 50
+    assert read_record(tmp_path / "run.parquet.partial.1").samples == 200
+
+
+def test_two_writers_on_one_file_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    with open_writer(path) as writer:
+        with pytest.raises(RecordError, match="another program"):
+            open_writer(path)
+        fill(writer, 10)
+    assert read_record(path).samples == 10
+
+
+@pytest.mark.parametrize("cut", [1, 5, 9, 100, 1000])
+def test_every_cut_of_a_partial_file_is_readable_or_one_error(tmp_path: Path, cut: int) -> None:
+    path = tmp_path / "run.parquet"
+    writer = open_writer(path)
+    for k in range(6):
+        fill(writer, 40, 40 * k)
+        writer.flush()
+    data = partial_path(path).read_bytes()
+    writer.close()
+    cut_path = tmp_path / "cut.parquet"
+    partial_path(cut_path).write_bytes(data[:-cut])
+    record = read_record(cut_path)
+    assert record.samples in (200, 160, 120, 80)
+    np.testing.assert_array_equal(record.signals["q"][:, 0], np.arange(float(record.samples)))
+
+
+def test_damage_in_a_partial_file_ends_the_recording_there(tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    writer = open_writer(path)
+    for k in range(6):
+        fill(writer, 40, 40 * k)
+        writer.flush()
+    data = partial_path(path).read_bytes()
+    writer.close()
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        damaged = bytearray(data)
+        damaged[int(rng.integers(len(MARK), len(data)))] ^= 1 << int(rng.integers(8))
+        file = tmp_path / "damaged.partial"
+        file.write_bytes(damaged)
+        try:
+            record = read_record(file)
+        except RecordError:
+            continue
+        expected = np.arange(float(record.samples))
+        np.testing.assert_array_equal(record.signals["q"][:, 0], expected)
+        assert record.samples % 40 == 0
+        assert record.samples < 240
+
+
+def test_too_short_a_run_keeps_its_partial_file(tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    with pytest.raises(RecordError, match="two samples"), open_writer(path) as writer:
+        fill(writer, 1)
+    assert partial_path(path).exists()
+
+
+def test_an_error_in_the_run_is_not_hidden_and_rows_are_saved(tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+
+    def run() -> None:
+        with open_writer(path) as writer:
+            fill(writer, 20)
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        run()
+    assert read_record(path).samples == 20
+
+
+@pytest.mark.parametrize(
+    ("t", "signals"),
+    [
+        (0.0, {"q": [1, 2], "current": [1, 2]}),
+        (np.nan, {"q": [1, 2], "current": [1, 2]}),
+        (1.0, {"q": [1, 2]}),
+        (1.0, {"q": [1, 2], "current": [1, np.nan]}),
+        (1.0, {"q": [1, 2, 3], "current": [1, 2]}),
+        (1.0, {"q": ["x", 2], "current": [1, 2]}),
+    ],
+)
+def test_bad_samples_are_refused_and_not_appended(tmp_path: Path, t, signals) -> None:
+    path = tmp_path / "run.parquet"
+    with RecordWriter(path, NAMES, ("q", "current")) as writer:
+        writer.append(0.0, {"q": [0, 0], "current": [0, 0]})
+        with pytest.raises(RecordError):
+            writer.append(t, signals)
+        writer.append(2.0, {"q": [0, 0], "current": [0, 0]})
+    assert read_record(path).samples == 2
+
+
+def test_closed_writer_takes_nothing(tmp_path: Path) -> None:
+    with open_writer(tmp_path / "run.parquet") as writer:
+        fill(writer, 3)
+    with pytest.raises(RecordError, match="closed"):
+        fill(writer, 1, 3)
+    writer.close()
+
+
+def test_bad_places_and_quantities_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(JobError):
+        RecordWriter(tmp_path / "no" / "run.parquet", NAMES, ("q",))
+    with pytest.raises(RecordError):
+        RecordWriter(tmp_path / "run.parquet", NAMES, ("current",))
+    with pytest.raises(RecordError):
+        RecordWriter(tmp_path / "run.parquet", (), ("q",))
+
+
+def test_appending_does_not_wait_for_the_disk(tmp_path: Path, monkeypatch) -> None:
+    real = os.fsync
+
+    def slow(file: int) -> None:
+        time.sleep(0.3)
+        real(file)
+
+    monkeypatch.setattr(os, "fsync", slow)
+    with open_writer(tmp_path / "run.parquet") as writer:
+        fill(writer, 60)
+        start = time.monotonic()
+        fill(writer, 100, 60)
+        assert time.monotonic() - start < 0.25
+
+
+def test_partial_without_description_is_one_error(tmp_path: Path) -> None:
+    path = tmp_path / "x.partial"
+    for data in (
+        MARK,
+        MARK + pack(b"R", b"\0" * 16),
+        MARK + pack(b"H", b"[]"),
+        MARK + pack(b"H", b"{}"),
+        MARK + pack(b"H", b"{"),
+    ):
+        path.write_bytes(data)
+        with pytest.raises(RecordError):
+            read_record(path)

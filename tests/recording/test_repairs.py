@@ -1,0 +1,457 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recorded_motions import Motion
+
+from dynid.core.errors import RecordError
+from dynid.recording.files import read_recording
+from dynid.recording.record import ExperimentRecord
+from dynid.recording.repair.pipeline import RepairSettings, repair
+from dynid.recording.table import RawTable
+from dynid.robot.drives import Drives
+from dynid.robot.load import load_robot
+
+MOTION = Motion(samples=1500)
+
+
+def raw(motion: Motion = MOTION, noise: float = 0.0, **changes) -> RawTable:
+    rng = np.random.default_rng(3)
+    t = motion.t
+    signals = {
+        "q": motion.position(t) + noise * 1e-5 * rng.standard_normal((len(t), motion.joints)),
+        "qd": motion.velocity(t) + noise * 1e-2 * rng.standard_normal((len(t), motion.joints)),
+        "current": motion.current(t) + noise * 0.1 * rng.standard_normal((len(t), motion.joints)),
+    }
+    rows = np.arange(1, len(t) + 1, dtype=np.int64)
+    table = RawTable(source="x.csv", format="csv", rows=rows, signals=signals, t=t)
+    return replace(table, **changes)
+
+
+def run(table: RawTable, **settings) -> ExperimentRecord:
+    return repair(table, RepairSettings(**settings))
+
+
+def codes(record: ExperimentRecord) -> list[str]:
+    return [problem.code for problem in record.problems]
+
+
+def times(record: ExperimentRecord) -> np.ndarray:
+    return record.t + float(record.metadata.extra["t0"])
+
+
+def signals(table: RawTable, **changes) -> RawTable:
+    return replace(table, signals={**table.signals, **changes})
+
+
+@pytest.mark.parametrize("noise", [0, 1])
+def test_sound_recordings_have_no_problems(noise: int) -> None:
+    for seed in range(6):
+        record = run(raw(Motion(samples=1500, seed=seed), noise))
+        assert codes(record) == []
+        assert record.samples == 1500
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)])
+@pytest.mark.parametrize("with_velocity", [True, False])
+def test_time_units_are_found_and_reported(unit: str, scale: float, with_velocity: bool) -> None:
+    table = raw(t=MOTION.t / scale)
+    if not with_velocity:
+        table = table.without("qd")
+    record = run(table)
+    assert codes(record) == ["unit_suspect"]
+    assert f"in {unit} " in record.problems[0].message
+    np.testing.assert_allclose(record.t, MOTION.t - MOTION.start, atol=1e-6)
+
+
+def test_named_time_units_are_taken_without_a_word() -> None:
+    record = run(raw(t=MOTION.t * 1e3, time_scale=1e-3))
+    assert codes(record) == []
+    np.testing.assert_allclose(record.t, MOTION.t - MOTION.start, atol=1e-6)
+
+
+def test_slow_log_in_seconds_stays_in_seconds() -> None:
+    motion = Motion(samples=400, rate=1.0)
+    record = run(raw(motion).without("qd"))
+    assert record.rate_hz == pytest.approx(1.0)
+
+
+def test_degrees_are_converted_on_request() -> None:
+    table = raw()
+    degrees = signals(table, q=np.degrees(table.signals["q"]), qd=np.degrees(table.signals["qd"]))
+    record = run(degrees, degrees=True)
+    assert codes(record) == []
+    np.testing.assert_allclose(record.signals["q"], table.signals["q"])
+    np.testing.assert_allclose(record.signals["qd"], table.signals["qd"])
+
+
+def test_degrees_without_the_flag_are_refused_for_a_robot() -> None:
+    table = raw()
+    degrees = signals(table, q=np.degrees(table.signals["q"]), qd=np.degrees(table.signals["qd"]))
+    with pytest.raises(RecordError, match="--degrees"):
+        run(degrees, robot=load_robot("ur5"))
+    assert codes(run(degrees)) == ["unit_suspect"]
+
+
+def test_radians_with_the_flag_are_suspected() -> None:
+    assert "unit_suspect" in codes(run(raw(), degrees=True))
+
+
+def test_positions_in_degrees_beside_velocities_in_radians() -> None:
+    table = raw()
+    record = run(signals(table, q=np.degrees(table.signals["q"])))
+    assert any("57.3" in problem.message for problem in record.problems)
+
+
+def test_velocities_in_degrees_are_left_out() -> None:
+    table = raw()
+    record = run(signals(table, qd=np.degrees(table.signals["qd"])))
+    assert codes(record) == ["unit_suspect"]
+    assert "qd" not in record.signals
+
+
+def test_prismatic_joints_are_never_converted() -> None:
+    ur5 = load_robot("ur5")
+    robot = replace(ur5, joint_types=("prismatic", *ur5.joint_types[1:]))
+    table = raw()
+    record = run(table, robot=robot, degrees=True)
+    np.testing.assert_array_equal(record.signals["q"][:, 0], table.signals["q"][:, 0])
+    np.testing.assert_allclose(record.signals["q"][:, 1], np.radians(table.signals["q"][:, 1]))
+
+
+def test_motor_side_becomes_joint_side() -> None:
+    ur5 = load_robot("ur5")
+    coupling = np.diag([32.0, 32, 45, -48, 45, 32])
+    coupling[5, 4] = 32
+    offset = np.array([0.0, -1.5, 1.5, 0, 0, 0])
+    drives = Drives(
+        gain=np.ones(6),
+        gear_ratio=np.full(6, np.nan),
+        coupling=coupling,
+        offset=offset,
+        position_side="motor",
+        torque_side="motor",
+    )
+    robot = replace(ur5, drives=drives)
+    table = raw()
+    q, qd = table.signals["q"], table.signals["qd"]
+    effort = 20 * table.signals["current"]
+    motor = signals(
+        table.without("current"),
+        q=(q - offset) @ coupling.T,
+        qd=qd @ coupling.T,
+        effort=effort @ np.linalg.inv(coupling),
+    )
+    record = run(motor, robot=robot)
+    assert [c for c in codes(record) if c != "unit_suspect"] == []
+    np.testing.assert_allclose(record.signals["q"], q, atol=1e-9)
+    np.testing.assert_allclose(record.signals["qd"], qd, atol=1e-9)
+    np.testing.assert_allclose(record.signals["effort"], effort, atol=1e-9)
+
+
+def test_wraps_are_undone_and_reported() -> None:
+    table = raw()
+    q = table.signals["q"].copy()
+    q[:, 4] += np.linspace(0, 14, len(q))
+    wrapped = (q + np.pi) % (2 * np.pi) - np.pi
+    record = run(signals(table.without("qd"), q=wrapped))
+    assert set(codes(record)) == {"unit_suspect"}
+    assert "whole turn" in record.problems[0].message
+    turns = (record.signals["q"] - q) / (2 * np.pi)
+    np.testing.assert_allclose(turns, np.round(turns[0]) + 0 * turns, atol=1e-9)
+
+
+def test_spikes_are_dropped_whatever_their_size() -> None:
+    table = raw(noise=1)
+    rng = np.random.default_rng(5)
+    for size in (0.02, 0.3, 5.0, -1e4, 1e9):
+        q = table.signals["q"].copy()
+        rows = rng.choice(np.arange(5, 1495, 10), 8, replace=False)
+        q[rows, rng.integers(0, 6, 8)] += size
+        record = run(signals(table, q=q))
+        assert codes(record) == ["corrupt_rows"], size
+        assert record.metadata.dropped_rows == 8
+        np.testing.assert_allclose(record.signals["q"], MOTION.position(times(record)), atol=1e-4)
+
+
+@pytest.mark.parametrize("row", [0, 1, 2, 1497, 1498, 1499])
+def test_spikes_at_the_ends_are_dropped(row: int) -> None:
+    table = raw()
+    q = table.signals["q"].copy()
+    q[row, 2] += 0.5
+    record = run(signals(table, q=q))
+    assert "corrupt_rows" in codes(record)
+    np.testing.assert_allclose(record.signals["q"], MOTION.position(times(record)), atol=1e-9)
+
+
+@pytest.mark.parametrize("length", [2, 3, 4, 10, 40])
+@pytest.mark.parametrize("value", [0.0, 7.0])
+def test_stretches_of_nonsense_are_dropped(length: int, value: float) -> None:
+    table = raw()
+    q = table.signals["q"].copy()
+    q[700 : 700 + length, 1] = value
+    record = run(signals(table, q=q))
+    assert "corrupt_rows" in codes(record)
+    np.testing.assert_allclose(record.signals["q"], MOTION.position(times(record)), atol=1e-9)
+
+
+@pytest.mark.parametrize("rows", [slice(0, 5), slice(600, 640), slice(1480, 1500)])
+def test_rows_of_zeros_are_dropped(rows: slice) -> None:
+    table = raw()
+    changed = {name: value.copy() for name, value in table.signals.items()}
+    for value in changed.values():
+        value[rows] = 0.0
+    record = run(signals(table, **changed))
+    assert "corrupt_rows" in codes(record)
+    assert record.samples == 1500 - (rows.stop - rows.start)
+    np.testing.assert_allclose(record.signals["q"], MOTION.position(times(record)), atol=1e-9)
+
+
+def test_jump_without_return_is_reported() -> None:
+    table = raw()
+    keep = np.r_[0:500, 900:1500]
+    cut = replace(table.keep(np.isin(np.arange(1500), keep)), dropped=0, t=None)
+    record = run(cut, rate_hz=125.0)
+    assert "corrupt_rows" in codes(record) or "clock_mismatch" in codes(record)
+
+
+@pytest.mark.parametrize("lost", [1, 2, 3])
+def test_lost_rows_show_where_time_is_counted(lost: int) -> None:
+    table = replace(raw(), t=None)
+    kept = replace(table.keep(~np.isin(np.arange(1500), np.arange(700, 700 + lost))), dropped=0)
+    assert "clock_mismatch" in codes(run(kept, rate_hz=125.0))
+    assert codes(run(table, rate_hz=125.0)) == []
+
+
+def test_repeated_stamps_are_dropped() -> None:
+    table = raw(noise=1)
+    t = table.t.copy()
+    t[100] = t[99]
+    t[500:503] = t[499]
+    record = run(replace(table, t=t))
+    assert "dropped_rows" in codes(record)
+    assert record.metadata.dropped_rows == 4
+
+
+def test_rows_written_twice_are_dropped_without_limit() -> None:
+    table = raw(noise=1)
+    index = np.repeat(np.arange(1500), 3)
+    tripled = RawTable(
+        source="x",
+        format="csv",
+        rows=index + 1,
+        t=table.t[index],
+        signals={name: value[index] for name, value in table.signals.items()},
+    )
+    record = run(tripled)
+    assert codes(record) == ["dropped_rows"]
+    assert record.samples == 1500
+
+
+def test_rows_held_between_updates_are_dropped() -> None:
+    table = raw(noise=1)
+    index = np.repeat(np.arange(1500), 2)
+    t = 5.0 + np.arange(3000) / 250
+    held = RawTable(
+        source="x",
+        format="csv",
+        rows=np.arange(1, 3001),
+        t=t,
+        signals={name: value[index] for name, value in table.signals.items()},
+    )
+    record = run(held)
+    assert codes(record) == ["dropped_rows"]
+    assert record.rate_hz == pytest.approx(125)
+
+
+def test_standstill_of_a_perfect_simulation_is_kept() -> None:
+    table = raw()
+    rest = {name: value.copy() for name, value in table.signals.items()}
+    for name, value in rest.items():
+        value[:400] = 0.0 if name == "qd" else value[400]
+    record = run(signals(table, **rest))
+    assert record.samples == 1500
+    assert codes(record) == ["at_rest"]
+    assert "3.2 s at the start" in record.problems[0].message
+
+
+@pytest.mark.parametrize("error", [-5.0, -0.02, 0.003, 0.5, 1e6])
+def test_wrong_stamps_are_dropped(error: float) -> None:
+    table = raw(noise=1)
+    t = table.t.copy()
+    t[[200, 900]] += error
+    record = run(replace(table, t=t))
+    assert "dropped_rows" in codes(record)
+    assert record.metadata.dropped_rows == 2
+    np.testing.assert_allclose(record.signals["q"], MOTION.position(times(record)), atol=1e-4)
+
+
+def test_time_that_runs_backwards_is_refused() -> None:
+    table = raw()
+    with pytest.raises(RecordError, match="forwards"):
+        run(replace(table, t=table.t[::-1]))
+    with pytest.raises(RecordError, match="forwards"):
+        run(replace(table, t=np.zeros(1500)))
+    t = table.t.copy()
+    t[500:] -= 8.0
+    with pytest.raises(RecordError, match="repeat or run backwards"):
+        run(replace(table, t=t))
+
+
+def test_coarse_stamps_are_refused_with_the_way_out() -> None:
+    with pytest.raises(RecordError, match="--rate"):
+        run(raw(noise=1, t=np.round(MOTION.t, 1)))
+
+
+def test_gaps_are_reported() -> None:
+    table = raw()
+    keep = ~np.isin(np.arange(1500), [300, 301, 302, 800])
+    holes = RawTable(
+        source="x",
+        format="csv",
+        rows=np.arange(1, 1497),
+        t=table.t[keep],
+        signals={name: value[keep] for name, value in table.signals.items()},
+    )
+    record = run(holes)
+    assert codes(record) == ["clock_jitter"]
+    assert "2 gaps, about 4 samples missing, the largest 32 ms" in record.problems[0].message
+
+
+def test_rate_that_contradicts_velocities_is_reported() -> None:
+    record = run(replace(raw(), t=None), rate_hz=120.0)
+    assert codes(record) == ["clock_mismatch"]
+    assert "125" in record.problems[0].message
+    assert record.rate_hz == pytest.approx(120)
+    assert codes(run(replace(raw(), t=MOTION.t * 1.05))) == ["clock_mismatch"]
+
+
+def test_stamps_win_over_a_rate_and_say_so() -> None:
+    record = run(raw(), rate_hz=500.0)
+    assert codes(record) == ["clock_mismatch"]
+    assert record.rate_hz == pytest.approx(125)
+    assert codes(run(raw(), rate_hz=125.0)) == []
+
+
+def test_velocities_of_other_joints_or_sign_are_reported() -> None:
+    table = raw()
+    qd = table.signals["qd"].copy()
+    qd[:, 3] *= -1
+    assert "joint 4 have the other sign" in run(signals(table, qd=qd)).problems[0].message
+    mixed = table.signals["qd"][:, [1, 2, 3, 4, 5, 0]]
+    assert "unit_suspect" in codes(run(signals(table, qd=mixed)))
+
+
+def test_missing_values_cost_the_row_or_the_quantity() -> None:
+    table = raw()
+    effort = table.signals["current"].copy()
+    effort[10:15, 2] = np.nan
+    record = run(signals(table, current=effort))
+    assert codes(record) == ["corrupt_rows", "clock_jitter"][:1]
+    assert record.samples == 1495
+    sparse = table.signals["qd"].copy()
+    sparse[::2] = np.nan
+    record = run(signals(table, qd=sparse))
+    assert record.samples == 1500
+    assert "qd" not in record.signals
+    both = signals(
+        table, effort=table.signals["current"] * np.where(np.arange(1500)[:, None] % 3, 1, np.nan)
+    )
+    record = run(both)
+    assert record.samples == 1500
+    assert "effort" not in record.signals
+
+
+def test_sparse_temperatures_are_interpolated() -> None:
+    temperature = np.full((1500, 6), np.nan)
+    temperature[::125] = 25 + np.arange(12)[:, None] / 10
+    record = run(signals(raw(), temperature=temperature))
+    assert record.samples == 1500
+    assert record.signals["temperature"][62, 0] == pytest.approx(25.05, abs=1e-3)
+    assert codes(record) == ["corrupt_rows"]
+
+
+@pytest.mark.parametrize("quantity", ["q", "current"])
+def test_lost_essentials_are_refused_by_name(quantity: str) -> None:
+    table = raw(labels={quantity: tuple(f"column {k}" for k in range(6))})
+    value = table.signals[quantity].copy()
+    value[:1200, 4] = np.nan
+    with pytest.raises(RecordError) as caught:
+        run(signals(table, **{quantity: value}))
+    assert "column 4" in str(caught.value)
+
+
+def test_infinite_and_absurd_values_cost_the_row() -> None:
+    table = raw()
+    q, qd = table.signals["q"].copy(), table.signals["qd"].copy()
+    q[5, 0], q[6, 1], qd[7, 2], qd[8, 3] = np.inf, -np.inf, 1e300, np.nan
+    t = table.t.copy()
+    t[9] = np.inf
+    record = run(replace(signals(table, q=q, qd=qd), t=t))
+    assert record.samples == 1495
+    assert codes(record) == ["corrupt_rows"]
+
+
+def test_clipped_and_dead_torques_are_reported() -> None:
+    table = raw(noise=1)
+    current = np.clip(table.signals["current"], -1.2, 1.2)
+    record = run(signals(table, current=current))
+    assert set(codes(record)) == {"saturated"}
+    dead = table.signals["current"].copy()
+    dead[:, 3] = 0.0
+    record = run(signals(table, current=dead))
+    assert codes(record) == ["saturated"]
+    assert "current of joint 4 is 0 on every row" in record.problems[0].message
+
+
+def test_a_stopped_end_is_left_out() -> None:
+    table = raw()
+    qd = table.signals["qd"].copy()
+    q = table.signals["q"].copy()
+    q[1480:] = q[1480]
+    qd[1480:] = 0.0
+    record = run(signals(table, q=q, qd=qd))
+    assert codes(record) == ["corrupt_rows"]
+    assert record.samples == 1480
+
+
+def test_a_robot_at_rest_is_reported() -> None:
+    table = raw()
+    still = {name: np.repeat(value[:1], 1500, axis=0) for name, value in table.signals.items()}
+    still["current"] = table.signals["current"]
+    assert codes(run(signals(table, **still))) == ["at_rest"]
+
+
+@pytest.mark.parametrize("samples", [2, 3, 5, 10, 25, 60])
+def test_short_recordings_pass(samples: int) -> None:
+    assert run(raw(Motion(samples=samples))).samples == samples
+
+
+@pytest.mark.parametrize("joints", [1, 2, 7])
+def test_any_number_of_joints(joints: int) -> None:
+    record = run(raw(Motion(samples=600, joints=joints)))
+    assert record.joints == joints
+    assert codes(record) == []
+
+
+def test_own_recordings_are_read_for_a_robot(tmp_path: Path) -> None:
+    from dynid.recording.parquet import write_record
+
+    path = tmp_path / "x.parquet"
+    write_record(run(raw()), path)
+    robot = load_robot("ur5")
+    record = read_recording(path, robot=robot, gains=[1, 2, 3, 4, 5, 6])
+    assert record.metadata.robot == robot.name
+    assert record.metadata.drive_gains == (1, 2, 3, 4, 5, 6)
+    names = tuple(robot.joint_names[k] for k in (2, 1, 0, 3, 4, 5))
+    stored = run(raw())
+    write_record(replace(stored, metadata=replace(stored.metadata, joint_names=names)), path)
+    record = read_recording(path, robot=robot)
+    np.testing.assert_array_equal(record.signals["q"][:, 0], stored.signals["q"][:, 2])
+    with pytest.raises(RecordError, match="complete"):
+        read_recording(path, degrees=True)
+    with pytest.raises(RecordError, match="number of gains"):
+        read_recording(path, gains=[1.0])

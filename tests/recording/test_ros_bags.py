@@ -1,0 +1,307 @@
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.writer import CompressionType
+from recorded_motions import (
+    ALPHABETICAL,
+    UR_JOINTS,
+    Motion,
+    joint_state,
+    messages,
+    write_db3,
+    write_mcap,
+    write_rtde_csv,
+)
+
+from dynid.core.errors import RecordError
+from dynid.recording.bag.cdr import CdrError, JointStateDecoder
+from dynid.recording.files import read_recording
+from dynid.robot.load import load_robot
+
+
+def codes(record) -> list[str]:
+    return [problem.code for problem in record.problems]
+
+
+def assert_true_to(record, motion: Motion) -> None:
+    t = record.t + float(record.metadata.extra["t0"])
+    np.testing.assert_allclose(record.signals["q"], motion.position(t), atol=1e-6)
+    np.testing.assert_allclose(record.signals["qd"], motion.velocity(t), atol=1e-6)
+    # Between samples the roughness of the currents is not known.
+    np.testing.assert_allclose(record.signals["effort"], motion.current(t), atol=1e-2)
+
+
+@pytest.mark.parametrize("robot", [None, "ur5"])
+@pytest.mark.parametrize("names", [UR_JOINTS, ALPHABETICAL])
+def test_joints_are_matched_by_name(tmp_path: Path, names, robot) -> None:
+    motion = Motion()
+    path = write_db3(motion, tmp_path / "bag.db3", messages(motion, names))
+    record = read_recording(path, robot=load_robot(robot) if robot else None)
+    assert record.metadata.format == "rosbag"
+    assert record.metadata.clock == "header"
+    assert record.metadata.joint_names == UR_JOINTS
+    assert record.metadata.extra["topic"] == "/joint_states"
+    assert [c for c in codes(record) if c != "unit_suspect"] == []
+    assert record.samples == motion.samples
+    assert_true_to(record, motion)
+
+
+@pytest.mark.parametrize(
+    "compression", [CompressionType.NONE, CompressionType.ZSTD, CompressionType.LZ4]
+)
+def test_mcap(tmp_path: Path, compression) -> None:
+    motion = Motion()
+    record = read_recording(write_mcap(motion, tmp_path / "x.mcap", compression))
+    assert record.metadata.format == "mcap"
+    assert record.problems == ()
+    assert_true_to(record, motion)
+
+
+def test_bag_written_by_rosbags(tmp_path: Path) -> None:
+    rosbag2 = pytest.importorskip("rosbags.rosbag2")
+    motion = Motion(samples=60)
+    for storage in (rosbag2.StoragePlugin.SQLITE3, rosbag2.StoragePlugin.MCAP):
+        folder = tmp_path / storage.name
+        with rosbag2.Writer(folder, version=9, storage_plugin=storage) as writer:
+            from rosbags.typesys import Stores, get_typestore
+
+            store = get_typestore(Stores.ROS2_HUMBLE)
+            topic = writer.add_connection(
+                "/joint_states", "sensor_msgs/msg/JointState", typestore=store
+            )
+            for stamp, data in messages(motion):
+                writer.write(topic, stamp, data)
+        record = read_recording(folder)
+        assert record.problems == ()
+        assert record.samples == 60
+        assert_true_to(record, motion)
+
+
+def test_cdr_agrees_with_rosbags() -> None:
+    typesys = pytest.importorskip("rosbags.typesys")
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    for order in "<>":
+        for effort in ([1.0, 2.0], []):
+            data = joint_state(12_000_000_034, ("a", "bcd"), [1.5, 2.5], [], effort, order)
+            theirs = store.deserialize_cdr(data, "sensor_msgs/msg/JointState")
+            ours = JointStateDecoder().decode(data)
+            stamp = theirs.header.stamp
+            assert ours.stamp_ns == stamp.sec * 10**9 + stamp.nanosec
+            assert list(ours.names) == theirs.name
+            assert list(ours.position) == theirs.position.tolist()
+            assert list(ours.velocity) == theirs.velocity.tolist()
+            assert list(ours.effort) == theirs.effort.tolist()
+
+
+def test_every_cut_message_is_refused() -> None:
+    data = joint_state(1, ("a", "bcd"), [1.5, 2.5], [1, 2], [3, 4])
+    decoder = JointStateDecoder()
+    decoder.decode(data)
+    for length in range(len(data)):
+        with pytest.raises(CdrError):
+            decoder.decode(data[:length])
+
+
+def test_names_may_change_order_and_lack_joints(tmp_path: Path) -> None:
+    motion = Motion()
+    mixed = zip(messages(motion, UR_JOINTS), messages(motion, ALPHABETICAL), strict=True)
+    stream = [pair[k % 2] for k, pair in enumerate(mixed)]
+    gripper = [(s + 1, joint_state(s + 1, ("finger",), [0.1], [0.0], [0.0])) for s, _ in stream]
+    both = [x for pair in zip(stream, gripper[::2] * 2, strict=True) for x in pair]
+    path = write_db3(motion, tmp_path / "bag.db3", both)
+    record = read_recording(path, robot=load_robot("ur5"))
+    assert "dropped_rows" in codes(record)
+    assert record.metadata.dropped_rows == len(gripper)
+    assert_true_to(record, motion)
+
+
+def test_joints_beyond_the_robots_are_left_out(tmp_path: Path) -> None:
+    motion = Motion()
+    t = motion.t
+    q = motion.position(t)
+    stream = [
+        (
+            int(s * 1e9),
+            joint_state(int(s * 1e9), ("finger", *UR_JOINTS), [9, *q[k]], [], [1, *q[k]]),
+        )
+        for k, s in enumerate(t)
+    ]
+    path = write_db3(motion, tmp_path / "bag.db3", stream)
+    record = read_recording(path, robot=load_robot("ur5"))
+    np.testing.assert_array_equal(record.signals["q"], q)
+    assert "qd" not in record.signals
+
+
+def test_prefixed_names_are_matched(tmp_path: Path) -> None:
+    motion = Motion()
+    t = motion.t
+    names = tuple(f"left_{name}" for name in ALPHABETICAL)
+    place = [UR_JOINTS.index(name) for name in ALPHABETICAL]
+    q, c = motion.position(t)[:, place], motion.current(t)[:, place]
+    stream = [
+        (int(s * 1e9), joint_state(int(s * 1e9), names, q[k], [], c[k])) for k, s in enumerate(t)
+    ]
+    path = write_db3(motion, tmp_path / "bag.db3", stream)
+    for robot in (None, load_robot("ur5")):
+        record = read_recording(path, robot=robot)
+        np.testing.assert_allclose(record.signals["q"], motion.position(t))
+
+
+def test_strange_names_are_taken_in_their_order_and_reported(tmp_path: Path) -> None:
+    motion = Motion()
+    t = motion.t
+    names = tuple(f"axis{k}" for k in range(6))
+    stream = [
+        (
+            int(s * 1e9),
+            joint_state(int(s * 1e9), names, motion.position(t)[k], [], motion.current(t)[k]),
+        )
+        for k, s in enumerate(t)
+    ]
+    path = write_db3(motion, tmp_path / "bag.db3", stream)
+    assert read_recording(path).metadata.joint_names == names
+    record = read_recording(path, robot=load_robot("ur5"))
+    assert "axis0" in record.problems[0].message
+    turned = read_recording(path, joint_order=names[::-1])
+    np.testing.assert_array_equal(turned.signals["q"], record.signals["q"][:, ::-1])
+    with pytest.raises(RecordError, match="no such joints"):
+        read_recording(path, joint_order=["nobody"] * 6)
+
+
+def test_receive_times_where_headers_are_empty(tmp_path: Path) -> None:
+    motion = Motion()
+    path = write_db3(motion, tmp_path / "bag.db3", messages(motion, stamped=False))
+    record = read_recording(path)
+    assert record.metadata.clock == "receive"
+    np.testing.assert_allclose(record.t, motion.t - motion.start, atol=1e-6)
+
+
+def test_efforts_may_be_mapped_to_currents(tmp_path: Path) -> None:
+    motion = Motion()
+    path = write_db3(motion, tmp_path / "bag.db3")
+    record = read_recording(path, columns="q=position,qd=velocity,current=effort")
+    assert set(record.signals) == {"q", "qd", "current"}
+    with pytest.raises(RecordError, match="not in a JointState"):
+        read_recording(path, columns="q=pos")
+
+
+def test_small_efforts_are_suspected_to_be_currents(tmp_path: Path) -> None:
+    motion = Motion()
+    path = write_db3(motion, tmp_path / "bag.db3")
+    assert codes(read_recording(path, robot=load_robot("ur10"))) == ["unit_suspect"]
+
+
+def test_topic_with_most_messages_or_the_one_asked_for(tmp_path: Path) -> None:
+    motion = Motion(samples=100)
+    path = write_db3(motion, tmp_path / "bag.db3")
+    with sqlite3.connect(path) as database:
+        database.execute(
+            "INSERT INTO topics VALUES (3, '/few', 'sensor_msgs/msg/JointState', 'cdr', '')"
+        )
+        for stamp, data in list(messages(motion))[:30]:
+            database.execute(
+                "INSERT INTO messages(topic_id, timestamp, data) VALUES (3, ?, ?)", (stamp, data)
+            )
+    database.close()
+    assert read_recording(path).samples == 100
+    assert read_recording(path, topic="/few").samples == 30
+    with pytest.raises(RecordError, match="/few"):
+        read_recording(path, topic="/none")
+
+
+def test_killed_recorder_leaves_its_log(tmp_path: Path) -> None:
+    motion = Motion(samples=100)
+    path = write_db3(motion, tmp_path / "bag.db3")
+    database = sqlite3.connect(path)
+    database.execute("PRAGMA journal_mode=WAL")
+    database.execute("DELETE FROM messages WHERE id > 50")
+    database.commit()
+    killed = tmp_path / "killed"
+    killed.mkdir()
+    shutil.copy(path, killed)
+    shutil.copy(f"{path}-wal", killed)
+    database.close()
+    assert read_recording(killed / "bag.db3").samples == 50
+    assert sorted(x.name for x in killed.iterdir()) == ["bag.db3", "bag.db3-wal"]
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.9, 0.98])
+@pytest.mark.parametrize("write", [write_db3, write_mcap])
+def test_cut_bags_give_what_precedes_the_cut(tmp_path: Path, write, share: float) -> None:
+    motion = Motion()
+    path = write(motion, tmp_path / "bag")
+    data = path.read_bytes()
+    path.write_bytes(data[: int(share * len(data))])
+    record = read_recording(path)
+    assert "truncated_file" in codes(record)
+    assert record.samples > 0.5 * share * motion.samples
+    assert_true_to(record, motion)
+
+
+def test_damaged_chunk_is_left_out_and_reported(tmp_path: Path) -> None:
+    motion = Motion()
+    path = write_mcap(motion, tmp_path / "x.mcap")
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    path.write_bytes(data)
+    record = read_recording(path)
+    assert "corrupt_rows" in codes(record)
+    assert 0.8 * motion.samples < record.samples < motion.samples
+    assert_true_to(record, motion)
+
+
+def test_bag_without_joint_states(tmp_path: Path) -> None:
+    path = write_db3(Motion(samples=10), tmp_path / "bag.db3")
+    with sqlite3.connect(path) as database:
+        database.execute("DELETE FROM topics WHERE id = 1")
+    database.close()
+    with pytest.raises(RecordError, match="no sensor_msgs/JointState"):
+        read_recording(path)
+
+
+def test_database_that_is_no_bag(tmp_path: Path) -> None:
+    path = tmp_path / "x.db3"
+    with sqlite3.connect(path) as database:
+        database.execute("CREATE TABLE x(a)")
+    database.close()
+    with pytest.raises(RecordError, match="no readable ROS 2 bag"):
+        read_recording(path)
+
+
+def test_text_named_as_a_bag_is_read_as_text(tmp_path: Path) -> None:
+    motion = Motion()
+    path = write_rtde_csv(motion, tmp_path / "x.db3")
+    assert read_recording(path).samples == motion.samples
+
+
+def test_split_bag_is_joined(tmp_path: Path) -> None:
+    motion = Motion()
+    stream = list(messages(motion))
+    folder = tmp_path / "bag"
+    folder.mkdir()
+    for k, part in enumerate((stream[:200], stream[200:])):
+        write_db3(motion, folder / f"bag_{k}.db3", part)
+    (folder / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
+    record = read_recording(folder)
+    assert record.samples == motion.samples
+    assert record.problems == ()
+
+
+def test_efforts_that_are_not_numbers_are_no_torque(tmp_path: Path) -> None:
+    motion = Motion()
+    t = motion.t
+    stream = [
+        (
+            int(s * 1e9),
+            joint_state(int(s * 1e9), UR_JOINTS, motion.position(t)[k], [], [float("nan")] * 6),
+        )
+        for k, s in enumerate(t)
+    ]
+    path = write_db3(motion, tmp_path / "bag.db3", stream)
+    with pytest.raises(RecordError, match="neither current nor effort"):
+        read_recording(path)

@@ -1,0 +1,363 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recorded_motions import Motion, write_plain_csv, write_rtde_csv, write_ur_csv
+
+from dynid.core.errors import RecordError
+from dynid.recording.files import read_recording
+from dynid.robot.load import load_robot
+
+COLUMNS = "t=0,q=1:7,qd=7:13,current=13:19"
+
+
+def codes(record) -> list[str]:
+    return [problem.code for problem in record.problems]
+
+
+def assert_true_to(record, motion: Motion, tolerance: float = 1e-5) -> None:
+    t = record.t + float(record.metadata.extra["t0"])
+    np.testing.assert_allclose(record.signals["q"], motion.position(t), atol=tolerance)
+    np.testing.assert_allclose(record.signals["current"], motion.current(t), atol=0.02)
+
+
+def test_ur_log(tmp_path: Path) -> None:
+    motion = Motion()
+    record = read_recording(write_ur_csv(motion, tmp_path / "log.csv"), robot=load_robot("ur5"))
+    assert record.metadata.format == "ur-csv"
+    assert record.metadata.robot == "ur5"
+    assert record.problems == ()
+    assert record.samples == motion.samples
+    assert record.rate_hz == pytest.approx(125)
+    assert record.t[0] == 0
+    assert float(record.metadata.extra["t0"]) == motion.start
+    assert record.metadata.joint_names[2] == "elbow_joint"
+    assert len(record.metadata.input_hash) == 64
+    assert_true_to(record, motion, 1e-12)
+
+
+def test_rtde_log(tmp_path: Path) -> None:
+    motion = Motion()
+    record = read_recording(write_rtde_csv(motion, tmp_path / "log.csv"))
+    assert record.metadata.format == "ur-rtde-csv"
+    assert record.problems == ()
+    assert_true_to(record, motion)
+
+
+def test_rtde_log_with_doubled_and_lost_rows(tmp_path: Path) -> None:
+    motion = Motion(samples=1000)
+    path = write_rtde_csv(motion, tmp_path / "log.csv")
+    header, *rows = path.read_text().splitlines()
+    rng = np.random.default_rng(1)
+    kept = [row for row in rows for _ in range(int(rng.choice([0, 1, 2], p=[0.05, 0.75, 0.2])))]
+    path.write_text("\n".join([header, *kept]) + "\n")
+    record = read_recording(path)
+    assert set(codes(record)) == {"dropped_rows", "clock_jitter"}
+    assert record.samples == len(set(kept))
+    assert record.metadata.dropped_rows == len(kept) - len(set(kept))
+    assert_true_to(record, motion)
+
+
+def test_log_with_the_stamps_of_a_pc(tmp_path: Path) -> None:
+    motion = Motion(samples=2000)
+    table = motion.table()
+    rng = np.random.default_rng(2)
+    steps = 0.008 + rng.normal(0, 0.0004, len(table))
+    late = rng.random(len(table)) < 0.02
+    steps[late] += 0.012
+    t = 1.7e9 + np.cumsum(np.maximum(steps, 0.001))
+    table = np.column_stack([t, motion.position(t), motion.velocity(t), motion.current(t)])
+    path = tmp_path / "log.csv"
+    np.savetxt(path, table, delimiter=" ", header=" ".join(motion.header()), comments="")
+    record = read_recording(path)
+    assert codes(record) == ["clock_jitter"]
+    assert record.samples == 2000
+    np.testing.assert_allclose(record.t, t - t[0], atol=1e-6)
+
+
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", " "])
+def test_headerless_table_by_columns(tmp_path: Path, delimiter: str) -> None:
+    motion = Motion()
+    path = write_plain_csv(motion, tmp_path / "x.txt", delimiter)
+    record = read_recording(path, columns=COLUMNS)
+    assert record.metadata.format == "csv"
+    assert record.problems == ()
+    assert_true_to(record, motion)
+    again = read_recording(path, columns=COLUMNS, header=False, delimiter=delimiter)
+    np.testing.assert_array_equal(again.signals["q"], record.signals["q"])
+
+
+def test_decimal_comma(tmp_path: Path) -> None:
+    motion = Motion()
+    path = write_plain_csv(motion, tmp_path / "x.csv", ";")
+    path.write_text(path.read_text().replace(".", ","))
+    assert_true_to(read_recording(path, columns=COLUMNS), motion)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: text.replace("\n", "\r\n"),
+        lambda text: text.replace("\n", "\r"),
+        lambda text: "\ufeff" + text,
+        lambda text: text.replace("\n", ",\n"),
+        lambda text: "# made by hand\n\n" + text,
+        lambda text: "#" + text,
+        lambda text: text.rstrip("\n"),
+        lambda text: text + "\n\n",
+        lambda text: text.replace(",", ", "),
+        lambda text: (
+            ",".join(f'"{x}"' for x in text.split("\n")[0].split(","))
+            + "\n"
+            + text.split("\n", 1)[1]
+        ),
+        lambda text: text.replace("\n", "\n" + ",".join(["s"] + ["rad"] * 18) + "\n", 1),
+        lambda text: "Run 7 of the arm\n" + text,
+    ],
+    ids=[
+        "crlf",
+        "cr",
+        "bom",
+        "trailing delimiter",
+        "comment",
+        "commented header",
+        "no last line end",
+        "blank lines",
+        "blanks",
+        "quotes",
+        "units row",
+        "title",
+    ],
+)
+def test_ways_of_writing_a_table(tmp_path: Path, change) -> None:
+    motion = Motion()
+    path = tmp_path / "x.csv"
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        stream.write(change(_text(motion, tmp_path)))
+    record = read_recording(path)
+    assert record.problems == ()
+    assert record.samples == motion.samples
+    assert_true_to(record, motion)
+
+
+def _text(motion: Motion, folder: Path) -> str:
+    return write_rtde_csv(motion, folder / "source.csv").read_text()
+
+
+def test_utf16(tmp_path: Path) -> None:
+    motion = Motion()
+    path = tmp_path / "x.csv"
+    path.write_text(_text(motion, tmp_path), encoding="utf-16")
+    assert_true_to(read_recording(path), motion)
+
+
+def test_other_columns_become_channels(tmp_path: Path) -> None:
+    motion = Motion(samples=100)
+    header, *rows = _text(motion, tmp_path).splitlines()
+    rows = [f"{row},{k % 3},RUNNING" for k, row in enumerate(rows)]
+    path = tmp_path / "x.csv"
+    path.write_text("\n".join([header + ",speed_scaling,state", *rows]) + "\n")
+    record = read_recording(path)
+    assert record.problems == ()
+    assert list(record.channels) == ["speed_scaling"]
+    np.testing.assert_array_equal(record.channels["speed_scaling"], np.arange(100) % 3)
+
+
+def test_rate_is_the_clock_without_stamps(tmp_path: Path) -> None:
+    motion = Motion()
+    path = write_plain_csv(motion, tmp_path / "x.csv")
+    columns = "q=1:7,qd=7:13,current=13:19"
+    record = read_recording(path, columns=columns, rate_hz=125)
+    assert record.metadata.clock == "rate"
+    assert record.problems == ()
+    np.testing.assert_allclose(record.t, motion.t - motion.start, atol=1e-9)
+    with pytest.raises(RecordError, match="--rate"):
+        read_recording(path, columns=columns)
+    with pytest.raises(RecordError, match="rate must be positive"):
+        read_recording(path, columns=columns, rate_hz=-1)
+
+
+def test_counted_time_holds_over_broken_lines(tmp_path: Path) -> None:
+    motion = Motion()
+    path = write_plain_csv(motion, tmp_path / "x.csv")
+    lines = path.read_text().splitlines()
+    lines[50] = lines[50].replace(",", ";", 4)
+    lines[100:102] = [lines[100] + lines[101]]
+    lines[200] = "garbage"
+    path.write_text("\n".join(lines) + "\n")
+    record = read_recording(path, columns="q=1:7,qd=7:13,current=13:19", rate_hz=125)
+    assert codes(record) == ["corrupt_rows"]
+    assert record.metadata.dropped_rows == 4
+    np.testing.assert_allclose(
+        record.signals["q"], motion.position(record.t + motion.start), atol=1e-5
+    )
+
+
+def test_errors_name_file_line_and_column(tmp_path: Path) -> None:
+    motion = Motion()
+    path = write_rtde_csv(motion, tmp_path / "run.csv")
+    lines = path.read_text().splitlines()
+    cells = lines[41].split(",")
+    cells[9] = "oops"
+    lines[41] = ",".join(cells)
+    path.write_text("\n".join(lines) + "\n")
+    record = read_recording(path)
+    assert codes(record) == ["corrupt_rows"]
+    message = record.problems[0].message
+    assert "run.csv" in message
+    assert "line 42" in message
+    assert "actual_qd_2" in message
+    assert record.metadata.dropped_rows == 1
+
+
+def test_last_line_cut_in_a_number(tmp_path: Path) -> None:
+    motion = Motion()
+    text = write_ur_csv(motion, tmp_path / "x.csv").read_text()
+    for cut in range(2, 200):
+        (tmp_path / "cut.csv").write_text(text[:-cut])
+        record = read_recording(tmp_path / "cut.csv")
+        assert_true_to(record, motion, 1e-6)
+        whole = text[:-cut].count("\n") - 1
+        unclosed = not text[:-cut].endswith("\n")
+        assert record.samples in (whole, whole + unclosed)
+        assert (codes(record) == ["truncated_file"]) == (unclosed and record.samples == whole)
+
+
+def test_files_side_by_side(tmp_path: Path) -> None:
+    motion = Motion()
+    table = motion.table()
+    np.savetxt(tmp_path / "pos.csv", table[:, 1:7], delimiter=",", header="a,b,c,d,e,f")
+    np.savetxt(tmp_path / "cur.csv", table[:, 13:], delimiter=";")
+    files = [tmp_path / "pos.csv", tmp_path / "cur.csv"]
+    record = read_recording(files, columns="q=0:6,current=6:12", rate_hz=125)
+    assert record.problems == ()
+    np.testing.assert_allclose(record.signals["current"], table[:, 13:])
+    assert "pos.csv" in record.metadata.origin
+    assert "cur.csv" in record.metadata.origin
+
+
+def test_one_number_a_line(tmp_path: Path) -> None:
+    motion = Motion()
+    table = motion.table()
+    files = []
+    for name, part in (("t", table[:, 0]), ("q", table[:, 1:7]), ("c", table[:, 13:])):
+        np.savetxt(tmp_path / f"{name}.txt", part.ravel())
+        files.append(tmp_path / f"{name}.txt")
+    record = read_recording(files, columns="t=0,q=1:7,current=7:13")
+    assert record.problems == ()
+    assert "row by row as 6 columns" in record.metadata.extra["notes"]
+    np.testing.assert_allclose(record.signals["q"], table[:, 1:7])
+    np.savetxt(files[1], table[:, 1:7].ravel()[:-1])
+    with pytest.raises(RecordError, match="no multiple"):
+        read_recording(files, columns="t=0,q=1:7,current=7:13")
+
+
+def test_a_shorter_file_cuts_the_others(tmp_path: Path) -> None:
+    motion = Motion()
+    table = motion.table()
+    np.savetxt(tmp_path / "a.csv", table[:, :7], delimiter=",")
+    np.savetxt(tmp_path / "b.csv", table[:480, 13:], delimiter=",")
+    files = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    record = read_recording(files, columns="t=0,q=1:7,current=7:13")
+    assert codes(record) == ["truncated_file"]
+    assert record.samples == 480
+    np.savetxt(tmp_path / "b.csv", table[:300, 13:], delimiter=",")
+    with pytest.raises(RecordError, match="same number of rows"):
+        read_recording(files, columns="t=0,q=1:7,current=7:13")
+
+
+def test_joint_order(tmp_path: Path) -> None:
+    motion = Motion()
+    table = motion.table()
+    place = [2, 1, 0, 3, 4, 5]
+    shuffled = [0, *(1 + k for k in place), *(7 + k for k in place), *(13 + k for k in place)]
+    path = tmp_path / "x.csv"
+    np.savetxt(
+        path, table[:, shuffled], delimiter=",", header=",".join(motion.header()), comments=""
+    )
+    robot = load_robot("ur5")
+    names = [robot.joint_names[k] for k in place]
+    for order in (["2", "1", "0", "3", "4", "5"], names):
+        record = read_recording(path, robot=robot, joint_order=order)
+        np.testing.assert_allclose(record.signals["q"], table[:, 1:7])
+    for order in (["0", "1"], ["x"] * 6, ["0"] * 6):
+        with pytest.raises(RecordError, match="joint order"):
+            read_recording(path, robot=robot, joint_order=order)
+
+
+def test_number_of_joints_is_checked(tmp_path: Path) -> None:
+    motion = Motion(joints=5)
+    path = write_rtde_csv(motion, tmp_path / "x.csv")
+    with pytest.raises(RecordError, match=r"5 joints.*ur5 has 6"):
+        read_recording(path, robot=load_robot("ur5"))
+
+
+def test_gains_are_stored_and_checked(tmp_path: Path) -> None:
+    path = write_rtde_csv(Motion(), tmp_path / "x.csv")
+    assert read_recording(path, gains=[1, 2, 3, 4, 5, 6]).metadata.drive_gains == (1, 2, 3, 4, 5, 6)
+    for gains in ([1.0, 2.0], [0.0] * 6, [float("nan")] * 6, ["x"] * 6):
+        with pytest.raises(RecordError):
+            read_recording(path, gains=gains)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "empty"),
+        (b"\n\n\n", "no rows"),
+        (b"hello\nworld\n", "no rows"),
+        (b"t,q_0,current_0\n", "no rows"),
+        (b"t,q_0,current_0\n1,2,3\n", "fewer than two"),
+        (b"1,2,3\n2,3,4\n", "no header"),
+        (b"x" * 10_000_000, "too long"),
+        (b"1," * 5_000_000, "too long"),
+        (bytes(range(256)) * 50, "none of the formats"),
+        (b"t,q_0,q_1,current_0\n1,2,3,4\n2,3,4,5\n", "no columns|left out|current"),
+        (b"t,q_0,qd_0\n0,1,2\n1,2,3\n", "neither current nor effort"),
+        (b"PK\x03\x04" + bytes(100), "zip"),
+        (b"\x1f\x8b" + bytes(100), "gunzip"),
+        (b"#ROSBAG V2.0\n" + bytes(100), "ROS 1"),
+    ],
+)
+def test_hopeless_files_are_one_clear_error(tmp_path: Path, content: bytes, words: str) -> None:
+    path = tmp_path / "x.csv"
+    path.write_bytes(content)
+    with pytest.raises(RecordError, match=words) as caught:
+        read_recording(path)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 1000
+
+
+def test_hopeless_paths(tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match="no such file"):
+        read_recording(tmp_path / "none.csv")
+    with pytest.raises(RecordError, match=r"no \.db3"):
+        read_recording(tmp_path)
+    with pytest.raises(RecordError, match="no recording was given"):
+        read_recording([])
+
+
+def test_wrong_extension_goes_by_content(tmp_path: Path) -> None:
+    motion = Motion()
+    path = write_rtde_csv(motion, tmp_path / "run.mat")
+    assert_true_to(read_recording(path), motion)
+    with pytest.raises(RecordError, match="content is csv, not mat"):
+        read_recording(path, format="mat")
+    with pytest.raises(RecordError, match="unknown format"):
+        read_recording(path, format="xls")
+
+
+def test_named_ur_format_needs_its_header(tmp_path: Path) -> None:
+    motion = Motion()
+    path = write_plain_csv(motion, tmp_path / "x.csv")
+    with pytest.raises(RecordError, match="not that of a ur-csv"):
+        read_recording(path, format="ur-csv", columns=COLUMNS)
+
+
+def test_huge_numbers_of_columns_are_refused_quickly(tmp_path: Path) -> None:
+    path = tmp_path / "x.csv"
+    path.write_text((",".join(["1"] * 50_000) + "\n") * 20)
+    with pytest.raises(RecordError, match="too many columns"):
+        read_recording(path, columns="t=0,q=1:7,current=7:13")
