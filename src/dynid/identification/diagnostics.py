@@ -28,42 +28,61 @@ DO_NOT_USE = "the result must not be used"
 def diagnose(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
     """Warnings about an estimate and the samples that it was fitted to."""
     return (
-        *ill_conditioned(estimate),
+        *ill_conditioned(estimate, samples),
         *low_excitation(estimate, samples),
         *not_physical(estimate, samples),
         *non_white(estimate),
     )
 
 
-def ill_conditioned(estimate: Estimate) -> tuple[Notice, ...]:
+def ill_conditioned(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
     """Whether directions of the parameters are nearly invisible in the data."""
-    number = estimate.scaled_condition_number
-    if number <= ILL_CONDITIONED:
+    number = max(estimate.scaled_condition_number, estimate.smooth_condition_number)
+    one_way = one_way_joints(samples)
+    text: list[str] = []
+    if number > ILL_CONDITIONED:
+        text.append(
+            f"the condition number is {estimate.condition_number:.1e} (columns scaled, measurement "
+            f"noise smoothed away: {number:.1e}; good records stay below {ILL_CONDITIONED:.0e})"
+        )
+    if 2 * len(one_way) > samples.joints:
+        text.append(
+            f"{len(one_way)} of {samples.joints} joints never turn back, so that friction cannot "
+            "be told from gravity and only noise keeps the condition number at "
+            f"{estimate.condition_number:.1e}"
+        )
+    if not text:
         return ()
     return (
         Notice(
             "ill_conditioned",
-            f"the condition number is {estimate.condition_number:.1e} (columns scaled: "
-            f"{number:.1e}, good records stay below {ILL_CONDITIONED:.0e}): this motion hardly "
-            f"shows some combinations of parameters. Single values mean nothing; {DO_NOT_USE}"
-            " on other motions; record an optimised excitation trajectory",
+            "; ".join(text) + f". This motion hardly shows some combinations of parameters: "
+            f"{DO_NOT_USE} on other motions; record an optimised excitation trajectory",
         ),
     )
 
 
+def one_way_joints(samples: Samples) -> tuple[int, ...]:
+    """Joints that move in one direction only."""
+    found: list[int] = []
+    for j, speed in enumerate(samples.dq.T):
+        moving = speed[np.abs(speed) > max(0.1 * np.abs(speed).max(), 1e-9)]
+        if len(moving) and min((moving > 0).mean(), (moving < 0).mean()) < ONE_WAY:
+            found.append(j)
+    return tuple(found)
+
+
 def low_excitation(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
     """Joints that move little, slowly or one way only; too many uncertain parameters."""
-    names = estimate.model.robot.joint_names
+    one_way = one_way_joints(samples)
     found: list[str] = []
-    for j, name in enumerate(names):
-        speed, reach = np.abs(samples.dq[:, j]), float(np.ptp(samples.q[:, j]))
-        moving = samples.dq[speed > max(0.1 * speed.max(), 1e-9), j]
-        rarer = min(float((moving > 0).mean()), float((moving < 0).mean())) if len(moving) else 0.0
+    for j, name in enumerate(estimate.model.robot.joint_names):
+        fastest, reach = float(np.abs(samples.dq[:, j]).max()), float(np.ptp(samples.q[:, j]))
         if reach < SMALL_RANGE:
             found.append(f"{name} moves only {reach:.3f} rad or m")
-        elif speed.max() < SLOW:
-            found.append(f"{name} never exceeds {speed.max():.3f} rad/s or m/s")
-        elif rarer < ONE_WAY:
+        elif fastest < SLOW:
+            found.append(f"{name} never exceeds {fastest:.3f} rad/s or m/s")
+        elif j in one_way:
             found.append(f"{name} moves in one direction only")
     with np.errstate(invalid="ignore"):
         uncertain = int((estimate.relative_std_percent > 100).sum())

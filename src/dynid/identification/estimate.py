@@ -55,6 +55,8 @@ class Estimate:
     """Of W with first-come columns, unscaled, as the paper's."""
     scaled_condition_number: float
     """Of W with columns of unit norm."""
+    smooth_condition_number: float
+    """The same for the motion without its measurement noise, which flatters short records."""
     samples: int
     """N, samples that entered the fit."""
     estimator: str

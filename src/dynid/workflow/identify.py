@@ -9,86 +9,25 @@ from typing import Any
 import numpy as np
 
 from dynid.core.errors import InputError
-from dynid.core.linalg import upper_triangle
 from dynid.core.notices import Notice
 from dynid.core.provenance import provenance
-from dynid.identification.accumulate import joint_factors
-from dynid.identification.diagnostics import diagnose
-from dynid.identification.estimate import Estimate, MotionRange
-from dynid.identification.least_squares import (
-    PRIOR_GAIN,
-    Estimator,
-    OrdinaryLeastSquares,
-    WeightedLeastSquares,
-    autocorrelation,
-)
-from dynid.identification.problem import IdentificationProblem
-from dynid.identification.robust import HuberRegression
-from dynid.identification.selection import Progress, select
-from dynid.identification.statistics import (
-    essential_parameters,
-    hac_covariance,
-    naive_covariance,
-)
+from dynid.identification.estimate import Estimate
+from dynid.identification.fitting import fit_estimate
+from dynid.identification.selection import Progress
 from dynid.recording.record import ExperimentRecord
-from dynid.reduction.base import reduce_model
 from dynid.regressor.model import InverseDynamicModel
 from dynid.regressor.terms import FrictionTerms
 from dynid.robot.model import RobotModel
-from dynid.signals.periods import find_period, fold_periods
-from dynid.signals.process import process, uniform_signals
-from dynid.signals.samples import ProcessingSettings, Samples
+from dynid.signals.process import process
+from dynid.signals.samples import ProcessingSettings, joined
 from dynid.validation.prediction import ValidationResult, validate
+from dynid.workflow.choosing import choose
+from dynid.workflow.identify_settings import IdentifySettings, chosen_estimator
 
-PRESETS = ("best", "paper")
-ESTIMATORS = ("ols", "wls", "irls")
-WEIGHTINGS = ("joint", "size")
 LONG_RECORD = 20_000
 """Samples above which rows are averaged whatever the preset: time and memory stay bounded."""
 OVER_FITTED = 1.6
 """Median ratio of validation to training RMS error above which a result is over-fitted."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class IdentifySettings:
-    """What the user asked for; None means: as the preset says.
-
-    Raises:
-        InputError: An unknown preset, estimator or weighting.
-    """
-
-    preset: str = "best"
-    estimator: str | None = None
-    terms: FrictionTerms | None = None
-    cutoff_hz: float | None = None
-    """Low-pass cut-off [Hz]."""
-    start_s: float | None = None
-    stop_s: float | None = None
-    weighting: str = "joint"
-    """`joint`: one noise a joint; `size`: joints with equal torque limit share one."""
-    frames: str = ""
-
-    def __post_init__(self) -> None:
-        for value, allowed, where in (
-            (self.preset, PRESETS, "--preset"),
-            (self.estimator or "ols", ESTIMATORS, "--estimator"),
-            (self.weighting, WEIGHTINGS, "--weighting"),
-        ):
-            if value not in allowed:
-                raise InputError("unknown", where=where, value=value, limit=", ".join(allowed))
-
-    def to_json(self) -> dict[str, Any]:
-        """A JSON object."""
-        return {
-            "preset": self.preset,
-            "estimator": self.estimator,
-            "terms": None if self.terms is None else self.terms.to_json(),
-            "cutoff_hz": self.cutoff_hz,
-            "start_s": self.start_s,
-            "stop_s": self.stop_s,
-            "weighting": self.weighting,
-            "frames": self.frames,
-        }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,28 +96,32 @@ def identify(
         stop_s=settings.stop_s,
         decimate=settings.preset == "best" or max(r.samples for r in records) > LONG_RECORD,
     )
-    friction = settings.terms or FrictionTerms()
-    choices: tuple[str, ...] = ()
-    prior_gain = None
+    friction, prior_gain, words = settings.terms or FrictionTerms(), None, ()
     if settings.preset == "best":
-        processing, friction, prior_gain, choices = _choose(
-            records, robot, settings, processing, progress
+        choice = choose(
+            records, robot, settings.frames, processing, terms=settings.terms, progress=progress
         )
+        processing, friction = choice.processing, choice.friction
+        prior_gain, words = choice.prior_gain, choice.words
     parts = [process(record, robot, processing) for record in records]
-    samples = parts[0] if len(parts) == 1 else _joined(parts)
-    model = InverseDynamicModel(robot=robot, frames=settings.frames, friction=friction)
-    estimate = _estimate(
-        model,
-        samples,
-        settings,
-        replace(processing, cutoff_hz=samples.cutoff_hz),
-        prior_gain,
-        choices,
-        records,
+    estimate = fit_estimate(
+        InverseDynamicModel(robot=robot, frames=settings.frames, friction=friction),
+        parts[0] if len(parts) == 1 else joined(parts),
+        chosen_estimator(settings, robot, prior_gain),
+        record=records[0],
+        settings=processing,
+        preset=settings.preset,
+        choices=words,
+        made=provenance(
+            inputs={r.metadata.origin: r.metadata.input_hash for r in records},
+            settings=settings.to_json(),
+        ),
     )
     training = validate(estimate, records[0], start_s=settings.start_s, stop_s=settings.stop_s)
     result = None
     warnings = list(estimate.warnings)
+    for record in records:
+        warnings += [notice for notice in record.problems if notice not in warnings]
     if validation is not None:
         result = validate(
             estimate, validation, start_s=validation_start_s, stop_s=validation_stop_s
@@ -204,133 +147,4 @@ def over_fitted(training: ValidationResult, validation: ValidationResult) -> tup
             f"errors on the validation record are {typical:.1f} times those of the training "
             f"record (worst joint {worst:.1f}): the model has learnt this record, not the robot",
         ),
-    )
-
-
-def _choose(
-    records: Sequence[ExperimentRecord],
-    robot: RobotModel,
-    settings: IdentifySettings,
-    processing: ProcessingSettings,
-    progress: Progress | None,
-) -> tuple[ProcessingSettings, FrictionTerms, float, tuple[str, ...]]:
-    longest = max(records, key=lambda record: record.duration_s)
-    signals = uniform_signals(longest, robot, processing)
-    period = find_period(signals.q, signals.rate_hz)
-    if period is not None and len(records) == 1:
-        processing = replace(processing, period_s=period)
-        repetitions = int(len(signals.t) / signals.rate_hz / period + 1e-6)
-        signals = fold_periods(signals, period)
-        folded = (f"average of {repetitions} periods of {period:g} s",)
-    else:
-        folded = ()
-    chosen = select(
-        robot, settings.frames, signals, processing, terms=settings.terms, progress=progress
-    )
-    delays = chosen.settings.delays_s
-    width = chosen.friction.width
-    widths = width if isinstance(width, tuple) else (width,)
-    return (
-        chosen.settings,
-        chosen.friction,
-        chosen.prior_gain,
-        (
-            *folded,
-            f"cut-off {chosen.settings.cutoff_hz:g} Hz",
-            f"velocities from {chosen.settings.velocity} values"
-            if chosen.settings.velocity == "measured"
-            else "velocities differentiated from positions",
-            "torque delays "
-            + ("none" if delays is None else " ".join(f"{1000 * d:g}" for d in delays) + " ms"),
-            f"friction terms {chosen.friction.describe()}",
-            "Coulomb widths " + " ".join(f"{w:g}" for w in widths) + " rad/s",
-            *(
-                (f"prior gain {chosen.prior_gain:g}, stronger for an ill-conditioned record",)
-                if chosen.prior_gain < PRIOR_GAIN
-                else ()
-            ),
-            "held-out RMS " + " ".join(f"{x:.3g}" for x in chosen.noise) + " N.m",
-        ),
-    )
-
-
-def _estimate(
-    model: InverseDynamicModel,
-    samples: Samples,
-    settings: IdentifySettings,
-    processing: ProcessingSettings,
-    prior_gain: float | None,
-    choices: tuple[str, ...],
-    records: Sequence[ExperimentRecord],
-) -> Estimate:
-    base = reduce_model(model)
-    problem = IdentificationProblem(base=base, samples=samples)
-    estimator = _estimator(settings, model.robot, prior_gain)
-    fit = estimator.fit(problem)
-    root = upper_triangle(joint_factors(problem)[:, :, : base.rank].reshape(-1, base.rank))
-    estimate = Estimate(
-        model=model,
-        independent=base.independent,
-        expressions=base.expressions,
-        values=fit.values,
-        covariance=hac_covariance(fit, problem),
-        naive_std=np.sqrt(np.diag(naive_covariance(fit))),
-        noise=fit.noise,
-        condition_number=float(np.linalg.cond(root)),
-        scaled_condition_number=float(np.linalg.cond(root / np.linalg.norm(root, axis=0))),
-        samples=problem.blocks,
-        estimator=estimator.name,
-        preset=settings.preset,
-        settings=processing,
-        essential=essential_parameters(fit),
-        motion=MotionRange(
-            lower=samples.q.min(axis=0),
-            upper=samples.q.max(axis=0),
-            speed=np.abs(samples.dq).max(axis=0),
-            acceleration=np.percentile(np.abs(samples.ddq), 99.5, axis=0),
-        ),
-        choices=choices,
-        provenance=provenance(
-            inputs={r.metadata.origin: r.metadata.input_hash for r in records},
-            settings=settings.to_json(),
-        ),
-        residual_autocorrelation=autocorrelation(problem.residual(fit.values), 1),
-    )
-    notices = [*base.warnings, *diagnose(estimate, samples)]
-    for record in records:
-        notices += [notice for notice in record.problems if notice not in notices]
-    return replace(estimate, warnings=tuple(notices))
-
-
-def _estimator(settings: IdentifySettings, robot: RobotModel, prior: float | None) -> Estimator:
-    word = settings.estimator or ("ols" if settings.preset == "paper" else "wls")
-    if word == "ols":
-        return OrdinaryLeastSquares()
-    if word == "irls":
-        return HuberRegression(prior_gain=prior)
-    groups = None
-    if settings.weighting == "size":
-        torque = robot.limits.torque
-        if not np.isfinite(torque).all():
-            raise InputError(
-                "joint sizes are told by torque limits, and this robot has none",
-                where="--weighting size",
-                value=robot.name,
-            )
-        groups = tuple(int(k) for k in np.unique(torque, return_inverse=True)[1])
-    return WeightedLeastSquares(groups=groups, prior_gain=prior)
-
-
-def _joined(parts: Sequence[Samples]) -> Samples:
-    """Samples of several records, one after the other."""
-    starts = np.cumsum([0.0, *(part.t[-1] + 1.0 for part in parts[:-1])])
-    return Samples(
-        t=np.concatenate([part.t + s for part, s in zip(parts, starts, strict=True)]),
-        q=np.concatenate([part.q for part in parts]),
-        dq=np.concatenate([part.dq for part in parts]),
-        ddq=np.concatenate([part.ddq for part in parts]),
-        tau=np.concatenate([part.tau for part in parts]),
-        block=max(part.block for part in parts),
-        rate_hz=parts[0].rate_hz,
-        cutoff_hz=parts[0].cutoff_hz,
     )

@@ -1,0 +1,93 @@
+"""From samples to an estimate: fit, statistics, conditioning, findings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from dynid.core.provenance import Provenance
+from dynid.identification.conditioning import (
+    condition_number,
+    observation_root,
+    scaled_condition_number,
+    smooth_condition_number,
+)
+from dynid.identification.diagnostics import diagnose
+from dynid.identification.estimate import Estimate, MotionRange
+from dynid.identification.least_squares import Estimator, autocorrelation
+from dynid.identification.problem import IdentificationProblem
+from dynid.identification.statistics import (
+    essential_parameters,
+    hac_covariance,
+    naive_covariance,
+)
+from dynid.recording.record import ExperimentRecord
+from dynid.reduction.base import reduce_model
+from dynid.regressor.model import InverseDynamicModel
+from dynid.signals.samples import ProcessingSettings, Samples
+
+
+def fit_estimate(
+    model: InverseDynamicModel,
+    samples: Samples,
+    estimator: Estimator,
+    *,
+    record: ExperimentRecord,
+    settings: ProcessingSettings,
+    preset: str,
+    choices: tuple[str, ...],
+    made: Provenance,
+) -> Estimate:
+    """Fit samples and say how far the result can be trusted.
+
+    Args:
+        model: The model; its base parameters are found here.
+        samples: Samples of one or more records.
+        estimator: How to fit.
+        record: The first record, whose motion is judged for conditioning.
+        settings: How the records were processed.
+        preset: Name of the preset, for the file.
+        choices: What was chosen, in words.
+        made: Provenance of the result.
+
+    Raises:
+        InputError: Fewer torque samples than parameters.
+        JobError: A singular problem.
+    """
+    base = reduce_model(model)
+    problem = IdentificationProblem(base=base, samples=samples)
+    fit = estimator.fit(problem)
+    root = observation_root(problem)
+    estimate = Estimate(
+        model=model,
+        independent=base.independent,
+        expressions=base.expressions,
+        values=fit.values,
+        covariance=hac_covariance(fit, problem),
+        naive_std=np.sqrt(np.diag(naive_covariance(fit))),
+        noise=fit.noise,
+        condition_number=condition_number(root),
+        scaled_condition_number=scaled_condition_number(root),
+        smooth_condition_number=smooth_condition_number(problem, record, settings),
+        samples=problem.blocks,
+        estimator=estimator.name,
+        preset=preset,
+        settings=replace(settings, cutoff_hz=samples.cutoff_hz),
+        essential=essential_parameters(fit),
+        motion=motion_range(samples),
+        choices=choices,
+        provenance=made,
+        residual_autocorrelation=autocorrelation(problem.residual(fit.values), 1),
+    )
+    return replace(estimate, warnings=diagnose(estimate, samples))
+
+
+def motion_range(samples: Samples) -> MotionRange:
+    """What samples cover."""
+    return MotionRange(
+        lower=samples.q.min(axis=0),
+        upper=samples.q.max(axis=0),
+        speed=np.abs(samples.dq).max(axis=0),
+        acceleration=np.percentile(np.abs(samples.ddq), 99.5, axis=0),
+    )
