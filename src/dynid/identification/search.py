@@ -1,0 +1,239 @@
+"""The search behind `--preset best`: one joint's choice at a time, scored by cross-validation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.core.errors import InputError
+from dynid.identification.crossvalidation import (
+    BLOCKS,
+    Candidates,
+    Variant,
+    accumulate_candidates,
+)
+from dynid.identification.least_squares import PRIOR_GAIN
+from dynid.reduction.base import reduce_model
+from dynid.regressor.blocks import smooth_sign
+from dynid.regressor.model import InverseDynamicModel
+from dynid.regressor.terms import TERMS, FrictionTerms
+from dynid.robot.model import RobotModel
+from dynid.signals.process import delayed, samples_from
+from dynid.signals.resample import UniformSignals
+from dynid.signals.samples import ProcessingSettings
+
+WIDTHS = (0.001, 0.003, 0.01, 0.02, 0.04, 0.07, 0.12, 0.2)
+"""Widths of the Coulomb step that are tried [rad/s]."""
+EXTRA_TERMS = ("fo", "fca", "fva", "fs", "fr")
+"""Terms that a joint may take beside the paper's."""
+EXTRA_WIDTH = 0.01
+"""Width inside candidate columns that have a step, until the joint's own is known [rad/s]."""
+PRIOR_GAINS = (PRIOR_GAIN, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
+"""Priors that are tried on such a record."""
+DELAY_STEPS = (-3, -2, -1, 1, 2, 3)
+SHORTEST_DELAY_STEP_S = 0.002
+GAIN_OF_TERM = 0.03
+"""An extra column must lower the sum over joints of log RMS by this much."""
+GAIN_OF_SHAPE = 0.01
+"""So must a change of width, delay, cut-off or velocity source."""
+PASSES = 3
+
+
+@dataclass(frozen=True, slots=True)
+class JointChoice:
+    """What one joint has been given; indices into the lists of candidates."""
+
+    width: int
+    terms: frozenset[int]
+    delay: int
+
+
+class Search:
+    """Scores joint choices on one record; caches the products of the current settings."""
+
+    def __init__(
+        self, robot: RobotModel, frames: str, signals: UniformSignals, terms: FrictionTerms | None
+    ) -> None:
+        self.robot = robot
+        self.signals = signals
+        self.given = terms
+        step = max(1.0 / signals.rate_hz, SHORTEST_DELAY_STEP_S)
+        self.delays = tuple(sorted(k * step for k in (*DELAY_STEPS, 0)))
+        self.no_delay = self.delays.index(0.0)
+        fixed = terms or FrictionTerms()
+        shared = tuple(
+            (term, joints) for term, joints in fixed.terms if term not in ("fc", "fca", "fs")
+        )
+        self.stepped = tuple(t for t in fixed.terms if t[0] in ("fc", "fca", "fs"))
+        self.extras = EXTRA_TERMS if terms is None else ()
+        self.base = reduce_model(
+            InverseDynamicModel(
+                robot=robot,
+                frames=frames,
+                friction=FrictionTerms(terms=shared or (("fv", None),), width=EXTRA_WIDTH),
+            )
+        )
+        self.speed = fixed.stribeck_velocity
+        self._cache: tuple[ProcessingSettings, Candidates] | None = None
+
+    def candidates(self, settings: ProcessingSettings) -> Candidates:
+        """Products for one choice of cut-off and velocity source."""
+        if self._cache is not None and self._cache[0] == settings:
+            return self._cache[1]
+        samples = samples_from(self.signals, replace(settings, decimate=True))
+        if samples.count < 4 * BLOCKS * samples.block:
+            raise InputError(
+                "the record is too short to choose settings from",
+                value=samples.count,
+                limit=f"at least {4 * BLOCKS} samples",
+                next_step="Use --preset paper, or a longer record.",
+            )
+        rate = self.signals.rate_hz
+        kept = np.round(samples.t * rate).astype(int)
+        circular = settings.period_s is not None
+        torques = [
+            delayed(self.signals.torque, rate, (delay,) * self.robot.joints, circular)[kept].T
+            for delay in self.delays
+        ]
+        own = np.stack([self._own_columns(column) for column in samples.dq.T])
+        result = accumulate_candidates(
+            self.base,
+            (samples.q, samples.dq, samples.ddq),
+            own,
+            np.stack(torques, axis=1),
+            samples.block,
+        )
+        self._cache = (settings, result)
+        return result
+
+    def _own_columns(self, dq: Array) -> Array:
+        """(c, N): one step a width for each stepped term, then the extra terms."""
+        stepped = [
+            _term_column(term, dq, width, self.speed)
+            for term, _ in self.stepped
+            for width in WIDTHS
+        ]
+        extra = [_term_column(term, dq, EXTRA_WIDTH, self.speed) for term in self.extras]
+        return np.array([*stepped, *extra])
+
+    def variants(self, choices: tuple[JointChoice, ...]) -> tuple[Variant, ...]:
+        """The candidate columns and torques that choices stand for."""
+        return tuple(self._variant(j, choice) for j, choice in enumerate(choices))
+
+    def _variant(self, joint: int, choice: JointChoice) -> Variant:
+        steps = [
+            k * len(WIDTHS) + choice.width
+            for k, (_, joints) in enumerate(self.stepped)
+            if joints is None or joint in joints
+        ]
+        first = len(self.stepped) * len(WIDTHS)
+        extras = [first + k for k in sorted(choice.terms)]
+        return Variant(columns=(*steps, *extras), torque=choice.delay)
+
+    def score(
+        self,
+        candidates: Candidates,
+        choices: tuple[JointChoice, ...],
+        weights: Array | None = None,
+    ) -> tuple[float, Array, Array]:
+        """Sum of log RMS, held-out RMS (n), and the weights used (n)."""
+        variants = self.variants(choices)
+        if weights is None:
+            weights = np.ones(len(choices))
+            for _ in range(4):
+                _, training = candidates.score(variants, weights)
+                weights = 1.0 / np.sqrt(training)
+        held_out, _ = candidates.score(variants, weights)
+        return float(np.log(held_out).sum() / 2), np.sqrt(held_out), weights
+
+    def descend(
+        self, settings: ProcessingSettings, choices: tuple[JointChoice, ...]
+    ) -> tuple[float, tuple[JointChoice, ...], Array]:
+        """Improve one joint at a time until nothing is clearly better."""
+        candidates = self.candidates(settings)
+        score, noise, weights = self.score(candidates, choices)
+        for _ in range(PASSES):
+            before = choices
+            for j in range(self.robot.joints):
+                for trial in self._moves(choices[j], settings):
+                    moved = (*choices[:j], trial, *choices[j + 1 :])
+                    value = self.score(candidates, moved, weights)[0]
+                    if value < score - _price(choices[j], trial, self.no_delay):
+                        score, choices = value, moved
+            score, noise, weights = self.score(candidates, choices)
+            if choices == before:
+                break
+        return score, choices, noise
+
+    def prior(
+        self, settings: ProcessingSettings, choices: tuple[JointChoice, ...]
+    ) -> tuple[float, float, Array]:
+        """The best prior for choices, its score and held-out RMS (n)."""
+        candidates = self.candidates(settings)
+        weights = self.score(candidates, choices)[2]
+        variants = self.variants(choices)
+        errors = [candidates.score(variants, weights, gain)[0] for gain in PRIOR_GAINS]
+        scores = [float(np.log(error).sum() / 2) for error in errors]
+        best = int(np.argmin(scores))
+        return PRIOR_GAINS[best], scores[best], np.sqrt(errors[best])
+
+    def _moves(self, now: JointChoice, settings: ProcessingSettings) -> list[JointChoice]:
+        widths = range(len(WIDTHS)) if self.stepped else range(1)
+        moves = [replace(now, width=k) for k in widths]
+        if settings.delays_s is None:
+            moves += [replace(now, delay=k) for k in range(len(self.delays))]
+        for term in range(len(self.extras)):
+            toggled = now.terms ^ {term}
+            moves += [replace(now, terms=toggled, width=k) for k in widths]
+        return [move for move in moves if move != now]
+
+    def settings(
+        self, trial: ProcessingSettings, choices: tuple[JointChoice, ...]
+    ) -> ProcessingSettings:
+        """The settings with the delays of the choices."""
+        delays = tuple(self.delays[choice.delay] for choice in choices)
+        if trial.delays_s is not None or not any(delays):
+            return trial
+        return replace(trial, delays_s=delays)
+
+    def friction(self, choices: tuple[JointChoice, ...]) -> FrictionTerms:
+        """The friction terms of the choices."""
+        given = dict((self.given or FrictionTerms()).terms)
+        for k, term in enumerate(self.extras):
+            joints = tuple(j for j, choice in enumerate(choices) if k in choice.terms)
+            if joints:
+                given[term] = joints if len(joints) < len(choices) else None
+        widths = tuple(WIDTHS[choice.width] for choice in choices)
+        return FrictionTerms(
+            terms=tuple((term, given[term]) for term in TERMS if term in given),
+            width=widths,
+            stribeck_velocity=self.speed,
+        )
+
+
+def _price(now: JointChoice, trial: JointChoice, no_delay: int) -> float:
+    """What a move must gain; going back to simpler is nearly free."""
+    terms = GAIN_OF_TERM * (len(trial.terms) - len(now.terms))
+    delay = GAIN_OF_SHAPE * (
+        (abs(trial.delay - no_delay) > 0) * 1.0 - (abs(now.delay - no_delay) > 0) * 1.0
+    )
+    width = GAIN_OF_SHAPE * (float(trial.width > 0) - float(now.width > 0))
+    return terms + delay + width + 1e-4
+
+
+def _term_column(term: str, dq: Array, width: float, speed: float) -> Array:
+    match term:
+        case "fc":
+            return smooth_sign(dq, width)
+        case "fca":
+            return np.abs(smooth_sign(dq, width))
+        case "fs":
+            return np.exp(-np.square(dq / speed)) * smooth_sign(dq, width)
+        case "fo":
+            return np.ones_like(dq)
+        case "fva":
+            return np.abs(dq)
+        case _:
+            return np.cbrt(dq)
