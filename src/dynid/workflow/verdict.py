@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from dynid.identification.diagnostics import ILL_CONDITIONED
 from dynid.workflow.identify import Identification
 
@@ -44,20 +46,23 @@ class Verdict:
 def verdict(result: Identification) -> Verdict:
     """Judge an identification."""
     codes = {notice.code for notice in result.warnings}
-    poor: list[str] = []
-    if result.estimate.scaled_condition_number > ILL_CONDITIONED:
-        poor.append("the motion does not tell its parameters apart (ill_conditioned)")
-    if "low_excitation" in codes:
-        poor.append("the motion excites too little (low_excitation)")
-    if poor:
+    ill = result.estimate.scaled_condition_number > ILL_CONDITIONED
+    error = np.inf
+    if result.validation is not None:
+        error = result.validation.moving.relative_error_overall_percent
+    predicts = f"it predicts another motion's torques to {error:.1f} % (moving joints)"
+    if "low_excitation" in codes or (ill and not error <= POOR_PREDICTION):
+        poor = ["the motion does not tell its parameters apart (ill_conditioned)"] if ill else []
+        if "low_excitation" in codes:
+            poor.append("the motion excites too little (low_excitation)")
         return Verdict(level="do_not_use", reasons=tuple(poor))
+    doubts = ["only for motions like these: single values mean nothing (ill_conditioned)"] * ill
     found = sorted(codes & CARE)
-    doubts = [f"see the warning{'s' * (len(found) > 1)} {', '.join(found)}"] if found else []
+    if found:
+        doubts.append(f"see the warning{'s' * (len(found) > 1)} {', '.join(found)}")
     if result.validation is None:
         doubts.append("no other motion has confirmed it yet (--validate)")
         return Verdict(level="care", reasons=tuple(doubts))
-    error = result.validation.moving.relative_error_overall_percent
-    share = f"it predicts another motion's torques to {error:.1f} % (moving joints)"
-    if found or not error <= POOR_PREDICTION:
-        return Verdict(level="care", reasons=(share, *doubts))
-    return Verdict(level="usable", reasons=(share, "the motion tells its parameters apart"))
+    if doubts or not error <= POOR_PREDICTION:
+        return Verdict(level="care", reasons=(predicts, *doubts))
+    return Verdict(level="usable", reasons=(predicts, "the motion tells its parameters apart"))

@@ -1,0 +1,59 @@
+"""The verdict follows from warnings, conditioning and the error on another motion."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from dynid.core.notices import Notice
+from dynid.workflow.verdict import verdict
+
+
+def result(condition: float, error: float | None, *codes: str) -> Any:
+    """As much of an identification as the verdict looks at."""
+    validation = None
+    if error is not None:
+        validation = SimpleNamespace(moving=SimpleNamespace(relative_error_overall_percent=error))
+    return cast(
+        "Any",
+        SimpleNamespace(
+            estimate=SimpleNamespace(scaled_condition_number=condition),
+            validation=validation,
+            warnings=tuple(Notice(code, "words") for code in codes),
+        ),
+    )
+
+
+@pytest.mark.parametrize(
+    ("condition", "error", "codes", "level"),
+    [
+        (50.0, 3.0, (), "usable"),
+        (50.0, 3.0, ("non_white_residuals", "dropped_rows", "clock_jitter"), "usable"),
+        # A mounting that was set straight is called ill_conditioned too, and harms nothing.
+        (50.0, 3.0, ("ill_conditioned",), "usable"),
+        (50.0, 3.0, ("over_fitted",), "care"),
+        (50.0, 3.0, ("not_physical", "extrapolated"), "care"),
+        (50.0, None, (), "care"),
+        (50.0, 40.0, (), "care"),
+        (50.0, float("nan"), (), "care"),
+        (5e4, 3.0, ("ill_conditioned",), "care"),
+        (5e4, 40.0, ("ill_conditioned",), "do_not_use"),
+        (5e4, None, ("ill_conditioned",), "do_not_use"),
+        (50.0, 3.0, ("low_excitation",), "do_not_use"),
+        (5e4, 3.0, ("ill_conditioned", "low_excitation"), "do_not_use"),
+    ],
+)
+def test_levels(condition: float, error: float | None, codes: tuple[str, ...], level: str) -> None:
+    judged = verdict(result(condition, error, *codes))
+    assert judged.level == level
+    assert judged.reasons
+    assert ("must not be used" in judged.headline) == (level == "do_not_use")
+    assert "inf" not in judged.headline
+
+
+def test_every_doubt_is_named() -> None:
+    words = verdict(result(50.0, 3.0, "over_fitted", "extrapolated")).headline
+    assert "3.0 %" in words
+    assert "extrapolated, over_fitted" in words
