@@ -37,7 +37,8 @@ if TYPE_CHECKING:
     from dynid.trajectory.random_excitation import random_excitation
     from dynid.validation.prediction import ValidationResult, validate
     from dynid.workflow.analyze import Analysis, analyze
-    from dynid.workflow.identify import Identification, IdentifySettings, identify
+    from dynid.workflow.identify import Identification, identify
+    from dynid.workflow.identify_settings import IdentifySettings
     from dynid.workflow.importing import ImportOptions, import_recording
     from dynid.workflow.simulating import simulate_recording
     from dynid.workflow.verdict import Verdict, verdict
@@ -114,7 +115,8 @@ _HOME = {
     "trajectory.random_excitation": ("random_excitation",),
     "validation.prediction": ("ValidationResult", "validate"),
     "workflow.analyze": ("Analysis", "analyze"),
-    "workflow.identify": ("Identification", "IdentifySettings", "identify"),
+    "workflow.identify": ("Identification", "identify"),
+    "workflow.identify_settings": ("IdentifySettings",),
     "workflow.importing": ("ImportOptions", "import_recording"),
     "workflow.simulating": ("simulate_recording",),
     "workflow.verdict": ("Verdict", "verdict"),

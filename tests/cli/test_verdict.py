@@ -34,7 +34,8 @@ def result(condition: float, error: float | None, *codes: str) -> Any:
         # A mounting that was set straight is called ill_conditioned too, and harms nothing.
         (50.0, 3.0, ("ill_conditioned",), "usable"),
         (50.0, 3.0, ("over_fitted",), "care"),
-        (50.0, 3.0, ("not_physical", "extrapolated"), "care"),
+        (50.0, 3.0, ("not_physical",), "care"),
+        (50.0, 3.0, ("extrapolated",), "usable"),
         (50.0, None, (), "care"),
         (50.0, 40.0, (), "care"),
         (50.0, float("nan"), (), "care"),
@@ -54,6 +55,6 @@ def test_levels(condition: float, error: float | None, codes: tuple[str, ...], l
 
 
 def test_every_doubt_is_named() -> None:
-    words = verdict(result(50.0, 3.0, "over_fitted", "extrapolated")).headline
-    assert "3.0 %" in words
-    assert "extrapolated, over_fitted" in words
+    words = verdict(result(50.0, 33.0, "extrapolated", "over_fitted")).headline
+    assert "33.0 %" in words
+    assert "over_fitted, extrapolated" in words

@@ -58,6 +58,7 @@ def _demo(
     for row in demo.table:
         if row.note:
             screen.print(f"- {row.quantity}: {row.note}")
+    screen.print("- the trajectories are random: neither optimised nor checked for collisions")
     screen.print("\nChoices of preset best", style="bold")
     for choice in demo.best.estimate.choices:
         screen.print(f"- {choice}")

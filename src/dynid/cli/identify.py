@@ -73,7 +73,7 @@ def _identify(
     from dynid.cli.output import check_output, console, print_json
     from dynid.cli.progress import progress_bar
     from dynid.regressor.terms import parse_terms
-    from dynid.workflow.identify import IdentifySettings
+    from dynid.workflow.identify_settings import IdentifySettings
     from dynid.workflow.identifying import identify_files
     from dynid.workflow.verdict import verdict
 

@@ -24,7 +24,8 @@ from dynid.trajectory.files import write_trajectory
 from dynid.trajectory.random_excitation import random_excitation
 from dynid.workflow.analyze import Analysis, analyze
 from dynid.workflow.demo_table import Row, comparison
-from dynid.workflow.identify import Identification, IdentifySettings, identify
+from dynid.workflow.identify import Identification, identify
+from dynid.workflow.identify_settings import IdentifySettings
 from dynid.workflow.simulating import record_of, truth_to_json
 
 PERIOD, HARMONICS, REPETITIONS, RATE_HZ = 10.0, 5, 3, 125.0

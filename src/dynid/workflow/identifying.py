@@ -10,7 +10,8 @@ from dynid.identification.estimate_file import write_estimate
 from dynid.identification.selection import Progress
 from dynid.recording.record import ExperimentRecord
 from dynid.signals.resample import window
-from dynid.workflow.identify import Identification, IdentifySettings, identify
+from dynid.workflow.identify import Identification, identify
+from dynid.workflow.identify_settings import IdentifySettings
 from dynid.workflow.recordings import open_record, open_records
 
 

@@ -10,9 +10,7 @@ import numpy as np
 from dynid.identification.diagnostics import ILL_CONDITIONED
 from dynid.workflow.identify import Identification
 
-CARE = frozenset(
-    {"not_physical", "over_fitted", "extrapolated", "saturated", "unit_suspect", "clock_mismatch"}
-)
+CARE = frozenset({"not_physical", "over_fitted", "saturated", "unit_suspect", "clock_mismatch"})
 """Codes that ask for a look before the result is used."""
 POOR_PREDICTION = 15.0
 """[%] of the torque of moving joints; good identifications predict to 5 %."""
@@ -58,6 +56,9 @@ def verdict(result: Identification) -> Verdict:
         return Verdict(level="do_not_use", reasons=tuple(poor))
     doubts = ["only for motions like these: single values mean nothing (ill_conditioned)"] * ill
     found = sorted(codes & CARE)
+    if not error <= POOR_PREDICTION and "extrapolated" in codes:
+        # Beyond the known motion a good prediction says more, a poor one less.
+        found.append("extrapolated")
     if found:
         doubts.append(f"see the warning{'s' * (len(found) > 1)} {', '.join(found)}")
     if result.validation is None:
