@@ -8,7 +8,7 @@ PYTHON ?= $(shell for p in python3.12 python3.11 python3; do \
 	$$p -c 'import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))' 2>/dev/null \
 	&& echo $$p && break; done)
 
-.PHONY: install demo test lint types floors unit bench clean
+.PHONY: install demo test lint types floors unit bench readme clean
 
 install: $(STAMP)
 
@@ -43,6 +43,9 @@ bench: install
 	$(BIN)/python benchmarks/startup.py
 	@for script in $(filter-out benchmarks/startup.py,$(wildcard benchmarks/*.py)); do \
 		echo "== $$script"; $(BIN)/python $$script || exit 1; done
+
+readme: install
+	$(BIN)/python benchmarks/readme/fill_tables.py
 
 clean:
 	rm -rf $(VENV) runs dist build

@@ -87,6 +87,11 @@ def _halves(
     ]
 
 
+def plain(value: float) -> str:
+    """Three digits, without an exponent up to ten thousand."""
+    return f"{value:.0f}" if 1000 <= value < 10_000 else f"{value:.3g}"
+
+
 def row(case: Case, preset: str) -> str:
     """Identify, check, and give a row of the table."""
     settings = dynid.IdentifySettings(preset=preset, start_s=case.window[0], stop_s=case.window[1])
@@ -105,13 +110,13 @@ def row(case: Case, preset: str) -> str:
     cells = (
         case.name,
         preset,
-        f"{result.estimate.condition_number:.3g}",
-        " ".join(f"{x:.3g}" for x in metrics.rmse),
+        plain(result.estimate.condition_number),
+        " ".join(plain(x) for x in metrics.rmse),
         f"{np.nanmin(metrics.r2):.2f}",
         f"{moving.relative_error_overall_percent:.1f}",
         f"{metrics.normalized_error:.3g} ({metrics.samples})",
         dynid.verdict(result).level.replace("_", " "),
-        f"{wall:.1f}",
+        f"{wall:.0f}",
     )
     return "| " + " | ".join(cells) + " |"
 

@@ -108,5 +108,9 @@ def test_the_robot_file_of_the_documents_is_one(tmp_path: Path) -> None:
     assert dynid.load_robot(path).mount == "wall"
 
 
+def test_the_documents_are_finished() -> None:
+    assert not re.search(r"^[A-Z]{4,}$", README, re.MULTILINE)
+
+
 def test_the_version_is_the_same_everywhere() -> None:
     assert f"version: {dynid.__version__}" in (ROOT / "CITATION.cff").read_text()
