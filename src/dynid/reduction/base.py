@@ -15,6 +15,10 @@ from dynid.regressor.model import InverseDynamicModel
 from dynid.robot.model import RobotModel
 from dynid.robot.nominal import nominal_geometry, structural_gravity
 
+WEAK = 1e-5
+"""A direction with less of the largest singular value is hardly there."""
+CLEAR_GAP = 1e-3
+"""The first singular value that does not count over the last that does, at most."""
 MATERIAL_ANGLE_DEG = 0.01
 """Geometry this close to nominal is nominal but for the digits of its file [deg]."""
 MATERIAL_SHIFT = 1e-4
@@ -48,10 +52,8 @@ class BaseParametrization:
 
     @property
     def gap(self) -> tuple[float, float]:
-        """The singular values, relative to the first, on both sides of the rank."""
-        s = self.classes.normalised_singular_values
-        after = s[self.rank] / s[0] if self.rank < len(s) else 0.0
-        return float(s[self.rank - 1] / s[0]), float(after)
+        """The singular values, columns normalised, on both sides of the rank; see `Rank.gap`."""
+        return self.classes.gap
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -188,14 +190,13 @@ def _two_ranks(by_singular_values: int, by_columns: int) -> tuple[Notice, ...]:
 
 
 def _weak_gap(classes: Rank) -> tuple[Notice, ...]:
-    s = classes.normalised_singular_values
-    r = classes.rank
-    weakest = s[r - 1] / s[0]
-    if weakest > 1e-5:
+    before, after = classes.gap
+    if before > WEAK and after < CLEAR_GAP * before:
         return ()
     return (
         Notice(
             "ill_conditioned",
-            f"the rank {r} has no clear gap: singular value {r} is {weakest:.1e} of the largest",
+            f"the rank {classes.rank} has no clear gap: the last singular value that counts is "
+            f"{before:.1e} of the largest, the next {after:.1e}",
         ),
     )

@@ -11,6 +11,8 @@ from dynid.core.linalg import solve_upper, upper_triangle
 
 RANK_TOLERANCE = 1e-9
 """Of the largest singular value, columns normalised; the UR5's gap is 1e-2 to 1e-16."""
+ZERO_COLUMN = 1e-9
+"""Columns below this share of the largest norm are zero."""
 CLASS_TOLERANCE = 1e-7
 """A column with less than this of its norm in the null space is identifiable alone."""
 NO_SHARE = 1e-9
@@ -33,6 +35,13 @@ class Rank:
     unidentifiable: tuple[int, ...]
     """Zero columns."""
 
+    @property
+    def gap(self) -> tuple[float, float]:
+        """The singular values, relative to the first, on both sides of the rank."""
+        s = self.normalised_singular_values
+        after = s[self.rank] / s[0] if self.rank < len(s) else 0.0
+        return float(s[self.rank - 1] / s[0]), float(after)
+
 
 def rank_and_classes(w: Array, tolerance: float = RANK_TOLERANCE) -> Rank:
     """Rank and classes of W (M, p).
@@ -40,7 +49,7 @@ def rank_and_classes(w: Array, tolerance: float = RANK_TOLERANCE) -> Rank:
     Class by null space V2 and row space V1: column j is unidentifiable if W e_j = 0, alone if
     row j of V2 is zero, combined otherwise (methods.md 1.2).
     """
-    scaled, _, zero = _unit_columns(w, tolerance)
+    scaled, _, zero = _unit_columns(w)
     # The triangle has the same singular values and row space, whatever the number of rows.
     _, s, vt = np.linalg.svd(upper_triangle(scaled))
     rank = int((s > tolerance * s[0]).sum())
@@ -67,7 +76,7 @@ def regrouping(
     Returns:
         Base columns (r), dependent columns (p - r), K (r, p - r) with W2 = W1 K.
     """
-    scaled, scale, _ = _unit_columns(w, tolerance)
+    scaled, scale, _ = _unit_columns(w)
     # A dependent column leaves nothing but rounding on the diagonal.
     independent = np.abs(np.diag(upper_triangle(scaled))) > max(tolerance, ROUNDING)
     base, dependent = np.flatnonzero(independent), np.flatnonzero(~independent)
@@ -79,9 +88,9 @@ def regrouping(
     return tuple(base.tolist()), tuple(dependent.tolist()), k
 
 
-def _unit_columns(w: Array, tolerance: float) -> tuple[Array, Array, Mask]:
+def _unit_columns(w: Array) -> tuple[Array, Array, Mask]:
     """W with columns of unit norm or exactly zero; what it was divided by (p); zero columns (p)."""
     norms = np.linalg.norm(w, axis=0)
-    zero = norms <= tolerance * norms.max(initial=1e-300)
+    zero = norms <= ZERO_COLUMN * norms.max(initial=1e-300)
     scale = np.where(zero, 1.0, norms)
     return np.where(zero, 0.0, w / scale), scale, zero
