@@ -8,46 +8,49 @@ from typing import Any, cast
 import pytest
 
 from dynid.core.notices import Notice
+from dynid.identification.diagnostics import DO_NOT_USE
 from dynid.workflow.verdict import verdict
 
 
-def result(condition: float, error: float | None, *codes: str) -> Any:
-    """As much of an identification as the verdict looks at."""
+def result(error: float | None, *codes: str) -> Any:
+    """As much of an identification as the verdict looks at; `!` forbids the use."""
     validation = None
     if error is not None:
         validation = SimpleNamespace(moving=SimpleNamespace(relative_error_overall_percent=error))
     return cast(
         "Any",
         SimpleNamespace(
-            estimate=SimpleNamespace(scaled_condition_number=condition),
             validation=validation,
-            warnings=tuple(Notice(code, "words") for code in codes),
+            warnings=tuple(
+                Notice(code.rstrip("!"), DO_NOT_USE if code.endswith("!") else "words")
+                for code in codes
+            ),
         ),
     )
 
 
 @pytest.mark.parametrize(
-    ("condition", "error", "codes", "level"),
+    ("error", "codes", "level"),
     [
-        (50.0, 3.0, (), "usable"),
-        (50.0, 3.0, ("non_white_residuals", "dropped_rows", "clock_jitter"), "usable"),
+        (3.0, (), "usable"),
+        (3.0, ("non_white_residuals", "dropped_rows", "clock_jitter"), "usable"),
         # A mounting that was set straight is called ill_conditioned too, and harms nothing.
-        (50.0, 3.0, ("ill_conditioned",), "usable"),
-        (50.0, 3.0, ("over_fitted",), "care"),
-        (50.0, 3.0, ("not_physical",), "care"),
-        (50.0, 3.0, ("extrapolated",), "usable"),
-        (50.0, None, (), "care"),
-        (50.0, 40.0, (), "care"),
-        (50.0, float("nan"), (), "care"),
-        (5e4, 3.0, ("ill_conditioned",), "care"),
-        (5e4, 40.0, ("ill_conditioned",), "do_not_use"),
-        (5e4, None, ("ill_conditioned",), "do_not_use"),
-        (50.0, 3.0, ("low_excitation",), "do_not_use"),
-        (5e4, 3.0, ("ill_conditioned", "low_excitation"), "do_not_use"),
+        (3.0, ("ill_conditioned",), "usable"),
+        (3.0, ("over_fitted",), "care"),
+        (3.0, ("not_physical",), "care"),
+        (3.0, ("extrapolated",), "usable"),
+        (None, (), "care"),
+        (40.0, (), "care"),
+        (float("nan"), (), "care"),
+        (3.0, ("ill_conditioned!",), "care"),
+        (40.0, ("ill_conditioned!",), "do_not_use"),
+        (None, ("ill_conditioned!",), "do_not_use"),
+        (3.0, ("low_excitation",), "do_not_use"),
+        (3.0, ("ill_conditioned!", "low_excitation!"), "do_not_use"),
     ],
 )
-def test_levels(condition: float, error: float | None, codes: tuple[str, ...], level: str) -> None:
-    judged = verdict(result(condition, error, *codes))
+def test_levels(error: float | None, codes: tuple[str, ...], level: str) -> None:
+    judged = verdict(result(error, *codes))
     assert judged.level == level
     assert judged.reasons
     assert ("must not be used" in judged.headline) == (level == "do_not_use")
@@ -55,6 +58,6 @@ def test_levels(condition: float, error: float | None, codes: tuple[str, ...], l
 
 
 def test_every_doubt_is_named() -> None:
-    words = verdict(result(50.0, 33.0, "extrapolated", "over_fitted")).headline
+    words = verdict(result(33.0, "extrapolated", "over_fitted")).headline
     assert "33.0 %" in words
     assert "over_fitted, extrapolated" in words

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.identification.diagnostics import ILL_CONDITIONED
+from dynid.identification.diagnostics import DO_NOT_USE
 from dynid.workflow.identify import Identification
 
 CARE = frozenset({"not_physical", "over_fitted", "saturated", "unit_suspect", "clock_mismatch"})
@@ -44,7 +44,8 @@ class Verdict:
 def verdict(result: Identification) -> Verdict:
     """Judge an identification."""
     codes = {notice.code for notice in result.warnings}
-    ill = result.estimate.scaled_condition_number > ILL_CONDITIONED
+    # A mounting that was set straight is called ill_conditioned as well, and forbids nothing.
+    ill = any(n.code == "ill_conditioned" and DO_NOT_USE in n.message for n in result.warnings)
     error = np.inf
     if result.validation is not None:
         error = result.validation.moving.relative_error_overall_percent
