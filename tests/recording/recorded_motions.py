@@ -104,7 +104,8 @@ MAT_COLUMNS = "t=rec.time,q=rec.act_pos,qd=rec.act_vel,current=rec.act_cur"
 
 def write_npz(motion: Motion, path: Path) -> Path:
     t = motion.t
-    np.savez(path, t=t, q=motion.position(t), qd=motion.velocity(t), current=motion.current(t))
+    with path.open("wb") as file:
+        np.savez(file, t=t, q=motion.position(t), qd=motion.velocity(t), current=motion.current(t))
     return path
 
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dynid.core.errors import RecordError
 from dynid.recording.naming import parse_name
 from dynid.recording.record import JOINT_QUANTITIES
+from dynid.recording.table import plain
 
 QUANTITIES = ("t", *JOINT_QUANTITIES)
 _RANGE = re.compile(r"(\d{1,6}):(\d{1,6})")
@@ -100,9 +101,9 @@ def _named(item: str, name: str, names: Sequence[str] | None) -> list[int]:
     )
     indices = [index for index, _ in numbered]
     if not numbered or indices != list(range(indices[0], indices[0] + len(indices))):
-        raise _wrong(item, f"is no column of the header ({name!r})", tuple(names))
+        raise _wrong(item, f"is no column of the header ({plain(name)!r})", tuple(names))
     return [k for _, k in numbered]
 
 
 def _wrong(item: str, why: str, limit: object = None) -> RecordError:
-    return RecordError(f"columns: item {item!r} {why}", limit=limit, next_step=_EXAMPLE)
+    return RecordError(f"columns: item {plain(item, 120)!r} {why}", limit=limit, next_step=_EXAMPLE)

@@ -17,6 +17,7 @@ from dynid.recording.own import read_own
 from dynid.recording.record import ExperimentRecord
 from dynid.recording.repair.pipeline import RepairSettings, repair
 from dynid.recording.rosbag import bag_files, read_bag
+from dynid.recording.segments import partial_path
 from dynid.recording.table import RawTable
 from dynid.robot.model import RobotModel
 
@@ -95,6 +96,9 @@ def _existing(paths: str | Path | Sequence[str | Path]) -> list[Path]:
     files = [Path(paths)] if isinstance(paths, (str, Path)) else [Path(path) for path in paths]
     if not files:
         raise RecordError("no recording was given")
+    if len(files) == 1 and partial_path(files[0]).is_file() and not files[0].exists():
+        # A recording that was interrupted: what there is of it.
+        return [partial_path(files[0])]
     for file in files:
         try:
             size = file.stat().st_size

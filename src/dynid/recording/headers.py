@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from dynid.core.errors import RecordError
 from dynid.recording.naming import RANK, Name, parse_name
-from dynid.recording.table import ESSENTIAL
+from dynid.recording.table import ESSENTIAL, plain
 
 _TORQUE_STEMS = ("torque", "tau", "effort", "current", "cur")
 
@@ -152,7 +152,7 @@ def _by_joint(
     joints = tuple(key.joint for key, _ in family)
     if len(family) > 1 and (not all(joints) or len(set(joints)) != len(joints)):
         raise RecordError(
-            f"{len(family)} columns are called {names[family[0][1]]!r}",
+            f"{len(family)} columns are called {plain(names[family[0][1]])!r}",
             where=where,
             next_step="Say which are meant with --columns.",
         )

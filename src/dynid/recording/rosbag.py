@@ -13,7 +13,7 @@ from dynid.recording.bag.db3 import db3_messages
 from dynid.recording.bag.jointstates import FIELDS, Collector
 from dynid.recording.bag.mcap import MAGIC, mcap_messages
 from dynid.recording.columns import parse_columns
-from dynid.recording.table import Mask, RawTable, Rows
+from dynid.recording.table import Mask, RawTable, Rows, plain
 
 _DEFAULT = {"q": "position", "qd": "velocity", "effort": "effort"}
 _UR_ORDER = (
@@ -71,7 +71,7 @@ def read_bag(
         )
     names, notes = _joints(collector, tuple(joints), joint_order, where)
     if len(topics) > 1:
-        notes.append(f"topic {chosen} of {', '.join(sorted(topics))}")
+        notes.append(f"topic {plain(chosen)} of {plain(', '.join(sorted(topics)), 300)}")
     values, numbers, stamps, receive = collector.columns(names)
     if len(numbers) == 0:
         raise RecordError(
@@ -176,7 +176,8 @@ def _joints(
             # Without a robot the whole message is taken, so the order must cover all of it.
             if matched and (wanted == robot or len(names) == len(matched)):
                 if matched != names[: len(matched)]:
-                    notes.append(f"joints taken by name, in the order {', '.join(matched)}")
+                    order_text = plain(", ".join(matched), 300)
+                    notes.append(f"joints taken by name, in the order {order_text}")
                 return matched, notes
     return common, notes
 

@@ -22,6 +22,12 @@ ANGLES = ("q", "qd", "qdd", "target_q", "target_qd", "target_qdd")
 """Quantities measured in rad, rad/s, rad/s^2 on revolute joints."""
 
 
+def plain(text: str, width: int = 60) -> str:
+    """A name from a file, fit for one line of a message."""
+    clean = "".join(c if c.isprintable() else "?" for c in text)
+    return clean if len(clean) <= width else clean[: width - 3] + "..."
+
+
 def rows_with(cells: Mask) -> Mask:
     """(N) rows in which any of the (N, n) cells is true."""
     return np.asarray(cells.any(axis=1), dtype=np.bool_)
@@ -95,7 +101,7 @@ class RawTable:
         """The name of a column, as the file has it."""
         names = self.labels.get(quantity, ())
         if joint < len(names):
-            return f"{quantity} of joint {joint + 1} ({names[joint]})"
+            return f"{quantity} of joint {joint + 1} ({plain(names[joint])})"
         return f"{quantity} of joint {joint + 1}"
 
     def row(self, index: int) -> str:

@@ -20,10 +20,11 @@ def drop_bursts(table: RawTable) -> RawTable:
     q = table.signals["q"]
     if table.samples < 24:
         return table
+    ticks = _ticks(table)
     bad = np.zeros(table.samples, dtype=np.bool_)
     open_jumps: list[tuple[int, int, float]] = []
     for joint in range(table.joints):
-        stretches, left = _stretches(q[:, joint], max(5, int(_LONGEST * table.samples)))
+        stretches, left = _stretches(q[:, joint], ticks, max(12, int(_LONGEST * table.samples)))
         for start, stop in stretches:
             bad[start:stop] = True
         open_jumps += [(at, joint, float(q[at + 1, joint] - q[at, joint])) for at in left]
@@ -45,12 +46,28 @@ def drop_bursts(table: RawTable) -> RawTable:
     )
 
 
-def _stretches(x: Array, longest: int) -> tuple[list[tuple[int, int]], list[int]]:
+def _ticks(table: RawTable) -> Array:
+    """(N - 1) how many ordinary steps each step spans: rows were left out, or are missing."""
+    ticks = np.ones(table.samples - 1)
+    if table.index is not None:
+        ticks = np.maximum(ticks, np.diff(table.index))
+    if table.t is not None:
+        steps = np.diff(table.t)
+        ticks = np.maximum(ticks, steps / float(np.median(steps)))
+    return ticks
+
+
+def _stretches(x: Array, ticks: Array, longest: int) -> tuple[list[tuple[int, int]], list[int]]:
     """Stretches between a jump away and a jump back, and the jumps that are left."""
-    steps = np.abs(np.diff(x))
-    usual = float(np.quantile(steps, 0.99))
-    limit = max(6 * usual, 0.01)
-    jumps = np.flatnonzero(steps > limit).tolist()
+    steps = np.abs(np.diff(x)) / ticks
+    ordinary, usual = (float(value) for value in np.quantile(steps, [0.9, 0.99]))
+    edges = np.pad(steps, 1)
+    # In a short recording a few jumps are more than one per cent of the steps: there they
+    # must stand alone, as no motion does.
+    lonely = (steps > 10 * np.maximum(edges[:-2], edges[2:])) & (steps > 10 * ordinary)
+    large = (steps > max(6 * usual, 0.01)) | (lonely & (steps > 0.03))
+    usual = float(np.quantile(steps[~large], 0.99)) if (~large).any() else usual
+    jumps = np.flatnonzero(large).tolist()
     if not jumps or len(jumps) > _MOST_JUMPS:
         return [], []
     found: list[tuple[int, int]] = []
@@ -123,10 +140,10 @@ def drop_zero_positions(table: RawTable) -> RawTable:
     reach = np.abs(q).max(axis=1)
     edges = np.flatnonzero(np.diff(zero.astype(np.int8)) != 0)
     steps = np.delete(np.abs(np.diff(q, axis=0)).max(axis=1), edges)
-    usual = float(np.quantile(steps, 0.99)) if len(steps) else 0.0
+    usual = float(np.quantile(steps, 0.9)) if len(steps) else 0.0
     # A robot that truly passes its zero comes there gradually.
     jumps = np.maximum(reach[edges], reach[edges + 1])
-    if float(jumps.min()) < max(0.02 * float(np.median(reach[~zero])), 3 * usual):
+    if float(jumps.min()) < max(0.02 * float(np.median(reach[~zero])), 5 * usual):
         return table
     return table.keep(~zero).report(
         "corrupt_rows",

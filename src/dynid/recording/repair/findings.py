@@ -61,7 +61,10 @@ def report_saturation(table: RawTable) -> RawTable:
                     )
                 continue
             clipped = (_at_extreme(column, high) | _at_extreme(column, low)) & moving
-            if clipped.sum() >= max(10, 0.005 * table.samples):
+            # Clipped values pile up at the limit; a coarse but true peak has neighbours.
+            shoulder = 0.03 * (high - low)
+            near = ((column >= high - shoulder) | (column <= low + shoulder)) & ~clipped & moving
+            if clipped.sum() >= max(10, 0.005 * table.samples, near.sum()):
                 peak = high if abs(high) >= abs(low) else low
                 table = table.report(
                     "saturated",

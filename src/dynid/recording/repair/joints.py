@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from dynid.core.errors import RecordError
-from dynid.recording.table import RawTable
+from dynid.recording.table import RawTable, plain
 from dynid.robot.model import RobotModel
 
 
@@ -79,9 +79,9 @@ def _by_name(table: RawTable, robot: RobotModel) -> RawTable:
         return _reorder(table, place)
     return table.report(
         "unit_suspect",
-        f"the joints are called {', '.join(table.joint_names)} and not "
-        f"{', '.join(robot.joint_names)}; they are taken in this order: check it, or give "
-        "--joint-order",
+        f"the joints are called {plain(', '.join(table.joint_names), 200)} and not "
+        f"{plain(', '.join(robot.joint_names), 200)}; they are taken in this order: check it, "
+        "or give --joint-order",
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dynid.core.arrays import Array
-from dynid.recording.table import Mask, RawTable
+from dynid.recording.table import Mask, RawTable, rows_with
 
 
 def drop_repeats(table: RawTable) -> RawTable:
@@ -31,13 +31,26 @@ def drop_repeats(table: RawTable) -> RawTable:
     moving = _moves(table.signals["q"])
     held = same & moving
     if held.sum() < max(3, 0.002 * table.samples) or held.mean() > 0.9:
-        return table
+        return _report_slow_positions(table, moving)
     message = (
         f"{int(held.sum())} of {table.samples} rows repeat all signals of the row before "
         f"while the robot moves (read faster than they are updated); left out; first: "
         f"{table.row(int(np.argmax(held)))}"
     )
     return table.keep(~held).report("dropped_rows", message)
+
+
+def _report_slow_positions(table: RawTable, moving: Mask) -> RawTable:
+    """Report positions that are renewed on some rows only, while torques are on all."""
+    still = np.concatenate([[False], ~rows_with(np.diff(table.signals["q"], axis=0) != 0)])
+    share = float((still & moving).sum()) / max(float(moving.sum()), 1.0)
+    if share < 0.3:
+        return table
+    return table.report(
+        "clock_jitter",
+        f"positions are the same as on the row before on {100 * share:.0f} % of the rows of the "
+        "motion: they are renewed more slowly than the rows come, or too coarse",
+    )
 
 
 def _moves(q: Array) -> Mask:

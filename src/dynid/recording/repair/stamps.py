@@ -50,6 +50,13 @@ def repair_stamps(table: RawTable) -> RawTable:
             next_step="Leave t out of --columns and give the clock with --rate.",
         )
     first = int(np.argmax(wrong))
+    repeated = int(np.count_nonzero(steps == 0))
+    if repeated > 0.02 * table.samples:
+        table = table.report(
+            "clock_jitter",
+            f"{repeated} of {table.samples} stamps repeat the one before: the clock is too coarse "
+            "for the rows; better leave t out and give --rate",
+        )
     return table.keep(~wrong).report(
         "dropped_rows",
         f"{lost} of {table.samples} rows have stamps that repeat, run backwards or jump, and are "

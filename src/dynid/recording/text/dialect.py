@@ -42,7 +42,7 @@ _UNITS = frozenset(
     }
 )
 _SAMPLE = 300
-_SCORED = 120
+_SCORED = 80
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,13 +100,8 @@ def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
         encoding = encoding_of(stream.read(4))
     lines = first_lines(path, encoding, _SAMPLE)
     given = delimiter_of(delimiter)
-    best, sign, width, score = ",", ".", 0, 0
-    for candidate in DELIMITERS if given is None else (given,):
-        for decimal in (".",) if candidate == "," else (".", ","):
-            found, points = _score(lines[:_SCORED], candidate, decimal)
-            if points > score:
-                best, sign, width, score = candidate, decimal, found, points
-    if score == 0:
+    best, sign, width = _best(lines[:_SCORED], DELIMITERS if given is None else (given,))
+    if width == 0:
         raise RecordError(
             "there are no rows of numbers",
             where=path.name,
@@ -136,6 +131,19 @@ def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
         header_cells=misfit,
         numeric=numeric,
     )
+
+
+def _best(lines: list[str], delimiters: tuple[str, ...]) -> tuple[str, str, int]:
+    """Delimiter, decimal sign and width under which the lines hold most numbers."""
+    best, sign, width, score = ",", ".", 0, 0
+    for delimiter in delimiters:
+        for decimal in (".",) if delimiter == "," else (".", ","):
+            found, points = _score(lines, delimiter, decimal)
+            if points > score:
+                best, sign, width, score = delimiter, decimal, found, points
+            if found > 1 and points >= 0.95 * found * len(lines):
+                return best, sign, width
+    return best, sign, width
 
 
 def _score(lines: list[str], delimiter: str, decimal: str) -> tuple[int, int]:

@@ -11,7 +11,7 @@ import numpy as np
 from dynid.core.arrays import Array
 from dynid.core.errors import RecordError
 from dynid.core.notices import Notice
-from dynid.recording.table import Mask, Rows
+from dynid.recording.table import Mask, Rows, plain
 from dynid.recording.text.cells import decimals, is_missing, number, split
 from dynid.recording.text.dialect import COMMENT, Dialect
 from dynid.recording.text.lines import line_blocks
@@ -213,8 +213,9 @@ def _slow(
             if column in soft:
                 continue
             faulty = True
-            name = dialect.names[column] if dialect.names else str(column)
-            draft.blame(f"line {line_number}, column {name[:60]}: {cells[column].strip()[:40]!r}")
+            name = plain(dialect.names[column]) if dialect.names else str(column)
+            cell = plain(cells[column].strip(), 40)
+            draft.blame(f"line {line_number}, column {name}: {cell!r}")
     draft.blocks.append(values)
     draft.rows.append(line_number)
     if faulty:

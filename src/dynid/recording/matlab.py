@@ -1,0 +1,178 @@
+"""Parse MATLAB files of version 5 to 7: the arrays of numbers in them, nested structs too.
+
+SciPy's reader crashes the interpreter on some damaged files, so the format is read here, with
+every size checked against the bytes there are.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.recording.table import plain
+
+HEADER = 128
+"""Bytes before the first variable; the last two tell the byte order."""
+_MATRIX, _COMPRESSED = 14, 15
+_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8",
+          13: "u8"}  # fmt: skip
+_STRUCT, _OBJECT = 2, 3
+_NUMERIC = range(6, 16)
+_MAX_DEPTH = 12
+_MAX_ELEMENTS = 200
+_MAX_VARIABLES = 5000
+_MAX_INFLATED = 1 << 30
+
+
+class MatlabError(ValueError):
+    """A variable whose bytes make no sense."""
+
+
+@dataclass(slots=True)
+class Contents:
+    """What a file holds."""
+
+    arrays: dict[str, Array] = field(default_factory=dict[str, Array])
+    """Path (`rec.act_pos`, `run(2).q`) to array of one or two axes."""
+    damaged: list[str] = field(default_factory=list[str])
+    """What is wrong with each variable that could not be read."""
+    cut: bool = False
+    """The file ends in the middle of a variable."""
+
+
+def byte_order(data: bytes) -> str | None:
+    """`<` or `>` for a MATLAB 5 file, None for anything else."""
+    return {b"IM": "<", b"MI": ">"}.get(data[126:128])
+
+
+def parse_matlab(data: bytes, order: str) -> Contents:
+    """Read all arrays of numbers; variables that make no sense are left out and named.
+
+    Args:
+        data: The whole file.
+        order: Byte order, `<` or `>`.
+    """
+    contents = Contents()
+    offset = HEADER
+    while offset + 8 <= len(data) and len(contents.arrays) < _MAX_VARIABLES:
+        kind, size = struct.unpack_from(order + "II", data, offset)
+        start, offset = offset + 8, offset + 8 + size
+        if offset > len(data):
+            contents.cut = True
+            break
+        try:
+            body = data[start:offset]
+            if kind == _COMPRESSED:
+                kind, body = _inflate(body, order)
+            if kind != _MATRIX:
+                raise MatlabError(f"unknown element {kind} at byte {start - 8}")
+            _matrix(body, order, None, contents, 0)
+        except (MatlabError, struct.error) as error:
+            contents.damaged.append(str(error))
+    return contents
+
+
+def _inflate(body: bytes, order: str) -> tuple[int, bytes]:
+    decompressor = zlib.decompressobj()
+    try:
+        data = decompressor.decompress(body, _MAX_INFLATED)
+    except zlib.error as error:
+        raise MatlabError("damaged compression") from error
+    # Only at its end is the checksum of the stream compared.
+    if not decompressor.eof:
+        raise MatlabError("compressed data are cut off")
+    kind, size = struct.unpack_from(order + "II", data)
+    if size > len(data) - 8:
+        raise MatlabError("a variable is larger than its bytes")
+    return kind, data[8 : 8 + size]
+
+
+def _elements(body: bytes, order: str) -> Iterator[tuple[int, bytes]]:
+    """Type and bytes of each element within a matrix."""
+    offset = 0
+    while offset + 8 <= len(body):
+        kind, size = struct.unpack_from(order + "II", body, offset)
+        if kind >> 16:
+            # Up to four bytes stand in the tag itself.
+            size, kind = kind >> 16, kind & 0xFFFF
+            if size > 4:
+                raise MatlabError("damaged tag")
+            yield kind, body[offset + 4 : offset + 4 + size]
+            offset += 8
+            continue
+        if offset + 8 + size > len(body):
+            raise MatlabError("an element is larger than its variable")
+        yield kind, body[offset + 8 : offset + 8 + size]
+        offset += 8 + size + (-size) % 8
+
+
+def _matrix(body: bytes, order: str, path: str | None, into: Contents, depth: int) -> None:
+    """Collect a variable under `path`, or under its own name."""
+    if not body or depth > _MAX_DEPTH or len(into.arrays) >= _MAX_VARIABLES:
+        return
+    parts = _elements(body, order)
+    _, flags = _next(parts)
+    (kind,) = struct.unpack_from(order + "I", flags)
+    kind &= 0xFF
+    if kind not in _NUMERIC and kind not in (_STRUCT, _OBJECT):
+        # Text, cells, sparse matrices, functions and tables hold no recording.
+        return
+    _, raw = _next(parts)
+    dimensions = struct.unpack(f"{order}{len(raw) // 4}i", raw[: len(raw) // 4 * 4])
+    _, name = _next(parts)
+    path = _plain(name) if path is None else path
+    if min(dimensions, default=0) < 0 or not 2 <= len(dimensions) <= 32:
+        raise MatlabError(f"{path} has impossible dimensions")
+    count = math.prod(dimensions)
+    if kind in _NUMERIC:
+        if len(dimensions) == 2:
+            into.arrays[path] = _numbers(parts, order, path, dimensions, count)
+        return
+    if kind == _OBJECT:
+        _next(parts)
+    _, width = _next(parts)
+    (width,) = struct.unpack_from(order + "i", width)
+    _, names = _next(parts)
+    if not 0 < width <= 256:
+        raise MatlabError(f"{path} has impossible field names")
+    fields = [_plain(names[k : k + width]) for k in range(0, len(names), width)]
+    for element in range(min(count, _MAX_ELEMENTS)):
+        stem = path if count == 1 else f"{path}({element + 1})"
+        for item in fields:
+            inner, content = _next(parts)
+            if inner != _MATRIX:
+                raise MatlabError(f"{stem}.{item} is no array")
+            _matrix(content, order, f"{stem}.{item}", into, depth + 1)
+
+
+def _numbers(
+    parts: Iterator[tuple[int, bytes]], order: str, path: str, shape: tuple[int, ...], count: int
+) -> Array:
+    kind, raw = _next(parts)
+    if kind not in _TYPES:
+        raise MatlabError(f"{path} holds an unknown type of number")
+    stored = np.dtype(order + _TYPES[kind])
+    if len(raw) != count * stored.itemsize:
+        raise MatlabError(f"{path} does not fill its dimensions")
+    # Damaged bytes may be signalling NaNs, whose conversion numpy would warn of.
+    with np.errstate(all="ignore"):
+        values = np.frombuffer(raw, dtype=stored).astype(np.float64)
+    # MATLAB has no vectors: a matrix of one row or column is one.
+    return values if 1 in shape else values.reshape(shape, order="F")
+
+
+def _next(parts: Iterator[tuple[int, bytes]]) -> tuple[int, bytes]:
+    found = next(parts, None)
+    if found is None:
+        raise MatlabError("a variable ends too early")
+    return found
+
+
+def _plain(raw: bytes) -> str:
+    return plain(raw.split(b"\0")[0].decode("ascii", errors="replace"), 80)

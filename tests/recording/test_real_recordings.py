@@ -1,0 +1,121 @@
+"""Recordings of physical robots, where they are at hand (`../shared/data`)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dynid.core.errors import RecordError
+from dynid.recording.files import read_recording
+from dynid.recording.parquet import read_record, write_record
+from dynid.robot.drives import Drives
+from dynid.robot.load import load_robot
+
+DATA = Path(__file__).parents[2].parent / "shared" / "data"
+pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=f"the real recordings are not at {DATA}")
+KUKA = (
+    "t=rec.time_cont,q=rec.act_pos_mot_deg,qd=rec.act_vel_mot_deg_per_s,"
+    "effort=rec.act_torque_abs_nm"
+)
+PANDA = [
+    DATA / "panda_gaz" / f"exciting_traj_{part}.txt"
+    for part in ("time", "positions", "velocity", "torques")
+]
+TX40 = [DATA / "tx40" / name for name in ("pos_read_data.csv", "curr_data.csv")]
+
+
+def codes(record) -> list[str]:
+    return [problem.code for problem in record.problems]
+
+
+def test_ur10_bag(tmp_path: Path) -> None:
+    path = DATA / "ur10_unisa" / "ur10_exciting_trajectory.db3"
+    robot = load_robot(DATA / "ur10_unisa" / "ur10_robot.urdf")
+    record = read_recording(path, robot=robot)
+    assert record.samples == 3441
+    assert record.joints == 6
+    assert record.rate_hz == pytest.approx(125, rel=1e-6)
+    assert record.duration_s == pytest.approx(27.52, abs=1e-6)
+    assert record.metadata.joint_names == robot.joint_names
+    assert codes(record) == []
+    assert np.abs(record.signals["effort"]).max() > 50
+    write_record(record, tmp_path / "x.parquet")
+    np.testing.assert_array_equal(
+        read_record(tmp_path / "x.parquet").signals["effort"], record.signals["effort"]
+    )
+
+
+@pytest.mark.parametrize("run", ["A", "B"])
+def test_kuka_struct(run: str) -> None:
+    path = DATA / "kr300_weigand" / run / "data.mat"
+    with pytest.raises(RecordError, match="--degrees"):
+        read_recording(path, columns=KUKA)
+    record = read_recording(path, columns=KUKA, degrees=True)
+    assert (record.samples, record.joints) == (2501, 6)
+    assert record.rate_hz == pytest.approx(250)
+    assert codes(record) == []
+    assert 0.5 < np.abs(record.signals["q"]).max() < 1.4
+
+
+def test_tx40_motor_side_with_a_coupled_wrist() -> None:
+    ur5 = load_robot("ur5")
+    coupling = np.diag([32.0, 32, 45, -48, 45, 32])
+    coupling[5, 4] = 32
+    drives = Drives(
+        gain=np.full(6, np.nan),
+        gear_ratio=np.full(6, np.nan),
+        coupling=coupling,
+        offset=np.array([0, -np.pi / 2, np.pi / 2, 0, 0, 0]),
+        position_side="motor",
+        torque_side="motor",
+    )
+    robot = replace(ur5, name="tx40", drives=drives)
+    record = read_recording(TX40, robot=robot, columns="q=0:6,effort=6:12", rate_hz=5000)
+    assert (record.samples, record.joints) == (45000, 6)
+    assert record.duration_s == pytest.approx(9, abs=1e-3)
+    assert np.abs(record.signals["q"]).max() < 2 * np.pi
+    assert codes(record) == ["at_rest"]
+    blind = read_recording(TX40, columns="q=0:6,effort=6:12", rate_hz=5000)
+    assert codes(blind) == ["unit_suspect", "at_rest"]
+    with pytest.raises(RecordError, match="--rate"):
+        read_recording(TX40, columns="q=0:6,effort=6:12")
+    with pytest.raises(RecordError, match="--columns"):
+        read_recording(TX40, rate_hz=5000)
+
+
+def test_panda_one_number_a_line() -> None:
+    record = read_recording(PANDA, columns="t=0,q=1:8,qd=8:15,effort=15:22")
+    assert record.joints == 7
+    assert 19_000 < record.samples <= 20_544
+    assert record.samples + record.metadata.dropped_rows == 20_544
+    assert record.rate_hz == pytest.approx(1000, rel=0.01)
+    assert record.duration_s == pytest.approx(21, abs=0.01)
+    assert "clock_jitter" in codes(record)
+    assert "row by row as 7 columns" in record.metadata.extra["notes"]
+    assert record.signals["q"][0].tolist()[:3] == [-0.9584, 0.5622, -1.4576]
+
+
+@pytest.mark.parametrize(
+    ("name", "rows"), [("RecordTrajectory_quadratic", 4945), ("RunTrajectory1", 1942)]
+)
+def test_kinova_header(name: str, rows: int) -> None:
+    robot = load_robot(DATA / "kinova_gen3" / "gen3.urdf")
+    record = read_recording(DATA / "kinova_gen3" / f"{name}.csv", robot=robot)
+    assert record.joints == 7
+    assert rows - 10 < record.samples <= rows
+    assert record.rate_hz == pytest.approx(1000)
+    assert set(record.signals) == {"q", "qd", "effort", "current", "temperature"}
+    assert "unit_suspect" in codes(record)
+    assert "torquesm" in record.metadata.extra["notes"]
+
+
+def test_documents_are_no_recordings() -> None:
+    for path in (DATA / "README.md", DATA / "ur10_unisa" / "ur10_robot.urdf"):
+        with pytest.raises(RecordError):
+            read_recording(path)
+    with pytest.raises(RecordError, match=r"no \.db3"):
+        read_recording(DATA / "tx40")
+    assert read_recording(DATA / "ur10_unisa").samples == 3441
