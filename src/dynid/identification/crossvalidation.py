@@ -81,14 +81,6 @@ class Candidates:
         held_out, training = (np.maximum(x / self.samples, 1e-18) for x in (held_out, training))
         return held_out, training
 
-    def condition(self, variants: tuple[Variant, ...]) -> float:
-        """Condition number of the unweighted problem with columns of unit norm."""
-        picks = self._picks(variants)
-        matrix = self._normal_equations(picks, np.ones(len(variants)))[0].sum(axis=0)
-        scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-        eigenvalues = np.linalg.eigvalsh(matrix / np.outer(scale, scale))
-        return float(np.sqrt(eigenvalues[-1] / max(eigenvalues[0], 1e-15)))
-
     def _picks(self, variants: tuple[Variant, ...]) -> list[tuple[Indices, Indices, int]]:
         """For each joint: unknowns it touches, where their products stand, its torque."""
         common = np.arange(self.shared)

@@ -6,11 +6,10 @@ import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.core.notices import Notice
+from dynid.identification.conditioning import ILL_CONDITIONED
 from dynid.identification.estimate import Estimate
 from dynid.signals.samples import Samples
 
-ILL_CONDITIONED = 1000.0
-"""Condition number of W with columns of unit norm; good records stay below 300."""
 SMALL_RANGE = 0.1
 """[rad or m] a joint that moves less hardly shows its inertia."""
 SLOW = 0.05
@@ -37,13 +36,13 @@ def diagnose(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
 
 def ill_conditioned(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
     """Whether directions of the parameters are nearly invisible in the data."""
-    number = max(estimate.scaled_condition_number, estimate.smooth_condition_number)
+    number = estimate.motion_condition_number
     one_way = one_way_joints(samples)
     text: list[str] = []
     if number > ILL_CONDITIONED:
         text.append(
-            f"the condition number is {estimate.condition_number:.1e} (columns scaled, measurement "
-            f"noise smoothed away: {number:.1e}; good records stay below {ILL_CONDITIONED:.0e})"
+            f"the condition number is {estimate.condition_number:.1e} (of the motion alone, "
+            f"columns scaled: {number:.0f}; good motions stay below {ILL_CONDITIONED:.0f})"
         )
     if 2 * len(one_way) > samples.joints:
         text.append(

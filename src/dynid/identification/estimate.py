@@ -54,9 +54,9 @@ class Estimate:
     condition_number: float
     """Of W with first-come columns, unscaled, as the paper's."""
     scaled_condition_number: float
-    """Of W with columns of unit norm."""
-    smooth_condition_number: float
-    """The same for the motion without its measurement noise, which flatters short records."""
+    """Of W with columns of unit norm, whatever the choice of base columns."""
+    motion_condition_number: float
+    """The same for the motion without its noise and the paper's terms: how good the motion is."""
     samples: int
     """N, samples that entered the fit."""
     estimator: str

@@ -8,10 +8,11 @@ import numpy as np
 
 from dynid.core.provenance import Provenance
 from dynid.identification.conditioning import (
+    base_mapping,
     condition_number,
+    motion_condition_number,
     observation_root,
     scaled_condition_number,
-    smooth_condition_number,
 )
 from dynid.identification.diagnostics import diagnose
 from dynid.identification.estimate import Estimate, MotionRange
@@ -25,6 +26,7 @@ from dynid.identification.statistics import (
 from dynid.recording.record import ExperimentRecord
 from dynid.reduction.base import reduce_model
 from dynid.regressor.model import InverseDynamicModel
+from dynid.signals.process import uniform_signals
 from dynid.signals.samples import ProcessingSettings, Samples
 
 
@@ -68,8 +70,10 @@ def fit_estimate(
         naive_std=np.sqrt(np.diag(naive_covariance(fit))),
         noise=fit.noise,
         condition_number=condition_number(root),
-        scaled_condition_number=scaled_condition_number(root),
-        smooth_condition_number=smooth_condition_number(problem, record, settings),
+        scaled_condition_number=scaled_condition_number(root, base_mapping(base)),
+        motion_condition_number=motion_condition_number(
+            model.robot, model.frames, uniform_signals(record, model.robot, settings), settings
+        ),
         samples=problem.blocks,
         estimator=estimator.name,
         preset=preset,

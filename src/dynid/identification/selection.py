@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from dynid.core.arrays import Array
+from dynid.identification.conditioning import ILL_CONDITIONED, motion_condition_number
 from dynid.identification.least_squares import PRIOR_GAIN
 from dynid.identification.search import GAIN_OF_SHAPE, JointChoice, Search
 from dynid.regressor.terms import FrictionTerms
@@ -20,9 +21,6 @@ from dynid.signals.samples import ProcessingSettings
 
 CUTOFFS_HZ = (2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 22.0, 33.0, 50.0, 75.0)
 """Cut-offs that are tried, as far as the record's length and rate allow."""
-ILL_CONDITIONED = 1000.0
-"""Condition number of the scaled problem above which friction stays plain: blocks of such a
-record do not show how a richer model will do on another motion."""
 
 Progress = Callable[[str, float], None]
 
@@ -73,7 +71,8 @@ def select(
         scored.append((search.score(search.candidates(trial), plain)[0], index))
     best = min(scored)[1]
     choices = plain
-    ill = search.candidates(trials[best]).condition(search.variants(plain)) > ILL_CONDITIONED
+    # Blocks of an ill-conditioned record do not show how a richer model does on another motion.
+    ill = motion_condition_number(robot, frames, signals, settings) > ILL_CONDITIONED
     if ill:
         search.extras = ()
     tell("friction and delays", 0.4)

@@ -48,6 +48,7 @@ class Identification:
             "base_parameters": len(estimate.values),
             "condition_number": estimate.condition_number,
             "scaled_condition_number": estimate.scaled_condition_number,
+            "motion_condition_number": estimate.motion_condition_number,
             "samples": estimate.samples,
             "estimator": estimate.estimator,
             "preset": estimate.preset,

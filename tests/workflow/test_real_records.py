@@ -1,0 +1,136 @@
+"""The figures that physical robots must reach; the recordings lie beside the project."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dynid.recording.files import read_recording
+from dynid.recording.record import ExperimentRecord
+from dynid.robot.load import load_robot
+from dynid.robot.model import RobotModel
+from dynid.workflow.identify import Identification, identify
+from dynid.workflow.identify_settings import IdentifySettings
+
+ROOT = Path(__file__).parents[2]
+DATA = ROOT.parent / "shared" / "data"
+ROBOTS = ROOT / "examples" / "robots"
+KR300 = "q=rec.act_pos_mot_deg,qd=rec.act_vel_mot_deg_per_s,effort=rec.act_torque_abs_nm"
+
+pytestmark = pytest.mark.skipif(
+    not DATA.is_dir(), reason="the real recordings of ../shared/data are not here"
+)
+
+
+def halves(
+    record: ExperimentRecord, robot: RobotModel, preset: str, *, backwards: bool = False
+) -> Identification:
+    """Identify on one half and predict the other."""
+    middle = record.duration_s / 2
+    if backwards:
+        settings = IdentifySettings(preset=preset, start_s=middle)
+        return identify([record], robot, settings, validation=record, validation_stop_s=middle)
+    settings = IdentifySettings(preset=preset, stop_s=middle)
+    return identify([record], robot, settings, validation=record, validation_start_s=middle)
+
+
+def codes(result: Identification) -> set[str]:
+    return {notice.code for notice in result.warnings}
+
+
+@pytest.fixture(scope="module")
+def ur10() -> tuple[ExperimentRecord, RobotModel]:
+    robot = load_robot("ur10")
+    bag = DATA / "ur10_unisa" / "ur10_exciting_trajectory.db3"
+    return read_recording([bag], robot=robot), robot
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize(("preset", "limit"), [("paper", 0.160), ("best", 0.128)])
+def test_ur10_halves_predict_each_other(
+    ur10: tuple[ExperimentRecord, RobotModel], preset: str, limit: float, backwards: bool
+) -> None:
+    result = halves(*ur10, preset, backwards=backwards)
+    assert result.validation is not None
+    assert result.validation.metrics.samples > 1600
+    assert result.validation.metrics.normalized_error <= limit
+    assert "ill_conditioned" not in codes(result)
+
+
+def test_the_two_descriptions_of_the_ur10_agree(ur10: tuple[ExperimentRecord, RobotModel]) -> None:
+    record, robot = ur10
+    other = load_robot(DATA / "ur10_unisa" / "ur10_robot.urdf")
+    ours, theirs = (halves(record, r, "paper") for r in (robot, other))
+    assert len(ours.estimate.values) == len(theirs.estimate.values) == 52
+    assert ours.validation is not None
+    assert theirs.validation is not None
+    # The URDF's lengths are the same to a tenth of a millimetre.
+    assert theirs.validation.metrics.normalized_error == pytest.approx(
+        ours.validation.metrics.normalized_error, rel=0.01
+    )
+
+
+def test_panda_halves() -> None:
+    robot = load_robot(DATA / "panda_gaz" / "panda.urdf")
+    names = ("time", "positions", "velocity", "torques")
+    record = read_recording(
+        [DATA / "panda_gaz" / f"exciting_traj_{name}.txt" for name in names],
+        robot=robot,
+        columns="t=0,q=1:8,qd=8:15,effort=15:22",
+        header=False,
+    )
+    result = halves(record, robot, "best")
+    assert result.validation is not None
+    metrics = result.validation.metrics
+    assert metrics.normalized_error <= 0.0160
+    # The figure was measured at 2060 samples; e_N falls as the root of their number.
+    assert metrics.normalized_error * np.sqrt(metrics.samples / 2060) <= 0.0168
+
+
+def test_tx40_with_its_coupled_wrist() -> None:
+    robot = load_robot(ROBOTS / "tx40.toml")
+    record = read_recording(
+        [DATA / "tx40" / "pos_read_data.csv", DATA / "tx40" / "curr_data.csv"],
+        robot=robot,
+        columns="q=0:6,effort=6:12",
+        rate_hz=5000.0,
+    )
+    result = halves(record, robot, "best")
+    assert {"Fcm6", "Fvm6", "Imm6"} <= set(result.estimate.model.names)
+    assert result.validation is not None
+    assert result.validation.metrics.r2[4] >= 0.88
+    assert result.validation.metrics.r2[5] >= 0.84
+
+
+def test_kr300_warns_and_still_predicts() -> None:
+    robot = load_robot(ROBOTS / "kr300.toml")
+    a, b = (
+        read_recording(
+            [DATA / "kr300_weigand" / name / "data.mat"],
+            robot=robot,
+            columns=KR300,
+            rate_hz=250.0,
+            degrees=True,
+        )
+        for name in "AB"
+    )
+    result = identify([a], robot, validation=b)
+    assert "ill_conditioned" in codes(result)
+    assert result.estimate.estimator == "wls"
+    assert result.validation is not None
+    assert result.validation.metrics.normalized_error <= 22.0
+    plain = identify([a], robot, IdentifySettings(preset="paper"), validation=b)
+    assert {"ill_conditioned", "over_fitted"} <= codes(plain)
+
+
+@pytest.mark.parametrize("preset", ["paper", "best"])
+@pytest.mark.parametrize("name", ["RecordTrajectory_quadratic", "RunTrajectory1"])
+def test_short_one_way_moves_are_refused_in_words(name: str, preset: str) -> None:
+    robot = load_robot(DATA / "kinova_gen3" / "gen3.urdf")
+    record = read_recording([DATA / "kinova_gen3" / f"{name}.csv"], robot=robot)
+    result = identify([record], robot, IdentifySettings(preset=preset))
+    messages = {notice.code: notice.message for notice in result.warnings}
+    assert "must not be used" in messages["ill_conditioned"]
+    assert "must not be used" in messages["low_excitation"]
