@@ -34,8 +34,8 @@ def print_identification(screen: Console, result: Identification, output: Path |
         f"{estimate.model.frames} frames"
     )
     screen.print(
-        f"condition number {number(estimate.condition_number, 3)}, with scaled columns "
-        f"{number(estimate.scaled_condition_number, 3)}"
+        f"condition number {number(estimate.condition_number, 3)}; of the motion alone, columns "
+        f"scaled, {number(estimate.motion_condition_number, 3)} (good: below 50)"
     )
     for choice in estimate.choices:
         screen.print(f"- {choice}")
