@@ -22,11 +22,14 @@ LOWEST_DEFAULT_HZ = 5.0
 
 
 def low_pass(values: Array, rate_hz: float, cutoff_hz: float) -> Array:
-    """Butterworth of order 4, forward and backward, along the first axis."""
+    """Butterworth of order 4, forward and backward, along the first axis.
+
+    At the cut-off, at most `NYQUIST_SHARE` of half the rate, half the amplitude remains.
+    """
     share = min(cutoff_hz / (rate_hz / 2), NYQUIST_SHARE)
     sections = np.asarray(butter(ORDER, share, output="sos"), dtype=np.float64)
-    # The natural length of the tail, so that short records still filter.
-    padding = min(int(3 * rate_hz / max(cutoff_hz, 1e-3)) + 1, len(values) - 2)
+    # The natural length of the tail, as far as short records have it.
+    padding = min(int(6 / share) + 1, len(values) - 2)
     return np.asarray(
         sosfiltfilt(sections, values, axis=0, padlen=max(padding, 0)), dtype=np.float64
     )

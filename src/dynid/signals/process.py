@@ -162,4 +162,5 @@ def _kept(
 
 
 def _block(rate: float, cutoff: float) -> int:
-    return max(1, int(rate / max(BLOCK_RATE_FACTOR * cutoff, LOWEST_BLOCK_RATE_HZ)))
+    # Stamps give rates like 499.9999999.
+    return max(1, int(rate / max(BLOCK_RATE_FACTOR * cutoff, LOWEST_BLOCK_RATE_HZ) + 1e-6))

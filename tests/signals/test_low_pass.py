@@ -1,0 +1,135 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dynid.signals.filters import (
+    HARMONIC_FACTOR,
+    LOWEST_DEFAULT_HZ,
+    NYQUIST_SHARE,
+    default_cutoff,
+    low_pass,
+    motion_bandwidth,
+)
+from dynid.signals.resample import resample
+
+PHASE = 1e-3
+"""[rad]"""
+AMPLITUDE = 1e-3
+LINE = 1e-9
+LINE_AT_ENDS = 2e-5
+
+
+def _phasor(values: np.ndarray, rate: float, frequency: float) -> complex:
+    """Amplitude and phase of one frequency, from the middle of a signal."""
+    t = np.arange(len(values)) / rate
+    middle = slice(len(values) // 4, 3 * len(values) // 4)
+    waves = np.column_stack([np.cos(2 * np.pi * frequency * t), np.sin(2 * np.pi * frequency * t)])
+    (cosine, sine), *_ = np.linalg.lstsq(waves[middle], values[middle], rcond=None)
+    return complex(cosine, -sine)
+
+
+@pytest.mark.parametrize("rate", [125.0, 500.0, 5000.0])
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 1.0, 1.5])
+def test_waves_keep_their_phase_and_lose_amplitude_as_butterworth_twice(
+    rate: float, share: float
+) -> None:
+    cutoff = 5.0
+    frequency = share * cutoff
+    t = np.arange(int(12 * rate)) / rate
+    out = low_pass(np.cos(2 * np.pi * frequency * t + 0.4)[:, None], rate, cutoff)[:, 0]
+    found = _phasor(out, rate, frequency)
+    ratio = np.tan(np.pi * frequency / rate) / np.tan(np.pi * cutoff / rate)
+    # Half the amplitude at the cut-off itself.
+    assert abs(found) == pytest.approx(1 / (1 + ratio**8), rel=AMPLITUDE, abs=AMPLITUDE)
+    assert np.angle(found) == pytest.approx(0.4, abs=PHASE)
+
+
+def test_columns_do_not_mix() -> None:
+    values = np.random.default_rng(1).normal(size=(300, 3))
+    together = low_pass(values, 125.0, 8.0)
+    for j in range(3):
+        np.testing.assert_allclose(
+            together[:, j], low_pass(values[:, [j]], 125.0, 8.0)[:, 0], rtol=0, atol=1e-12
+        )
+
+
+@pytest.mark.parametrize("count", [3, 32, 1001])
+def test_constants_pass_untouched_to_their_ends(count: int) -> None:
+    level = np.full((count, 1), 2.5)
+    np.testing.assert_allclose(low_pass(level, 125.0, 6.0), level, rtol=0, atol=LINE)
+
+
+def test_straight_motion_passes_but_for_a_little_at_its_ends() -> None:
+    line = np.linspace(-1, 3, 1001)[:, None]
+    error = low_pass(line, 125.0, 6.0) - line
+    assert np.abs(error).max() < LINE_AT_ENDS
+    assert np.abs(error[100:-100]).max() < LINE
+
+
+@given(
+    count=st.integers(3, 60),
+    cutoff=st.floats(0.1, 1e4),
+    rate=st.sampled_from([10.0, 125.0, 5000.0]),
+)
+@settings(max_examples=80, deadline=None)
+def test_short_records_and_extreme_cut_offs_stay_finite(
+    count: int, cutoff: float, rate: float
+) -> None:
+    values = np.random.default_rng(count).normal(size=(count, 2))
+    out = low_pass(values, rate, cutoff)
+    assert out.shape == values.shape
+    assert np.isfinite(out).all()
+
+
+def test_a_cut_off_beyond_the_rate_is_lowered_to_what_the_rate_carries() -> None:
+    values = np.random.default_rng(2).normal(size=(200, 1))
+    most = NYQUIST_SHARE * 125.0 / 2
+    np.testing.assert_array_equal(low_pass(values, 125.0, 1e5), low_pass(values, 125.0, most))
+    assert not np.array_equal(low_pass(values, 125.0, 0.5 * most), low_pass(values, 125.0, most))
+
+
+def _excitation(t: np.ndarray, highest: float, joints: int = 3) -> np.ndarray:
+    """Five harmonics of equal speed."""
+    base = 2 * np.pi * highest / 5
+    waves = [
+        [np.sin(k * base * t + j + k) / (k * base) for k in range(1, 6)] for j in range(joints)
+    ]
+    return np.array(waves).sum(axis=1).T
+
+
+@pytest.mark.parametrize("highest", [0.5, 1.0, 2.5])
+@pytest.mark.parametrize("rate", [50.0, 125.0, 500.0, 5000.0])
+@pytest.mark.parametrize("noise", [0.0, 1e-5, 2e-4])
+def test_the_bandwidth_is_the_highest_harmonic_whatever_the_noise(
+    highest: float, rate: float, noise: float
+) -> None:
+    random = np.random.default_rng(3)
+    duration = 20.0
+    nominal = np.arange(int(duration * rate)) / rate
+    t = nominal + random.uniform(-0.2, 0.2, len(nominal)) / rate
+    q = _excitation(t, highest)
+    q = q + noise * random.normal(size=q.shape)
+    signals = resample(t, q, None, q)
+    # The window of a finite record widens every line by two bins.
+    found = motion_bandwidth(signals.q, signals.rate_hz)
+    assert highest - 0.01 <= found <= highest + 3 / duration
+    cutoff = default_cutoff(signals.q, signals.rate_hz)
+    expected = max(HARMONIC_FACTOR * found, LOWEST_DEFAULT_HZ)
+    assert cutoff == pytest.approx(min(expected, NYQUIST_SHARE * signals.rate_hz / 2))
+
+
+def test_the_joint_in_the_middle_decides_and_resting_joints_do_not() -> None:
+    t = np.arange(2500) / 125.0
+    slow, fast = _excitation(t, 0.5), _excitation(t, 4.0)
+    still = 1e-5 * np.random.default_rng(4).normal(size=(2500, 4))
+    bandwidth = motion_bandwidth(np.hstack([slow[:, :1], still]), 125.0)
+    assert bandwidth == pytest.approx(0.5, abs=0.15)
+    mixed = np.hstack([slow[:, :1], fast[:, :2] * 0.2])
+    assert motion_bandwidth(mixed, 125.0) == pytest.approx(4.0, abs=0.15)
+
+
+@pytest.mark.parametrize("q", [np.zeros((2000, 2)), np.full((2000, 1), 1.234567)])
+def test_a_robot_at_rest_gets_the_lowest_cut_off(q: np.ndarray) -> None:
+    assert default_cutoff(q, 125.0) == LOWEST_DEFAULT_HZ
+    assert motion_bandwidth(q, 125.0) > 0
