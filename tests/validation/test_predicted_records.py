@@ -1,0 +1,198 @@
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from known_arm import RATE, estimate, record, samples
+
+from dynid.core.errors import InputError
+from dynid.robot.counterbalance import Counterbalance
+from dynid.validation.metrics import MOVING_SPEED
+from dynid.validation.prediction import ValidationResult, validate, validate_samples
+
+FORMULA = 1e-12
+FILTERED = 0.02
+"""Of the torque's norm: what filtering a known motion costs, its ends included."""
+METRICS = {
+    "samples",
+    "normalized_error",
+    "rmse",
+    "nrmse",
+    "relative_error_percent",
+    "relative_error_overall_percent",
+    "r2",
+}
+
+
+def _codes(result: ValidationResult) -> list[str]:
+    return [notice.code for notice in result.warnings]
+
+
+def test_the_errors_are_measurement_less_prediction() -> None:
+    error = np.random.default_rng(1).normal(size=(2000, 6)) * np.arange(1, 7)
+    result = validate_samples(estimate(), samples(error))
+    np.testing.assert_allclose(result.measured - result.predicted, error, rtol=0, atol=1e-9)
+    rms = np.sqrt(np.square(error).mean(axis=0))
+    np.testing.assert_allclose(result.metrics.rmse, rms, rtol=1e-9, atol=0)
+    assert result.metrics.samples == 2000
+
+
+def test_json_has_the_keys_of_the_design_at_every_level() -> None:
+    result = validate_samples(estimate(), samples(0.5))
+    data = json.loads(json.dumps(result.to_json(), allow_nan=False))
+    assert set(data) == METRICS | {"moving", "at_rest", "residual_autocorrelation", "warnings"}
+    assert set(data["moving"]) == set(data["at_rest"]) == METRICS
+    for part in (data, data["moving"], data["at_rest"]):
+        for key in ("rmse", "nrmse", "relative_error_percent", "r2"):
+            assert len(part[key]) == 6
+    assert len(data["residual_autocorrelation"]) == 6
+
+
+def test_moving_and_resting_samples_are_told_apart_joint_by_joint() -> None:
+    resting = np.abs(samples().dq) <= MOVING_SPEED
+    assert resting[1001:, 5].all()
+    result = validate_samples(estimate(), samples(np.where(resting, 3.0, 0.5)))
+    np.testing.assert_allclose(result.at_rest.rmse, 3.0, rtol=1e-9, atol=0)
+    np.testing.assert_allclose(result.moving.rmse, 0.5, rtol=1e-9, atol=0)
+    assert result.at_rest.samples == round(resting.sum() / 6)
+    assert result.moving.samples + result.at_rest.samples == pytest.approx(2000, abs=1)
+
+
+def test_a_joint_that_always_moves_has_no_error_at_rest() -> None:
+    whole = samples(0.5)
+    # Away from every turning point of joint 1.
+    fast = np.abs(whole.dq[:, 0]) > 2 * MOVING_SPEED
+    part = {name: getattr(whole, name)[fast] for name in ("t", "q", "dq", "ddq", "tau")}
+    data = validate_samples(estimate(), replace(whole, **part)).to_json()
+    assert data["at_rest"]["rmse"][0] is None
+    assert data["at_rest"]["rmse"][5] is not None
+
+
+@pytest.mark.parametrize(("correlation", "low", "high"), [(0.0, -0.1, 0.1), (0.95, 0.9, 0.98)])
+def test_the_colour_of_the_error_is_shown(correlation: float, low: float, high: float) -> None:
+    random = np.random.default_rng(2)
+    error = np.zeros((2000, 6))
+    for k in range(1, 2000):
+        error[k] = correlation * error[k - 1] + random.normal(size=6)
+    rho = validate_samples(estimate(), samples(error)).residual_autocorrelation
+    assert ((low < rho) & (rho < high)).all()
+
+
+def test_a_perfect_prediction_has_no_colour_and_is_still_json() -> None:
+    data = validate_samples(estimate(), samples()).to_json()
+    assert data["normalized_error"] == 0
+    assert data["residual_autocorrelation"] == [0.0] * 6
+    json.dumps(data, allow_nan=False)
+
+
+def test_known_motions_are_not_extrapolated() -> None:
+    assert "extrapolated" not in _codes(validate_samples(estimate(), samples()))
+    # Within 15 % nothing is said.
+    assert "extrapolated" not in _codes(validate_samples(estimate(), samples(size=1.07)))
+
+
+def test_faster_motions_are_extrapolated_and_named() -> None:
+    result = validate_samples(estimate(), samples(speed=1.5))
+    (notice,) = [n for n in result.warnings if n.code == "extrapolated"]
+    name = estimate().model.robot.joint_names[0]
+    assert f"{name} speed 1.6 against 1.1" in notice.message
+    # Four facts are enough.
+    assert notice.message.count(" against ") == 4
+
+
+def test_motions_elsewhere_are_extrapolated() -> None:
+    here = samples()
+    there = replace(here, q=here.q + np.array([0, 0, 0.5, 0, 0, 0]))
+    (notice,) = [
+        n for n in validate_samples(estimate(), there).warnings if n.code == "extrapolated"
+    ]
+    name = estimate().model.robot.joint_names[2]
+    assert f"{name} position -0.5 to 1.5 against -1 to 1" in notice.message
+    assert notice.message.count(" against ") == 1
+
+
+def test_resting_joints_are_warned_of_when_they_are_many() -> None:
+    still = samples()
+    assert "at_rest" not in _codes(validate_samples(estimate(), still))
+    dq = still.dq.copy()
+    dq[600:, 3:] = 0.0
+    (notice,) = [
+        n
+        for n in validate_samples(estimate(), replace(still, dq=dq)).warnings
+        if n.code == "at_rest"
+    ]
+    assert "36 % of the joint samples are at rest" in notice.message
+    assert "judge by the moving samples" in notice.message
+
+
+def test_a_record_is_processed_as_the_identification_was() -> None:
+    result = validate(estimate(), record())
+    assert result.metrics.relative_error_overall_percent < 100 * FILTERED
+    # Measured torques are compared as they are: nothing is filtered or averaged.
+    first = round(result.t[0] * RATE)
+    effort = record().signals["effort"]
+    np.testing.assert_array_equal(result.measured, effort[first : first + len(result.t)])
+    np.testing.assert_allclose(np.diff(result.t), 1 / RATE, rtol=1e-6, atol=0)
+
+
+def test_delays_and_cut_off_of_the_estimate_are_used() -> None:
+    late = record()
+    shifted = np.roll(late.signals["effort"], 3, axis=0)
+    late = replace(late, signals={**late.signals, "effort": shifted})
+    blind = validate(estimate(), late)
+    settings = replace(estimate().settings, delays_s=(3 / RATE,) * 6)
+    aware = validate(replace(estimate(), settings=settings), late)
+    assert aware.metrics.normalized_error < 0.5 * blind.metrics.normalized_error
+    slow = replace(estimate(), settings=replace(estimate().settings, cutoff_hz=2.0))
+    assert validate(slow, record()).t[0] > aware.t[0]
+
+
+def test_a_window_counts_from_the_records_start() -> None:
+    result = validate(estimate(), record(), start_s=4.0, stop_s=9.0)
+    assert 0 < result.t[0] < 0.2
+    assert result.t[-1] < 5.0
+    first = 500 + round(result.t[0] * RATE)
+    np.testing.assert_array_equal(result.measured[0], record().signals["effort"][first])
+    with pytest.raises(InputError, match="window"):
+        validate(estimate(), record(), start_s=50.0)
+
+
+def test_velocities_are_made_where_the_record_has_none() -> None:
+    assert estimate().settings.velocity == "measured"
+    with_them, without = (validate(estimate(), record(velocities=v)) for v in (True, False))
+    np.testing.assert_allclose(without.dq[200:800], with_them.dq[200:800], rtol=0, atol=1e-3)
+
+
+def test_a_period_of_the_identification_is_not_asked_of_other_records() -> None:
+    periodic = replace(estimate(), settings=replace(estimate().settings, period_s=7.77))
+    result = validate(periodic, record())
+    assert result.metrics.samples == validate(estimate(), record()).metrics.samples
+
+
+def test_a_counterbalance_is_taken_off_the_prediction() -> None:
+    spring = Counterbalance(
+        joint=1,
+        outer=0.8,
+        inner=0.2,
+        rest_length=0.6,
+        offset=1.6,
+        piston_area=1.7e-3,
+        gas_work=1.5e4,
+        gas_volume=1e-3,
+    )
+    plain = estimate()
+    robot = replace(plain.model.robot, counterbalances=(spring,))
+    balanced = replace(plain, model=replace(plain.model, robot=robot))
+    motion = samples()
+    torque = motion.tau.copy()
+    torque[:, 1] -= spring.torque(motion.q[:, 1])
+    result = validate_samples(balanced, replace(motion, tau=torque))
+    assert result.metrics.normalized_error < 1e-9
+    assert validate_samples(plain, replace(motion, tau=torque)).metrics.normalized_error > 1
+
+
+def test_a_record_of_another_robot_is_refused() -> None:
+    short = record()
+    cut = {name: value[:, :4] for name, value in short.signals.items()}
+    with pytest.raises(InputError, match="4 joints, the robot ur5 has 6"):
+        validate(estimate(), replace(short, signals=cut))
