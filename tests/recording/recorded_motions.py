@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sqlite3
 import struct
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pytest
 import scipy.io
-from mcap.writer import CompressionType, Writer
 
 UR_JOINTS = (
     "shoulder_pan_joint",
@@ -166,13 +167,43 @@ def write_db3(motion: Motion, path: Path, stream=None, topic: str = "/joint_stat
     return path
 
 
-def write_mcap(motion: Motion, path: Path, compression=CompressionType.NONE, stream=None) -> Path:
-    with path.open("wb") as file:
-        writer = Writer(file, chunk_size=20_000, compression=compression)
-        writer.start(profile="ros2", library="test")
-        schema = writer.register_schema(JOINT_STATE, "ros2msg", b"")
-        channel = writer.register_channel("/joint_states", "cdr", schema)
-        for stamp, data in stream if stream is not None else messages(motion):
-            writer.add_message(channel, log_time=stamp, data=data, publish_time=stamp)
-        writer.finish()
+def _packed(data: bytes, compression: str) -> bytes:
+    if compression == "zstd":
+        return pytest.importorskip("backports.zstd").compress(data)
+    if compression == "lz4":
+        return pytest.importorskip("lz4.frame").compress(data)
+    return data
+
+
+def write_mcap(motion: Motion, path: Path, compression: str = "", stream=None) -> Path:
+    """A plain MCAP file, as https://mcap.dev/spec says: chunks of messages, no summary."""
+
+    def text(value: str) -> bytes:
+        return struct.pack("<I", len(value)) + value.encode()
+
+    def record(opcode: int, content: bytes) -> bytes:
+        return struct.pack("<BQ", opcode, len(content)) + content
+
+    definitions = record(3, struct.pack("<H", 1) + text(JOINT_STATE) + text("ros2msg") + text(""))
+    definitions += record(
+        4, struct.pack("<HH", 1, 1) + text("/joint_states") + text("cdr") + struct.pack("<I", 0)
+    )
+    out = [b"\x89MCAP0\r\n", record(1, text("ros2") + text("test")), definitions]
+    chunk, stamps = definitions, []
+
+    def close_chunk() -> None:
+        packed = _packed(chunk, compression)
+        head = struct.pack("<QQQI", stamps[0], stamps[-1], len(chunk), zlib.crc32(chunk))
+        out.append(record(6, head + text(compression) + struct.pack("<Q", len(packed)) + packed))
+
+    for number, (stamp, data) in enumerate(stream if stream is not None else messages(motion)):
+        chunk += record(5, struct.pack("<HIQQ", 1, number, stamp, stamp) + data)
+        stamps.append(stamp)
+        if len(chunk) > 20_000:
+            close_chunk()
+            chunk, stamps = b"", []
+    if stamps:
+        close_chunk()
+    out += [record(15, bytes(4)), record(2, bytes(20)), b"\x89MCAP0\r\n"]
+    path.write_bytes(b"".join(out))
     return path

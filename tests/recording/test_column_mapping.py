@@ -73,10 +73,14 @@ def test_time_is_one_column() -> None:
         ("j1_pos", "pos", 1),
         ("joint_2_velocity", "velocity", 2),
         ("q_joint_4", "q", 4),
-        ("TorqueSm7", "torquesm", 7),
+        ("TorqueSm7", "torque_sm", 7),
         ("timestamp", "timestamp", None),
         ("/joint_states/position[2]", "position", 2),
         ("Joint_1", "joint_1", None),
+        ("/rtde/actual_q[0]", "actual_q", 0),
+        ("robot.state.position.3", "position", 3),
+        ("dq1", "dq", 1),
+        ("MeasuredJointPosition_0", "measured_joint_position", 0),
         ("", "", None),
     ],
 )
@@ -130,7 +134,7 @@ def test_plain_torque_wins_and_a_note_says_so() -> None:
     ]
     match = match_headers(names, "x")
     assert match.columns["effort"] == [7, 8, 9]
-    assert "torquecur" in " ".join(match.notes)
+    assert "torque_cur" in " ".join(match.notes)
 
 
 def test_the_only_torque_is_taken() -> None:

@@ -109,7 +109,7 @@ def test_kinova_header(name: str, rows: int) -> None:
     assert record.rate_hz == pytest.approx(1000)
     assert set(record.signals) == {"q", "qd", "effort", "current", "temperature"}
     assert "unit_suspect" in codes(record)
-    assert "torquesm" in record.metadata.extra["notes"]
+    assert "torque_sm" in record.metadata.extra["notes"]
 
 
 def test_documents_are_no_recordings() -> None:

@@ -15,13 +15,15 @@ _SYNONYMS: dict[str, str] = {
         "actual_q q q_act q_actual act_q q_meas q_measured measured_q actual_position "
         "actual_positions measured_position pos_meas act_pos pos position positions "
         "joint_position joint_positions jointpos joint_pos joint_angle joint_angles angle "
-        "angles theta qpos"
+        "angles theta qpos measured_joint_position measured_joint_positions "
+        "joint_position_measured joint_position_actual msr_jnt_pos axis_act"
     ),
     "qd": (
         "actual_qd qd dq qdot q_dot qd_act qd_actual act_qd dq_act dq_meas qd_meas "
         "actual_velocity actual_velocities measured_velocity vel_meas act_vel vel velocity "
         "velocities joint_velocity joint_velocities joint_vel speed joint_speed dtheta qvel "
-        "omega"
+        "omega measured_joint_velocity measured_joint_velocities joint_velocity_measured "
+        "joint_velocity_actual"
     ),
     "qdd": (
         "qdd ddq qddot q_ddot acc acceleration accelerations joint_acceleration "
@@ -29,17 +31,20 @@ _SYNONYMS: dict[str, str] = {
     ),
     "current": (
         "actual_current current currents cur motor_current motor_currents joint_current "
-        "joint_currents act_current i_act i_meas i i_q"
+        "joint_currents act_current i_act i_meas i i_q current_act current_measured "
+        "motor_current_measured measured_current"
     ),
     "effort": (
         "tau_j effort efforts torque torques tau joint_torque joint_torques joint_effort "
         "tau_meas tau_measured tau_act actual_torque actual_torques measured_torque "
-        "measured_torques trq motor_torque actual_current_as_torque act_torque"
+        "measured_torques trq motor_torque actual_current_as_torque act_torque "
+        "measured_joint_torque measured_joint_torques joint_torque_measured "
+        "joint_effort_measured torque_measured torque_act msr_jnt_trq"
     ),
     "target_q": (
         "target_q q_target q_d q_des q_desired desired_q q_ref ref_q q_cmd cmd_q position_cmd "
         "pos_cmd target_position pos_ref ref_pos desired_position commanded_position "
-        "position_command"
+        "position_command commanded_joint_position cmd_jnt_pos joint_position_command"
     ),
     "target_qd": (
         "target_qd qd_target dq_d dq_des qd_des qd_desired dq_ref qd_ref dq_cmd qd_cmd "
@@ -74,6 +79,7 @@ _TIME_UNITS = {
     "nsec": 1e-9,
     "nanosec": 1e-9,
 }
+_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z][a-z])")
 _BRACKET = re.compile(r"[\[({]([^\])}]*)[\])}]\s*$")
 _INDEX_LAST = re.compile(r"^(.*?)[\s_\-.]*(?:(?<![a-z])(?:joint|jnt|axis|j|a))?[\s_\-.]*(\d{1,3})$")
 _INDEX_FIRST = re.compile(r"^(?:joint|jnt|axis|j|a)[\s_\-]*(\d{1,3})[\s_\-./:]+(.+)$")
@@ -111,7 +117,7 @@ def says_degrees(name: str) -> bool:
 
 def parse_name(text: str) -> Name:
     """Take a column name apart: `actual_q_3`, `Position1`, `tau [Nm] 2`, `q[0]`, `j1_pos`."""
-    name = text.strip().strip("\"'").strip().lower()
+    name = _CAMEL.sub("_", text.strip().strip("\"'").strip()).lower()
     unit, index, joint = "", None, ""
     while match := _BRACKET.search(name):
         inside = match.group(1).strip()
@@ -127,9 +133,16 @@ def parse_name(text: str) -> Name:
         index, name = int(first.group(1)), first.group(2)
     elif index is None and (last := _INDEX_LAST.match(name)) and last.group(1):
         index, name = int(last.group(2)), last.group(1)
-    base = re.sub(r"[^a-z0-9]+", "_", name).strip("_")
+    base = _joined(name)
+    if base not in RANK and _joined(name.rpartition(".")[2]) in RANK:
+        # Recorders that flatten structures write `arm.state.q`.
+        base = _joined(name.rpartition(".")[2])
     if base not in RANK and not unit:
         stem, _, tail = base.rpartition("_")
         if stem in RANK and (tail in _TIME_UNITS or tail in ("rad", "deg", "nm", "a", "rads")):
             base, unit = stem, tail
     return Name(base, index, joint if index is None else "", unit)
+
+
+def _joined(name: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "_", name).strip("_")

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import math
 import os
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -22,6 +20,7 @@ from dynid.core.arrays import Array
 from dynid.core.errors import JobError, RecordError
 from dynid.core.notices import Notice
 from dynid.recording.parquet import write_record
+from dynid.recording.partial import create_partial
 from dynid.recording.record import RecordMetadata
 from dynid.recording.schema import check_quantities, metadata_to_json
 from dynid.recording.segments import MARK, pack, partial_path, recover
@@ -81,7 +80,7 @@ class RecordWriter:
             "metadata": metadata_to_json(metadata),
         }
         self._partial = partial_path(self.path)
-        self._file = self._open()
+        self._file: int | None = create_partial(self._partial)
         self._disk = ThreadPoolExecutor(1, thread_name_prefix="dynid-record")
         self._write(MARK + pack(b"H", json.dumps(description).encode()))
 
@@ -198,34 +197,6 @@ class RecordWriter:
             if error is None:
                 raise
 
-    def _open(self) -> int:
-        try:
-            if self._partial.exists():
-                self._set_aside()
-            file = os.open(self._partial, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o644)
-        except OSError as error:
-            raise JobError(
-                "the recording cannot be started", where=str(self._partial), value=error.strerror
-            ) from error
-        # The lock only tells other writers; a file system without locks can still record.
-        with suppress(OSError):
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        return file
-
-    def _set_aside(self) -> None:
-        """Keep what an interrupted recording of the same name left behind."""
-        old = os.open(self._partial, os.O_RDONLY)
-        try:
-            # A file system without locks cannot say; the old rows are kept in any case.
-            with suppress(OSError):
-                _lock_or_refuse(old, self._partial)
-        finally:
-            os.close(old)
-        number = 1
-        while (aside := self._partial.with_name(f"{self._partial.name}.{number}")).exists():
-            number += 1
-        os.rename(self._partial, aside)
-
     def _write(self, data: bytes) -> None:
         if self._file is None:
             raise RecordError("the recording is closed", where=str(self.path))
@@ -243,10 +214,3 @@ class RecordWriter:
             raise JobError(
                 "the disk does not take the recording", where=str(self._partial), value=str(error)
             ) from error
-
-
-def _lock_or_refuse(file: int, path: Path) -> None:
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        raise RecordError("another program is recording there", where=str(path)) from error

@@ -8,14 +8,14 @@ from dynid.core.arrays import Array
 from dynid.recording.table import Mask, RawTable, Rows
 
 _MOST = 50
-_TIMES = 4.0
+_TIMES = 2.2
 
 
 def drop_broken_ends(table: RawTable) -> RawTable:
     """Leave out the first or last few rows where a signal breaks off.
 
     At most 2 % of the rows and 50 of them at each end; a break is a step of position or
-    velocity that is four times the largest in all the rest of the recording.
+    velocity more than twice the largest in all the rest of the recording.
     """
     most = min(_MOST, table.samples // 50)
     if most < 2:
