@@ -12,8 +12,8 @@ from dynid.core.notices import Notice
 from dynid.identification.estimate import Estimate
 from dynid.identification.least_squares import autocorrelation
 from dynid.recording.record import ExperimentRecord
-from dynid.signals.process import process
 from dynid.signals.samples import Samples
+from dynid.signals.stamps import samples_at_stamps
 from dynid.validation.metrics import MOVING_SPEED, Metrics, metrics
 
 EXTRAPOLATION = 1.15
@@ -64,6 +64,8 @@ def validate(
 ) -> ValidationResult:
     """Compare predicted and measured torques, processed as the identification record was.
 
+    Torques are compared as they were recorded, at the record's own stamps.
+
     Args:
         estimate: The estimate; its settings (cut-off, delays) are used as they are.
         record: The record to predict.
@@ -78,8 +80,7 @@ def validate(
     )
     if "qd" not in record.signals:
         settings = replace(settings, velocity="position")
-    samples = process(record, estimate.model.robot, settings)
-    return validate_samples(estimate, samples)
+    return validate_samples(estimate, samples_at_stamps(record, estimate.model.robot, settings))
 
 
 def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:

@@ -1,0 +1,63 @@
+"""Samples where the record has them: nothing is judged on values that were interpolated."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.recording.record import ExperimentRecord
+from dynid.robot.model import RobotModel
+from dynid.signals.process import samples_from, uniform_signals
+from dynid.signals.resample import window
+from dynid.signals.samples import ProcessingSettings, Samples
+from dynid.signals.torque import measured_torque
+
+SAME_TIME = 1e-3
+"""Share of a step by which a stamp may differ from its place on the grid."""
+
+
+def samples_at_stamps(
+    record: ExperimentRecord, robot: RobotModel, settings: ProcessingSettings
+) -> Samples:
+    """Motion from the uniform grid, torque as recorded, at the record's own stamps.
+
+    A record that is uniform already gives the samples of `process`. For a jittered one the grid
+    holds more points than were recorded, and their torques are averages of neighbours: both
+    would flatter a prediction error.
+
+    Raises:
+        InputError: See `process`.
+    """
+    signals = uniform_signals(record, robot, settings)
+    samples = samples_from(signals, settings)
+    part = window(record.t, settings.start_s, settings.stop_s)
+    stamps = record.t[part]
+    step = 1.0 / signals.rate_hz
+    if len(stamps) == len(signals.t) and np.abs(stamps - signals.t).max() < SAME_TIME * step:
+        return samples
+    t = stamps - stamps[0]
+    torque = measured_torque(record, robot)[part]
+    after = np.searchsorted(samples.t, t).clip(1, samples.count - 1)
+    inside = (t >= samples.t[0]) & (t <= samples.t[-1])
+    # Between kept grid points that are no neighbours lies a gap.
+    inside &= samples.t[after] - samples.t[after - 1] < 1.5 * step
+    kept = t[inside]
+
+    def on_stamps(values: Array) -> Array:
+        return np.column_stack([np.interp(kept, samples.t, column) for column in values.T])
+
+    delays = settings.delays_s or (0.0,) * robot.joints
+    return Samples(
+        t=kept,
+        q=on_stamps(samples.q),
+        dq=on_stamps(samples.dq),
+        ddq=on_stamps(samples.ddq),
+        tau=np.column_stack(
+            [
+                np.interp(kept + delay, t, column)
+                for delay, column in zip(delays, torque.T, strict=True)
+            ]
+        ),
+        rate_hz=samples.rate_hz,
+        cutoff_hz=samples.cutoff_hz,
+    )
