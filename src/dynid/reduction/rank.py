@@ -54,7 +54,7 @@ def rank_and_classes(w: Array, tolerance: float = RANK_TOLERANCE) -> Rank:
     _, s, vt = np.linalg.svd(upper_triangle(scaled))
     rank = int((s > tolerance * s[0]).sum())
     null_norms = np.linalg.norm(vt[rank:], axis=0)
-    alone = (null_norms < CLASS_TOLERANCE) & ~zero
+    alone = null_norms < CLASS_TOLERANCE
     return Rank(
         rank=rank,
         normalised_singular_values=read_only(s),
