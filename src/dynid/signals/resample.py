@@ -90,12 +90,13 @@ def resample(t: Array, q: Array, qd: Array | None, torque: Array) -> UniformSign
         rate_hz=1.0 / step,
         q=_cubic(t, q, grid),
         qd=None if qd is None else _cubic(t, qd, grid),
-        torque=_linear(t, torque, grid),
+        torque=linear(t, torque, grid),
         valid=np.where(gaps[before], 0.0, 1.0),
     )
 
 
-def _linear(t: Array, values: Array, grid: Array) -> Array:
+def linear(t: Array, values: Array, grid: Array) -> Array:
+    """Columns (N, n) at stamps t (N), on straight lines at other times (M); (M, n)."""
     out = np.empty((len(grid), values.shape[1]))
     for j, column in enumerate(values.T):
         out[:, j] = np.interp(grid, t, column)

@@ -8,7 +8,7 @@ from dynid.core.arrays import Array
 from dynid.recording.record import ExperimentRecord
 from dynid.robot.model import RobotModel
 from dynid.signals.process import samples_from, uniform_signals
-from dynid.signals.resample import window
+from dynid.signals.resample import linear, window
 from dynid.signals.samples import ProcessingSettings, Samples
 from dynid.signals.torque import measured_torque
 
@@ -35,29 +35,22 @@ def samples_at_stamps(
     step = 1.0 / signals.rate_hz
     if len(stamps) == len(signals.t) and np.abs(stamps - signals.t).max() < SAME_TIME * step:
         return samples
-    t = stamps - stamps[0]
+    t: Array = stamps - float(stamps[0])
     torque = measured_torque(record, robot)[part]
-    after = np.searchsorted(samples.t, t).clip(1, samples.count - 1)
+    after = np.clip(np.searchsorted(samples.t, t), 1, samples.count - 1)
     inside = (t >= samples.t[0]) & (t <= samples.t[-1])
     # Between kept grid points that are no neighbours lies a gap.
     inside &= samples.t[after] - samples.t[after - 1] < 1.5 * step
     kept = t[inside]
-
-    def on_stamps(values: Array) -> Array:
-        return np.column_stack([np.interp(kept, samples.t, column) for column in values.T])
-
-    delays = settings.delays_s or (0.0,) * robot.joints
+    tau = np.empty((len(kept), robot.joints))
+    for j, delay in enumerate(settings.delays_s or (0.0,) * robot.joints):
+        tau[:, j] = np.interp(kept + delay, t, torque[:, j])
     return Samples(
         t=kept,
-        q=on_stamps(samples.q),
-        dq=on_stamps(samples.dq),
-        ddq=on_stamps(samples.ddq),
-        tau=np.column_stack(
-            [
-                np.interp(kept + delay, t, column)
-                for delay, column in zip(delays, torque.T, strict=True)
-            ]
-        ),
+        q=linear(samples.t, samples.q, kept),
+        dq=linear(samples.t, samples.dq, kept),
+        ddq=linear(samples.t, samples.ddq, kept),
+        tau=tau,
         rate_hz=samples.rate_hz,
         cutoff_hz=samples.cutoff_hz,
     )
