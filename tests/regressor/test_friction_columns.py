@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from pinocchio_chains import random_chain, random_states
 
-from dynid.regressor import blocks
+from dynid.regressor import layout
 from dynid.regressor.blocks import smooth_sign
 from dynid.regressor.model import InverseDynamicModel
 from dynid.regressor.terms import TERMS, FrictionTerms, parse_terms
@@ -101,9 +101,9 @@ def test_a_vanishing_width_is_the_sign() -> None:
 def test_a_word_without_a_block_does_not_become_another(monkeypatch: pytest.MonkeyPatch) -> None:
     friction = FrictionTerms()
     object.__setattr__(friction, "terms", (("xx", None),))
-    monkeypatch.setattr(blocks, "TERMS", (*TERMS, "xx"))
+    monkeypatch.setattr(layout, "TERMS", (*TERMS, "xx"))
     with pytest.raises(ValueError, match="xx"):
-        blocks.column_blocks(friction)
+        layout.column_blocks(friction)
 
 
 COUPLING = np.array([[30.0, 0, 0], [0, -48.0, 0], [5.0, 12.0, 40.0]])

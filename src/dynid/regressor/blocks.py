@@ -1,7 +1,8 @@
 """Column blocks: what stands beside the inertial columns of the regressor.
 
 A block says which columns it adds and fills them. To add one: a frozen dataclass that extends
-`ColumnBlock`, one word in `terms.TERMS`, one case in `column_blocks`, one test against its formula.
+`ColumnBlock`, one word in `terms.TERMS`, one case in `layout.column_blocks`, one test against
+its formula.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynid.core.arrays import Array
-from dynid.regressor.terms import PAPER_WIDTH, STRIBECK_VELOCITY, TERMS, FrictionTerms
+from dynid.regressor.terms import PAPER_WIDTH, STRIBECK_VELOCITY
 from dynid.robot.model import RobotModel
 
 
@@ -45,7 +46,7 @@ class JointColumns(ColumnBlock):
 
     symbol: ClassVar[str] = ""
     power: ClassVar[int] = 0
-    """Which unit, see `_unit`."""
+    """Which unit, see `unit`."""
     joints: tuple[int, ...] | None = None
     """The joints that have the column, from 0; None for all."""
 
@@ -56,7 +57,7 @@ class JointColumns(ColumnBlock):
     def columns(self, robot: RobotModel) -> tuple[Column, ...]:
         """See `ColumnBlock`."""
         return tuple(
-            Column(f"{self.symbol}{j + 1}", _unit(self.power, robot.prismatic[j]), j)
+            Column(f"{self.symbol}{j + 1}", unit(self.power, robot.prismatic[j]), j)
             for j in self._rows(robot)
         )
 
@@ -69,7 +70,7 @@ class JointColumns(ColumnBlock):
         return tuple(range(robot.joints)) if self.joints is None else self.joints
 
 
-def _unit(power: int, prismatic: bool) -> str:
+def unit(power: int, prismatic: bool) -> str:
     """Unit of what multiplies 1 (0), a speed (1), an acceleration (2), a speed's cube root (-3)."""
     angular = {0: "N.m", 1: "N.m.s/rad", 2: "kg.m^2", -3: "N.m.(s/rad)^(1/3)"}
     linear = {0: "N", 1: "N.s/m", 2: "kg", -3: "N.(s/m)^(1/3)"}
@@ -177,45 +178,6 @@ class CubeRoot(JointColumns):
         return np.cbrt(dq)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Coupling(ColumnBlock):
-    """Friction and inertia of motors that drive several joints (Staubli, ABB wrists).
-
-    Motor m turns at r' dq with r = N[m] / N[m, m]; its inertia, viscous and Coulomb torques act
-    on the joints through r (methods.md, BIRDy's TX40).
-    """
-
-    width: Width = PAPER_WIDTH
-
-    def columns(self, robot: RobotModel) -> tuple[Column, ...]:
-        """See `ColumnBlock`."""
-        rows = coupled_motors(robot)
-        return tuple(
-            Column(f"{symbol}{m + 1}", _unit(power, robot.prismatic[m]), m)
-            for symbol, power in (("Fcm", 0), ("Fvm", 1), ("Imm", 2))
-            for m in rows
-        )
-
-    def fill(self, robot: RobotModel, dq: Array, ddq: Array, out: Array) -> None:
-        """See `ColumnBlock`."""
-        rows = coupled_motors(robot)
-        ratio = robot.drives.motor_from_joint
-        for k, m in enumerate(rows):
-            share = ratio[m] / ratio[m, m]
-            speed = share @ dq
-            width = self.width[m] if isinstance(self.width, tuple) else self.width
-            terms = (smooth_sign(speed, width), speed, share @ ddq)
-            for block, term in enumerate(terms):
-                out[block * len(rows) + k] = share[:, None] * term
-
-
-def coupled_motors(robot: RobotModel) -> tuple[int, ...]:
-    """Motors whose row of the coupling matrix reaches more than their own joint."""
-    if robot.drives.coupling is None:
-        return ()
-    return tuple(m for m, row in enumerate(robot.drives.coupling) if np.count_nonzero(row) > 1)
-
-
 def smooth_sign(dq: Array, width: Width) -> Array:
     """tanh(dq / width) for dq (n, N) or (N), the sign where the width is 0."""
     if not isinstance(width, tuple):
@@ -224,38 +186,3 @@ def smooth_sign(dq: Array, width: Width) -> Array:
     for j, one in enumerate(width):
         out[j] = smooth_sign(dq[j], one)
     return out
-
-
-def column_blocks(friction: FrictionTerms, *, coupled: bool = False) -> tuple[ColumnBlock, ...]:
-    """The blocks for a choice of terms, in the order of `TERMS`.
-
-    Args:
-        friction: Terms, their joints, their shapes.
-        coupled: Add the columns of coupled motors.
-    """
-    width, speed = friction.width, friction.stribeck_velocity
-
-    def block(term: str, joints: tuple[int, ...] | None) -> ColumnBlock:
-        match term:
-            case "fc":
-                return Coulomb(width=width, joints=joints)
-            case "fv":
-                return Viscous(joints=joints)
-            case "im":
-                return MotorInertia(joints=joints)
-            case "fo":
-                return Offset(joints=joints)
-            case "fca":
-                return CoulombAsymmetry(width=width, joints=joints)
-            case "fva":
-                return ViscousAsymmetry(joints=joints)
-            case "fs":
-                return Stribeck(velocity=speed, width=width, joints=joints)
-            case "fr":
-                return CubeRoot(joints=joints)
-            case _:
-                raise ValueError(f"no column block for the term {term!r}")
-
-    terms = dict(friction.terms)
-    blocks = tuple(block(term, terms[term]) for term in TERMS if term in terms)
-    return (*blocks, Coupling(width=width)) if coupled else blocks

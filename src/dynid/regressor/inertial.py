@@ -69,6 +69,9 @@ def inertial_columns(
 ) -> Array:
     """The inertial columns for a batch of states.
 
+    Shapes are not checked here and the compiled kernel trusts them; `InverseDynamicModel.stack`
+    checks.
+
     Args:
         constants: From `chain_constants`.
         q: (n, N) positions [rad or m], contiguous like the next two.

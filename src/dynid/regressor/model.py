@@ -8,8 +8,10 @@ import numpy as np
 
 from dynid.core.arrays import Array, read_only
 from dynid.core.errors import InputError
-from dynid.regressor.blocks import Column, ColumnBlock, column_blocks, coupled_motors
+from dynid.regressor.blocks import Column, ColumnBlock
+from dynid.regressor.coupling import coupled_motors
 from dynid.regressor.inertial import ChainConstants, chain_constants, inertial_columns
+from dynid.regressor.layout import column_blocks
 from dynid.regressor.terms import FrictionTerms
 from dynid.robot.model import RobotModel
 
