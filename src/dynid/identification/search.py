@@ -16,7 +16,7 @@ from dynid.identification.crossvalidation import (
 )
 from dynid.identification.least_squares import PRIOR_GAIN
 from dynid.reduction.base import reduce_model
-from dynid.regressor.blocks import smooth_sign
+from dynid.regressor.layout import friction_block
 from dynid.regressor.model import InverseDynamicModel
 from dynid.regressor.terms import TERMS, FrictionTerms
 from dynid.robot.model import RobotModel
@@ -224,16 +224,7 @@ def _price(now: JointChoice, trial: JointChoice, no_delay: int) -> float:
 
 
 def _term_column(term: str, dq: Array, width: float, speed: float) -> Array:
-    match term:
-        case "fc":
-            return smooth_sign(dq, width)
-        case "fca":
-            return np.abs(smooth_sign(dq, width))
-        case "fs":
-            return np.exp(-np.square(dq / speed)) * smooth_sign(dq, width)
-        case "fo":
-            return np.ones_like(dq)
-        case "fva":
-            return np.abs(dq)
-        case _:
-            return np.cbrt(dq)
+    """(N) the column of one term for one joint's velocities (N)."""
+    shape = FrictionTerms(width=width, stribeck_velocity=speed)
+    velocity = dq[None]
+    return friction_block(term, shape).values(velocity, velocity)[0]
