@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core.errors import InputError
 from dynid.core.notices import Notice
@@ -88,7 +89,24 @@ def identify(
         InputError: Recordings that do not fit the robot, an empty window, unknown settings.
         JobError: A singular problem.
     """
-    settings = settings or IdentifySettings()
+    # Matrices of sixty columns: a second BLAS thread spins more than it helps.
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _identify(
+            records,
+            robot,
+            settings or IdentifySettings(),
+            progress,
+            (validation, validation_start_s, validation_stop_s),
+        )
+
+
+def _identify(
+    records: Sequence[ExperimentRecord],
+    robot: RobotModel,
+    settings: IdentifySettings,
+    progress: Progress | None,
+    other: tuple[ExperimentRecord | None, float | None, float | None],
+) -> Identification:
     if not records:
         raise InputError("needs at least one record")
     processing = ProcessingSettings(
@@ -123,6 +141,7 @@ def identify(
     warnings = list(estimate.warnings)
     for record in records:
         warnings += [notice for notice in record.problems if notice not in warnings]
+    validation, validation_start_s, validation_stop_s = other
     if validation is not None:
         result = validate(
             estimate, validation, start_s=validation_start_s, stop_s=validation_stop_s
