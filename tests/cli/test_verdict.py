@@ -12,7 +12,7 @@ from dynid.identification.diagnostics import DO_NOT_USE
 from dynid.workflow.verdict import verdict
 
 
-def result(error: float | None, *codes: str) -> Any:
+def result(error: float | None, *codes: str, fit: float = 2.0) -> Any:
     """As much of an identification as the verdict looks at; `!` forbids the use."""
     validation = None
     if error is not None:
@@ -21,6 +21,7 @@ def result(error: float | None, *codes: str) -> Any:
         "Any",
         SimpleNamespace(
             validation=validation,
+            training=SimpleNamespace(moving=SimpleNamespace(relative_error_overall_percent=fit)),
             warnings=tuple(
                 Notice(code.rstrip("!"), DO_NOT_USE if code.endswith("!") else "words")
                 for code in codes
@@ -61,3 +62,16 @@ def test_every_doubt_is_named() -> None:
     words = verdict(result(33.0, "extrapolated", "over_fitted")).headline
     assert "33.0 %" in words
     assert "over_fitted, extrapolated" in words
+
+
+@pytest.mark.parametrize("fit", [85.0, float("nan")])
+def test_a_model_that_misses_its_own_record_must_not_be_used(fit: float) -> None:
+    judged = verdict(result(3.0, fit=fit))
+    assert judged.level == "do_not_use"
+    assert "unexplained" in judged.headline
+
+
+def test_reversed_torques_are_named() -> None:
+    judged = verdict(result(3.0, "not_physical!"))
+    assert judged.level == "do_not_use"
+    assert "sign" in judged.headline

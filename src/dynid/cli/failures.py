@@ -34,6 +34,10 @@ def exit_code_of(job: Callable[[], int]) -> int:
         # Whoever read our output has left: nothing to say, and nobody to say it to.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
+    except OSError as error:
+        # A full disk, a vanished folder: the machine's fault, not a bug.
+        place = f": {error.filename}" if error.filename else ""
+        return _say(f"{error.strerror or error}{place}", JOB_FAILED)
     except MemoryError:
         return _say("not enough memory for this job; use a shorter record", JOB_FAILED)
     except Exception as error:

@@ -110,6 +110,12 @@ def not_physical(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
         if name.rstrip("0123456789") in ("Fc", "Fv", "Im") and value < -3 * std
     ]
     text = [f"below zero beyond doubt: {', '.join(found)}"] if found else []
+    steps = [
+        k for k, name in enumerate(estimate.names) if name.startswith("Fc") and name[2:].isdigit()
+    ]
+    negative = [k for k in steps if estimate.values[k] < -3 * estimate.std[k]]
+    if 2 * len(negative) > len(steps):
+        text.append(f"the sign of the torques looks reversed: {DO_NOT_USE}")
     smallest = smallest_mass_eigenvalue(estimate, samples)
     if smallest < 0:
         text.append(f"the mass matrix is not positive at some poses (eigenvalue {smallest:.2g})")

@@ -11,6 +11,7 @@ from dynid.core.arrays import Array, Mask
 from dynid.core.notices import Notice
 from dynid.identification.estimate import Estimate
 from dynid.identification.least_squares import autocorrelation
+from dynid.recording.identity import identity
 from dynid.recording.record import ExperimentRecord
 from dynid.signals.samples import Samples
 from dynid.signals.stamps import samples_at_stamps
@@ -19,6 +20,8 @@ from dynid.validation.metrics import MOVING_SPEED, Metrics, metrics
 EXTRAPOLATION = 1.15
 """A record may exceed the identification's speeds, accelerations and ranges of motion by this
 factor before it is said."""
+OVERLAP_S = 0.1
+SAME_RECORD = "part of the record that was identified from"
 REST_SHARE = 0.2
 """More joint samples at rest than this are worth a warning."""
 
@@ -64,7 +67,8 @@ def validate(
 ) -> ValidationResult:
     """Compare predicted and measured torques, processed as the identification record was.
 
-    Torques are compared as they were recorded, at the record's own stamps.
+    Torques are compared as they were recorded, at the record's own stamps. A window that was
+    identified from, and a record of another robot, are said in the warnings.
 
     Args:
         estimate: The estimate; its settings (cut-off, delays) are used as they are.
@@ -75,12 +79,59 @@ def validate(
     Raises:
         InputError: The record does not fit the robot, or the window is empty.
     """
+    result = reproduce(estimate, record, start_s=start_s, stop_s=stop_s)
+    found = (
+        *_seen_before(estimate, record, start_s, stop_s),
+        *_another_robot(estimate, record),
+        *result.warnings,
+    )
+    return replace(result, warnings=found)
+
+
+def reproduce(
+    estimate: Estimate,
+    record: ExperimentRecord,
+    *,
+    start_s: float | None = None,
+    stop_s: float | None = None,
+) -> ValidationResult:
+    """As `validate`, for the record that was identified from: the training errors."""
     settings = replace(
         estimate.settings, start_s=start_s, stop_s=stop_s, decimate=False, period_s=None
     )
     if "qd" not in record.signals:
         settings = replace(settings, velocity="position")
     return validate_samples(estimate, samples_at_stamps(record, estimate.model.robot, settings))
+
+
+def _seen_before(
+    estimate: Estimate, record: ExperimentRecord, start_s: float | None, stop_s: float | None
+) -> tuple[Notice, ...]:
+    if identity(record) not in estimate.provenance.inputs.values():
+        return ()
+    used = estimate.settings
+    first = max(start_s or 0.0, used.start_s or 0.0)
+    last = min(
+        record.duration_s if stop_s is None else stop_s,
+        record.duration_s if used.stop_s is None else used.stop_s,
+    )
+    if last - first < OVERLAP_S:
+        return ()
+    return (
+        Notice(
+            "over_fitted",
+            f"{first:.1f} to {last:.1f} s of the validation window are {SAME_RECORD}: the error "
+            "says nothing about another motion",
+        ),
+    )
+
+
+def _another_robot(estimate: Estimate, record: ExperimentRecord) -> tuple[Notice, ...]:
+    names, known = record.metadata.robot, estimate.model.robot.name
+    builtin = names is not None and names.isalnum()
+    if names is None or not builtin or names == known:
+        return ()
+    return (Notice("extrapolated", f"the record says robot {names}, the estimate is of {known}"),)
 
 
 def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from dynid.core.notices import Notice
 from dynid.reduction.base import BaseParametrization, reduce_model
 from dynid.regressor.model import InverseDynamicModel
 from dynid.regressor.terms import FrictionTerms, parse_terms
+from dynid.robot.load import load_robot
 from dynid.robot.model import RobotModel
 
 
@@ -54,7 +56,7 @@ class Analysis:
 
 
 def analyze(
-    robot: RobotModel,
+    robot: RobotModel | str | Path,
     *,
     frames: str = "",
     samples: int = 25,
@@ -64,7 +66,7 @@ def analyze(
     """Base parameters of a robot.
 
     Args:
-        robot: The robot, mounting included.
+        robot: The robot, mounting included; or its name or file.
         frames: `dh`, `mdh` or `urdf`; empty for the robot's own.
         samples: Random points of the observation matrix.
         seed: Seed of the points.
@@ -73,6 +75,8 @@ def analyze(
     Raises:
         InputError: Unknown frames or terms, or samples below one.
     """
+    if not isinstance(robot, RobotModel):
+        robot = load_robot(robot)
     friction = parse_terms(terms) if isinstance(terms, str) else terms
     model = InverseDynamicModel(robot=robot, frames=frames, friction=friction)
     return Analysis(base=reduce_model(model, samples=samples, seed=seed))

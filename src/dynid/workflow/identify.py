@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,16 @@ from dynid.core.provenance import provenance
 from dynid.identification.estimate import Estimate
 from dynid.identification.fitting import fit_estimate
 from dynid.identification.selection import Progress
+from dynid.recording.identity import identity
 from dynid.recording.record import ExperimentRecord
 from dynid.regressor.model import InverseDynamicModel
 from dynid.regressor.terms import FrictionTerms
+from dynid.robot.load import load_robot
 from dynid.robot.model import RobotModel
+from dynid.signals.filters import NYQUIST_SHARE
 from dynid.signals.process import process
 from dynid.signals.samples import ProcessingSettings, joined
-from dynid.validation.prediction import ValidationResult, validate
+from dynid.validation.prediction import ValidationResult, reproduce, validate
 from dynid.workflow.choosing import choose
 from dynid.workflow.identify_settings import IdentifySettings, chosen_estimator
 
@@ -65,8 +69,8 @@ class Identification:
 
 
 def identify(
-    records: Sequence[ExperimentRecord],
-    robot: RobotModel,
+    records: ExperimentRecord | Sequence[ExperimentRecord],
+    robot: RobotModel | str | Path,
     settings: IdentifySettings | None = None,
     *,
     validation: ExperimentRecord | None = None,
@@ -77,8 +81,8 @@ def identify(
     """Identify base parameters from one or more recordings.
 
     Args:
-        records: Recordings of the robot; the window applies to each.
-        robot: The robot.
+        records: Recordings of the robot, or one; the window applies to each.
+        robot: The robot, or its name or file.
         settings: What to do; the default is `--preset best`.
         validation: Another recording to predict, or the same one with another window.
         validation_start_s: Start of its window [s].
@@ -89,10 +93,18 @@ def identify(
         InputError: Recordings that do not fit the robot, an empty window, unknown settings.
         JobError: A singular problem.
     """
+    several = [records] if isinstance(records, ExperimentRecord) else list(records)
+    for record in (*several, *(() if validation is None else (validation,))):
+        if not isinstance(record, ExperimentRecord):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise InputError(
+                "not a recording", value=record, next_step="Read it with dynid.read_recording."
+            )
+    if not isinstance(robot, RobotModel):
+        robot = load_robot(robot)
     # Matrices of sixty columns: a second BLAS thread spins more than it helps.
     with threadpool_limits(limits=1, user_api="blas"):
         return _identify(
-            records,
+            several,
             robot,
             settings or IdentifySettings(),
             progress,
@@ -109,6 +121,7 @@ def _identify(
 ) -> Identification:
     if not records:
         raise InputError("needs at least one record")
+    _check_cutoff(records, settings.cutoff_hz)
     processing = ProcessingSettings(
         cutoff_hz=settings.cutoff_hz,
         start_s=settings.start_s,
@@ -132,11 +145,13 @@ def _identify(
         preset=settings.preset,
         choices=words,
         made=provenance(
-            inputs={r.metadata.origin: r.metadata.input_hash for r in records},
+            inputs={
+                r.metadata.origin or f"record {k + 1}": identity(r) for k, r in enumerate(records)
+            },
             settings=settings.to_json(),
         ),
     )
-    training = validate(estimate, records[0], start_s=settings.start_s, stop_s=settings.stop_s)
+    training = reproduce(estimate, records[0], start_s=settings.start_s, stop_s=settings.stop_s)
     result = None
     warnings = list(estimate.warnings)
     for record in records:
@@ -153,6 +168,18 @@ def _identify(
         validation=result,
         warnings=tuple(warnings),
     )
+
+
+def _check_cutoff(records: Sequence[ExperimentRecord], cutoff_hz: float | None) -> None:
+    """A cut-off that the record cannot carry is refused, not replaced."""
+    highest = min(NYQUIST_SHARE * record.rate_hz / 2 for record in records)
+    if cutoff_hz is not None and cutoff_hz > highest * (1 + 1e-6):
+        raise InputError(
+            "the cut-off is too high for the record's rate",
+            where="--cutoff",
+            value=f"{cutoff_hz:g} Hz",
+            limit=f"up to {highest:g} Hz",
+        )
 
 
 def over_fitted(training: ValidationResult, validation: ValidationResult) -> tuple[Notice, ...]:

@@ -8,10 +8,13 @@ from typing import Any
 import numpy as np
 
 from dynid.identification.diagnostics import DO_NOT_USE
+from dynid.validation.prediction import SAME_RECORD
 from dynid.workflow.identify import Identification
 
 CARE = frozenset({"not_physical", "over_fitted", "saturated", "unit_suspect", "clock_mismatch"})
 """Codes that ask for a look before the result is used."""
+UNEXPLAINED = 40.0
+"""[%] of the torque of moving joints that the fit to its own record may leave."""
 POOR_PREDICTION = 15.0
 """[%] of the torque of moving joints; good identifications predict to 5 %."""
 
@@ -41,15 +44,33 @@ class Verdict:
         return {"level": self.level, "reasons": list(self.reasons)}
 
 
+def _unexplained(fit: float, wrong: bool) -> list[str]:
+    reasons = (
+        []
+        if fit <= UNEXPLAINED
+        else [
+            f"the model leaves {fit:.0f} % of the torques of its own record unexplained: check the "
+            "robot, the order of the joints, units and signs"
+        ]
+    )
+    return [*reasons, *(["the sign of the torques looks reversed (not_physical)"] * wrong)]
+
+
 def verdict(result: Identification) -> Verdict:
     """Judge an identification."""
     codes = {notice.code for notice in result.warnings}
+    fit = result.training.moving.relative_error_overall_percent
+    wrong = any(n.code == "not_physical" and DO_NOT_USE in n.message for n in result.warnings)
+    if wrong or not fit <= UNEXPLAINED:
+        return Verdict(level="do_not_use", reasons=tuple(_unexplained(fit, wrong)))
     # A mounting that was set straight is called ill_conditioned as well, and forbids nothing.
     ill = any(n.code == "ill_conditioned" and DO_NOT_USE in n.message for n in result.warnings)
     error = np.inf
     if result.validation is not None:
         error = result.validation.moving.relative_error_overall_percent
-    predicts = f"it predicts another motion's torques to {error:.1f} % (moving joints)"
+    seen = any(SAME_RECORD in notice.message for notice in result.warnings)
+    what = "reproduces its own record's" if seen else "predicts another motion's"
+    predicts = f"it {what} torques to {error:.1f} % (moving joints)"
     if "low_excitation" in codes or (ill and not error <= POOR_PREDICTION):
         poor = ["the motion does not tell its parameters apart (ill_conditioned)"] if ill else []
         if "low_excitation" in codes:
@@ -62,7 +83,7 @@ def verdict(result: Identification) -> Verdict:
         found.append("extrapolated")
     if found:
         doubts.append(f"see the warning{'s' * (len(found) > 1)} {', '.join(found)}")
-    if result.validation is None:
+    if result.validation is None or seen:
         doubts.append("no other motion has confirmed it yet (--validate)")
         return Verdict(level="care", reasons=tuple(doubts))
     if doubts or not error <= POOR_PREDICTION:

@@ -1,0 +1,102 @@
+"""Mistakes that people make, and what they are told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import dynid
+from dynid.core.errors import InputError
+from dynid.recording.record import ExperimentRecord
+from dynid.robot.load import load_robot
+
+PAPER = dynid.IdentifySettings(preset="paper")
+
+
+@pytest.fixture(scope="module")
+def record() -> ExperimentRecord:
+    return simulated(1)
+
+
+@pytest.fixture(scope="module")
+def other() -> ExperimentRecord:
+    return simulated(2)
+
+
+def simulated(seed: int) -> ExperimentRecord:
+    robot = load_robot("ur5")
+    motion = dynid.random_excitation(robot.limits, seed=seed)
+    return dynid.simulate_recording(robot, motion, seed=seed)
+
+
+def codes(result: dynid.Identification) -> set[str]:
+    return {notice.code for notice in result.warnings}
+
+
+def test_a_record_does_not_confirm_itself(record: ExperimentRecord) -> None:
+    result = dynid.identify(record, "ur5", PAPER, validation=record)
+    judged = dynid.verdict(result)
+    assert "over_fitted" in codes(result)
+    assert judged.level == "care"
+    assert "another motion's" not in judged.headline
+
+
+def test_windows_that_overlap_do_not_confirm_either(record: ExperimentRecord) -> None:
+    late = dynid.identify(record, "ur5", PAPER, validation=record, validation_start_s=5.0)
+    assert "over_fitted" in codes(late)
+    estimate = late.estimate
+    assert any(n.code == "over_fitted" for n in dynid.validate(estimate, record).warnings)
+
+
+def test_another_record_confirms(record: ExperimentRecord, other: ExperimentRecord) -> None:
+    result = dynid.identify(record, "ur5", PAPER, validation=other)
+    assert "over_fitted" not in codes(result)
+    assert "another motion's" in dynid.verdict(result).headline
+
+
+def test_swapped_torques_must_not_be_used(record: ExperimentRecord) -> None:
+    effort = record.signals["current"] * load_robot("ur5").drives.gain
+    wrong = ExperimentRecord(
+        t=record.t, signals={"q": record.signals["q"], "effort": effort[:, [1, 0, 2, 3, 4, 5]]}
+    )
+    judged = dynid.verdict(dynid.identify(wrong, "ur5", PAPER))
+    assert judged.level == "do_not_use"
+    assert "order of the joints" in judged.headline
+
+
+def test_reversed_torques_are_called_so(record: ExperimentRecord) -> None:
+    wrong = ExperimentRecord(
+        t=record.t,
+        signals={"q": record.signals["q"], "current": -record.signals["current"]},
+    )
+    judged = dynid.verdict(dynid.identify(wrong, "ur5", PAPER))
+    assert judged.level == "do_not_use"
+    assert "sign of the torques" in judged.headline
+
+
+def test_the_robot_of_another_record_is_noticed(
+    record: ExperimentRecord, other: ExperimentRecord
+) -> None:
+    from dataclasses import replace
+
+    estimate = dynid.identify(record, "ur5", PAPER).estimate
+    foreign = replace(other, metadata=replace(other.metadata, robot="ur10"))
+    messages = [notice.message for notice in dynid.validate(estimate, foreign).warnings]
+    assert any("ur10" in message for message in messages)
+
+
+def test_a_cutoff_that_the_rate_cannot_carry_is_refused(record: ExperimentRecord) -> None:
+    settings = dynid.IdentifySettings(preset="paper", cutoff_hz=100.0)
+    with pytest.raises(InputError, match="too high for the record's rate"):
+        dynid.identify(record, "ur5", settings)
+
+
+def test_a_path_is_not_a_recording() -> None:
+    with pytest.raises(InputError, match=r"dynid\.read_recording"):
+        dynid.identify(["run.csv"], "ur5")  # type: ignore[list-item]
+
+
+def test_names_stand_for_robots() -> None:
+    assert dynid.analyze("ur5").base.rank == 52
+    assert dynid.analyze("ur5").base.samples == 25
+    assert np.isfinite(dynid.analyze("ur5").base.singular_values).all()
