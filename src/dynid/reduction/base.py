@@ -88,7 +88,7 @@ class BaseParametrization:
         for column, factor in zip(self.dependent, self.regrouping[row], strict=True):
             if factor != 0:
                 size = abs(factor)
-                times = "" if abs(size - 1) < 1e-9 else f"{size:.6g}*"
+                times = "" if abs(size - 1) < 1e-9 else f"{size:.8g}*"
                 text += f" {'+' if factor > 0 else '-'} {times}{names[column]}"
         return text
 
