@@ -23,6 +23,8 @@ from dynid.robot.model import RobotModel
 
 _TEXT = ("auto", "csv", "ur-csv", "ur-rtde-csv")
 
+MAX_RATE_HZ = 1e6
+
 
 def read_recording(
     paths: str | Path | Sequence[str | Path],
@@ -70,6 +72,13 @@ def read_recording(
     files = _existing(paths)
     kind = _format(files, format)
     known = _gains(gains)
+    if rate_hz is not None and not 0 < rate_hz < MAX_RATE_HZ:
+        raise RecordError(
+            "the rate must be positive and finite",
+            where="--rate",
+            value=rate_hz,
+            limit=f"0 to {MAX_RATE_HZ:g} Hz",
+        )
     if kind == "parquet":
         if columns is not None or degrees or joint_order is not None:
             raise RecordError(

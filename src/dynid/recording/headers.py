@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from dynid.core.errors import RecordError
 from dynid.recording.naming import RANK, Name, parse_name
 from dynid.recording.table import ESSENTIAL, plain
+from dynid.recording.units import check_unit
 
 _TORQUE_STEMS = ("torque", "tau", "effort", "current", "cur")
 
@@ -50,6 +51,7 @@ def match_headers(names: Sequence[str], where: str) -> Match:
         family = families[base]
         if quantity == "t":
             columns["t"] = [_only_time(family, names, where)]
+            check_unit("t", family[0][0].unit, names[columns["t"][0]], where)
             continue
         try:
             columns[quantity], joints = _by_joint(family, names, quantity, where)
@@ -59,6 +61,8 @@ def match_headers(names: Sequence[str], where: str) -> Match:
             notes.append(f"{quantity} is left out: a joint's column is missing or there twice")
             continue
         joint_names = joint_names or joints
+        for key, column in family:
+            check_unit(quantity, key.unit, names[column], where)
         if any(key.degrees for key, _ in family):
             degrees.add(quantity)
     if "q" not in columns:
