@@ -33,8 +33,7 @@ class FourierSeries(Trajectory):
     """(n, H) negated cosine coefficients, harmonics 1 to H [rad or m]."""
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.period) and self.period > 0):
-            raise InputError("the period must be positive", value=self.period)
+        check_period(self.period)
         object.__setattr__(self, "period", float(self.period))
         offset = frozen(self.offset, shape=(None,), name="offset")
         a = frozen(self.a, shape=(len(offset), None), name="a")
@@ -88,6 +87,19 @@ class FourierSeries(Trajectory):
         if not (math.isfinite(rate_hz) and rate_hz > 0) or periods < 1:
             raise InputError("rate and periods must be positive", value=(rate_hz, periods))
         return self.evaluate(np.arange(round(self.period * periods * rate_hz)) / rate_hz)
+
+
+def check_period(period: float) -> None:
+    """Refuse what is no period.
+
+    Args:
+        period: Period [s].
+
+    Raises:
+        InputError: A period that is not a positive finite number.
+    """
+    if not (math.isfinite(period) and period > 0):
+        raise InputError("the period must be positive", value=period)
 
 
 def harmonic_basis(t: Array, period: float, harmonics: int) -> tuple[Array, Array, Array]:

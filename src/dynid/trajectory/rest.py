@@ -35,6 +35,32 @@ def rest_basis(harmonics: int) -> Array:
     return read_only(basis)
 
 
+def held_basis(harmonics: int) -> Array:
+    """An orthonormal basis of the coefficients that also start and end at the offset.
+
+    To the conditions of `rest_basis`, q(0) = q0 adds sum_l b_l = 0.
+
+    Args:
+        harmonics: Number of harmonics H, at least 3.
+
+    Returns:
+        (2H, 2H - 3) basis, the a rows first.
+
+    Raises:
+        InputError: Fewer than three harmonics.
+    """
+    if harmonics < 3:
+        raise InputError("a motion held at both ends needs three harmonics", value=harmonics)
+    order = np.arange(1.0, harmonics + 1)
+    cosines = _orthogonal_complement(order**2)
+    # Within the cosines that have no acceleration at the ends, those that add up to zero.
+    cosines = cosines @ _orthogonal_complement(cosines.sum(axis=0))
+    basis = np.zeros((2 * harmonics, 2 * harmonics - 3))
+    basis[:harmonics, : harmonics - 1] = _orthogonal_complement(order)
+    basis[harmonics:, harmonics - 1 :] = cosines
+    return read_only(basis)
+
+
 def rest_series(period: float, offset: ArrayLike, free: ArrayLike) -> FourierSeries:
     """The series from the free numbers of each joint.
 
@@ -64,6 +90,6 @@ def _orthogonal_complement(direction: Array) -> Array:
     # A Householder reflection takes `direction` to the first axis, so its other columns are an
     # orthonormal basis of the rest: no factorisation whose signs depend on the LAPACK at hand.
     mirror = direction / np.linalg.norm(direction)
-    mirror[0] += 1.0
+    mirror[0] += 1.0 if mirror[0] >= 0.0 else -1.0
     reflection = np.eye(len(mirror)) - 2.0 * np.outer(mirror, mirror) / (mirror @ mirror)
     return reflection[:, 1:]
