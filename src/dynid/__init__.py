@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from dynid.signals.samples import ProcessingSettings, Samples
     from dynid.trajectory.fourier import FourierSeries
     from dynid.trajectory.random_excitation import random_excitation
+    from dynid.validation.comparison import ParameterComparison, compare
     from dynid.validation.prediction import ValidationResult, validate
     from dynid.workflow.analyze import Analysis, analyze
     from dynid.workflow.identify import Identification, identify
@@ -59,6 +60,7 @@ __all__ = [
     "JobError",
     "MissingExtraError",
     "Notice",
+    "ParameterComparison",
     "ProcessingSettings",
     "RecordError",
     "RecordMetadata",
@@ -70,6 +72,7 @@ __all__ = [
     "Verdict",
     "__version__",
     "analyze",
+    "compare",
     "identify",
     "import_recording",
     "load_robot",
@@ -113,6 +116,7 @@ _HOME = {
     "signals.samples": ("ProcessingSettings", "Samples"),
     "trajectory.fourier": ("FourierSeries",),
     "trajectory.random_excitation": ("random_excitation",),
+    "validation.comparison": ("ParameterComparison", "compare"),
     "validation.prediction": ("ValidationResult", "validate"),
     "workflow.analyze": ("Analysis", "analyze"),
     "workflow.identify": ("Identification", "identify"),

@@ -1,0 +1,169 @@
+"""Two estimates of one robot: what moved between them, and by how many sigmas."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import special  # pyright: ignore[reportMissingTypeStubs]
+
+from dynid.core.arrays import Array, Indices, Mask, read_only
+from dynid.core.notices import Notice
+from dynid.identification.estimate import Estimate
+from dynid.validation.comparable import comparison_warnings, refuse_strangers
+
+GROUPS = ("inertial", "coulomb", "viscous", "motor")
+"""The paper's groups (Fig. 4): friction moves with temperature, the others must not."""
+FALSE_ALARM = 0.01
+"""Chance that a group in which nothing moved is said to have moved."""
+_SYMBOLS = {
+    "Fc": "coulomb",
+    "Fca": "coulomb",
+    "Fs": "coulomb",
+    "Fcm": "coulomb",
+    "Fv": "viscous",
+    "Fva": "viscous",
+    "Fr": "viscous",
+    "Fvm": "viscous",
+    "Im": "motor",
+    "Imm": "motor",
+    "Fo": "offset",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterGroup:
+    """Parameters of one kind, judged together."""
+
+    name: str
+    """One of `GROUPS`, or `offset` where the model has one."""
+    members: tuple[int, ...]
+    """Indices of its base parameters; empty if the model has none."""
+    largest: int | None
+    """The member with the largest |z|."""
+    largest_z: float
+    """Its |z|; 0 for a group without members."""
+    limit_z: float
+    """|z| above which the group has moved: `FALSE_ALARM` shared by its members (Sidak)."""
+    median_change_percent: float
+    """Of the members that both estimates know to better than 100 %; NaN if there are none."""
+
+    @property
+    def moved(self) -> bool:
+        """Whether a member moved by more than chance explains."""
+        return self.largest_z > self.limit_z
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterComparison:
+    """Base parameters of two estimates side by side (paper 3.2, Fig. 4)."""
+
+    names: tuple[str, ...]
+    """(r) names of the base parameters."""
+    units: tuple[str, ...]
+    """(r) their units."""
+    a: Array
+    """(r) values of the first estimate."""
+    b: Array
+    """(r) values of the second."""
+    z: Array
+    """(r) (b - a) / sqrt(std_a^2 + std_b^2), with the deviations that allow for correlation."""
+    change_percent: Array
+    """(r) 100 (b - a) / |a|; NaN where a is zero."""
+    groups: tuple[ParameterGroup, ...]
+    """`GROUPS` in their order, and `offset` where the model has offsets."""
+    warnings: tuple[Notice, ...] = ()
+    """Why the comparison may mislead."""
+
+    def to_json(self) -> dict[str, Any]:
+        """The keys that `dynid compare --json` prints."""
+        rows = zip(self.names, self.units, self.a, self.b, self.change_percent, self.z, strict=True)
+        return {
+            "parameters": [
+                {
+                    "name": name,
+                    "unit": unit,
+                    "a": float(a),
+                    "b": float(b),
+                    "change_percent": float(change),
+                    "z": float(z),
+                }
+                for name, unit, a, b, change, z in rows
+            ],
+            "groups": {group.name: self._group_to_json(group) for group in self.groups},
+            "warnings": [notice.to_json() for notice in self.warnings],
+        }
+
+    def _group_to_json(self, group: ParameterGroup) -> dict[str, Any]:
+        return {
+            "parameters": [self.names[k] for k in group.members],
+            "moved": group.moved,
+            "largest": None if group.largest is None else self.names[group.largest],
+            "largest_z": group.largest_z,
+            "limit_z": group.limit_z,
+            "median_change_percent": group.median_change_percent,
+        }
+
+
+def compare(a: Estimate, b: Estimate) -> ParameterComparison:
+    """Compare two estimates parameter by parameter and group by group.
+
+    The records are taken as independent. What a wrong model does to both alike cancels in the
+    difference; z-scores then follow a standard normal where nothing moved.
+
+    Args:
+        a: The first estimate, such as the cold robot's.
+        b: The second, such as the warm robot's.
+
+    Raises:
+        InputError: Estimates of different robots, mountings, frames, terms or base sets.
+    """
+    refuse_strangers(a, b)
+    difference = b.values - a.values
+    deviation = np.sqrt(np.square(a.std) + np.square(b.std))
+    z = np.divide(difference, deviation, out=np.zeros_like(difference), where=deviation > 0)
+    z[(deviation == 0) & (difference != 0)] = np.inf
+    size = np.abs(a.values)
+    change = np.full_like(size, np.nan)
+    np.divide(100.0 * difference, size, out=change, where=size > 0)
+    known = (a.relative_std_percent < 100.0) & (b.relative_std_percent < 100.0)
+    kinds = [_SYMBOLS.get(name.rstrip("0123456789"), "inertial") for name in a.names]
+    words = (*GROUPS, "offset") if "offset" in kinds else GROUPS
+    return ParameterComparison(
+        names=a.names,
+        units=a.units,
+        a=a.values,
+        b=b.values,
+        z=read_only(z),
+        change_percent=read_only(change),
+        groups=tuple(
+            _group(word, np.flatnonzero([kind == word for kind in kinds]), z, change, known)
+            for word in words
+        ),
+        warnings=comparison_warnings(a, b),
+    )
+
+
+def _group(word: str, members: Indices, z: Array, change: Array, known: Mask) -> ParameterGroup:
+    indices = tuple(int(k) for k in members)
+    if not indices:
+        return ParameterGroup(
+            name=word,
+            members=(),
+            largest=None,
+            largest_z=0.0,
+            limit_z=float("nan"),
+            median_change_percent=float("nan"),
+        )
+    largest = max(indices, key=lambda k: abs(float(z[k])))
+    changes = [float(change[k]) for k in indices if known[k]]
+    share = 1.0 - (1.0 - FALSE_ALARM) ** (1.0 / len(indices))
+    return ParameterGroup(
+        name=word,
+        members=indices,
+        largest=largest,
+        largest_z=abs(float(z[largest])),
+        limit_z=-float(special.ndtri(share / 2.0)),  # pyright: ignore[reportUnknownMemberType, reportUnknownArgumentType]
+        median_change_percent=float(np.median(changes)) if changes else float("nan"),
+    )

@@ -1,0 +1,163 @@
+"""Held to hand formulas, to drawn estimates whose difference is known, and to refusals."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from known_arm import estimate
+from scipy import stats
+
+from dynid.core.errors import InputError
+from dynid.core.notices import Notice
+from dynid.identification.estimate import Estimate
+from dynid.identification.estimate_file import write_estimate
+from dynid.reduction.base import reduce_model
+from dynid.regressor.model import InverseDynamicModel
+from dynid.regressor.terms import parse_terms
+from dynid.robot.load import load_robot
+from dynid.robot.mount import with_mount
+from dynid.validation.comparison import FALSE_ALARM, GROUPS, ParameterComparison, compare
+from dynid.workflow.comparing import compare_files
+
+SIZES = {"inertial": 36, "coulomb": 6, "viscous": 6, "motor": 4}
+"""The composition of the UR5's 52 base parameters (paper 2.1)."""
+
+
+def group(comparison: ParameterComparison, name: str):
+    return next(item for item in comparison.groups if item.name == name)
+
+
+def moved(by: dict[str, float], std: float = 1.0) -> Estimate:
+    """The known estimate with some parameters moved."""
+    base = estimate()
+    values = base.values.copy()
+    for name, step in by.items():
+        values[base.names.index(name)] += step
+    return replace(base, values=values, covariance=std**2 * np.eye(len(values)))
+
+
+def test_z_and_change_follow_their_formulas() -> None:
+    a, b = moved({}, std=3.0), moved({"Fv2": 10.0}, std=4.0)
+    result = compare(a, b)
+    at = result.names.index("Fv2")
+    assert result.z[at] == pytest.approx(10.0 / 5.0, rel=1e-12)
+    assert result.change_percent[at] == pytest.approx(1000.0 / abs(a.values[at]), rel=1e-12)
+    assert np.count_nonzero(result.z) == 1
+
+
+def test_the_deviations_are_those_that_allow_for_correlation() -> None:
+    naive = replace(moved({}), naive_std=np.full(52, 1e-6))
+    assert compare(naive, moved({"Fv1": 1.0})).z.max() == pytest.approx(1 / np.sqrt(2))
+
+
+def test_groups_are_the_papers() -> None:
+    result = compare(estimate(), estimate())
+    assert tuple(item.name for item in result.groups) == GROUPS
+    assert {item.name: len(item.members) for item in result.groups} == SIZES
+    assert not any(item.moved for item in result.groups)
+
+
+@pytest.mark.parametrize(("parameter", "name"), [("Fv3", "viscous"), ("Fc1", "coulomb")])
+def test_only_the_group_that_moved_is_named(parameter: str, name: str) -> None:
+    result = compare(estimate(), moved({parameter: 10.0}))
+    assert [item.name for item in result.groups if item.moved] == [name]
+    largest = group(result, name).largest
+    assert largest is not None
+    assert result.names[largest] == parameter
+
+
+def test_the_limit_keeps_false_alarms_at_their_chance() -> None:
+    random, trials = np.random.default_rng(0), 2000
+    base = estimate()
+    alarms = 0
+    members = [k for item in compare(base, base).groups[:1] for k in item.members]
+    limit = group(compare(base, base), "inertial").limit_z
+    for _ in range(trials):
+        alarms += bool((np.abs(random.standard_normal(len(members))) > limit).any())
+    spread = 4 * np.sqrt(FALSE_ALARM * (1 - FALSE_ALARM) / trials)
+    assert abs(alarms / trials - FALSE_ALARM) < spread
+    chance = 2 * stats.norm.sf(limit)
+    assert 1 - (1 - chance) ** len(members) == pytest.approx(FALSE_ALARM, rel=1e-9)
+
+
+def test_the_median_change_leaves_out_what_nobody_knows() -> None:
+    base = estimate()
+    values, covariance = np.ones(52), 0.01 * np.eye(52)
+    at = base.names.index("Fv1")
+    covariance[at, at] = 4.0
+    a = replace(base, values=values, covariance=covariance)
+    warmer = values.copy()
+    viscous = [base.names.index(f"Fv{j}") for j in range(1, 7)]
+    warmer[viscous] *= 0.75
+    warmer[at] = 50.0
+    result = compare(a, replace(a, values=warmer))
+    assert group(result, "viscous").median_change_percent == pytest.approx(-25.0)
+
+
+def other_model(**changes: object) -> Estimate:
+    base = estimate()
+    values = {"robot": base.model.robot, "frames": "dh", "friction": base.model.friction}
+    model = InverseDynamicModel(**{**values, **changes})  # pyright: ignore[reportArgumentType]
+    found = reduce_model(model)
+    return replace(
+        base,
+        model=model,
+        independent=found.independent,
+        expressions=found.expressions,
+        values=np.ones(found.rank),
+        covariance=np.eye(found.rank),
+        naive_std=np.ones(found.rank),
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        ({"robot": load_robot("ur10")}, "robots"),
+        ({"robot": with_mount(load_robot("ur5"), "wall")}, "mountings"),
+        ({"frames": "mdh"}, "frames"),
+        ({"friction": parse_terms("fc,fv")}, "terms"),
+    ],
+)
+def test_strangers_are_refused_in_one_message(changes: dict[str, object], word: str) -> None:
+    with pytest.raises(InputError, match=rf"differ in .*{word}") as caught:
+        compare(estimate(), other_model(**changes))
+    assert caught.value.exit_code == 2
+    assert "\n" not in str(caught.value)
+
+
+def test_other_base_sets_are_refused() -> None:
+    base = estimate()
+    shorter = replace(
+        base,
+        independent=base.independent[:-1],
+        expressions=base.expressions[:-1],
+        values=base.values[:-1],
+        covariance=np.eye(51),
+        naive_std=np.ones(51),
+    )
+    with pytest.raises(InputError, match="base sets"):
+        compare(base, shorter)
+
+
+def test_warnings_of_either_estimate_are_passed_on() -> None:
+    doubtful = replace(estimate(), warnings=(Notice("ill_conditioned", "really"),))
+    result = compare(estimate(), doubtful)
+    assert [notice.code for notice in result.warnings] == ["ill_conditioned"]
+    assert "second" in result.warnings[0].message
+
+
+def test_files_give_the_same_and_the_keys_are_the_contract(tmp_path: Path) -> None:
+    paths = [tmp_path / "a.json", tmp_path / "b.json"]
+    pair = (moved({}), moved({"Fv4": 20.0}))
+    for path, one in zip(paths, pair, strict=True):
+        write_estimate(one, path)
+    data = compare_files(*paths).to_json()
+    assert data["parameters"] == compare(*pair).to_json()["parameters"]
+    assert set(data["groups"]) == set(GROUPS)
+    assert {"name", "a", "b", "change_percent", "z"} <= set(data["parameters"][0])
+    assert json.dumps(data)
