@@ -1,0 +1,1 @@
+"""What UR controllers say on the wire: codecs without sockets, for both sides."""

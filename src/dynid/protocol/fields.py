@@ -1,0 +1,147 @@
+"""The variables of RTDE: names, types, directions, and the software that has them.
+
+From the table in Universal Robots' RTDE guide; the undocumented `tool_digital_output*` inputs
+are those that ur_rtde and the UR client library write.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+Version = tuple[int, int, int]
+"""Major, minor and bugfix number of a controller's software."""
+
+
+class DataType(Enum):
+    """Types of variables: the name on the wire, the `struct` code, how many numbers."""
+
+    BOOL = ("BOOL", "?", 1)
+    UINT8 = ("UINT8", "B", 1)
+    UINT32 = ("UINT32", "I", 1)
+    UINT64 = ("UINT64", "Q", 1)
+    INT32 = ("INT32", "i", 1)
+    DOUBLE = ("DOUBLE", "d", 1)
+    VECTOR3D = ("VECTOR3D", "d", 3)
+    VECTOR6D = ("VECTOR6D", "d", 6)
+    VECTOR6INT32 = ("VECTOR6INT32", "i", 6)
+    VECTOR6UINT32 = ("VECTOR6UINT32", "I", 6)
+
+    @property
+    def code(self) -> str:
+        """The `struct` and NumPy code of one number."""
+        return self.value[1]
+
+    @property
+    def count(self) -> int:
+        """How many numbers it holds."""
+        return self.value[2]
+
+
+TYPES: dict[str, DataType] = {kind.name: kind for kind in DataType}
+NOT_FOUND, IN_USE = "NOT_FOUND", "IN_USE"
+"""What the controller answers in the place of a type: no such variable; another client has it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One variable."""
+
+    name: str
+    """Its name in recipes."""
+    type: DataType
+    """What it holds."""
+    since_cb: Version | None
+    """The first software with it on CB-Series controllers (major 3); None: none has it."""
+    since_e: Version | None
+    """The first software with it on e-Series controllers (major 5 and later); None: none."""
+
+    def exists_in(self, version: Version) -> bool:
+        """Whether software of this version has the variable."""
+        since = self.since_cb if version[0] < _FIRST_E_SERIES else self.since_e
+        return since is not None and version >= since
+
+
+_FIRST_E_SERIES = 5
+_RTDE: tuple[Version, Version] = ((3, 0, 0), (5, 0, 0))
+_REGISTERS, _UPPER_REGISTERS = ((3, 4, 0), (5, 0, 0)), ((3, 9, 0), (5, 3, 0))
+_ALWAYS: dict[DataType, str] = {
+    DataType.DOUBLE: """timestamp actual_execution_time speed_scaling target_speed_fraction
+        actual_momentum actual_main_voltage actual_robot_voltage actual_robot_current
+        standard_analog_input0 standard_analog_input1 standard_analog_output0
+        standard_analog_output1 io_current euromap67_24V_voltage euromap67_24V_current
+        tool_analog_input0 tool_analog_input1 tool_output_current tool_temperature
+        tcp_force_scalar""",
+    DataType.VECTOR6D: """target_q target_qd target_qdd target_current target_moment actual_q
+        actual_qd actual_current joint_control_output actual_TCP_pose actual_TCP_speed
+        actual_TCP_force target_TCP_pose target_TCP_speed joint_temperatures
+        actual_joint_voltage actual_current_window tcp_offset""",
+    DataType.VECTOR3D: "actual_tool_accelerometer",
+    DataType.VECTOR6INT32: "joint_mode",
+    DataType.INT32: "robot_mode safety_mode tool_output_voltage",
+    DataType.UINT32: """runtime_state robot_status_bits safety_status_bits analog_io_types
+        euromap67_input_bits euromap67_output_bits tool_mode tool_analog_input_types""",
+    DataType.UINT64: "actual_digital_input_bits actual_digital_output_bits",
+}
+_LATER: tuple[tuple[str, DataType, Version | None, Version | None], ...] = (
+    ("elbow_position", DataType.VECTOR3D, (3, 5, 0), (5, 0, 0)),
+    ("elbow_velocity", DataType.VECTOR3D, (3, 5, 0), (5, 0, 0)),
+    ("safety_status", DataType.INT32, (3, 10, 0), (5, 4, 0)),
+    ("payload", DataType.DOUBLE, (3, 11, 0), (5, 5, 1)),
+    ("payload_cog", DataType.VECTOR3D, (3, 11, 0), (5, 5, 1)),
+    ("payload_inertia", DataType.VECTOR6D, (3, 15, 0), (5, 11, 0)),
+    ("script_control_line", DataType.UINT32, (3, 14, 0), (5, 9, 0)),
+    ("ft_raw_wrench", DataType.VECTOR6D, None, (5, 9, 0)),
+    ("joint_position_deviation_ratio", DataType.DOUBLE, None, (5, 0, 0)),
+    ("collision_detection_ratio", DataType.DOUBLE, None, (5, 15, 0)),
+    ("time_scale_source", DataType.INT32, None, (5, 17, 0)),
+    ("tool_output_mode", DataType.UINT8, None, (5, 2, 0)),
+    ("tool_digital_output0_mode", DataType.UINT8, None, (5, 2, 0)),
+    ("tool_digital_output1_mode", DataType.UINT8, None, (5, 2, 0)),
+    ("actual_current_as_torque", DataType.VECTOR6D, None, (5, 23, 0)),
+)
+_INPUTS: dict[DataType, str] = {
+    DataType.UINT32: "speed_slider_mask",
+    DataType.DOUBLE: "speed_slider_fraction standard_analog_output_0 standard_analog_output_1",
+    DataType.UINT8: """standard_digital_output_mask standard_digital_output
+        configurable_digital_output_mask configurable_digital_output
+        standard_analog_output_mask standard_analog_output_type
+        tool_digital_output_mask tool_digital_output""",
+    DataType.VECTOR6D: "external_force_torque",
+}
+_COUNT, _LOWER = 48, 24
+
+
+def _registers(side: str) -> list[Field]:
+    """The general purpose registers of one side, `input` or `output`."""
+    found = [
+        Field(f"{side}_bit_registers{bits}", DataType.UINT32, *_RTDE)
+        for bits in ("0_to_31", "32_to_63")
+    ]
+    found += [
+        Field(f"{side}_bit_register_{k}", DataType.BOOL, *_UPPER_REGISTERS) for k in range(64, 128)
+    ]
+    for kind, type_ in (("int", DataType.INT32), ("double", DataType.DOUBLE)):
+        for k in range(_COUNT):
+            since = _REGISTERS if k < _LOWER else _UPPER_REGISTERS
+            found.append(Field(f"{side}_{kind}_register_{k}", type_, *since))
+    return found
+
+
+def _same(table: dict[DataType, str]) -> list[Field]:
+    """Fields that every controller with RTDE has."""
+    return [Field(name, type_, *_RTDE) for type_, names in table.items() for name in names.split()]
+
+
+OUTPUTS: dict[str, Field] = {
+    field.name: field
+    for field in (
+        *_same(_ALWAYS),
+        *(Field(*row) for row in _LATER),
+        *_registers("output"),
+        *_registers("input"),
+    )
+}
+"""What a client can ask the controller to send, by name. Input registers can be read back."""
+INPUTS: dict[str, Field] = {field.name: field for field in (*_same(_INPUTS), *_registers("input"))}
+"""What a client can write, by name."""
