@@ -80,7 +80,7 @@ class Recipe:
             raise ProtocolError("a recipe with a repeated variable has no table", value=self.names)
         return np.dtype(
             [
-                (name, f">{kind.code}{_BYTES[kind.code]}", (kind.count,) if kind.count > 1 else ())
+                (name, f">{kind.code}", (kind.count,) if kind.count > 1 else ())
                 for name, kind in zip(self.names, self.types, strict=True)
             ]
         )
@@ -156,6 +156,3 @@ class Recipe:
             raise ProtocolError(
                 "a data package belongs to another recipe", value=payload[0], limit=self.number
             )
-
-
-_BYTES = {"d": 8, "i": 4, "I": 4, "Q": 8, "B": 1, "?": 1}

@@ -1,0 +1,152 @@
+"""Messages against bytes laid out by hand from the guide, and against their own inverse."""
+
+import contextlib
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dynid.protocol import rtde
+from dynid.protocol.fields import INPUTS, OUTPUTS, DataType
+from dynid.protocol.framing import Framer, Kind, ProtocolError
+from dynid.protocol.recipe import Recipe
+
+
+def payload_of(packet: bytes) -> bytes:
+    (found,) = Framer().feed(packet)
+    return found.payload
+
+
+def test_requests_are_the_bytes_of_the_guide():
+    assert rtde.request_protocol(2) == b"\x00\x05V\x00\x02"
+    assert rtde.request_software_version() == b"\x00\x03v"
+    assert rtde.request_start() == b"\x00\x03S"
+    assert rtde.request_pause() == b"\x00\x03P"
+    assert rtde.request_outputs(["a", "b"], None) == b"\x00\x06Oa,b"
+    assert (
+        rtde.request_outputs(["a", "b"], 125.0) == b"\x00\x0eO" + struct.pack(">d", 125.0) + b"a,b"
+    )
+    assert rtde.request_inputs(["a"]) == b"\x00\x04Ia"
+
+
+def test_answers_are_the_bytes_of_the_guide():
+    assert rtde.answer(Kind.START, True) == b"\x00\x04S\x01"
+    assert rtde.answer_software_version(3, 15, 8, 106339) == b"\x00\x13v" + struct.pack(
+        ">4I", 3, 15, 8, 106339
+    )
+    assert rtde.answer_setup(Kind.SETUP_INPUTS, ["INT32"], 7) == b"\x00\x09I\x07INT32"
+    assert rtde.answer_setup(Kind.SETUP_OUTPUTS, ["INT32"], None) == b"\x00\x08OINT32"
+
+
+@pytest.mark.parametrize("protocol", rtde.PROTOCOLS)
+def test_setups_return_to_what_was_asked(protocol):
+    frequency = None if protocol == 1 else 250.0
+    packet = payload_of(rtde.request_outputs(["timestamp", "actual_q", ""], frequency))
+    setup = rtde.read_output_setup(packet, protocol)
+    assert setup == rtde.OutputSetup(("timestamp", "actual_q"), frequency)
+    number = None if protocol == 1 else 1
+    reply = payload_of(rtde.answer_setup(Kind.SETUP_OUTPUTS, ["DOUBLE", "VECTOR6D"], number))
+    assert rtde.read_setup_answer(Kind.SETUP_OUTPUTS, reply, protocol) == (
+        number,
+        ("DOUBLE", "VECTOR6D"),
+    )
+
+
+def test_text_messages_of_both_protocols():
+    message = rtde.TextMessage("stop", "script", rtde.Level.ERROR)
+    assert rtde.text_message(message, 2) == b"\x00\x10M\x04stop\x06script\x01"
+    assert rtde.text_message(message, 1) == b"\x00\x08M\x01stop"
+    assert rtde.read_text_message(payload_of(rtde.text_message(message, 2)), 2) == message
+    in_one = rtde.read_text_message(payload_of(rtde.text_message(message, 1)), 1)
+    assert in_one == rtde.TextMessage("stop", "", rtde.Level.ERROR)
+    from_client = rtde.text_message(message, 1, from_client=True)
+    assert rtde.read_text_message(payload_of(from_client), 1, from_client=True) == message
+
+
+@given(junk=st.binary(max_size=40), protocol=st.sampled_from(rtde.PROTOCOLS))
+def test_junk_is_read_or_refused_in_words(junk, protocol):
+    for read in (
+        lambda: rtde.read_text_message(junk, protocol),
+        lambda: rtde.read_output_setup(junk, protocol),
+        lambda: rtde.read_names(junk),
+        lambda: rtde.read_protocol_request(junk),
+        lambda: rtde.read_software_version(junk),
+        lambda: rtde.read_setup_answer(Kind.SETUP_INPUTS, junk, protocol),
+        lambda: rtde.read_answer(junk),
+    ):
+        # Whatever else it raises fails the test.
+        with contextlib.suppress(ProtocolError):
+            read()
+
+
+ONE_OF_EACH = ("VECTOR6D", "BOOL", "UINT8", "INT32", "UINT64", "VECTOR3D", "UINT32", "VECTOR6INT32")
+NUMBERS = (0.1, -2.0, 3.0, 4.0, 5.0, 6.5, True, 200, -7, 2**40, 1.0, 2.0, 3.0, 2**31, *range(-3, 3))
+
+
+def test_a_data_package_is_packed_big_endian_in_order():
+    recipe = Recipe.of("abcdefgh", ONE_OF_EACH, 3)
+    expected = b"\x03" + struct.pack(">6d?BiQ3dI6i", *NUMBERS)
+    assert recipe.pack_numbers(NUMBERS) == expected
+    assert payload_of(recipe.packet(NUMBERS)) == expected
+    assert recipe.numbers(expected) == NUMBERS
+    values = recipe.unpack(expected)
+    assert values["a"] == NUMBERS[:6]
+    assert values["e"] == 2**40
+    assert recipe.pack(values) == expected
+
+
+def test_protocol_one_sends_values_alone():
+    recipe = Recipe.of(["a"], ["DOUBLE"], None)
+    assert recipe.pack({"a": 1.5}) == struct.pack(">d", 1.5)
+    assert recipe.unpack(struct.pack(">d", 1.5)) == {"a": 1.5}
+
+
+def test_many_packages_become_a_table():
+    recipe = Recipe.of("abcdefgh", ONE_OF_EACH, 3)
+    rows = recipe.table([recipe.pack_numbers(NUMBERS)] * 2)
+    assert rows.shape == (2,)
+    np.testing.assert_array_equal(rows["a"][1], NUMBERS[:6])
+    assert rows["e"][0] == 2**40
+    assert rows["a"].dtype.isnative
+
+
+def test_refused_variables_are_named():
+    with pytest.raises(ProtocolError, match=r"c NOT_FOUND.*no such variable"):
+        Recipe.of(["a", "c"], ["DOUBLE", "NOT_FOUND"])
+    with pytest.raises(ProtocolError, match="1 types; allowed: 2 variables"):
+        Recipe.of(["a", "c"], ["DOUBLE"])
+
+
+def test_packages_of_another_recipe_are_refused():
+    recipe = Recipe.of(["a"], ["DOUBLE"], 1)
+    with pytest.raises(ProtocolError, match="another recipe; got 2"):
+        recipe.unpack(b"\x02" + bytes(8))
+    with pytest.raises(ProtocolError, match="10 bytes; allowed: 9 bytes"):
+        recipe.table([bytes(10)])
+    with pytest.raises(ProtocolError, match="do not fit"):
+        recipe.pack_numbers([1.0, 2.0])
+
+
+def test_every_type_packs_what_it_counts():
+    for kind in DataType:
+        assert Recipe(("x",), (kind,), None).size == struct.calcsize(f">{kind.count}{kind.code}")
+        table = np.zeros(1, Recipe(("x",), (kind,), None).dtype)
+        assert table.dtype.itemsize == Recipe(("x",), (kind,), None).size
+
+
+def test_the_variables_of_the_guide_by_version():
+    cb_2015, cb_last, e_first, e_last = (3, 4, 5), (3, 15, 8), (5, 0, 0), (5, 12, 0)
+    has = lambda name, version: OUTPUTS[name].exists_in(version)  # noqa: E731
+    assert has("actual_q", cb_2015)
+    assert has("output_int_register_0", cb_2015)
+    assert not has("output_int_register_24", cb_2015)
+    assert has("output_int_register_24", cb_last)
+    assert has("payload_inertia", cb_last)
+    assert not has("payload_inertia", e_first)
+    assert has("ft_raw_wrench", e_last)
+    assert not has("ft_raw_wrench", cb_last)
+    assert not has("actual_current_as_torque", e_last)
+    assert has("actual_current_as_torque", (10, 11, 0))
+    assert len([name for name in INPUTS if "register" in name]) == 2 + 64 + 2 * 48
