@@ -14,6 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from dynid.core.arrays import Array
+from dynid.regressor.steps import Width, smooth_sign, smooth_slope
 from dynid.regressor.terms import PAPER_WIDTH, STRIBECK_VELOCITY
 from dynid.robot.model import RobotModel
 
@@ -39,6 +40,27 @@ class ColumnBlock(ABC):
     def fill(self, robot: RobotModel, dq: Array, ddq: Array, out: Array) -> None:
         """Write the columns for dq, ddq (n, N) into out (k, n, N), which is zero."""
 
+    @abstractmethod
+    def pull(
+        self,
+        robot: RobotModel,
+        dq: Array,
+        ddq: Array,
+        weights: Array,
+        dq_bar: Array,
+        ddq_bar: Array,
+    ) -> None:
+        """Add the derivative of sum(weights * columns) by dq and ddq.
+
+        Args:
+            robot: The robot.
+            dq: (n, N) velocities.
+            ddq: (n, N) accelerations.
+            weights: (k, n, N).
+            dq_bar: (n, N) added to.
+            ddq_bar: (n, N) added to.
+        """
+
 
 @dataclass(frozen=True, kw_only=True)
 class JointColumns(ColumnBlock):
@@ -54,6 +76,10 @@ class JointColumns(ColumnBlock):
     def values(self, dq: Array, ddq: Array) -> Array:
         """(n, N) the entries for dq, ddq (n, N)."""
 
+    @abstractmethod
+    def slope(self, dq: Array) -> Array | float:
+        """(n, N) derivative of the entries by dq, or by ddq for columns of `power` 2."""
+
     def columns(self, robot: RobotModel) -> tuple[Column, ...]:
         """See `ColumnBlock`."""
         return tuple(
@@ -66,6 +92,21 @@ class JointColumns(ColumnBlock):
         rows = list(self._rows(robot))
         out[np.arange(len(rows)), rows] = self.values(dq, ddq)[rows]
 
+    def pull(
+        self,
+        robot: RobotModel,
+        dq: Array,
+        ddq: Array,
+        weights: Array,
+        dq_bar: Array,
+        ddq_bar: Array,
+    ) -> None:
+        """See `ColumnBlock`."""
+        slope = np.broadcast_to(self.slope(dq), dq.shape)
+        target = ddq_bar if self.power == 2 else dq_bar
+        for k, row in enumerate(self._rows(robot)):
+            target[row] += weights[k, row] * slope[row]
+
     def _rows(self, robot: RobotModel) -> tuple[int, ...]:
         return tuple(range(robot.joints)) if self.joints is None else self.joints
 
@@ -75,10 +116,6 @@ def unit(power: int, prismatic: bool) -> str:
     angular = {0: "N.m", 1: "N.m.s/rad", 2: "kg.m^2", -3: "N.m.(s/rad)^(1/3)"}
     linear = {0: "N", 1: "N.s/m", 2: "kg", -3: "N.(s/m)^(1/3)"}
     return (linear if prismatic else angular)[power]
-
-
-Width = float | tuple[float, ...]
-"""One width for all joints, or one a joint [rad/s or m/s]; 0 gives the sign."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +129,10 @@ class Coulomb(JointColumns):
         """See `JointColumns`."""
         return smooth_sign(dq, self.width)
 
+    def slope(self, dq: Array) -> Array | float:
+        """See `JointColumns`."""
+        return smooth_slope(dq, self.width)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Viscous(JointColumns):
@@ -103,6 +144,10 @@ class Viscous(JointColumns):
     def values(self, dq: Array, ddq: Array) -> Array:
         """See `JointColumns`."""
         return dq
+
+    def slope(self, dq: Array) -> Array | float:
+        """See `JointColumns`."""
+        return 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,6 +161,10 @@ class MotorInertia(JointColumns):
         """See `JointColumns`."""
         return ddq
 
+    def slope(self, dq: Array) -> Array | float:
+        """See `JointColumns`."""
+        return 1.0
+
 
 @dataclass(frozen=True, kw_only=True)
 class Offset(JointColumns):
@@ -126,6 +175,10 @@ class Offset(JointColumns):
     def values(self, dq: Array, ddq: Array) -> Array:
         """See `JointColumns`."""
         return np.ones_like(dq)
+
+    def slope(self, dq: Array) -> Array | float:
+        """See `JointColumns`."""
+        return 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,6 +192,10 @@ class CoulombAsymmetry(JointColumns):
         """See `JointColumns`."""
         return np.abs(smooth_sign(dq, self.width))
 
+    def slope(self, dq: Array) -> Array | float:
+        """See `JointColumns`."""
+        return np.sign(dq) * smooth_slope(dq, self.width)
+
 
 @dataclass(frozen=True, kw_only=True)
 class ViscousAsymmetry(JointColumns):
@@ -150,6 +207,10 @@ class ViscousAsymmetry(JointColumns):
     def values(self, dq: Array, ddq: Array) -> Array:
         """See `JointColumns`."""
         return np.abs(dq)
+
+    def slope(self, dq: Array) -> Array | float:
+        """See `JointColumns`."""
+        return np.sign(dq)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,6 +226,12 @@ class Stribeck(JointColumns):
         """See `JointColumns`."""
         return np.exp(-np.square(dq / self.velocity)) * smooth_sign(dq, self.width)
 
+    def slope(self, dq: Array) -> Array | float:
+        """See `JointColumns`."""
+        bell = np.exp(-np.square(dq / self.velocity))
+        fall = 2.0 * dq / self.velocity**2 * smooth_sign(dq, self.width)
+        return bell * (smooth_slope(dq, self.width) - fall)
+
 
 @dataclass(frozen=True, kw_only=True)
 class CubeRoot(JointColumns):
@@ -177,12 +244,8 @@ class CubeRoot(JointColumns):
         """See `JointColumns`."""
         return np.cbrt(dq)
 
-
-def smooth_sign(dq: Array, width: Width) -> Array:
-    """tanh(dq / width) for dq (n, N) or (N), the sign where the width is 0."""
-    if not isinstance(width, tuple):
-        return np.tanh(dq / width) if width > 0 else np.sign(dq)
-    out = np.empty_like(dq)
-    for j, one in enumerate(width):
-        out[j] = smooth_sign(dq[j], one)
-    return out
+    def slope(self, dq: Array) -> Array | float:
+        """See `JointColumns`."""
+        # Infinite at rest, where nothing can use it: zero there.
+        root = np.square(np.cbrt(dq))
+        return np.divide(1.0, 3.0 * root, out=np.zeros_like(dq), where=root > 0)

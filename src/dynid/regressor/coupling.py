@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynid.core.arrays import Array
-from dynid.regressor.blocks import Column, ColumnBlock, Width, smooth_sign, unit
+from dynid.regressor.blocks import Column, ColumnBlock, unit
+from dynid.regressor.steps import Width, smooth_sign, smooth_slope
 from dynid.regressor.terms import PAPER_WIDTH
 from dynid.robot.model import RobotModel
 
@@ -34,14 +35,36 @@ class Coupling(ColumnBlock):
     def fill(self, robot: RobotModel, dq: Array, ddq: Array, out: Array) -> None:
         """See `ColumnBlock`."""
         rows = coupled_motors(robot)
-        ratio = robot.drives.motor_from_joint
         for k, m in enumerate(rows):
-            share = ratio[m] / ratio[m, m]
+            share, width = self._motor(robot, m)
             speed = share @ dq
-            width = self.width[m] if isinstance(self.width, tuple) else self.width
             terms = (smooth_sign(speed, width), speed, share @ ddq)
             for block, term in enumerate(terms):
                 out[block * len(rows) + k] = share[:, None] * term
+
+    def pull(
+        self,
+        robot: RobotModel,
+        dq: Array,
+        ddq: Array,
+        weights: Array,
+        dq_bar: Array,
+        ddq_bar: Array,
+    ) -> None:
+        """See `ColumnBlock`."""
+        rows = coupled_motors(robot)
+        for k, m in enumerate(rows):
+            share, width = self._motor(robot, m)
+            coulomb, viscous, inertia = (share @ weights[b * len(rows) + k] for b in range(3))
+            speed_bar = coulomb * smooth_slope(share @ dq, width) + viscous
+            dq_bar += share[:, None] * speed_bar
+            ddq_bar += share[:, None] * inertia
+
+    def _motor(self, robot: RobotModel, motor: int) -> tuple[Array, float]:
+        """The motor's turns per joint turn (n), its own joint 1, and its Coulomb width."""
+        ratio = robot.drives.motor_from_joint[motor]
+        width = self.width[motor] if isinstance(self.width, tuple) else self.width
+        return ratio / ratio[motor], width
 
 
 def coupled_motors(robot: RobotModel) -> tuple[int, ...]:

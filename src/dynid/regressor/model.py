@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -62,6 +62,16 @@ class InverseDynamicModel:
         object.__setattr__(self, "blocks", blocks)
         object.__setattr__(self, "columns", inertial + added)
         object.__setattr__(self, "constants", chain_constants(robot, frames))
+
+    def with_coulomb_width(self, width: float) -> InverseDynamicModel:
+        """The same model with Coulomb steps of another width [rad/s or m/s].
+
+        A wider step has a slope that an optimiser can follow.
+
+        Raises:
+            InputError: A width below 0.
+        """
+        return replace(self, friction=replace(self.friction, width=width))
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -1,0 +1,98 @@
+"""Exact derivatives of torques and of the regressor by the motion, batched over samples.
+
+Reverse mode: a weighted sum is differentiated by all positions, velocities and accelerations in
+one pass, whatever the weights. Coulomb steps of the paper's width have slopes that say little;
+`InverseDynamicModel.with_coulomb_width` gives a model with wider ones.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.core.errors import InputError
+from dynid.regressor.adjoint_torque import torque_pullback
+from dynid.regressor.inertial import LANES
+from dynid.regressor.model import InverseDynamicModel
+
+Gradient = tuple[Array, Array, Array]
+"""Derivatives by q, dq and ddq, each (N, n)."""
+
+
+def torque_adjoint(
+    model: InverseDynamicModel,
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    parameters: Array,
+    multipliers: Array,
+) -> Gradient:
+    """The gradient of sum(multipliers * inverse_dynamics(q, dq, ddq, parameters)).
+
+    Args:
+        model: The inverse dynamic model.
+        q: (N, n) positions [rad or m].
+        dq: (N, n) velocities.
+        ddq: (N, n) accelerations.
+        parameters: (p) standard parameters.
+        multipliers: (N, n) weight of each torque.
+
+    Returns:
+        Derivatives by q, dq and ddq, each (N, n).
+
+    Raises:
+        InputError: Shapes that do not fit the model or each other.
+    """
+    n = model.robot.joints
+    samples = len(q)
+    _check("parameters", parameters, (len(model.columns),))
+    _check("multipliers", multipliers, (samples, n))
+    state = _state(model, q, dq, ddq)
+    weights = np.zeros((n, state.shape[2]))
+    weights[:, :samples] = multipliers.T
+    out = np.zeros(state.shape)
+    constants = model.constants
+    torque_pullback(
+        constants.geometry,
+        constants.screws,
+        constants.gravity,
+        np.array(parameters[: 10 * n], dtype=np.float64).reshape(n, 10),
+        state,
+        weights,
+        out,
+    )
+    # One term of the weighted sum for each column: its parameter times the multipliers.
+    _pull_blocks(model, state, parameters[10 * n :, None, None] * weights, out)
+    return _by_sample(out, samples)
+
+
+def _state(model: InverseDynamicModel, q: Array, dq: Array, ddq: Array) -> Array:
+    """(3, n, N) q, dq, ddq, at rest where samples are missing to fill the lanes."""
+    n, samples = model.robot.joints, len(q)
+    for name, array in (("q", q), ("dq", dq), ("ddq", ddq)):
+        _check(name, array, (samples, n))
+    state = np.zeros((3, n, max(samples, LANES)))
+    for part, array in zip(state, (q, dq, ddq), strict=True):
+        part[:, :samples] = array.T
+    return state
+
+
+def _pull_blocks(model: InverseDynamicModel, state: Array, weights: Array, out: Array) -> None:
+    """Add what the columns beside the inertial ones give; weights (p - 10 n, n, N)."""
+    first = 0
+    for block in model.blocks:
+        count = len(block.columns(model.robot))
+        part = weights[first : first + count]
+        block.pull(model.robot, state[1], state[2], part, out[1], out[2])
+        first += count
+
+
+def _by_sample(out: Array, samples: int) -> Gradient:
+    q_bar, dq_bar, ddq_bar = (np.array(part[:, :samples].T, order="C") for part in out)
+    return q_bar, dq_bar, ddq_bar
+
+
+def _check(name: str, array: Array, shape: tuple[int, ...]) -> None:
+    # The compiled kernels trust their shapes: they would read beyond shorter arrays.
+    if array.shape != shape:
+        raise InputError(f"{name} does not fit", value=array.shape, limit=shape)
