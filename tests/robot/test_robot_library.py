@@ -142,7 +142,7 @@ def _same(a: object, b: object) -> bool:
         return a.keys() == b.keys() and all(_same(a[k], b[k]) for k in a)  # type: ignore[attr-defined,index]
     if isinstance(a, tuple):
         return len(a) == len(b) and all(map(_same, a, b))  # type: ignore[arg-type]
-    return a == b
+    return a == b or (a != a and b != b)  # NaN is an unknown number
 
 
 @pytest.mark.parametrize("name", ["ur5", str(EXAMPLES / "tx40.toml")])

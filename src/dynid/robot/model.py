@@ -15,6 +15,7 @@ from dynid.robot.capsule import Capsule
 from dynid.robot.counterbalance import Counterbalance
 from dynid.robot.drives import Drives
 from dynid.robot.limits import JointLimits
+from dynid.robot.safety import SafetyLimits
 
 FRAMES = ("dh", "mdh", "urdf")
 STANDARD_GRAVITY = 9.80665
@@ -61,6 +62,8 @@ class RobotModel:
     """Springs and cylinders whose torque is known."""
     capsules: tuple[Capsule, ...] = ()
     """Self-collision shapes."""
+    safety: SafetyLimits = field(default_factory=SafetyLimits)
+    """Limits of the whole arm, as its controller watches them."""
     locked: Mapping[str, float] = field(default_factory=dict[str, float])
     """Joints frozen into the links, and where [rad or m]."""
     notes: tuple[str, ...] = ()
@@ -105,6 +108,8 @@ class RobotModel:
             raise RobotError("a counterbalance acts on no joint of this robot", where=self.name)
         if any(item.link > n for item in self.capsules):
             raise RobotError("a capsule is fixed in no link of this robot", where=self.name)
+        if self.safety.elbow > n:
+            raise RobotError("the elbow is no joint of this robot", where=self.name)
 
     def __reduce__(self) -> tuple[Callable[[dict[str, Any]], RobotModel], tuple[dict[str, Any]]]:
         # Read-only mappings cannot be pickled, and worker processes get robots by pickle.

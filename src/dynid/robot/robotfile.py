@@ -8,6 +8,7 @@
     [urdf_frames] xyz, rpy                     where the `urdf` frames stand in the joint frames
     [mount] kind | gravity
     [limits] lower, upper, velocity, acceleration, torque
+    [safety] tcp_speed, elbow_speed, momentum, power, elbow       elbow: a joint's name
     [drives] gain, gear_ratio, coupling, offset, position_side, torque_side
     [inertia] frames, mass, com, tensor        tensor: Jxx Jyy Jzz Jyz Jxz Jxy about the com
     [[counterbalance]] joint, outer, inner, rest_length, offset, piston_area, gas_work, gas_volume
@@ -38,6 +39,7 @@ from dynid.robot.robotfile_parts import (
     read_inertias,
     read_limits,
     read_mount,
+    read_safety,
 )
 from dynid.robot.tables import Table, locked_joints, parse_toml, tables
 from dynid.robot.transforms import from_xyz_rpy
@@ -48,7 +50,7 @@ MAX_BYTES = 1_000_000
 
 _TOP = (
     "name", "joint_names", "frames", "urdf", "tip", "locked", "dh", "joint", "base", "flange",
-    "urdf_frames", "mount", "limits", "drives", "inertia", "counterbalance", "capsule",
+    "urdf_frames", "mount", "limits", "safety", "drives", "inertia", "counterbalance", "capsule",
 )  # fmt: skip
 _TYPES = ("revolute", "prismatic")
 
@@ -72,6 +74,7 @@ def robot_from_toml(data: bytes, path: Path) -> RobotModel:
         for name, read in (
             ("mount", read_mount),
             ("limits", read_limits),
+            ("safety", read_safety),
             ("drives", read_drives),
             ("inertia", read_inertias),
             ("counterbalance", read_counterbalances),

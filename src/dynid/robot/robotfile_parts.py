@@ -19,6 +19,7 @@ from dynid.robot.inertia import from_body, move
 from dynid.robot.limits import JointLimits
 from dynid.robot.model import RobotModel
 from dynid.robot.mount import mount_gravity
+from dynid.robot.safety import SafetyLimits
 from dynid.robot.tables import Table, tables
 
 Part = tuple[dict[str, Any], list[str]]
@@ -28,6 +29,7 @@ _SIDES = ("joint", "motor")
 _BODY_FRAMES = ("dh", "mdh", "urdf", "joint")
 _LIMITS = ("lower", "upper", "velocity", "acceleration", "torque")
 _CYLINDER = ("outer", "inner", "rest_length", "offset", "piston_area", "gas_work", "gas_volume")
+_SAFETY = ("tcp_speed", "elbow_speed", "momentum", "power")
 _STRONGEST = 30.0
 
 
@@ -58,6 +60,17 @@ def read_limits(values: object, robot: RobotModel) -> Part:
         for key in _LIMITS
     }
     return {"limits": JointLimits(**found)}, table.sources("limits")
+
+
+def read_safety(values: object, robot: RobotModel) -> Part:
+    """The table `safety`; `elbow` is the joint at whose `urdf` frame the elbow is."""
+    table = Table(values, "", "safety", (*_SAFETY, "elbow"))
+    found: dict[str, Any] = {key: table.number(key) for key in _SAFETY if key in table}
+    if "elbow" in table:
+        found["elbow"] = 1 + robot.joint_names.index(table.text("elbow", robot.joint_names))
+    elif "elbow_speed" in table:
+        raise RobotError("'elbow_speed' needs 'elbow', the name of a joint")
+    return {"safety": SafetyLimits(**found)}, table.sources("safety")
 
 
 def read_drives(values: object, robot: RobotModel) -> Part:

@@ -16,6 +16,7 @@ from dynid.robot.counterbalance import Counterbalance
 from dynid.robot.drives import Drives
 from dynid.robot.limits import JointLimits
 from dynid.robot.model import RobotModel
+from dynid.robot.safety import SafetyLimits
 
 
 def robot_to_json(robot: RobotModel) -> dict[str, Any]:
@@ -54,6 +55,7 @@ def robot_to_json(robot: RobotModel) -> dict[str, Any]:
             }
             for item in robot.capsules
         ],
+        "safety": {key: _null(value) for key, value in asdict(robot.safety).items()},
         "locked": dict(robot.locked),
         "notes": list(robot.notes),
         "source": robot.source,
@@ -93,6 +95,8 @@ def robot_from_json(data: Mapping[str, Any]) -> RobotModel:
             flange=_array(data["flange"]),
             counterbalances=tuple(Counterbalance(**spring) for spring in data["counterbalances"]),
             capsules=tuple(Capsule(**item) for item in data["capsules"]),
+            # Files of the first versions know no safety limits.
+            safety=_safety(data.get("safety", {})),
             locked={str(k): float(v) for k, v in data["locked"].items()},
             notes=tuple(str(note) for note in data["notes"]),
             source=str(data["source"]),
@@ -103,6 +107,11 @@ def robot_from_json(data: Mapping[str, Any]) -> RobotModel:
         raise RobotError(
             "the robot stored in this file cannot be read", value=f"{type(error).__name__}: {error}"
         ) from error
+
+
+def _safety(data: Mapping[str, Any]) -> SafetyLimits:
+    numbers = {key: _number(value) for key, value in data.items() if key != "elbow"}
+    return SafetyLimits(elbow=int(data.get("elbow", 0)), **numbers)
 
 
 def _listed(array: Array) -> Any:
