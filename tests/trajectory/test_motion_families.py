@@ -4,18 +4,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynid.core.errors import InputError
+from dynid.trajectory.bspline import BSplineFamily
+from dynid.trajectory.families import FAMILY_NAMES, motion_family
 from dynid.trajectory.family import MotionFamily
 from dynid.trajectory.fourier_family import FourierFamily, ModifiedFourierFamily
+from dynid.trajectory.poses import PosesFamily
 
 # The asked boundary conditions: 1e-12 in rad, rad/s and rad/s^2, relative to how large they get.
 AT_THE_ENDS = 1e-12
 
 
 def families(duration: float = 7.0) -> list[MotionFamily]:
-    return [
-        FourierFamily(period=duration, harmonics=5),
-        ModifiedFourierFamily(period=duration, harmonics=5),
-    ]
+    return [motion_family(name, duration, 5) for name in FAMILY_NAMES]
 
 
 @pytest.mark.parametrize("family", families(), ids=lambda family: family.name)
@@ -47,7 +47,7 @@ class TestEveryFamily:
         assert np.linalg.matrix_rank(np.column_stack([q, np.ones(400)])) == family.free_count + 1
 
     def test_derivatives_agree_with_central_differences(self, family: MotionFamily) -> None:
-        t, step = np.linspace(0.05, family.duration - 0.05, 61), 1e-5
+        t, step = np.linspace(0.0531, family.duration - 0.05, 61), 1e-5
         before, now, after = (family.basis(t + k * step) for k in (-1, 0, 1))
         scale = np.abs(now[2]).max()
         np.testing.assert_allclose(now[1], (after[0] - before[0]) / (2 * step), atol=1e-8 * scale)
@@ -86,3 +86,29 @@ def test_fourier_families_refuse_nonsense(bad: dict[str, float]) -> None:
             kind(**({"period": 10.0, "harmonics": 5} | bad))  # type: ignore[arg-type]
     with pytest.raises(InputError, match="three harmonics"):
         ModifiedFourierFamily(period=10.0, harmonics=2)
+
+
+def test_names_lead_to_their_families() -> None:
+    for name in FAMILY_NAMES:
+        family = motion_family(name, 12.0, 4)
+        assert (family.name, family.duration) == (name, 12.0)
+    with pytest.raises(InputError, match="unknown family"):
+        motion_family("chirp", 10.0, 5)
+    with pytest.raises(InputError):
+        motion_family("bspline", 10.0, 0)
+
+
+@pytest.mark.parametrize("duration", [0.0, -1.0, float("inf"), float("nan")])
+@pytest.mark.parametrize("name", FAMILY_NAMES)
+def test_no_family_lasts_no_time_or_for_ever(name: str, duration: float) -> None:
+    with pytest.raises(InputError, match="must be positive"):
+        motion_family(name, duration, 5)
+
+
+def test_a_bspline_needs_points_for_its_degree() -> None:
+    with pytest.raises(InputError, match="too few control points"):
+        BSplineFamily(travel_time=1.0, points=2, degree=8)
+    with pytest.raises(InputError, match="degree"):
+        BSplineFamily(travel_time=1.0, points=9, degree=2)
+    with pytest.raises(InputError, match="needs one"):
+        PosesFamily(travel_time=1.0, poses=0)

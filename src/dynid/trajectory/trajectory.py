@@ -16,6 +16,11 @@ class Trajectory(ABC):
 
     @property
     @abstractmethod
+    def joints(self) -> int:
+        """Number of joints n."""
+
+    @property
+    @abstractmethod
     def duration(self) -> float:
         """Time from start to end, or one period [s]."""
 
