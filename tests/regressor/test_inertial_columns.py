@@ -12,7 +12,7 @@ from pinocchio_chains import (
 )
 
 from dynid.core.errors import InputError
-from dynid.regressor import inertial
+from dynid.regressor import inertial_kernel
 from dynid.regressor.inertial import LANES, chain_constants, inertial_columns
 from dynid.regressor.model import CHUNK, InverseDynamicModel
 from dynid.regressor.terms import FrictionTerms
@@ -105,7 +105,7 @@ def test_layout_and_ownership_of_the_inputs_do_not_matter() -> None:
     model = InverseDynamicModel(robot=random_chain(seed=11, joints=4))
     state = random_states(seed=3, samples=33, joints=4)
     expected = model.stack(*state)
-    compiled = len(inertial._kernel.signatures)
+    compiled = len(inertial_kernel.column_kernel.signatures)
     fortran = [np.asfortranarray(x) for x in state]
     for x in fortran:
         x.setflags(write=False)
@@ -114,7 +114,7 @@ def test_layout_and_ownership_of_the_inputs_do_not_matter() -> None:
         model.stack(*(np.repeat(x, 2, axis=0)[::2] for x in state)), expected
     )
     # Compiling the kernel anew takes seconds.
-    assert len(inertial._kernel.signatures) == compiled
+    assert len(inertial_kernel.column_kernel.signatures) == compiled
 
 
 def test_the_kernel_writes_into_views() -> None:

@@ -11,8 +11,10 @@ import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError
+from dynid.regressor.adjoint_regressor import regressor_pullback
 from dynid.regressor.adjoint_torque import torque_pullback
-from dynid.regressor.inertial import LANES
+from dynid.regressor.inertial import every_row
+from dynid.regressor.inertial_kernel import LANES
 from dynid.regressor.model import InverseDynamicModel
 
 Gradient = tuple[Array, Array, Array]
@@ -63,6 +65,47 @@ def torque_adjoint(
     )
     # One term of the weighted sum for each column: its parameter times the multipliers.
     _pull_blocks(model, state, parameters[10 * n :, None, None] * weights, out)
+    return _by_sample(out, samples)
+
+
+def regressor_adjoint(
+    model: InverseDynamicModel, q: Array, dq: Array, ddq: Array, weights: Array
+) -> Gradient:
+    """The gradient of sum(weights * stack(q, dq, ddq)).
+
+    Args:
+        model: The inverse dynamic model.
+        q: (N, n) positions [rad or m].
+        dq: (N, n) velocities.
+        ddq: (N, n) accelerations.
+        weights: (p, n, N) weight of each entry: column, joint row, sample.
+
+    Returns:
+        Derivatives by q, dq and ddq, each (N, n).
+
+    Raises:
+        InputError: Shapes that do not fit the model or each other.
+    """
+    n = model.robot.joints
+    samples = len(q)
+    _check("weights", weights, (len(model.columns), n, samples))
+    state = _state(model, q, dq, ddq)
+    rows = np.zeros((10 * n, n, state.shape[2]))
+    rows[:, :, :samples] = weights[: 10 * n]
+    out = np.zeros(state.shape)
+    constants = model.constants
+    regressor_pullback(
+        constants.geometry,
+        constants.screws,
+        constants.gravity,
+        state,
+        rows.reshape(10 * n * n, -1),
+        every_row(n),
+        out,
+    )
+    beside = np.zeros((len(weights) - 10 * n, n, state.shape[2]))
+    beside[:, :, :samples] = weights[10 * n :]
+    _pull_blocks(model, state, beside, out)
     return _by_sample(out, samples)
 
 

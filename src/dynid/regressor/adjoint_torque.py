@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from dynid.core.arrays import Array
-from dynid.regressor.inertial import LANES
+from dynid.regressor.inertial_kernel import LANES
 from dynid.regressor.spatial import (
     dot,
     force_cross,

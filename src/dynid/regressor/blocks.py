@@ -1,8 +1,8 @@
 """Column blocks: what stands beside the inertial columns of the regressor.
 
-A block says which columns it adds and fills them. To add one: a frozen dataclass that extends
-`ColumnBlock`, one word in `terms.TERMS`, one case in `layout.column_blocks`, one test against
-its formula.
+A block says which columns it adds, fills them and differentiates them. To add one: a frozen
+dataclass that extends `ColumnBlock`, one word in `terms.TERMS`, one case in
+`layout.friction_block`, one test against its formula.
 """
 
 from __future__ import annotations
@@ -50,15 +50,13 @@ class ColumnBlock(ABC):
         dq_bar: Array,
         ddq_bar: Array,
     ) -> None:
-        """Add the derivative of sum(weights * columns) by dq and ddq.
+        """Add the derivative of sum(weights * columns).
 
         Args:
             robot: The robot.
-            dq: (n, N) velocities.
-            ddq: (n, N) accelerations.
+            dq, ddq: (n, N) velocities and accelerations.
             weights: (k, n, N).
-            dq_bar: (n, N) added to.
-            ddq_bar: (n, N) added to.
+            dq_bar, ddq_bar: (n, N) derivatives, added to.
         """
 
 
@@ -104,8 +102,8 @@ class JointColumns(ColumnBlock):
         """See `ColumnBlock`."""
         slope = np.broadcast_to(self.slope(dq), dq.shape)
         target = ddq_bar if self.power == 2 else dq_bar
-        for k, row in enumerate(self._rows(robot)):
-            target[row] += weights[k, row] * slope[row]
+        for weight, row in zip(weights, self._rows(robot), strict=True):
+            target[row] += weight[row] * slope[row]
 
     def _rows(self, robot: RobotModel) -> tuple[int, ...]:
         return tuple(range(robot.joints)) if self.joints is None else self.joints
