@@ -64,7 +64,7 @@ def torque_adjoint(
         out,
     )
     # One term of the weighted sum for each column: its parameter times the multipliers.
-    _pull_blocks(model, state, parameters[10 * n :, None, None] * weights, out)
+    pull_blocks(model, state, parameters[10 * n :, None, None] * weights, out)
     return _by_sample(out, samples)
 
 
@@ -105,7 +105,7 @@ def regressor_adjoint(
     )
     beside = np.zeros((len(weights) - 10 * n, n, state.shape[2]))
     beside[:, :, :samples] = weights[10 * n :]
-    _pull_blocks(model, state, beside, out)
+    pull_blocks(model, state, beside, out)
     return _by_sample(out, samples)
 
 
@@ -120,7 +120,7 @@ def _state(model: InverseDynamicModel, q: Array, dq: Array, ddq: Array) -> Array
     return state
 
 
-def _pull_blocks(model: InverseDynamicModel, state: Array, weights: Array, out: Array) -> None:
+def pull_blocks(model: InverseDynamicModel, state: Array, weights: Array, out: Array) -> None:
     """Add what the columns beside the inertial ones give; weights (p - 10 n, n, N)."""
     first = 0
     for block in model.blocks:

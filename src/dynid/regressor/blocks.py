@@ -50,14 +50,7 @@ class ColumnBlock(ABC):
         dq_bar: Array,
         ddq_bar: Array,
     ) -> None:
-        """Add the derivative of sum(weights * columns).
-
-        Args:
-            robot: The robot.
-            dq, ddq: (n, N) velocities and accelerations.
-            weights: (k, n, N).
-            dq_bar, ddq_bar: (n, N) derivatives, added to.
-        """
+        """Add the derivative of sum(weights * columns), weights (k, n, N), to the bars (n, N)."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,1 @@
+"""Excitation trajectories: criteria, optimisers, designs."""

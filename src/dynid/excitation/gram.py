@@ -1,0 +1,181 @@
+"""The Gram matrix of the observation matrix, and its derivative by the motion.
+
+G = W_B' Omega^-1 W_B holds all that the criteria ask of a motion. It is summed joint by joint from
+panels that leave structural zeros out; the derivative of a function of G with dL = tr(S dG) goes
+back through the regressor with the weights 2 Omega^-1 W_B S, in one pass whatever S is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from threadpoolctl import ThreadpoolController  # pyright: ignore[reportMissingTypeStubs]
+
+from dynid.core.arrays import Array
+from dynid.core.errors import InputError
+from dynid.excitation.gram_layout import fill_beside, gram_layout
+from dynid.reduction.base import BaseParametrization
+from dynid.regressor.adjoint import Gradient, pull_blocks
+from dynid.regressor.adjoint_regressor import regressor_pullback
+from dynid.regressor.inertial import inertial_rows
+from dynid.regressor.inertial_kernel import LANES
+from dynid.regressor.model import InverseDynamicModel
+
+DESIGN_WIDTH = 0.05
+"""Width of the Coulomb step inside an optimiser [rad/s or m/s]: its slope can be followed."""
+Pullback = Callable[[Array], Gradient]
+"""From S (b, b) to the derivatives of tr(S G) by q, dq and ddq, each (N, n)."""
+
+
+class GramKernel:
+    """Gram matrices of many motions of one robot, in memory that is used again.
+
+    One thread, one caller at a time: each worker makes its own.
+
+    Args:
+        model: The inverse dynamic model.
+        base: Its base parameters; the columns are the first-come ones.
+        noise: (n) standard deviation of each joint's torque [N.m or N], by which its rows are
+            divided; None for rows as they are.
+        coulomb_width: Width of the Coulomb step [rad/s or m/s]; None for the model's own.
+
+    Raises:
+        InputError: A base of another model, noise that is not positive, or a width below 0.
+    """
+
+    def __init__(
+        self,
+        model: InverseDynamicModel,
+        base: BaseParametrization,
+        *,
+        noise: Array | None = None,
+        coulomb_width: float | None = DESIGN_WIDTH,
+    ) -> None:
+        n = model.robot.joints
+        if base.model.names != model.names:
+            raise InputError("the base parameters are those of another model")
+        sigma = np.ones(n) if noise is None else np.asarray(noise, dtype=np.float64)
+        if sigma.shape != (n,) or not (np.isfinite(sigma) & (sigma > 0)).all():
+            raise InputError(
+                "noise needs a positive standard deviation a joint", value=noise, limit=n
+            )
+        self._model = model if coulomb_width is None else model.with_coulomb_width(coulomb_width)
+        self._layout = gram_layout(self._model, base)
+        self._weights = 1.0 / np.square(sigma)
+        self._threads = ThreadpoolController()
+        self._samples = -1
+        self._calls = 0
+
+    @property
+    def rank(self) -> int:
+        """Number of base parameters b."""
+        return self._layout.rank
+
+    def gram(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """G (b, b) of a motion.
+
+        Args:
+            q: (N, n) positions [rad or m].
+            dq: (N, n) velocities.
+            ddq: (N, n) accelerations.
+
+        Raises:
+            InputError: Shapes that do not fit the robot or each other.
+        """
+        self._load(q, dq, ddq)
+        state = self._state
+        constants = self._model.constants
+        inertial_rows(constants, state[0], state[1], state[2], self._rows, self._layout.places)
+        fill_beside(self._model, state[1], state[2], self._beside)
+        gram = np.zeros((self.rank, self.rank))
+        with self._threads.limit(limits=1):
+            for j, panel in enumerate(self._layout.panels):
+                rows = self._rows[panel.rows, : self._samples]
+                rows[: len(panel.beside)] = self._beside[panel.beside, j, : self._samples]
+                gram[panel.columns[:, None], panel.columns] += self._weights[j] * (rows @ rows.T)
+        return gram
+
+    def gram_and_pullback(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Pullback]:
+        """G (b, b), and the function that differentiates tr(S G).
+
+        The function works on the memory of this call: it must be used before the next one.
+
+        Args:
+            q: (N, n) positions [rad or m].
+            dq: (N, n) velocities.
+            ddq: (N, n) accelerations.
+
+        Raises:
+            InputError: Shapes that do not fit the robot or each other; from the function, S of
+                another shape, or a later motion in its memory.
+        """
+        gram = self.gram(q, dq, ddq)
+        call = self._calls
+
+        def pullback(s: Array) -> Gradient:
+            if call != self._calls:
+                raise InputError("the kernel holds a later motion", next_step="Call it in order.")
+            return self._pull(s)
+
+        return gram, pullback
+
+    def gram_adjoint(self, q: Array, dq: Array, ddq: Array, s: Array) -> Gradient:
+        """The derivatives of tr(S G) by q, dq and ddq, each (N, n).
+
+        Args:
+            q: (N, n) positions [rad or m].
+            dq: (N, n) velocities.
+            ddq: (N, n) accelerations.
+            s: (b, b) symmetric.
+
+        Raises:
+            InputError: Shapes that do not fit the robot or each other.
+        """
+        return self.gram_and_pullback(q, dq, ddq)[1](s)
+
+    def _pull(self, s: Array) -> Gradient:
+        if s.shape != (self.rank, self.rank):
+            raise InputError("S does not fit", value=s.shape, limit=(self.rank, self.rank))
+        samples = self._samples
+        with self._threads.limit(limits=1):
+            for j, panel in enumerate(self._layout.panels):
+                rows, bars = (a[panel.rows, :samples] for a in (self._rows, self._bars))
+                np.matmul(2.0 * self._weights[j] * panel.block(s), rows, out=bars)
+                self._beside_bars[panel.beside, j, :samples] = bars[: len(panel.beside)]
+        constants = self._model.constants
+        regressor_pullback(
+            constants.geometry,
+            constants.screws,
+            constants.gravity,
+            self._state,
+            self._bars,
+            self._layout.places,
+            self._out,
+        )
+        pull_blocks(self._model, self._state, self._beside_bars, self._out)
+        q_bar, dq_bar, ddq_bar = (part[:, :samples].T.copy() for part in self._out)
+        return q_bar, dq_bar, ddq_bar
+
+    def _load(self, q: Array, dq: Array, ddq: Array) -> None:
+        n, samples = self._model.robot.joints, len(q)
+        for name, array in (("q", q), ("dq", dq), ("ddq", ddq)):
+            if array.shape != (samples, n):
+                raise InputError(f"{name} does not fit", value=array.shape, limit=(samples, n))
+        if samples != self._samples:
+            self._allocate(samples)
+        for part, array in zip(self._state, (q, dq, ddq), strict=True):
+            part[:, :samples] = array.T
+        self._calls += 1
+
+    def _allocate(self, samples: int) -> None:
+        n, length = self._model.robot.joints, max(samples, LANES)
+        beside = (len(self._model.columns) - 10 * n, n, length)
+        self._samples = samples
+        # At rest where samples are missing to fill the lanes; those are never summed.
+        self._state = np.zeros((3, n, length))
+        self._out = np.zeros((3, n, length))
+        self._rows = np.zeros((self._layout.rows, length))
+        self._bars = np.zeros((self._layout.rows, length))
+        self._beside = np.zeros(beside)
+        self._beside_bars = np.zeros(beside)
