@@ -1,0 +1,155 @@
+"""One look for every figure: a colour-blind safe palette, light and dark, units on the axes."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from dynid.core.arrays import Array, Indices
+from dynid.figures.canvas import Canvas, scatter, stacked
+
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31", "#7F7F7F")
+"""Okabe and Ito's colours, without black and yellow, which vanish on one of the grounds."""
+MEASURED, PREDICTED, LIMIT = PALETTE[0], PALETTE[1], PALETTE[7]
+POINTS = 1500
+"""A line is drawn with this many points at most: a page stays light, the picture the same."""
+ROW_HEIGHT = 150
+_GROUND = {
+    False: {"paper": "#ffffff", "ink": "#1f2933", "grid": "#e4e7eb"},
+    True: {"paper": "#14181d", "ink": "#d9e2ec", "grid": "#323f4b"},
+}
+
+
+def colour(index: int) -> str:
+    """The palette's colour of a joint, counted from 0."""
+    return PALETTE[index % len(PALETTE)]
+
+
+def label(name: str, longest: int = 40) -> str:
+    """A name from a file as plain text: Plotly reads a subset of HTML in its labels."""
+    name = "".join(c if c.isprintable() else "?" for c in name)
+    short = name if len(name) <= longest else name[: longest - 1] + "\N{HORIZONTAL ELLIPSIS}"
+    return html.escape(short, quote=False)
+
+
+def torque_unit(prismatic: bool) -> str:
+    """Unit of a joint's torque or force."""
+    return "N" if prismatic else "N.m"
+
+
+def layout(*, dark: bool = False) -> dict[str, Any]:
+    """Colours and fonts of a figure, for one ground."""
+    ground = _GROUND[dark]
+    axis = {"gridcolor": ground["grid"], "linecolor": ground["grid"], "zeroline": False}
+    return {
+        "paper_bgcolor": ground["paper"],
+        "plot_bgcolor": ground["paper"],
+        "font": {"color": ground["ink"], "family": "system-ui, sans-serif", "size": 12},
+        "xaxis": axis,
+        "yaxis": axis,
+    }
+
+
+def figure(
+    rows: int = 1,
+    *,
+    title: str,
+    x: str,
+    y: str | Sequence[str],
+    titles: Sequence[str] = (),
+    height: int | None = None,
+) -> Canvas:
+    """An empty figure with `rows` plots above each other that share their x axis.
+
+    Args:
+        rows: Number of plots.
+        title: Of the whole.
+        x: Axis label with its unit, below the last plot.
+        y: Axis label with its unit: one for all plots, or one a plot.
+        titles: One a plot, such as the joint's name.
+        height: Of the whole [px].
+    """
+    made = stacked(
+        rows,
+        shared_xaxes=True,
+        vertical_spacing=min(0.05, 0.2 / rows),
+        subplot_titles=[label(name) for name in titles] or None,
+    )
+    made.update_layout(
+        title={"text": title, "x": 0, "xref": "container", "pad": {"l": 12}},
+        height=height or (380 if rows == 1 else 110 + ROW_HEIGHT * rows),
+        margin={"l": 64, "r": 16, "t": 56, "b": 48},
+        legend={"orientation": "h", "y": -0.08 if rows > 1 else -0.2, "x": 0},
+        hovermode="x",
+    )
+    labels = [y] * rows if isinstance(y, str) else list(y)
+    for row, text in enumerate(labels, start=1):
+        made.update_yaxes(title_text=text, row=row, col=1)
+    made.update_xaxes(title_text=x, row=rows, col=1)
+    made.update_annotations(font_size=12, x=0, xanchor="left")
+    return paint(made)
+
+
+def paint(drawn: Canvas, *, dark: bool = False) -> Canvas:
+    """The figure in the colours of one ground; the same object."""
+    style = layout(dark=dark)
+    axis = style.pop("xaxis")
+    style.pop("yaxis")
+    drawn.update_layout(**style)
+    drawn.update_xaxes(**axis)
+    drawn.update_yaxes(**axis)
+    return drawn
+
+
+def line(
+    t: Array, y: Array, name: str, *, color: str, legend: bool = True, **line_style: Any
+) -> Any:
+    """A line through the samples, thinned to what a screen can show.
+
+    Between kept samples the extremes survive: each stretch gives its smallest and largest value.
+    """
+    keep = thinned(y)
+    return scatter(
+        x=rounded(t[keep]),
+        y=rounded(y[keep]),
+        name=name,
+        legendgroup=name,
+        showlegend=legend,
+        mode="lines",
+        line={"color": color, "width": 1.4} | line_style,
+    )
+
+
+def points(x: Array, y: Array, name: str, *, color: str, legend: bool = True) -> Any:
+    """A cloud of points, at most `POINTS` of them, evenly taken."""
+    keep = np.unique(np.linspace(0, len(x) - 1, min(len(x), POINTS)).astype(int))
+    return scatter(
+        x=rounded(x[keep]),
+        y=rounded(y[keep]),
+        name=name,
+        legendgroup=name,
+        showlegend=legend,
+        mode="markers",
+        marker={"color": color, "size": 3, "opacity": 0.5},
+    )
+
+
+def thinned(y: Array, count: int = POINTS) -> Indices:
+    """Indices of at most `count` samples that keep the extremes of each stretch."""
+    if len(y) <= count:
+        return np.arange(len(y))
+    edges = np.linspace(0, len(y), count // 2 + 1).astype(int)
+    found = [
+        (first + int(np.argmin(y[first:last])), first + int(np.argmax(y[first:last])))
+        for first, last in pairwise(edges)
+    ]
+    return np.unique(np.ravel(found))
+
+
+def rounded(values: Array) -> Any:
+    """Single precision: half the bytes of a page, and finer than a pixel."""
+    return np.asarray(values, dtype=np.float32)

@@ -1,0 +1,143 @@
+"""Every figure shows the numbers that it was given, with units, in both colours."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import dynid
+from dynid.figures import friction, learning, motion, parameters, signals, structure, torque
+from dynid.figures.canvas import Canvas, plain
+from dynid.figures.files import write_figure
+from dynid.figures.theme import POINTS, label, thinned
+from dynid.trajectory.bounds import copied_bounds
+
+SINGLE = 1e-6
+"""Relative error of single precision."""
+
+
+@pytest.fixture(scope="module")
+def gallery(identified: dynid.Identification) -> dict[str, Canvas]:
+    estimate, result = identified.estimate, identified.validation
+    assert result is not None
+    robot = estimate.model.robot
+    names, slides = robot.joint_names, robot.prismatic
+    series = dynid.random_excitation(robot.limits, seed=1)
+    samples = series.evaluate(np.linspace(0, 10, 200))
+    gaps = np.linspace(0.5, 0.01, 600).reshape(200, 3)
+    return {
+        "structure": structure.singular_values(dynid.reduce_model(estimate.model)),
+        "trajectory": motion.trajectory(series, names),
+        "limits": motion.limit_usage(samples, copied_bounds(robot.limits), names),
+        "distances": motion.distances(samples.t, gaps, ("a", "b", "c"), 0.02),
+        "convergence": motion.convergence(np.arange(1.0, 9), 90 / np.arange(1.0, 9), "cond"),
+        "prediction": torque.prediction(result, names, slides),
+        "residuals": torque.residuals(result, names),
+        "residuals over time": torque.residuals(result, names, against=result.t, what="time [s]"),
+        "autocorrelation": torque.autocorrelations(result, names),
+        "moving": torque.moving_and_at_rest(result, names),
+        "intervals": parameters.parameter_intervals(estimate),
+        "changes": parameters.parameter_changes(("Fv1",), (-20.0,), (2.0,)),
+        "side by side": parameters.side_by_side(estimate, estimate, ("cold", "warm")),
+        "friction": friction.friction_figure(estimate, result),
+        "spectrum": signals.spectrum(samples.q, 20.0, 5.0, names, "positions [rad]"),
+        "learning": learning.learning_curve((5, 10), (3.0, 3.2), (9.0, 5.0)),
+    }
+
+
+def test_every_plot_has_a_title_data_and_axes_with_units(gallery: dict[str, Canvas]) -> None:
+    for name, drawn in gallery.items():
+        shown = plain(drawn)
+        layout = shown["layout"]
+        assert layout["title"]["text"], name
+        assert shown["data"], name
+        axes = [layout[key] for key in layout if re.fullmatch(r"yaxis\d*", key)]
+        assert all(axis["title"]["text"] for axis in axes), name
+
+
+def test_lines_carry_the_numbers_they_stand_for(
+    gallery: dict[str, Canvas], identified: dynid.Identification
+) -> None:
+    result = identified.validation
+    assert result is not None
+    traces = gallery["prediction"].data
+    assert [trace.name for trace in traces[:2]] == ["measured", "predicted"]
+    keep = thinned(result.measured[:, 0])
+    np.testing.assert_allclose(traces[0].y, result.measured[keep, 0], rtol=SINGLE)
+    bars = gallery["moving"].data
+    np.testing.assert_allclose(bars[0].y, result.moving.rmse)
+
+
+def test_a_friction_curve_is_coulomb_and_viscous(identified: dynid.Identification) -> None:
+    estimate = identified.estimate
+    speed = np.full((1, 6), 0.7)
+    curve = friction.friction_curve(estimate, speed)[0]
+    values = dict(zip(estimate.names, estimate.values, strict=True))
+    expected = [values[f"Fc{j}"] + 0.7 * values[f"Fv{j}"] for j in range(1, 7)]
+    np.testing.assert_allclose(curve, expected, rtol=1e-9)
+
+
+def test_the_autocorrelation_starts_at_one_and_agrees_with_its_definition(
+    gallery: dict[str, Canvas], identified: dynid.Identification
+) -> None:
+    result = identified.validation
+    assert result is not None
+    shown = gallery["autocorrelation"].data[2].y
+    error = (result.measured - result.predicted)[:, 2]
+    error = error - error.mean()
+    assert shown[0] == pytest.approx(1.0)
+    assert shown[7] == pytest.approx(error[7:] @ error[:-7] / (error @ error), abs=1e-5)
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=5000))
+def test_thinning_keeps_the_extremes(values: list[float]) -> None:
+    y = np.array(values)
+    keep = thinned(y)
+    assert len(keep) <= max(POINTS, 1)
+    assert y[keep].max() == y.max()
+    assert y[keep].min() == y.min()
+    assert (np.diff(keep) > 0).all()
+
+
+def test_names_from_files_are_shown_as_text(identified: dynid.Identification) -> None:
+    hostile = (
+        "<script>alert(1)</script>",
+        "<b>bold</b>",
+        "x" * 5000,
+        "\u202e\U0001f916",
+        "a&b",
+        "j",
+    )
+    result = identified.validation
+    assert result is not None
+    text = json.dumps(plain(torque.moving_and_at_rest(result, hostile)), default=str)
+    assert "<script" not in text
+    assert "<b>bold" not in text
+    assert "x" * 50 not in text
+    assert label("a&b\u202e") == "a&amp;b?"
+
+
+def test_files_are_written_in_both_colours(gallery: dict[str, Canvas], tmp_path: Path) -> None:
+    page = write_figure(gallery["moving"], tmp_path / "a.html").read_text()
+    assert "src=" not in page.split("<body>")[0].replace("data:", "")
+    light = json.loads(write_figure(gallery["moving"], tmp_path / "a.json").read_text())
+    dark = json.loads(write_figure(gallery["moving"], tmp_path / "b.json", dark=True).read_text())
+    grounds = [document["layout"]["paper_bgcolor"] for document in (light, dark)]
+    assert grounds[0] != grounds[1]
+    with pytest.raises(dynid.InputError, match="figure format"):
+        write_figure(gallery["moving"], tmp_path / "a.gif")
+    with pytest.raises(dynid.JobError, match="cannot be written"):
+        write_figure(gallery["moving"], tmp_path / "none" / "a.html")
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no chromium")
+def test_svg_and_png_come_from_the_browser(gallery: dict[str, Canvas], tmp_path: Path) -> None:
+    assert b"<svg" in write_figure(gallery["changes"], tmp_path / "a.svg").read_bytes()
+    assert write_figure(gallery["changes"], tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
