@@ -1,0 +1,238 @@
+"""A URScript program that evaluates a motion on the robot's own controller."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.core.errors import InputError
+from dynid.trajectory.pieces import pieces
+from dynid.trajectory.sequence import Repetition
+from dynid.trajectory.trajectory import Trajectory
+from dynid.trajectory.urscript_formula import decimal, formula_lines, pose_list, variables
+
+_JOINTS = 6
+_AT_REST = 1e-6
+"""Largest velocity [rad/s] and acceleration [rad/s^2] that counts as rest."""
+_WHOLE = 1e-9
+"""How far from a whole number of cycles a period may be, for rounding."""
+_REGISTERS = range(48)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UrProgramOptions:
+    """How a program runs a motion.
+
+    Raises:
+        InputError: A number that the controller does not take.
+    """
+
+    rate_hz: float = 125.0
+    """Control cycles a second: 125 on CB-Series, 500 on e-Series."""
+    repeats: int = 1
+    """Periods to record."""
+    settle: int = 0
+    """Periods before these, which let the arm and its tracking settle."""
+    speed: float = 1.0
+    """Share of the motion's speed, at most 1; a slow first pass takes longer for the same path."""
+    lookahead_time: float = 0.03
+    """Of `servoj` [s], 0.03 to 0.2."""
+    gain: float = 500.0
+    """Of `servoj`, 100 to 2000."""
+    approach_speed: float = 0.5
+    """Joint speed of the way to the start [rad/s]."""
+    approach_acceleration: float = 0.5
+    """Joint acceleration of the way to the start, and of the stop at the end [rad/s^2]."""
+    dwell: float = 1.0
+    """Rest at the start, before the motion [s]."""
+    index_register: int = 24
+    """Output integer register with the sample index: -1 before the motion, then 0, 1, 2..."""
+    state_register: int = 25
+    """Output integer register: 0 on the way to the start, 1 in motion, 2 when done."""
+    watchdog_hz: float | None = 10.0
+    """How often the input register must be written, or the program stops; None for never."""
+    watchdog_register: int = 24
+    """Input integer register that the computer keeps writing to."""
+    name: str = "dynid_excitation"
+    """Name of the program."""
+
+    def __post_init__(self) -> None:
+        _positive("the control rate", self.rate_hz)
+        _positive("the approach speed", self.approach_speed)
+        _positive("the approach acceleration", self.approach_acceleration)
+        if self.watchdog_hz is not None:
+            _positive("the watchdog frequency", self.watchdog_hz)
+        if self.repeats < 1 or self.settle < 0:
+            raise InputError(
+                "repetitions must be positive, settling periods not negative",
+                value=(self.repeats, self.settle),
+            )
+        _inside("the share of the speed", self.speed, 0.001, 1.0)
+        _inside("lookahead_time", self.lookahead_time, 0.03, 0.2)
+        _inside("gain", self.gain, 100.0, 2000.0)
+        _inside("the rest at the start", self.dwell, 0.0, 3600.0)
+        for register in (self.index_register, self.state_register, self.watchdog_register):
+            if register not in _REGISTERS:
+                raise InputError("no such register", value=register, limit="0 to 47")
+        if self.index_register == self.state_register:
+            raise InputError("index and state need a register each", value=self.index_register)
+        if not (self.name.isascii() and self.name.isidentifier()):
+            raise InputError("the name of the program must be an identifier", value=self.name)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UrProgram:
+    """A program and what a client must know about it."""
+
+    text: str
+    """The URScript, one `def` that the controller runs as soon as it has it."""
+    cycles: int
+    """Control cycles of one period."""
+    first_recorded: int
+    """Sample index at which the settling periods end."""
+    total: int
+    """Sample indices run from 0 to one less."""
+    start: Array
+    """(6) the pose it moves to first, and where each period starts [rad]."""
+    options: UrProgramOptions
+    """How it was made."""
+
+
+def ur_program(
+    trajectory: Trajectory,
+    options: UrProgramOptions | None = None,
+    *,
+    comment: str = "",
+) -> UrProgram:
+    """A complete program: way to the start, rest, periods, stop.
+
+    Only scalar arithmetic, sin, cos, if and while are used, which CB-Series controllers know. The
+    time is computed from the sample's number within its period, so all periods have exactly the
+    same targets. Fourier series are evaluated as series; splines, poses and sequences as one
+    polynomial a span (Horner), chosen by the sample's number.
+
+    Args:
+        trajectory: The motion of one period of a six-joint arm, at rest at both ends. With more
+            than one period it must end where it starts.
+        options: Rate, repetitions, servo, registers; the defaults are those of the paper.
+        comment: Written into the program's head.
+
+    Raises:
+        InputError: Another number of joints, a motion that does not start and end at rest, or a
+            period that is no whole number of control cycles.
+    """
+    how = options or UrProgramOptions()
+    if trajectory.joints != _JOINTS:
+        raise InputError("joints of a UR robot", value=trajectory.joints, limit=_JOINTS)
+    cycles = _whole_cycles(trajectory, how)
+    if how.repeats + how.settle > 1:
+        # Refuses a motion that does not end as it starts.
+        Repetition(part=trajectory, times=2)
+    ends = trajectory.evaluate([0.0, trajectory.duration])
+    if max(np.abs(ends.dq).max(), np.abs(ends.ddq).max()) > _AT_REST:
+        raise InputError(
+            "the motion does not start and end at rest",
+            value=float(max(np.abs(ends.dq).max(), np.abs(ends.ddq).max())),
+            limit=_AT_REST,
+        )
+    total = (how.settle + how.repeats) * cycles
+    rate = how.rate_hz / how.speed
+    parts = pieces(trajectory)
+    body, names = formula_lines(parts, rate), variables(parts)
+    first, last = (pose_list(pose) for pose in ends.q)
+    return UrProgram(
+        text=_program(how, cycles, total, (first, last), names, body, comment),
+        cycles=cycles,
+        first_recorded=how.settle * cycles,
+        total=total,
+        start=ends.q[0],
+        options=how,
+    )
+
+
+def _program(
+    how: UrProgramOptions,
+    cycles: int,
+    total: int,
+    ends: tuple[str, str],
+    names: list[str],
+    body: list[str],
+    comment: str,
+) -> str:
+    servo = (
+        f"t={decimal(1.0 / how.rate_hz)},lookahead_time={decimal(how.lookahead_time)},"
+        f"gain={decimal(how.gain)}"
+    )
+    watch = (
+        []
+        if how.watchdog_hz is None
+        else [
+            f'rtde_set_watchdog("input_int_register_{how.watchdog_register}", '
+            f'{decimal(how.watchdog_hz)}, "stop")'
+        ]
+    )
+    slow = decimal(how.approach_acceleration)
+    inside = [
+        *(f"# {line}" for line in _printable(comment)),
+        f"# {how.settle} settling and {how.repeats} recorded periods of {cycles} cycles.",
+        f"write_output_integer_register({how.state_register}, 0)",
+        f"write_output_integer_register({how.index_register}, -1)",
+        *watch,
+        f"movej({ends[0]}, a={slow}, v={decimal(how.approach_speed)})",
+        *([f"sleep({decimal(how.dwell)})"] if how.dwell > 0 else []),
+        "local index = 0",
+        "local sample = 0",
+        *(f"local {name} = 0.0" for name in names),
+        f"write_output_integer_register({how.state_register}, 1)",
+        f"while index < {total}:",
+        *(f"  {line}" for line in body),
+        f"  write_output_integer_register({how.index_register}, index)",
+        f"  servoj([q1, q2, q3, q4, q5, q6], 0, 0, {servo})",
+        "  index = index + 1",
+        "  sample = sample + 1",
+        f"  if sample >= {cycles}:",
+        "    sample = 0",
+        "  end",
+        "end",
+        # The arm lags behind its targets: it is held at the last pose until it is there.
+        f"write_output_integer_register({how.index_register}, {total})",
+        "sample = 0",
+        f"while sample < {math.ceil(0.2 * how.rate_hz)}:",
+        f"  servoj({ends[1]}, 0, 0, {servo})",
+        "  sample = sample + 1",
+        "end",
+        f"stopj({slow})",
+        f"write_output_integer_register({how.state_register}, 2)",
+    ]
+    lines = [f"def {how.name}():", *(f"  {line}" for line in inside), "end"]
+    return "\n".join(lines) + "\n"
+
+
+def _whole_cycles(trajectory: Trajectory, how: UrProgramOptions) -> int:
+    exact = trajectory.duration * how.rate_hz / how.speed
+    cycles = round(exact)
+    if cycles < 2 or abs(exact - cycles) > _WHOLE * cycles:
+        raise InputError(
+            "a period must be a whole number of control cycles",
+            value=exact,
+            next_step=f"Take a period that is a multiple of {how.speed / how.rate_hz:.6g} s.",
+        )
+    return cycles
+
+
+def _printable(comment: str) -> list[str]:
+    lines = comment.splitlines()
+    return ["".join(c if c.isascii() and c.isprintable() else "?" for c in line) for line in lines]
+
+
+def _positive(what: str, value: float) -> None:
+    if not (math.isfinite(value) and value > 0):
+        raise InputError(f"{what} must be positive", value=value)
+
+
+def _inside(what: str, value: float, lowest: float, highest: float) -> None:
+    if not lowest <= value <= highest:
+        raise InputError(what, value=value, limit=(lowest, highest))

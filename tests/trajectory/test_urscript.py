@@ -1,0 +1,201 @@
+import numpy as np
+import pytest
+from urscript_player import play
+
+from dynid.core.errors import InputError
+from dynid.trajectory.families import FAMILY_NAMES, motion_family
+from dynid.trajectory.fourier import FourierSeries
+from dynid.trajectory.fourier_quintic import FourierQuintic
+from dynid.trajectory.motion import JointMotion
+from dynid.trajectory.pieces import pieces
+from dynid.trajectory.quintic import Quintic
+from dynid.trajectory.rest import rest_series
+from dynid.trajectory.sequence import MotionSequence, Repetition
+from dynid.trajectory.trajectory import Trajectory
+from dynid.trajectory.urscript import UrProgramOptions, ur_program
+
+# Targets on the controller against `evaluate` [rad].
+SAME = 1e-12
+
+
+def member(name: str, duration: float = 2.0, seed: int = 0) -> Trajectory:
+    family, generator = motion_family(name, duration, 4), np.random.default_rng(seed)
+    return family.trajectory(
+        generator.normal(size=6), 0.3 * generator.normal(size=(6, family.free_count))
+    )
+
+
+def others() -> dict[str, Trajectory]:
+    series, pose = member("fourier"), np.arange(6.0) / 3
+    start = series.evaluate([0.0]).q[0]
+    return {
+        "quintic": Quintic(start=pose, goal=-pose, travel_time=2.0),
+        "carried": FourierQuintic(
+            period=2.0, start=pose, goal=-pose, a=np.full((6, 2), 0.1), b=np.full((6, 2), -0.2)
+        ),
+        "sequence": MotionSequence(
+            parts=(
+                Quintic(start=pose, goal=start, travel_time=1.237),
+                Repetition(part=series, times=2),
+                Quintic(start=start, goal=pose, travel_time=0.763),
+            )
+        ),
+    }
+
+
+EVERY = {name: member(name) for name in FAMILY_NAMES} | others()
+RETURNING = {name: EVERY[name] for name in (*FAMILY_NAMES, "sequence")}
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_targets_are_the_trajectory(name: str) -> None:
+    program = ur_program(EVERY[name])
+    index, targets = play(program.text).motion()
+    np.testing.assert_array_equal(index, np.arange(program.total))
+    expected = EVERY[name].evaluate(np.arange(program.total) / 125.0)
+    np.testing.assert_allclose(targets, expected.q, rtol=0, atol=SAME)
+    np.testing.assert_allclose(program.start, expected.q[0], rtol=0, atol=SAME)
+
+
+@pytest.mark.parametrize("name", RETURNING)
+@pytest.mark.parametrize("rate", [125.0, 500.0])
+def test_periods_have_exactly_the_same_targets(name: str, rate: float) -> None:
+    program = ur_program(RETURNING[name], UrProgramOptions(repeats=3, settle=1, rate_hz=rate))
+    index, targets = play(program.text).motion()
+    cycles = round(RETURNING[name].duration * rate)
+    assert (program.cycles, program.first_recorded, program.total) == (cycles, cycles, 4 * cycles)
+    np.testing.assert_array_equal(index, np.arange(4 * cycles))
+    periods = targets.reshape(4, cycles, 6)
+    for period in periods[1:]:
+        np.testing.assert_array_equal(period, periods[0])
+
+
+def test_the_papers_ten_seconds() -> None:
+    series = rest_series(10.0, np.zeros(6), np.random.default_rng(5).normal(size=(6, 8)) / 5)
+    program = ur_program(series, UrProgramOptions(repeats=3))
+    _, targets = play(program.text).motion()
+    assert program.total == 3750
+    np.testing.assert_allclose(targets, series.sample(125.0, periods=3).q, rtol=0, atol=SAME)
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_pieces_are_the_trajectory(name: str) -> None:
+    start = 0.0
+    for piece in pieces(EVERY[name]):
+        s = np.linspace(0.0, 1.0, 23)
+        phase = 2 * np.pi * np.outer(s, np.arange(1, piece.harmonics + 1))
+        q = np.array([np.polynomial.polynomial.polyval(s, row) for row in piece.polynomial]).T
+        q = q + np.sin(phase) @ piece.a.T - np.cos(phase) @ piece.b.T
+        expected = EVERY[name].evaluate(start + s * piece.duration).q
+        np.testing.assert_allclose(q, expected, rtol=0, atol=SAME)
+        start += piece.duration
+    assert start == pytest.approx(EVERY[name].duration, abs=1e-12)
+
+
+def test_what_the_program_does_besides() -> None:
+    series = member("fourier")
+    made = ur_program(
+        series,
+        UrProgramOptions(
+            dwell=2.5, approach_speed=0.3, approach_acceleration=0.4, watchdog_hz=8.0, repeats=2
+        ),
+        comment="robot: ur5\n\x00 Größe",
+    )
+    played = play(made.text)
+    assert made.text.isascii()
+    assert "# robot: ur5\n" in made.text
+    calls = [call for call in played.calls if call[0] != "servoj"]
+    assert [name for name, *_ in calls] == ["rtde_set_watchdog", "movej", "sleep", "stopj"]
+    assert calls[0][1] == ("input_int_register_24", 8.0, "stop")
+    assert calls[1][2] == {"a": 0.4, "v": 0.3}
+    np.testing.assert_array_equal(calls[1][1][0], made.start)  # type: ignore[call-overload]
+    assert calls[2][1] == (2.5,)
+    servo = next(call for call in played.calls if call[0] == "servoj")
+    assert servo[1:] == ((0, 0), {"t": 0.008, "lookahead_time": 0.03, "gain": 500.0})
+    # On the way, in motion, done: and the index waits at -1, ends at the total.
+    assert [value for register, value in played.registers if register == 25] == [0, 1, 2]
+    indices = [value for register, value in played.registers if register == 24]
+    assert indices == [-1, *range(made.total), made.total]
+    # Held for 0.2 s at the end, so that the arm catches up with its targets.
+    held = np.array(played.targets[made.total :])
+    assert len(held) == 25
+    np.testing.assert_array_equal(held, np.tile(held[0], (25, 1)))
+    np.testing.assert_allclose(held[0], series.evaluate([series.duration]).q[0], atol=SAME)
+
+
+def test_without_watchdog_and_rest_and_with_other_registers() -> None:
+    options = UrProgramOptions(watchdog_hz=None, dwell=0.0, index_register=30, state_register=31)
+    played = play(ur_program(member("bspline"), options).text)
+    assert {name for name, *_ in played.calls} == {"movej", "servoj", "stopj"}
+    assert {register for register, _ in played.registers} == {30, 31}
+    assert len(played.motion(30)[0]) == 250
+
+
+def test_a_slow_pass_takes_the_same_path() -> None:
+    series = member("fourier-quintic")
+    slow = ur_program(series, UrProgramOptions(speed=0.25))
+    _, targets = play(slow.text).motion()
+    assert slow.cycles == 1000
+    np.testing.assert_allclose(
+        targets, series.evaluate(np.arange(1000) * 0.002).q, rtol=0, atol=SAME
+    )
+
+
+def test_awkward_numbers_survive() -> None:
+    series = FourierSeries(
+        period=0.8,
+        offset=[1e-17, -1e-9, 0.1 + 0.2, -np.pi, 123456.789, 0.0],
+        a=np.zeros((6, 1)),
+        b=np.zeros((6, 1)),
+    )
+    np.testing.assert_array_equal(play(ur_program(series).text).targets[7], series.offset)
+
+
+class Wobble(Trajectory):
+    joints = 6
+    duration = 1.0
+
+    def evaluate(self, t: object) -> JointMotion:
+        zeros = np.zeros((np.size(t), 6))  # type: ignore[arg-type]
+        return JointMotion(t=t, q=zeros, dq=zeros, ddq=zeros)  # type: ignore[arg-type]
+
+
+def test_refuses_what_the_controller_cannot_do() -> None:
+    moving = FourierSeries(period=1.0, offset=np.zeros(6), a=np.ones((6, 1)), b=np.ones((6, 1)))
+    with pytest.raises(InputError, match="at rest"):
+        ur_program(moving)
+    with pytest.raises(InputError, match="joints of a UR robot"):
+        ur_program(rest_series(1.0, np.zeros(7), np.zeros((7, 4))))
+    with pytest.raises(InputError, match="whole number of control cycles"):
+        ur_program(member("fourier", duration=2.003))
+    with pytest.raises(InputError, match="position jumps"):
+        ur_program(EVERY["quintic"], UrProgramOptions(settle=1))
+    with pytest.raises(InputError, match="no formula"):
+        ur_program(Wobble())
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"rate_hz": 0.0},
+        {"repeats": 0},
+        {"settle": -1},
+        {"speed": 1.5},
+        {"speed": 0.0},
+        {"speed": float("nan")},
+        {"lookahead_time": 0.01},
+        {"gain": 5000.0},
+        {"dwell": -1.0},
+        {"approach_speed": 0.0},
+        {"approach_acceleration": float("inf")},
+        {"watchdog_hz": 0.0},
+        {"index_register": 48},
+        {"state_register": -1},
+        {"state_register": 24},
+        {"name": "no name"},
+        {"name": "schön"},
+    ],
+)
+def test_options_are_checked(change: dict[str, object]) -> None:
+    with pytest.raises(InputError):
+        UrProgramOptions(**change)  # type: ignore[arg-type]
