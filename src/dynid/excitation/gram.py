@@ -89,7 +89,7 @@ class GramKernel:
         inertial_rows(constants, state[0], state[1], state[2], self._rows, self._layout.places)
         fill_beside(self._model, state[1], state[2], self._beside)
         gram = np.zeros((self.rank, self.rank))
-        with self._threads.limit(limits=1):
+        with self._threads.limit(limits=1):  # pyright: ignore[reportUnknownMemberType]
             for j, panel in enumerate(self._layout.panels):
                 rows = self._rows[panel.rows, : self._samples]
                 rows[: len(panel.beside)] = self._beside[panel.beside, j, : self._samples]
@@ -138,7 +138,7 @@ class GramKernel:
         if s.shape != (self.rank, self.rank):
             raise InputError("S does not fit", value=s.shape, limit=(self.rank, self.rank))
         samples = self._samples
-        with self._threads.limit(limits=1):
+        with self._threads.limit(limits=1):  # pyright: ignore[reportUnknownMemberType]
             for j, panel in enumerate(self._layout.panels):
                 rows, bars = (a[panel.rows, :samples] for a in (self._rows, self._bars))
                 np.matmul(2.0 * self._weights[j] * panel.block(s), rows, out=bars)

@@ -1,0 +1,239 @@
+"""What makes a motion informative: numbers of its Gram matrix, and their derivatives.
+
+All are functions of G = W_B' Omega^-1 W_B alone, smaller is better. The noise of the joints is in
+G already (`GramKernel`); every criterion can add the information of earlier records, G + G_0, and
+scale the parameters by their magnitudes, D (G + G_0) D. See methods.md 2.3.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dynid.core.arrays import Array, frozen
+from dynid.core.errors import InputError
+from dynid.excitation.criteria_matrix import eigenvalues, eigenvectors, inverse, normalised
+
+SIGMA_WEIGHT = 100.0
+"""Of 1 / sigma_min beside cond, as BIRDy takes it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Criterion(ABC):
+    """A function of the Gram matrix. Infinite, with a gradient of zero, where G is singular.
+
+    Raises:
+        InputError: Scales that are not positive, or shapes that do not fit.
+    """
+
+    name: ClassVar[str]
+    """As `--criterion` takes it."""
+    positive: ClassVar[bool] = True
+    """Whether optimisers see the logarithm."""
+    scale: Array | None = None
+    """(b) D, magnitudes of the base parameters; None for parameters in SI units."""
+    previous: Array | None = None
+    """(b, b) G_0, the Gram matrix of what is recorded already."""
+
+    def __post_init__(self) -> None:
+        if self.scale is not None:
+            scale = frozen(self.scale, shape=(None,), name="parameter scales")
+            if not (scale > 0).all():
+                raise InputError("parameter scales must be positive", value=float(scale.min()))
+            object.__setattr__(self, "scale", scale)
+        if self.previous is not None:
+            previous = frozen(self.previous, shape=(None, None), name="the earlier Gram matrix")
+            object.__setattr__(self, "previous", previous)
+
+    @abstractmethod
+    def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
+        """The criterion of a scaled matrix (b, b); None if that is singular.
+
+        Returns:
+            The value, and S (b, b) with d value = tr(S d matrix), without meaning if not `slope`.
+        """
+
+    def value(self, gram: Array) -> float:
+        """The criterion, in the unit in which it is reported."""
+        found = self.evaluate(self._scaled(gram), slope=False)
+        return math.inf if found is None else found[0]
+
+    def value_and_gradient(self, gram: Array) -> tuple[float, Array]:
+        """The criterion, and S (b, b), symmetric, with d value = tr(S dG)."""
+        found = self.evaluate(self._scaled(gram), slope=True)
+        if found is None or not np.isfinite(found[1]).all():
+            return math.inf, np.zeros_like(gram)
+        value, slope = found
+        return value, slope if self.scale is None else slope * np.outer(self.scale, self.scale)
+
+    def objective(self, gram: Array) -> float:
+        """What optimisers minimise: the logarithm of a positive criterion, else its value."""
+        return self.merit(self.value(gram))
+
+    def objective_and_gradient(self, gram: Array) -> tuple[float, Array]:
+        """The objective, and S (b, b), symmetric, with d objective = tr(S dG)."""
+        value, slope = self.value_and_gradient(gram)
+        return self.merit(value), slope / value if self.positive and value < math.inf else slope
+
+    def merit(self, value: float) -> float:
+        """The objective of a value."""
+        return math.log(value) if self.positive else value
+
+    def _scaled(self, gram: Array) -> Array:
+        for name, array in (("scales", self.scale), ("the earlier Gram matrix", self.previous)):
+            if array is not None and array.shape != gram.shape[: array.ndim]:
+                raise InputError(f"{name} do not fit", value=array.shape, limit=gram.shape)
+        matrix = gram if self.previous is None else gram + self.previous
+        return matrix if self.scale is None else matrix * np.outer(self.scale, self.scale)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Condition(Criterion):
+    """The paper's: condition number of W_B, sigma_max / sigma_min."""
+
+    name: ClassVar[str] = "cond"
+
+    def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
+        """See `Criterion`."""
+        if not slope:
+            values = eigenvalues(matrix)
+            return None if values is None else (math.sqrt(values[-1] / values[0]), matrix)
+        found = eigenvectors(matrix)
+        if found is None:
+            return None
+        values, vectors = found
+        value = math.sqrt(values[-1] / values[0])
+        spread = _square(vectors[:, -1]) / values[-1] - _square(vectors[:, 0]) / values[0]
+        return value, value / 2 * spread
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScaledCondition(Criterion):
+    """Condition number of W_B with its columns scaled to unit norm."""
+
+    name: ClassVar[str] = "scaled-cond"
+
+    def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
+        """See `Criterion`."""
+        unit = normalised(matrix)
+        found = None if unit is None else Condition().evaluate(unit[0], slope=slope)
+        if unit is None or found is None or not slope:
+            return found
+        inner = found[1] / unit[1][:, None] / unit[1]
+        # The norms move too: d C_ij = d G_ij / (n_i n_j) - C_ij (d n_i / n_i + d n_j / n_j).
+        through_norms = (found[1] * unit[0]).sum(axis=1) / np.square(unit[1])
+        return found[0], inner - np.diag(through_norms)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DOptimal(Criterion):
+    """D-optimality, -log det G: the volume of the confidence ellipsoid."""
+
+    name: ClassVar[str] = "d-opt"
+    positive: ClassVar[bool] = False
+
+    def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
+        """See `Criterion`."""
+        found = inverse(matrix)
+        return None if found is None else (-found[1], -found[0])
+
+
+@dataclass(frozen=True, kw_only=True)
+class AOptimal(Criterion):
+    """A-optimality, tr (D G D)^-1: the sum of the variances, relative to D squared."""
+
+    name: ClassVar[str] = "a-opt"
+
+    def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
+        """See `Criterion`."""
+        found = inverse(matrix)
+        if found is None:
+            return None
+        covariance = found[0]
+        return float(np.trace(covariance)), -covariance @ covariance if slope else covariance
+
+
+@dataclass(frozen=True, kw_only=True)
+class EOptimal(Criterion):
+    """E-optimality, 1 / lambda_min: the longest axis of the confidence ellipsoid, squared."""
+
+    name: ClassVar[str] = "e-opt"
+
+    def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
+        """See `Criterion`."""
+        if not slope:
+            values = eigenvalues(matrix)
+            return None if values is None else (float(1.0 / values[0]), matrix)
+        found = eigenvectors(matrix)
+        if found is None:
+            return None
+        values, vectors = found
+        return float(1.0 / values[0]), -_square(vectors[:, 0]) / values[0] ** 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConditionAndSigma(Criterion):
+    """cond + weight / sigma_min, after Presse and Gautier: small parameters count too."""
+
+    name: ClassVar[str] = "cond+sigma"
+    weight: float = SIGMA_WEIGHT
+
+    def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
+        """See `Criterion`."""
+        if not slope:
+            values = eigenvalues(matrix)
+            return None if values is None else (self._value(values), matrix)
+        found = eigenvectors(matrix)
+        if found is None:
+            return None
+        values, vectors = found
+        low, high = values[0], values[-1]
+        by_high = 1 / (2 * math.sqrt(high * low))
+        by_low = -(math.sqrt(high) + self.weight) / (2 * math.sqrt(low) * low)
+        slopes = by_high * _square(vectors[:, -1]) + by_low * _square(vectors[:, 0])
+        return self._value(values), slopes
+
+    def _value(self, values: Array) -> float:
+        return (math.sqrt(values[-1]) + self.weight) / math.sqrt(values[0])
+
+
+CRITERIA: dict[str, type[Criterion]] = {
+    kind.name: kind
+    for kind in (Condition, ScaledCondition, DOptimal, AOptimal, EOptimal, ConditionAndSigma)
+}
+
+
+def parse_criterion(
+    name: str, *, scale: Array | None = None, previous: Array | None = None
+) -> Criterion:
+    """The criterion that `--criterion` names.
+
+    Args:
+        name: One of `CRITERIA`.
+        scale: (b) magnitudes of the base parameters; None for SI units.
+        previous: (b, b) Gram matrix of what is recorded already.
+
+    Raises:
+        InputError: A name that is none of them.
+    """
+    if name not in CRITERIA:
+        raise InputError(
+            "unknown criterion", where="--criterion", value=name, limit=", ".join(CRITERIA)
+        )
+    return CRITERIA[name](scale=scale, previous=previous)
+
+
+def all_criteria(gram: Array, *, scale: Array | None = None) -> dict[str, float]:
+    """Every criterion of a Gram matrix by name; the A-optimal one with the scale (b), if given."""
+    return {
+        name: kind(scale=scale if name == AOptimal.name else None).value(gram)
+        for name, kind in CRITERIA.items()
+    }
+
+
+def _square(vector: Array) -> Array:
+    return np.outer(vector, vector)
