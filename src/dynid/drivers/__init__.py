@@ -1,0 +1,1 @@
+"""Whatever moves a robot along a motion and records it: simulated, replayed, real."""

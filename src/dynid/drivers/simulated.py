@@ -1,0 +1,172 @@
+"""The simulated arm in this process: no sockets, faster than real time."""
+
+from __future__ import annotations
+
+import json
+from threading import Event
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.core.errors import DynidError, InputError
+from dynid.drivers.driver import Driver, Execution, Outcome, Progress, Recorder, Source
+from dynid.drivers.watchdog import Abort, Cycle, Watchdog
+from dynid.simulation.plant import Plant
+from dynid.simulation.state import PlantState
+from dynid.simulation.thermal import Thermal
+from dynid.simulation.truth import SimulatedArm
+
+QUANTITIES = (
+    "q",
+    "qd",
+    "current",
+    "target_q",
+    "target_qd",
+    "target_qdd",
+    "target_current",
+    "target_moment",
+    "temperature",
+)
+_SENSED = (("q", "position"), ("qd", "velocity"), ("current", "current"))
+_BLOCK = 8
+"""Cycles that are measured and recorded together: less than the 0.1 s in which a stop is due."""
+STOP_S = 0.08
+"""Time in which a stop takes the set points to rest [s]."""
+_STANDSTILL, _STANDSTILL_S = 1e-3, 2.0
+
+
+class SimulatedDriver(Driver):
+    """Moves the simulated arm and records what its sensors see.
+
+    Args:
+        arm: The simulated arm.
+        thermal: `cold`, `warm`, one temperature or one a joint [degC], at the start; executions
+            warm it further.
+        seed: Seed of the measurement noise.
+
+    Raises:
+        InputError: A thermal state that is none.
+    """
+
+    def __init__(self, arm: SimulatedArm, *, thermal: Thermal = "cold", seed: int = 0) -> None:
+        self.arm = arm
+        self.seed = seed
+        self.states: list[PlantState] = []
+        """The exact states behind the recorded samples: the truth, for tests alone."""
+        self.rest: PlantState | None = None
+        """The state in which the last execution left the arm."""
+        self._start = arm.truth.thermal.start(thermal)
+        self._temperature = self._start
+        self._noise = np.random.default_rng(seed)
+
+    @property
+    def source(self) -> Source:
+        """See `Driver.source`."""
+        return Source(
+            quantities=QUANTITIES,
+            channels=("index",),
+            format="simulation",
+            origin=f"simulated {self.arm.robot.name}, seed {self.seed}",
+            extra={
+                "seed": str(self.seed),
+                "start_degC": json.dumps([round(float(value), 2) for value in self._start]),
+            },
+        )
+
+    def execute(
+        self,
+        execution: Execution,
+        recorder: Recorder | None,
+        *,
+        cancel: Event | None = None,
+        progress: Progress | None = None,
+    ) -> Outcome:
+        """See `Driver.execute`."""
+        setpoints = execution.setpoints()
+        if setpoints.shape[1] != self.arm.robot.joints:
+            raise InputError(
+                "joints of the motion", value=setpoints.shape[1], limit=self.arm.robot.joints
+            )
+        plant = Plant(self.arm, rate_hz=execution.rate_hz, thermal=self._temperature)
+        plant.reset(setpoints[0])
+        watchdog = Watchdog(execution.limits, execution.rate_hz, execution.total)
+        block: list[PlantState] = []
+        abort: Abort | None = None
+        samples = k = 0
+        for k in range(execution.total):
+            state = plant.tick(setpoints[k % execution.cycles])
+            abort = watchdog.see(_cycle(k, state))
+            if recorder is not None and k >= execution.first_recorded:
+                block.append(state)
+            if abort is None and cancel is not None and cancel.is_set():
+                abort = Abort("interrupted", "it was interrupted")
+            if abort is None and len(block) < _BLOCK and k + 1 < execution.total:
+                continue
+            if recorder is not None:
+                samples, refused = self._record(recorder, block, samples, execution.rate_hz)
+                abort = abort or refused
+            block = []
+            if progress is not None:
+                progress("run", (k + 1) / execution.total)
+            if abort is not None:
+                break
+        self.rest = _stop(plant, setpoints[k % execution.cycles], execution.rate_hz)
+        self._temperature = plant.temperature
+        return Outcome(samples=samples, periods=samples // execution.cycles, gaps=0, abort=abort)
+
+    def _record(
+        self, recorder: Recorder, block: list[PlantState], samples: int, rate_hz: float
+    ) -> tuple[int, Abort | None]:
+        """Measure and record some states; how many there are now, and whether it failed."""
+        if not block:
+            return samples, None
+        gain = self.arm.truth.gain
+        true = {
+            "position": np.stack([state.q for state in block]),
+            "velocity": np.stack([state.dq for state in block]),
+            "current": np.stack([state.torque for state in block]) / gain,
+            "temperature": np.stack([state.temperature for state in block]),
+        }
+        seen: dict[str, Array] = {
+            name: self.arm.truth.sensors.read(name, value, self._noise)
+            for name, value in true.items()
+        }
+        try:
+            for k, state in enumerate(block):
+                signals = {name: seen[quantity][k] for name, quantity in _SENSED}
+                signals["temperature"] = seen["temperature"][k]
+                signals |= _targets(state, gain)
+                recorder.append(samples / rate_hz, signals, {"index": float(samples)})
+                self.states.append(state)
+                samples += 1
+        except DynidError as error:
+            return samples, Abort("recording", str(error))
+        return samples, None
+
+
+def _targets(state: PlantState, gain: Array) -> dict[str, Array]:
+    target = state.target
+    return {
+        "target_q": target.q,
+        "target_qd": target.dq,
+        "target_qdd": target.ddq,
+        "target_moment": target.moment,
+        "target_current": target.feedforward / gain,
+    }
+
+
+def _cycle(k: int, state: PlantState) -> Cycle:
+    return Cycle(timestamp=state.t, index=k, q=state.q, qd=state.dq, target_q=state.target.q)
+
+
+def _stop(plant: Plant, setpoint: Array, rate_hz: float) -> PlantState:
+    """Brake evenly within `STOP_S`, then hold until the arm stands still."""
+    state = plant.tick(setpoint)
+    speed, aim = state.target.dq, setpoint.copy()
+    braking = max(round(STOP_S * rate_hz), 1)
+    for k in range(braking + round(_STANDSTILL_S * rate_hz)):
+        if k >= braking and np.abs(state.dq).max() < _STANDSTILL:
+            break
+        aim = aim + max(1.0 - (k + 1) / braking, 0.0) * speed / rate_hz
+        state = plant.tick(aim)
+    return state

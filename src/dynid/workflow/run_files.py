@@ -1,0 +1,115 @@
+"""The files of a run: the design it starts from, the mark of a stop, the truth of a simulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dynid.core.errors import DynidError, InputError
+from dynid.core.provenance import file_hash
+from dynid.drivers.simulated import SimulatedDriver
+from dynid.drivers.watchdog import Abort
+from dynid.identification.estimate_file import write_json
+from dynid.recording.parquet import read_record, write_record
+from dynid.robot.load import load_robot
+from dynid.robot.model import RobotModel
+from dynid.trajectory.files import read_trajectory
+from dynid.trajectory.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadedDesign:
+    """What a run needs of a design."""
+
+    trajectory: Trajectory
+    """One period."""
+    robot: RobotModel
+    """The robot it was made for, as mounted."""
+    reference: str
+    """Built-in name or path of that robot."""
+    sha256: str
+    """Of the file."""
+
+
+def load_design(path: Path, mount: str | None = None) -> LoadedDesign:
+    """Read a design, or any trajectory file.
+
+    Args:
+        path: The file.
+        mount: The mounting, where it is not the robot's own.
+
+    Raises:
+        InputError: Not a design, or one for a robot that cannot be read.
+    """
+    stored = read_trajectory(path)
+    try:
+        robot = load_robot(stored.robot, mount=mount)
+    except InputError as error:
+        raise InputError(
+            f"the robot of the design: {error.what}", where=str(path), value=stored.robot
+        ) from error
+    return LoadedDesign(
+        trajectory=stored.series, robot=robot, reference=stored.robot, sha256=file_hash(path)
+    )
+
+
+def mark_aborted(path: Path, abort: Abort) -> bool:
+    """Write the cause of a stop into the metadata of a recording.
+
+    Args:
+        path: The recording; only its partial file may be there.
+        abort: The cause.
+
+    Returns:
+        Whether there is a recording with at least two samples.
+    """
+    try:
+        record = read_record(path)
+        if path.exists():
+            extra = {**record.metadata.extra, "aborted": abort.message, "abort": abort.code}
+            write_record(replace(record, metadata=replace(record.metadata, extra=extra)), path)
+    except DynidError:
+        # The disk that refused the rows refuses this too; the rows themselves stay readable.
+        return path.exists()
+    return True
+
+
+def truth_path(recording: Path) -> Path:
+    """Where the truth of a simulated recording stands: beside it."""
+    return recording.with_name(f"{recording.stem}_truth.json")
+
+
+def write_truth(recording: Path, driver: SimulatedDriver) -> None:
+    """Write what the simulated arm was made of; nothing but tests reads it.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
+    if not driver.states:
+        return
+    truth = driver.arm.truth
+    temperature = np.mean([state.temperature for state in driver.states], axis=0)
+    torque = np.stack([state.torque for state in driver.states])
+    data: dict[str, Any] = {
+        "robot": driver.arm.robot.name,
+        "label": truth.label,
+        "seed": driver.seed,
+        "mean_degC": temperature.tolist(),
+        "parameters": [
+            *("m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy"),
+            *("Fc", "Fv", "Im"),
+        ],
+        "frame": "joint frames, tensors about their origins; Fc and Fv at mean_degC",
+        "links": truth.standard_parameters_at(temperature).tolist(),
+        "drive_gain": truth.gain.tolist(),
+        "torque_rms": np.sqrt(np.square(torque).mean(axis=0)).tolist(),
+        "friction_beyond_the_paper": {
+            "breakaway": truth.friction.breakaway.tolist(),
+            "stribeck_velocity": truth.friction.stribeck_velocity.tolist(),
+            "load_factor": truth.friction.load_factor.tolist(),
+        },
+    }
+    write_json(data, truth_path(recording))

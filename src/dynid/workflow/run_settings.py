@@ -1,0 +1,89 @@
+"""How to run a design, and the words of the command line for it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from dynid.core.errors import InputError
+from dynid.experiment.plan import Payload
+from dynid.simulation.thermal import Thermal
+
+METHODS = ("program", "servoj")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSettings:
+    """How to run a design; what is None is not asked for.
+
+    Raises:
+        InputError: An unknown method.
+    """
+
+    repeat: int = 3
+    """Periods to record."""
+    settle: bool = False
+    """Move one period before them that is not recorded."""
+    slow: float | None = None
+    """Speed of a first pass, as a share."""
+    warm_up_s: float = 0.0
+    """Time to repeat the motion before the recording [s]."""
+    thermal: Thermal = "cold"
+    """Thermal state: set on the simulated arm, noted down for a real one."""
+    seed: int = 0
+    """Seed of the simulated noise."""
+    method: str = "program"
+    """`program`: the controller evaluates the motion; `servoj`: set points are streamed."""
+    mount: str | None = None
+    """Mounting, where it is not the robot's own."""
+    payload: Payload = field(default_factory=Payload)
+    """What the robot carries."""
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise InputError(
+                "unknown method", where="--method", value=self.method, limit=", ".join(METHODS)
+            )
+
+
+def parse_thermal(text: str) -> Thermal:
+    """Read `--thermal`: `cold`, `warm` or degC.
+
+    Raises:
+        InputError: Another word.
+    """
+    if text in ("cold", "warm"):
+        return text
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(
+            "unknown thermal state", where="--thermal", value=text, limit="cold, warm or degC"
+        )
+    return value
+
+
+def parse_payload(text: str | None) -> Payload:
+    """Read `--payload`: a mass [kg], or a mass and its centre x, y, z [m].
+
+    Raises:
+        InputError: Other than one or four numbers, or a negative mass.
+    """
+    if text is None:
+        return Payload()
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    sound = all(math.isfinite(number) for number in numbers)
+    if len(numbers) not in (1, 4) or not sound or numbers[0] < 0:
+        raise InputError(
+            "a payload is a mass, or a mass and three coordinates",
+            where="--payload",
+            value=text,
+            limit="KG or KG,X,Y,Z",
+        )
+    x, y, z = numbers[1:] or (0.0, 0.0, 0.0)
+    return Payload(mass=numbers[0], com=(x, y, z))

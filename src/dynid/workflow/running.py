@@ -1,0 +1,168 @@
+"""`dynid run`: a design executed on a robot, simulated or real, and recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Event
+from typing import Any
+
+from dynid.core.errors import InputError, JobError
+from dynid.drivers.driver import Driver, Progress
+from dynid.drivers.simulated import SimulatedDriver
+from dynid.drivers.watchdog import Abort
+from dynid.experiment.plan import ExperimentPlan
+from dynid.experiment.run import RunResult, run
+from dynid.recording.record import RecordMetadata
+from dynid.recording.writer import RecordWriter
+from dynid.simulation.library import simulated_arm
+from dynid.workflow.run_files import LoadedDesign, load_design, mark_aborted, write_truth
+from dynid.workflow.run_settings import RunSettings
+
+SIMULATED = "sim"
+RATE_HZ = 125.0
+Confirm = Callable[[str, str], None]
+"""Shown what is about to move and the word that agrees to it; raises where nobody agrees."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """What became of a run."""
+
+    result: RunResult
+    """How it ended."""
+    record: Path | None
+    """The recording, or what is left of it; None if there is none."""
+
+    @property
+    def abort(self) -> Abort | None:
+        """Why it ended early; None if it did not."""
+        return self.result.outcome.abort
+
+    def to_json(self) -> dict[str, Any]:
+        """The keys that `dynid run --json` prints."""
+        outcome = self.result.outcome
+        return {
+            "samples": outcome.samples,
+            "periods": outcome.periods,
+            "gaps": outcome.gaps,
+            "aborted": outcome.abort is not None,
+            "cause": None
+            if outcome.abort is None
+            else {"code": outcome.abort.code, "message": outcome.abort.message},
+            "record": None if self.record is None else str(self.record),
+        }
+
+    def raise_if_aborted(self) -> None:
+        """Turn a stop into an error.
+
+        Raises:
+            JobError: The robot was stopped; the message names the cause.
+        """
+        abort = self.abort
+        if abort is None:
+            return
+        samples = self.result.outcome.samples
+        kept = f"{samples} samples are kept in {self.record}" if self.record else "nothing is kept"
+        raise JobError(
+            f"the robot was stopped in the pass '{self.result.stopped_in}': {abort.message}; {kept}"
+        )
+
+
+def run_design(
+    design: str | Path,
+    output: str | Path,
+    *,
+    on: str = SIMULATED,
+    settings: RunSettings | None = None,
+    confirm: Confirm | None = None,
+    cancel: Event | None = None,
+    progress: Progress | None = None,
+) -> Run:
+    """Execute a design and record it.
+
+    Args:
+        design: A design, or any trajectory file.
+        output: The recording, `*.parquet`.
+        on: `sim` for the simulated arm, `ur://HOST` for a UR controller.
+        settings: How to run it.
+        confirm: Shown what is about to move on a real robot; None agrees to everything.
+        cancel: Stops the robot when it is set.
+        progress: Told what is being done and how far it is (0 to 1).
+
+    Returns:
+        How it ended; a stop is no exception, see `Run.raise_if_aborted`.
+
+    Raises:
+        InputError: A design, robot or setting that cannot be used.
+        JobError: The robot is not ready, cannot be reached, or the recording cannot be written.
+        MissingExtraError: A package is missing.
+    """
+    asked = settings or RunSettings()
+    path = Path(output)
+    loaded = load_design(Path(design), asked.mount)
+    plan = ExperimentPlan(
+        robot=loaded.robot,
+        trajectory=loaded.trajectory,
+        periods=asked.repeat,
+        settle=asked.settle,
+        slow=asked.slow,
+        warm_up_s=0.0 if on == SIMULATED else asked.warm_up_s,
+        rate_hz=RATE_HZ,
+        payload=asked.payload,
+    )
+    if on != SIMULATED:
+        raise InputError("unknown robot to run on", where="--on", value=on, limit="sim, ur://HOST")
+    driver = _simulated(loaded, asked)
+    result = _execute(plan, driver, loaded, path, cancel, progress)
+    write_truth(path, driver)
+    return _finished(result, path)
+
+
+def _simulated(loaded: LoadedDesign, asked: RunSettings) -> SimulatedDriver:
+    arm = simulated_arm(loaded.robot)
+    thermal = asked.thermal
+    if asked.warm_up_s > 0:
+        # Heat flows far more slowly than the arm moves: no need to simulate every second.
+        from dynid.simulation.warm_up import warm_up
+
+        thermal = warm_up(arm, loaded.trajectory, asked.warm_up_s, thermal=thermal)
+    return SimulatedDriver(arm, thermal=thermal, seed=asked.seed)
+
+
+def _execute(
+    plan: ExperimentPlan,
+    driver: Driver,
+    loaded: LoadedDesign,
+    path: Path,
+    cancel: Event | None,
+    progress: Progress | None,
+) -> RunResult:
+    def open_recorder() -> RecordWriter:
+        source = driver.source
+        metadata = RecordMetadata(
+            robot=loaded.reference,
+            origin=source.origin,
+            format=source.format,
+            extra={
+                **source.extra,
+                "design_sha256": loaded.sha256,
+                "period_s": repr(plan.trajectory.duration),
+                "periods": str(plan.periods),
+                "mount": plan.robot.mount,
+            },
+        )
+        return RecordWriter(
+            path, plan.robot.joint_names, source.quantities, metadata, channels=source.channels
+        )
+
+    return run(plan, driver, open_recorder, cancel=cancel, progress=progress)
+
+
+def _finished(result: RunResult, path: Path) -> Run:
+    abort = result.outcome.abort
+    kept = result.outcome.samples >= 2
+    if abort is not None and result.stopped_in == "run":
+        kept = mark_aborted(path, abort) and kept
+    return Run(result=result, record=path if kept else None)
