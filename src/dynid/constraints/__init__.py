@@ -1,0 +1,1 @@
+"""One judge for motions: limits of joints, speed, torque and power, and collisions."""

@@ -1,0 +1,163 @@
+"""Which bodies must keep apart: capsules of the links, the payload, the shapes of the scene."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynid.constraints.arm import arm_geometry
+from dynid.constraints.collision import Bodies
+from dynid.constraints.settings import ConstraintSettings
+from dynid.constraints.shapes import BOX, SPHERE, Shape, packed
+from dynid.core.arrays import Array, read_only
+from dynid.core.errors import InputError
+from dynid.robot.capsule import Capsule
+from dynid.robot.model import RobotModel
+
+_POSES = 256
+_NEAR = 2
+"""Links this far apart may always be close together by construction."""
+
+
+def bodies_of(
+    robot: RobotModel, settings: ConstraintSettings, notes: list[str]
+) -> tuple[Bodies | None, tuple[list[str], list[str]]]:
+    """The bodies and the names of their pairs; None where nothing is to be judged.
+
+    Neighbouring links are not judged, nor is the base against the scene it stands on. Pairs
+    nearer than the clearance in every pose are so by construction and are left out.
+
+    Raises:
+        InputError: A shape that touches a moving link in every pose.
+    """
+    scene = settings.scene
+    shapes = () if scene is None else scene.shapes
+    capsules = (*robot.capsules, *_payload(robot, () if scene is None else scene.payload))
+    if settings.self_collision and not robot.capsules:
+        notes.append(
+            "self-collision is not judged: the robot has no capsules ([[capsule]] in a robot file)"
+        )
+    if shapes and not any(item.link for item in capsules):
+        raise InputError(
+            "a scene needs a robot with self-collision shapes",
+            where=robot.name,
+            value="no capsules",
+            next_step="Add [[capsule]] tables to a robot file, or leave the scene out.",
+        )
+    if not capsules:
+        return None, ([], [])
+    pairs = [
+        (a, b)
+        for a in range(len(capsules))
+        for b in range(a + 1, len(capsules))
+        if settings.self_collision and abs(capsules[a].link - capsules[b].link) > 1
+    ]
+    meetings = [
+        (a, s) for s in range(len(shapes)) for a in range(len(capsules)) if capsules[a].link > 0
+    ]
+    every = _bodies(robot, capsules, shapes, pairs, meetings)
+    own, around = every.distances(_poses(settings))
+    pairs = _free(pairs, own, capsules, settings.clearance, notes)
+    meetings = _reachable(meetings, around, capsules, shapes, settings.clearance, notes)
+    if not pairs and not meetings:
+        return None, ([], [])
+    names = (
+        [f"{capsules[a].name} - {capsules[b].name}" for a, b in pairs],
+        [f"{capsules[a].name} - {shapes[s].name}" for a, s in meetings],
+    )
+    return _bodies(robot, capsules, shapes, pairs, meetings), names
+
+
+def _bodies(
+    robot: RobotModel,
+    capsules: tuple[Capsule, ...],
+    shapes: tuple[Shape, ...],
+    pairs: list[tuple[int, int]],
+    meetings: list[tuple[int, int]],
+) -> Bodies:
+    return Bodies(
+        arm=arm_geometry(robot),
+        link=np.array([item.link for item in capsules], dtype=np.intp),
+        ends=read_only(np.array([[item.start, item.end] for item in capsules])),
+        radius=read_only(np.array([item.radius for item in capsules])),
+        shapes=read_only(packed(shapes)),
+        pairs=np.array(pairs, dtype=np.intp).reshape(-1, 2),
+        meetings=np.array(meetings, dtype=np.intp).reshape(-1, 2),
+    )
+
+
+def _poses(settings: ConstraintSettings) -> Array:
+    bounds = settings.bounds
+    lower = np.maximum(bounds.lower, -np.pi)
+    upper = np.minimum(bounds.upper, np.pi)
+    lower, upper = (
+        np.where(lower < upper, x, y) for x, y in ((lower, bounds.lower), (upper, bounds.upper))
+    )
+    return np.random.default_rng(0).uniform(lower, upper, (_POSES, bounds.joints))
+
+
+def _free(
+    pairs: list[tuple[int, int]],
+    own: Array,
+    capsules: tuple[Capsule, ...],
+    clearance: float,
+    notes: list[str],
+) -> list[tuple[int, int]]:
+    kept: list[tuple[int, int]] = []
+    for pair, far in zip(pairs, own.T, strict=True):
+        a, b = (capsules[k] for k in pair)
+        if abs(a.link - b.link) <= _NEAR and float(far.max()) < clearance:
+            notes.append(f"{a.name} and {b.name} are never farther apart: not judged")
+        else:
+            kept.append(pair)
+    return kept
+
+
+def _reachable(
+    meetings: list[tuple[int, int]],
+    around: Array,
+    capsules: tuple[Capsule, ...],
+    shapes: tuple[Shape, ...],
+    clearance: float,
+    notes: list[str],
+) -> list[tuple[int, int]]:
+    kept: list[tuple[int, int]] = []
+    for (a, s), far in zip(meetings, around.T, strict=True):
+        name, shape = capsules[a].name, shapes[s].name
+        if float(far.max()) <= 0:
+            raise InputError(
+                f"the scene leaves the robot no room: {name} is in '{shape}' in every pose",
+                where=shape,
+                value=f"{float(far.max()):.3f} m",
+                limit="0 m",
+                next_step="Shapes are solid and stand in the robot's base frame; build a cell"
+                " from walls.",
+            )
+        if float(far.max()) < clearance and float(np.ptp(far)) < 1e-6:
+            notes.append(f"{name} and '{shape}' keep {float(far.max()):.3f} m: not judged")
+        else:
+            kept.append((a, s))
+    return kept
+
+
+def _payload(robot: RobotModel, payload: tuple[Shape, ...]) -> tuple[Capsule, ...]:
+    """Capsules around what the flange carries."""
+    return tuple(_enclosing(robot, shape) for shape in payload)
+
+
+def _enclosing(robot: RobotModel, shape: Shape) -> Capsule:
+    pose = robot.flange @ shape.pose
+    if shape.kind == SPHERE:
+        along, radius = np.zeros(3), float(shape.size[0])
+    elif shape.kind == BOX:
+        longest = int(np.argmax(shape.size))
+        along = pose[:3, longest] * shape.size[longest]
+        radius = float(np.linalg.norm(np.delete(shape.size, longest)))
+    else:
+        along, radius = pose[:3, 2] * shape.size[1], float(shape.size[0])
+    return Capsule(
+        name=f"payload {shape.name}",
+        link=robot.joints,
+        start=pose[:3, 3] - along,
+        end=pose[:3, 3] + along,
+        radius=radius,
+    )

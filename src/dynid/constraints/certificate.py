@@ -1,0 +1,241 @@
+"""The certificate of a motion: every limit and every distance, between samples too.
+
+Positions, velocities and accelerations of a Fourier series are bounded as trigonometric
+polynomials; distances, speeds and momentum by how fast they can change (branch and bound).
+Torque and power are looked at in 1 kHz samples with twice their curvature as an allowance:
+dense, not proven; `proven` says which kinds are.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from dynid.constraints.collision import Bodies
+from dynid.constraints.extremes import Extremes, dense_times, extremes
+from dynid.constraints.kinematic import bound_ratios
+from dynid.constraints.motion import MotionConstraints
+from dynid.constraints.search import Least, least_value
+from dynid.constraints.speed import MovingPoints
+from dynid.constraints.usage import DISTANCES, Worst, margins_of
+from dynid.core.arrays import Array
+from dynid.core.errors import InputError
+from dynid.trajectory.trajectory import Trajectory
+
+ROUNDING = 1e-9
+"""A limit that is met exactly may be missed by rounding."""
+_DISTANCE_WITHIN = 5e-4
+_RATIO_WITHIN = 2e-3
+_INTERVALS_HZ = 50.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Certificate:
+    """The verdict on one motion."""
+
+    feasible: bool
+    """No limit is broken and no clearance missed, at any time."""
+    worst: dict[str, Worst]
+    """Kind to its guaranteed margin, and where it is smallest."""
+    proven: tuple[str, ...]
+    """Kinds whose margin is proven between samples; the others are dense samples with an
+    allowance."""
+    clearance: float
+    """Distance that bodies must keep [m]."""
+    notes: tuple[str, ...]
+    """What is not judged, and what was assumed."""
+
+    @property
+    def margins(self) -> dict[str, float | None]:
+        """Kind to margin: share of the limit left, or distance [m]; None where not judged."""
+        return margins_of(self.worst)
+
+    @property
+    def broken(self) -> tuple[str, ...]:
+        """The kinds that are broken, worst first."""
+        found = {kind: _room(kind, item, self.clearance) for kind, item in self.worst.items()}
+        return tuple(sorted((k for k in found if found[k] < -ROUNDING), key=lambda k: found[k]))
+
+    def to_json(self) -> dict[str, Any]:
+        """The form that `dynid check --json` prints."""
+        return {
+            "feasible": self.feasible,
+            "margins": self.margins,
+            "worst": {
+                kind: item.to_json()
+                for kind, item in self.worst.items()
+                if math.isfinite(item.margin)
+            },
+            "proven": list(self.proven),
+            "clearance_m": self.clearance,
+            "notes": list(self.notes),
+        }
+
+
+def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certificate:
+    """Judge a motion from its start to its end.
+
+    Args:
+        trajectory: The motion.
+        constraints: What it is held to.
+
+    Raises:
+        InputError: A motion of another number of joints.
+    """
+    times = dense_times(trajectory.duration)
+    motion = trajectory.evaluate(times)
+    if motion.q.shape[1] != constraints.robot.joints:
+        raise InputError(
+            "joints of the motion", value=motion.q.shape[1], limit=constraints.robot.joints
+        )
+    worst = dict(constraints.usage(motion.q, motion.dq, motion.ddq, times).worst)
+    ends = extremes(trajectory)
+    _between_samples(worst, constraints, ends)
+    _add_allowance(worst, constraints, motion.q, motion.dq, motion.ddq)
+    proven = ["position", "velocity", "acceleration"] if ends.proven else []
+    first = max(64, math.ceil(trajectory.duration * _INTERVALS_HZ))
+    travel = np.maximum(np.abs(ends.lower), np.abs(ends.upper))
+    for kind, (points, limit) in constraints.points.items():
+        found = least_value(
+            lambda t, half, p=points, top=limit: _left(p, top, trajectory, ends, travel, t, half),
+            trajectory.duration,
+            first=first,
+            threshold=0.0,
+            tolerance=_RATIO_WITHIN,
+        )
+        worst[kind] = _settled(worst[kind], found, limit * (1.0 - found.value))
+        proven += [kind] if ends.proven else []
+    for kind, bodies, names in _sides(constraints):
+        rates = _rates(bodies, travel)
+        found = least_value(
+            lambda t, half, b=bodies, r=rates: _apart(b, r, trajectory, ends, t, half),
+            trajectory.duration,
+            first=first,
+            threshold=constraints.settings.clearance,
+            tolerance=_DISTANCE_WITHIN,
+        )
+        if found.value < worst[kind].value:
+            worst[kind] = replace(worst[kind], what=names[found.index])
+        worst[kind] = _settled(worst[kind], found, found.value)
+        proven += [kind] if ends.proven else []
+    clearance = constraints.settings.clearance
+    return Certificate(
+        feasible=all(_room(k, item, clearance) >= -ROUNDING for k, item in worst.items()),
+        worst=worst,
+        proven=tuple(kind for kind in proven if math.isfinite(worst[kind].margin)),
+        clearance=clearance,
+        notes=constraints.notes,
+    )
+
+
+def _room(kind: str, item: Worst, clearance: float) -> float:
+    if math.isnan(item.margin):
+        return math.inf
+    return item.margin - (clearance if kind in DISTANCES else 0.0)
+
+
+def _settled(before: Worst, found: Least, value: float) -> Worst:
+    """The worst of samples and search, with the search's bound for its margin."""
+    if found.value < before.margin:
+        before = replace(before, t=found.t, value=value)
+    return replace(before, margin=min(found.bound, before.margin))
+
+
+def _between_samples(
+    worst: dict[str, Worst], constraints: MotionConstraints, ends: Extremes
+) -> None:
+    bounds = constraints.settings.bounds
+    sides = np.stack([ends.lower, ends.upper])
+    both = np.stack([ends.velocity, ends.velocity]), np.stack([ends.acceleration] * 2)
+    for kind, ratio in zip(
+        ("position", "velocity", "acceleration"), bound_ratios(bounds, sides, *both), strict=True
+    ):
+        item = worst[kind]
+        if math.isfinite(item.margin):
+            worst[kind] = replace(item, margin=min(item.margin, 1.0 - float(ratio.max())))
+
+
+def _add_allowance(
+    worst: dict[str, Worst], constraints: MotionConstraints, q: Array, dq: Array, ddq: Array
+) -> None:
+    """Torque and power between samples: their curvature, twice."""
+    judge = constraints.torque
+    if judge is None:
+        return
+    torque, power = judge.largest(q, dq, ddq)
+    for kind, values, limit in (("torque", torque, judge.limits), ("power", power, judge.power)):
+        item = worst[kind]
+        if math.isfinite(item.margin):
+            bow = np.zeros(values.shape)
+            bow[1:-1] = np.abs(values[2:] - 2 * values[1:-1] + values[:-2]) / 4
+            least = 1.0 - float(np.nanmax((values + bow) / limit))
+            worst[kind] = replace(item, margin=min(item.margin, least))
+
+
+def _left(
+    points: MovingPoints,
+    limit: float,
+    trajectory: Trajectory,
+    ends: Extremes,
+    travel: Array,
+    t: Array,
+    half: float,
+) -> tuple[Array, Array]:
+    """Share of a speed limit that is left, and how fast it can change.
+
+    A point's acceleration is at most sum_k r_k |ddq_k| + sum_jk r_max(j,k) |dq_j dq_k|, since a
+    joint's column turns with the joints before it and is turned by those after it.
+    """
+    motion = trajectory.evaluate(t)
+    reach = points.reach(travel)
+    speed = np.minimum(np.abs(motion.dq) + half * ends.acceleration, ends.velocity)
+    # r_max(j,k) summed over pairs: joint k with all before it, twice, and with itself.
+    before = np.cumsum(speed, axis=1) - speed
+    push = speed * (2 * before + speed) + ends.acceleration
+    rate = push @ reach / limit
+    return 1.0 - points.norms(motion.q, motion.dq)[:, None] / limit, rate[:, None]
+
+
+def _sides(constraints: MotionConstraints) -> list[tuple[str, Bodies, list[str]]]:
+    """The kinds of distance that are judged, each with its pairs alone."""
+    bodies = constraints.bodies
+    if bodies is None:
+        return []
+    none = np.empty((0, 2), dtype=np.intp)
+    kinds = (
+        replace(bodies, meetings=none),
+        replace(bodies, pairs=none),
+    )
+    found = zip(DISTANCES, kinds, constraints.names, strict=True)
+    return [(kind, one, names) for kind, one, names in found if names]
+
+
+def _rates(bodies: Bodies, travel: Array) -> Array:
+    """(K, n) how much each joint's speed can change each distance [m/rad or 1]."""
+    reach = np.array(
+        [
+            np.max([bodies.arm.reach(int(link), end, travel) for end in ends], axis=0)
+            for link, ends in zip(bodies.link, bodies.ends, strict=True)
+        ]
+    )
+    rows: list[Array] = []
+    for a, b in bodies.pairs:
+        inner, outer = (a, b) if bodies.link[a] <= bodies.link[b] else (b, a)
+        row = reach[outer].copy()
+        # Joints up to the inner body's link move both bodies together.
+        row[: bodies.link[inner]] = 0.0
+        rows.append(row)
+    rows += [reach[a] for a, _ in bodies.meetings]
+    return np.array(rows)
+
+
+def _apart(
+    bodies: Bodies, rates: Array, trajectory: Trajectory, ends: Extremes, t: Array, half: float
+) -> tuple[Array, Array]:
+    motion = trajectory.evaluate(t)
+    own, around = bodies.distances(motion.q)
+    speed = np.minimum(np.abs(motion.dq) + half * ends.acceleration, ends.velocity)
+    return np.hstack([own, around]), speed @ rates.T

@@ -1,0 +1,218 @@
+"""The judge: everything that a motion of one robot is held to."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from dynid.constraints.bodies import bodies_of
+from dynid.constraints.collision import Bodies
+from dynid.constraints.dynamic import TorqueJudge
+from dynid.constraints.kinematic import bound_ratios, bound_violation
+from dynid.constraints.points import judged_points
+from dynid.constraints.prior import prior_dynamics
+from dynid.constraints.settings import ConstraintSettings
+from dynid.constraints.speed import MovingPoints
+from dynid.constraints.usage import DISTANCES, RATIOS, Usage, Worst
+from dynid.core.arrays import Array
+from dynid.core.errors import InputError
+from dynid.robot.model import RobotModel
+
+
+class MotionConstraints:
+    """Limits and collisions of one robot, for designs and for runs.
+
+    Args:
+        robot: The robot.
+        settings: What to hold.
+
+    Raises:
+        InputError: Bounds for another number of joints, or a scene in which the robot cannot
+            stand.
+    """
+
+    def __init__(self, robot: RobotModel, settings: ConstraintSettings) -> None:
+        if settings.bounds.joints != robot.joints:
+            raise InputError(
+                "joints of the bounds", value=settings.bounds.joints, limit=robot.joints
+            )
+        self.robot = robot
+        self.settings = settings
+        notes: list[str] = []
+        self.bodies: Bodies | None
+        self.names: tuple[list[str], list[str]]
+        self.bodies, self.names = bodies_of(robot, settings, notes)
+        self.torque = _torque_judge(robot, settings, notes)
+        self.points: dict[str, tuple[MovingPoints, float]] = judged_points(robot, settings, notes)
+        self.notes = tuple(notes)
+        """What is not judged, and what was assumed, in words."""
+
+    def usage(self, q: Array, dq: Array, ddq: Array, t: Array | None = None) -> Usage:
+        """The worst of every kind at samples.
+
+        Args:
+            q: (N, n) positions [rad or m].
+            dq: (N, n) velocities.
+            ddq: (N, n) accelerations.
+            t: (N) times [s]; the samples' numbers if not given.
+        """
+        self._check(q, dq, ddq)
+        times = np.arange(len(q), dtype=np.float64) if t is None else t
+        worst = {kind: Worst(margin=math.nan) for kind in (*RATIOS, *DISTANCES)}
+        bounds, joints = self.settings.bounds, self.robot.joint_names
+        kinds = ("position", "velocity", "acceleration")
+        limits = (bounds.upper, bounds.velocity, bounds.acceleration)
+        ratios = bound_ratios(bounds, q, dq, ddq)
+        for kind, value, limit, ratio in zip(kinds, (q, dq, ddq), limits, ratios, strict=True):
+            if np.isfinite(limit).any():
+                worst[kind] = _largest(ratio, value, limit, times, joints)
+        position = worst["position"]
+        if position.what:
+            joint = joints.index(position.what)
+            if position.value < (bounds.lower[joint] + bounds.upper[joint]) / 2:
+                lower = float(bounds.lower[joint])
+                worst["position"] = Worst(
+                    margin=position.margin,
+                    t=position.t,
+                    what=position.what,
+                    value=position.value,
+                    limit=lower,
+                )
+        if self.torque is not None:
+            torque, power = self.torque.largest(q, dq, ddq)
+            if np.isfinite(self.torque.limits).any():
+                limit = self.torque.limits
+                worst["torque"] = _largest(torque / limit, torque, limit, times, joints)
+            if not math.isnan(self.torque.power):
+                worst["power"] = _over(power, self.torque.power, times)
+        for kind, (points, limit) in self.points.items():
+            worst[kind] = _over(points.norms(q, dq), limit, times)
+        if self.bodies is not None:
+            found = self.bodies.distances(q)
+            for kind, far, names in zip(DISTANCES, found, self.names, strict=True):
+                if far.shape[1]:
+                    k, p = divmod(int(np.argmin(far)), far.shape[1])
+                    least = float(far[k, p])
+                    clearance = self.settings.clearance
+                    worst[kind] = Worst(
+                        margin=least,
+                        t=float(times[k]),
+                        what=names[p],
+                        value=least,
+                        limit=clearance,
+                    )
+        return Usage(worst=worst, clearance=self.settings.clearance)
+
+    def violation(
+        self, q: Array, dq: Array, ddq: Array, *, tighten: float = 0.0
+    ) -> tuple[float, Array, Array, Array]:
+        """How much the limits are broken at samples, as one smooth number.
+
+        The sum over samples and limits of the squared excess over the limit, as a share of the
+        limit; a missing clearance counts in units of `collision.LENGTH`.
+
+        Args:
+            q: (N, n) positions [rad or m].
+            dq: (N, n) velocities.
+            ddq: (N, n) accelerations.
+            tighten: Share by which every limit shrinks and the clearance grows.
+
+        Returns:
+            The sum, 0 where every limit holds, and its exact derivatives (N, n) with respect
+            to q, dq and ddq.
+        """
+        self._check(q, dq, ddq)
+        share = 1.0 - tighten
+        total, q_bar, dq_bar, ddq_bar = bound_violation(self.settings.bounds, q, dq, ddq, share)
+        if self.torque is not None:
+            more, a, b, c = self.torque.violation(q, dq, ddq, share)
+            total += more
+            q_bar, dq_bar, ddq_bar = q_bar + a, dq_bar + b, ddq_bar + c
+        for points, limit in self.points.values():
+            more, a, b = points.violation(q, dq, share * limit)
+            total += more
+            q_bar, dq_bar = q_bar + a, dq_bar + b
+        if self.bodies is not None:
+            more, a = self.bodies.violation(q, self.settings.clearance * (1.0 + tighten))
+            total += more
+            q_bar = q_bar + a
+        return total, q_bar, dq_bar, ddq_bar
+
+    def check_pose(self, q: Array, name: str = "start pose") -> None:
+        """Refuse a pose (n) that breaks a position bound or collides.
+
+        Raises:
+            InputError: It does; the message names the joint or the bodies.
+        """
+        pose = np.array(q, dtype=np.float64).reshape(1, -1)
+        rest = np.zeros(pose.shape)
+        worst = self.usage(pose, rest, rest).worst
+        outside = worst["position"]
+        if outside.margin < 0:
+            raise InputError(
+                f"the {name} is outside the position limits",
+                where=outside.what,
+                value=outside.value,
+                limit=outside.limit,
+            )
+        for kind in DISTANCES:
+            item = worst[kind]
+            if item.margin < self.settings.clearance:
+                raise InputError(
+                    f"the {name} is in collision, or nearer than the clearance",
+                    where=item.what,
+                    value=f"{item.value:.4f} m",
+                    limit=f"{item.limit:g} m",
+                    next_step="Choose another pose, or check the scene file.",
+                )
+
+    def _check(self, q: Array, dq: Array, ddq: Array) -> None:
+        # The compiled kernels trust their shapes: they would read beyond shorter arrays.
+        for name, array in (("q", q), ("dq", dq), ("ddq", ddq)):
+            expected = (len(q), self.robot.joints)
+            if array.shape != expected:
+                raise InputError(f"{name} does not fit", value=array.shape, limit=expected)
+
+
+def _torque_judge(
+    robot: RobotModel, settings: ConstraintSettings, notes: list[str]
+) -> TorqueJudge | None:
+    nan = np.full(robot.joints, np.nan)
+    limits = robot.limits.torque if settings.torque else nan
+    power = robot.safety.power if settings.power else math.nan
+    if settings.torque and np.isnan(robot.limits.torque).any():
+        notes.append("torque is not judged where the robot gives no torque limit")
+    if np.isnan(limits).all() and math.isnan(power):
+        return None
+    prior = prior_dynamics(robot)
+    if prior is None:
+        notes.append("torque and power are not judged: a mass or centre of mass is unknown")
+        return None
+    notes.extend(prior.notes)
+    return TorqueJudge(
+        prior=prior, limits=limits, power=power, uncertainty=settings.torque_uncertainty
+    )
+
+
+def _largest(
+    ratio: Array, value: Array, limit: Array, times: Array, joints: tuple[str, ...]
+) -> Worst:
+    k, j = divmod(int(np.nanargmax(ratio)), ratio.shape[1])
+    return Worst(
+        margin=1.0 - float(ratio[k, j]),
+        t=float(times[k]),
+        what=joints[j],
+        value=float(value[k, j]),
+        limit=float(limit[j]),
+    )
+
+
+def _over(value: Array, limit: float, times: Array) -> Worst:
+    k = int(np.argmax(value))
+    return Worst(
+        margin=1.0 - float(value[k]) / limit,
+        t=float(times[k]),
+        value=float(value[k]),
+        limit=limit,
+    )

@@ -1,0 +1,61 @@
+"""What a motion is held to."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dynid.constraints.scene import Scene
+from dynid.core.arrays import Array, frozen
+from dynid.core.errors import InputError
+from dynid.trajectory.bounds import MotionBounds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConstraintSettings:
+    """The limits that are switched on.
+
+    What is on but unknown for a robot (no torque limits, no capsules) does not bind; the
+    judge reports it as not judged.
+
+    Raises:
+        InputError: Bounds with NaN, or a clearance, share or tool point out of range.
+    """
+
+    bounds: MotionBounds
+    """Position, velocity, acceleration; usable, that is without NaN."""
+    torque: bool = True
+    """Hold the robot's torque limits, with the prior model."""
+    tcp_speed: bool = True
+    elbow_speed: bool = True
+    momentum: bool = True
+    power: bool = True
+    self_collision: bool = True
+    scene: Scene | None = None
+    """What stands around the robot and what it carries; None for nothing."""
+    clearance: float = 0.02
+    """Smallest distance between bodies that counts as safe [m]."""
+    torque_uncertainty: float = 0.15
+    """Share by which the prior model may underestimate a torque."""
+    tcp: Array = field(default_factory=lambda: np.zeros(3))
+    """(3) the tool's point in the flange's frame [m]."""
+
+    def __post_init__(self) -> None:
+        for name in ("lower", "upper", "velocity", "acceleration"):
+            if np.isnan(getattr(self.bounds, name)).any():
+                raise InputError(
+                    f"the {name} bounds hold an unknown number", next_step="Use usable_bounds."
+                )
+        if (self.bounds.lower >= self.bounds.upper).any():
+            joint = int(np.argmax(self.bounds.lower >= self.bounds.upper))
+            raise InputError(
+                f"joint {joint + 1}: the position limits leave no room to move",
+                value=(float(self.bounds.lower[joint]), float(self.bounds.upper[joint])),
+            )
+        object.__setattr__(self, "tcp", frozen(self.tcp, shape=(3,), name="tool point"))
+        if not (math.isfinite(self.clearance) and 0 <= self.clearance < 1):
+            raise InputError("clearance", value=self.clearance, limit="0 to 1 m")
+        if not (math.isfinite(self.torque_uncertainty) and 0 <= self.torque_uncertainty < 10):
+            raise InputError("share of uncertain torque", value=self.torque_uncertainty)
