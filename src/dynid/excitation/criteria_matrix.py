@@ -16,7 +16,7 @@ def eigenvalues(matrix: Array) -> Array | None:
     """(b) eigenvalues of a Gram matrix, smallest first; None if it is singular."""
     if not _is_usable(matrix):
         return None
-    values = np.linalg.eigvalsh(matrix)
+    values = np.asarray(np.linalg.eigvalsh(matrix), dtype=np.float64)
     if values[0] > SPREAD * values[-1]:
         return values
     factor = _factor(matrix)
