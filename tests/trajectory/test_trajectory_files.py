@@ -12,8 +12,17 @@ from hypothesis.extra import numpy as hnp
 from dynid.core.errors import InputError
 from dynid.core.provenance import provenance
 from dynid.trajectory.bounds import MotionBounds
+from dynid.trajectory.bspline import BSpline
+from dynid.trajectory.codec import trajectory_from_json, trajectory_to_json
+from dynid.trajectory.families import FAMILY_NAMES, motion_family
 from dynid.trajectory.files import read_trajectory, write_trajectory
 from dynid.trajectory.fourier import FourierSeries
+from dynid.trajectory.fourier_quintic import FourierQuintic
+from dynid.trajectory.json_fields import JsonFields
+from dynid.trajectory.motion import JointMotion
+from dynid.trajectory.quintic import Quintic
+from dynid.trajectory.sequence import MotionSequence, Repetition
+from dynid.trajectory.trajectory import Trajectory
 
 NUMBERS = st.floats(-1e6, 1e6)
 LIMITS = MotionBounds(
@@ -54,9 +63,10 @@ def test_round_trip_is_exact(
     back = read_trajectory(path)
     assert back.robot == robot
     assert back.provenance == made
-    assert back.series.period == series.period
+    assert isinstance(back.trajectory, FourierSeries)
+    assert back.trajectory.period == series.period
     for name in ("offset", "a", "b"):
-        np.testing.assert_array_equal(getattr(back.series, name), getattr(series, name))
+        np.testing.assert_array_equal(getattr(back.trajectory, name), getattr(series, name))
     for name in ("lower", "upper", "velocity", "acceleration"):
         np.testing.assert_array_equal(getattr(back.limits, name), getattr(limits, name))
     assert [one.name for one in path.parent.iterdir()] == ["t.json"]
@@ -73,18 +83,18 @@ def spoil(path: Path, change: Callable[[dict[str, Any]], object]) -> Path:
     ("change", "message"),
     [
         (lambda d: d.update(kind="dynid.estimate"), "not a trajectory file"),
-        (lambda d: d.update(version=2), "unknown file version"),
+        (lambda d: d.update(version=3), "unknown file version"),
         (lambda d: d.update(robot=3), "robot must be a text"),
-        (lambda d: d.pop("period"), "period must be a number"),
-        (lambda d: d.update(period=True), "period must be a number"),
-        (lambda d: d.update(period=-1), "period must be positive"),
-        (lambda d: d.update(period=10**400), "period is too large"),
-        (lambda d: d.update(offset=[0.1]), "wrong shape"),
-        (lambda d: d.update(a=[[1, 2], [1]]), "rows of one length"),
-        (lambda d: d.update(a=[]), "rows of one length"),
-        (lambda d: d.update(a=[["1", 2, 3], [1, 2, 3]]), "a must be a number"),
-        (lambda d: d.update(a=[[float("nan")] * 3] * 2), "NaN is not a JSON number"),
-        (lambda d: d.update(b=5), "b must be a list"),
+        (lambda d: d["trajectory"].pop("period"), "period must be a number"),
+        (lambda d: d["trajectory"].update(period=True), "period must be a number"),
+        (lambda d: d["trajectory"].update(period=-1), "period must be positive"),
+        (lambda d: d["trajectory"].update(period=10**400), "period is too large"),
+        (lambda d: d["trajectory"].update(offset=[0.1]), "wrong shape"),
+        (lambda d: d["trajectory"].update(a=[[1, 2], [1]]), "rows of one length"),
+        (lambda d: d["trajectory"].update(a=[]), "rows of one length"),
+        (lambda d: d["trajectory"].update(a=[["1", 2, 3], [1, 2, 3]]), "a must be a number"),
+        (lambda d: d["trajectory"].update(a=[[float("nan")] * 3] * 2), "NaN is not a JSON number"),
+        (lambda d: d["trajectory"].update(b=5), "b must be a list"),
         (lambda d: d.pop("limits"), "limits must be a JSON object"),
         (lambda d: d["limits"].update(lower=[5, None]), "above the upper"),
         (lambda d: d["limits"].pop("velocity"), "limits.velocity must be a list"),
@@ -127,7 +137,7 @@ def test_a_missing_file_is_an_input_error(tmp_path: Path) -> None:
 def test_writing_refuses_and_leaves_the_old_file(tmp_path: Path) -> None:
     path = written(tmp_path / "t.json")
     before = path.read_text()
-    series = read_trajectory(path).series
+    series = read_trajectory(path).trajectory
     bad = provenance(settings={"x": float("nan")})
     with pytest.raises(InputError, match="JSON values"):
         write_trajectory(path, series, robot="ur5", limits=LIMITS, provenance=bad)
@@ -136,3 +146,123 @@ def test_writing_refuses_and_leaves_the_old_file(tmp_path: Path) -> None:
         write_trajectory(path, series, robot="ur5", limits=one, provenance=provenance())
     assert path.read_text() == before
     assert [one.name for one in tmp_path.iterdir()] == ["t.json"]
+
+
+def every_kind() -> list[Trajectory]:
+    generator = np.random.default_rng(0)
+    members: list[Trajectory] = []
+    for name in FAMILY_NAMES:
+        family = motion_family(name, 3.0, 4)
+        members.append(
+            family.trajectory(
+                generator.normal(size=2), generator.normal(size=(2, family.free_count))
+            )
+        )
+    start = members[0].evaluate([0.0]).q[0]
+    return [
+        *members,
+        FourierQuintic(
+            period=2.0, start=[0.1, 0.2], goal=[1.0, -1.0], a=np.ones((2, 2)), b=np.ones((2, 2)) / 3
+        ),
+        BSpline(travel_time=2.0, control=generator.normal(size=(2, 7)), degree=3),
+        MotionSequence(
+            parts=(
+                Quintic(start=[0.0, 0.0], goal=start, travel_time=1 / 3),
+                Repetition(part=members[0], times=3),
+            )
+        ),
+    ]
+
+
+@pytest.mark.parametrize("kind", range(len(every_kind())))
+def test_every_kind_comes_back_as_it_was(tmp_path: Path, kind: int) -> None:
+    trajectory, path = every_kind()[kind], tmp_path / "t.json"
+    write_trajectory(
+        path,
+        trajectory,
+        robot="ur5",
+        limits=LIMITS,
+        provenance=provenance(),
+        extra={"design": {"condition_number": 51.0}},
+    )
+    back = read_trajectory(path)
+    assert type(back.trajectory) is type(trajectory)
+    assert back.trajectory.duration == trajectory.duration
+    assert back.extra == {"design": {"condition_number": 51.0}}
+    t = np.linspace(-0.5, trajectory.duration + 0.5, 60)
+    for name in ("q", "dq", "ddq"):
+        np.testing.assert_array_equal(
+            getattr(back.trajectory.evaluate(t), name), getattr(trajectory.evaluate(t), name)
+        )
+
+
+def test_files_of_the_first_version_are_still_read(tmp_path: Path) -> None:
+    path = written(tmp_path / "t.json")
+    document = json.loads(path.read_text())
+    flat = {**document, **document["trajectory"], "version": 1}
+    del flat["trajectory"]
+    path.write_text(json.dumps(flat))
+    back = read_trajectory(path)
+    assert isinstance(back.trajectory, FourierSeries)
+    np.testing.assert_array_equal(back.trajectory.a, np.ones((2, 3)))
+    assert back.extra == {}
+    path.write_text(json.dumps({**flat, "type": "chirp"}))
+    with pytest.raises(InputError, match="no kind of trajectory"):
+        read_trajectory(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda d: d["parts"][1].update(times=2.5), r"parts\[1\].times must be a whole number"),
+        (lambda d: d["parts"][1].update(times=0), "number of repetitions"),
+        (lambda d: d["parts"][1].update(times=True), "whole number"),
+        (lambda d: d["parts"][1].update(times=10**9), "number of repetitions"),
+        (lambda d: d["parts"][1].pop("part"), r"parts\[1\].part must be a JSON object"),
+        (lambda d: d.update(parts=[]), "needs a part"),
+        (lambda d: d.update(parts=[1]), r"parts\[0\] must be a JSON object"),
+        (lambda d: d.update(parts={}), "list of objects"),
+        (lambda d: d["parts"].reverse(), "jumps"),
+        (lambda d: d["parts"][0].update(travel_time=0), "travel time"),
+        (lambda d: d["parts"][0].update(goal=[9.0, 9.0]), "the position jumps"),
+        (lambda d: d["parts"][0].update(type=None), r"parts\[0\].type must be a text"),
+    ],
+)
+def test_damaged_sequences_are_named(
+    change: Callable[[dict[str, Any]], object], message: str
+) -> None:
+    document = json.loads(json.dumps(trajectory_to_json(every_kind()[-1])))
+    change(document)
+    with pytest.raises(InputError, match=message):
+        trajectory_from_json(JsonFields(document))
+
+
+def test_no_file_nests_without_end() -> None:
+    document = trajectory_to_json(every_kind()[0])
+    for _ in range(500):
+        document = {"type": "repetition", "times": 1, "part": document}
+    with pytest.raises(InputError, match="sequences within sequences"):
+        trajectory_from_json(JsonFields(document))
+
+
+def test_writing_refuses_foreign_kinds_and_keys(tmp_path: Path) -> None:
+    class Foreign(Trajectory):
+        joints, duration = 2, 1.0
+
+        def evaluate(self, t: object) -> JointMotion:
+            raise NotImplementedError
+
+    with pytest.raises(InputError, match="no file form"):
+        write_trajectory(
+            tmp_path / "t.json", Foreign(), robot="ur5", limits=LIMITS, provenance=provenance()
+        )
+    with pytest.raises(InputError, match="the file's own"):
+        write_trajectory(
+            tmp_path / "t.json",
+            every_kind()[0],
+            robot="ur5",
+            limits=LIMITS,
+            provenance=provenance(),
+            extra={"limits": {}},
+        )
+    assert list(tmp_path.iterdir()) == []

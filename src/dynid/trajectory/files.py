@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,19 +15,23 @@ from dynid.core.arrays import Array
 from dynid.core.errors import InputError
 from dynid.core.provenance import Provenance
 from dynid.trajectory.bounds import MotionBounds, MotionLimits, copied_bounds
-from dynid.trajectory.fourier import FourierSeries
+from dynid.trajectory.codec import trajectory_from_json, trajectory_to_json
 from dynid.trajectory.json_fields import JsonFields, load_object
+from dynid.trajectory.trajectory import Trajectory
 
 _KIND = "dynid.trajectory"
-_VERSION = 1
+_VERSION = 2
+_VERSIONS = (1, _VERSION)
+"""Version 1 knew Fourier series alone, their fields beside the others."""
 _BOUNDS = ("lower", "upper", "velocity", "acceleration")
+_OWN = frozenset({"kind", "version", "robot", "trajectory", "limits", "provenance"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoredTrajectory:
-    """A Fourier series with what it was made for."""
+    """A trajectory with what it was made for."""
 
-    series: FourierSeries
+    trajectory: Trajectory
     """The motion."""
     robot: str
     """Name or path of the robot."""
@@ -33,58 +39,81 @@ class StoredTrajectory:
     """The limits it was made for, NaN where unknown."""
     provenance: Provenance
     """How it was made."""
+    extra: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    """What else its writer put into the file, by key."""
+
+    @property
+    def series(self) -> Trajectory:
+        """The motion."""
+        return self.trajectory
 
 
 def write_trajectory(
     path: Path,
-    series: FourierSeries,
+    trajectory: Trajectory,
     *,
     robot: str,
     limits: MotionLimits,
     provenance: Provenance,
+    extra: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write a Fourier series as JSON; an interrupted write leaves the old file, or none.
+    """Write a trajectory as JSON; an interrupted write leaves the old file, or none.
 
     Args:
         path: File to write.
-        series: The motion.
+        trajectory: The motion, of any kind of this package.
         robot: Name or path of the robot.
         limits: The limits it was made for, NaN where unknown.
         provenance: How it was made.
+        extra: More to keep in the file, by key; JSON values.
 
     Raises:
-        InputError: Limits for another number of joints, or settings that JSON cannot hold.
+        InputError: Limits for another number of joints, a trajectory of a foreign kind, extras
+            that take a key of the file's own, or settings that JSON cannot hold.
         OSError: The file cannot be written.
     """
     bounds = copied_bounds(limits)
-    if bounds.joints != series.joints:
-        raise InputError("joints of the limits", value=bounds.joints, limit=series.joints)
+    if bounds.joints != trajectory.joints:
+        raise InputError("joints of the limits", value=bounds.joints, limit=trajectory.joints)
+    taken = sorted(_OWN & set(extra or ()))
+    if taken:
+        raise InputError("these keys are the file's own", value=taken)
     document = {
         "kind": _KIND,
         "version": _VERSION,
         "robot": robot,
-        "type": "fourier",
-        "period": series.period,
-        "offset": series.offset.tolist(),
-        "a": series.a.tolist(),
-        "b": series.b.tolist(),
+        "trajectory": trajectory_to_json(trajectory),
+        **(extra or {}),
         "limits": {name: _with_null(getattr(bounds, name)) for name in _BOUNDS},
         "provenance": provenance.to_json(),
     }
     try:
         text = json.dumps(document, indent=1, allow_nan=False)
     except (TypeError, ValueError) as error:
-        raise InputError("the provenance settings must be JSON values", value=error) from error
+        raise InputError("settings and extras must be JSON values", value=error) from error
+    write_text(path, text + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file in one piece: an interrupted write leaves the old file, or none.
+
+    Args:
+        path: File to write.
+        text: Its content.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:
-        part.write_text(text + "\n", encoding="utf-8")
+        part.write_text(text, encoding="utf-8")
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)
 
 
 def read_trajectory(path: Path) -> StoredTrajectory:
-    """Read what `write_trajectory` wrote, checking every number.
+    """Read what `write_trajectory` wrote, now or in an earlier version, checking every number.
 
     Args:
         path: File to read.
@@ -94,30 +123,32 @@ def read_trajectory(path: Path) -> StoredTrajectory:
             are not a trajectory.
     """
     fields = load_object(path)
-    if (fields.get("kind"), fields.get("type")) != (_KIND, "fourier"):
+    if fields.get("kind") != _KIND:
         raise InputError(
             "not a trajectory file", where=str(path), value=fields.get("kind"), limit=_KIND
         )
-    if fields.get("version") != _VERSION:
+    version = fields.whole("version") if "version" in fields.values else None
+    if version not in _VERSIONS:
         raise InputError(
-            "unknown file version", where=str(path), value=fields.get("version"), limit=_VERSION
+            "unknown file version",
+            where=str(path),
+            value=version,
+            limit=f"up to {_VERSION}",
+            next_step="A newer file needs a newer dynid.",
         )
     try:
-        series = FourierSeries(
-            period=fields.number("period"),
-            offset=fields.vector("offset"),
-            a=fields.matrix("a"),
-            b=fields.matrix("b"),
-        )
+        trajectory = trajectory_from_json(fields if version == 1 else fields.object("trajectory"))
         stored = fields.object("limits")
         limits = MotionBounds(**{name: stored.vector(name, null=True) for name in _BOUNDS})
-        if limits.joints != series.joints:
-            raise InputError("joints of the limits", value=limits.joints, limit=series.joints)
+        if limits.joints != trajectory.joints:
+            raise InputError("joints of the limits", value=limits.joints, limit=trajectory.joints)
+        own = _OWN if version == _VERSION else _OWN | {"type", "period", "offset", "a", "b"}
         return StoredTrajectory(
-            series=series,
+            trajectory=trajectory,
             robot=fields.text("robot"),
             limits=limits,
             provenance=_provenance(fields.object("provenance")),
+            extra={key: value for key, value in fields.values.items() if key not in own},
         )
     except InputError as error:
         raise InputError(

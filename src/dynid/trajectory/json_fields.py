@@ -41,6 +41,13 @@ class JsonFields:
         """A number; true and false are not numbers."""
         return _number(self.get(name), self.prefix + name)
 
+    def whole(self, name: str) -> int:
+        """A whole number."""
+        value = self.get(name)
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise InputError(f"{self.prefix}{name} must be a whole number", value=value)
+        return value
+
     def vector(self, name: str, *, null: bool = False) -> Array:
         """(N) numbers; with `null`, null stands for NaN."""
         label = self.prefix + name
@@ -58,6 +65,14 @@ class JsonFields:
         """A JSON object."""
         label = self.prefix + name
         return JsonFields(_mapping(self.get(name), label), prefix=f"{label}.")
+
+    def objects(self, name: str) -> list[JsonFields]:
+        """A list of JSON objects."""
+        label = self.prefix + name
+        return [
+            JsonFields(_mapping(one, f"{label}[{k}]"), prefix=f"{label}[{k}].")
+            for k, one in enumerate(_list(self.get(name), label, of="objects"))
+        ]
 
 
 def load_object(path: Path) -> JsonFields:
@@ -89,9 +104,9 @@ def _mapping(value: object, label: str) -> Mapping[str, Any]:
     return cast("dict[str, Any]", value)
 
 
-def _list(value: object, label: str) -> list[object]:
+def _list(value: object, label: str, of: str = "numbers") -> list[object]:
     if not isinstance(value, list):
-        raise InputError(f"{label} must be a list of numbers", value=value)
+        raise InputError(f"{label} must be a list of {of}", value=value)
     return cast("list[object]", value)
 
 

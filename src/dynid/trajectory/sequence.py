@@ -15,6 +15,8 @@ from dynid.trajectory.trajectory import Trajectory
 
 _JUMP = 1e-6
 """Largest jump where two parts meet: rad, rad/s and rad/s^2 (m for prismatic joints)."""
+_MOST = 10_000
+"""Repetitions; more is a mistake, and would fill the memory of what lists them."""
 _WORDS = {"q": "position", "dq": "velocity", "ddq": "acceleration"}
 
 
@@ -83,7 +85,8 @@ class Repetition(Trajectory):
     """One motion several times over; before and after, the arm stands still.
 
     Raises:
-        InputError: No repetition, or a motion that does not end where and as it starts.
+        InputError: No repetition, more than 10 000 of them, or a motion that does not end where
+            and as it starts.
     """
 
     part: Trajectory
@@ -92,8 +95,8 @@ class Repetition(Trajectory):
     """How many periods."""
 
     def __post_init__(self) -> None:
-        if isinstance(self.times, bool) or self.times < 1:
-            raise InputError("the number of repetitions must be positive", value=self.times)
+        if not 1 <= self.times <= _MOST:
+            raise InputError("the number of repetitions", value=self.times, limit=(1, _MOST))
         if self.times > 1:
             _check_meeting(self.part, self.part, "the repetition")
 

@@ -1,0 +1,91 @@
+import csv
+import io
+
+import numpy as np
+import pytest
+import yaml
+
+from dynid.core.errors import InputError
+from dynid.recording.headers import match_headers
+from dynid.trajectory.families import FAMILY_NAMES, motion_family
+from dynid.trajectory.quintic import Quintic
+from dynid.trajectory.rest import rest_series
+from dynid.trajectory.sampled import csv_text, joint_trajectory_yaml, sampled
+from dynid.trajectory.trajectory import Trajectory
+
+
+def some_motion(name: str = "fourier", joints: int = 3) -> Trajectory:
+    family, generator = motion_family(name, 2.0, 3), np.random.default_rng(1)
+    return family.trajectory(
+        np.zeros(joints), 1e-3 * generator.normal(size=(joints, family.free_count))
+    )
+
+
+@pytest.mark.parametrize("name", FAMILY_NAMES)
+def test_csv_reads_back_exactly(name: str) -> None:
+    motion = some_motion(name)
+    header, *rows = csv.reader(io.StringIO(csv_text(motion, 50.0)))
+    assert header[0] == "t [s]"
+    assert header[1::3] == ["q1 [rad]", "dq1 [rad/s]", "ddq1 [rad/s^2]"]
+    table = np.array(rows, dtype=float)
+    expected = sampled(motion, 50.0)
+    assert len(table) == 101
+    np.testing.assert_array_equal(table[:, 0], expected.t)
+    np.testing.assert_array_equal(table[:, 1:4], expected.q)
+    np.testing.assert_array_equal(table[:, 4:7], expected.dq)
+    np.testing.assert_array_equal(table[:, 7:], expected.ddq)
+
+
+def test_the_csv_header_is_known_to_the_importer() -> None:
+    header = csv_text(some_motion(), 5.0).splitlines()[0].split(",")
+    match = match_headers(header, "motion.csv")
+    assert match.columns == {"t": [0], "q": [1, 2, 3], "qd": [4, 5, 6], "qdd": [7, 8, 9]}
+    assert not match.in_degrees
+    sliding = csv_text(some_motion(), 5.0, units=["rad", "m", "rad"]).splitlines()[0]
+    assert "q2 [m],q3 [rad],dq1 [rad/s],dq2 [m/s]" in sliding
+
+
+@pytest.mark.parametrize("name", FAMILY_NAMES)
+def test_yaml_is_a_joint_trajectory(name: str) -> None:
+    motion = some_motion(name)
+    names = ["shoulder", "yes", 'wrist: "3"']
+    message = yaml.safe_load(joint_trajectory_yaml(motion, names, 20.0, frame="base_link"))
+    assert set(message) == {"header", "joint_names", "points"}
+    assert message["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": "base_link"}
+    assert message["joint_names"] == names
+    expected = sampled(motion, 20.0)
+    for key, quantity in (("positions", "q"), ("velocities", "dq"), ("accelerations", "ddq")):
+        values = [point[key] for point in message["points"]]
+        assert all(isinstance(number, float) for row in values for number in row)
+        np.testing.assert_array_equal(values, getattr(expected, quantity))
+    times = [
+        p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"]
+        for p in message["points"]
+    ]
+    np.testing.assert_allclose(times, expected.t, rtol=0, atol=1e-9)
+    assert all(0 <= p["time_from_start"]["nanosec"] < 10**9 for p in message["points"])
+    assert message["points"][-1]["time_from_start"] == {"sec": 2, "nanosec": 0}
+
+
+def test_the_last_step_may_be_shorter() -> None:
+    motion = Quintic(start=np.zeros(1), goal=np.ones(1), travel_time=0.25)
+    np.testing.assert_allclose(sampled(motion, 10.0).t, [0.0, 0.1, 0.2, 0.25], rtol=0, atol=1e-15)
+    np.testing.assert_array_equal(sampled(motion, 10.0).q[-1], [1.0])
+    # 0.1 x 3 is a little more than 0.3: no fourth step a rounding error long.
+    close = Quintic(start=np.zeros(1), goal=np.ones(1), travel_time=0.1 * 3)
+    assert len(sampled(close, 10.0).t) == 4
+
+
+def test_refuses_nonsense() -> None:
+    series = rest_series(1.0, [0.0, 0.0], np.zeros((2, 4)))
+    for rate in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(InputError, match="rate"):
+            sampled(series, rate)
+    with pytest.raises(InputError, match="samples"):
+        sampled(series, 1e12)
+    for names in (["a"], ["a", "a"], ["a", "b", "c"]):
+        with pytest.raises(InputError, match="one name a joint"):
+            joint_trajectory_yaml(series, names)
+    for units in (["rad"], ["rad", "deg"]):
+        with pytest.raises(InputError, match="one unit a joint"):
+            csv_text(series, units=units)
