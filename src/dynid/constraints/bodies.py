@@ -56,7 +56,7 @@ def bodies_of(
     ]
     every = _bodies(robot, capsules, shapes, pairs, meetings)
     own, around = every.distances(_poses(settings))
-    pairs = _free(pairs, own, capsules, settings.clearance, notes)
+    pairs = _free(pairs, own, capsules, settings.self_clearance, notes)
     meetings = _reachable(meetings, around, capsules, shapes, settings.clearance, notes)
     if not pairs and not meetings:
         return None, ([], [])

@@ -43,8 +43,6 @@ class Certificate:
     proven: tuple[str, ...]
     """Kinds whose margin is proven between samples; the others are dense samples with an
     allowance."""
-    clearance: float
-    """Distance that bodies must keep [m]."""
     notes: tuple[str, ...]
     """What is not judged, and what was assumed."""
 
@@ -56,7 +54,7 @@ class Certificate:
     @property
     def broken(self) -> tuple[str, ...]:
         """The kinds that are broken, worst first."""
-        found = {kind: _room(kind, item, self.clearance) for kind, item in self.worst.items()}
+        found = {kind: item.room for kind, item in self.worst.items()}
         return tuple(sorted((k for k in found if found[k] < -ROUNDING), key=lambda k: found[k]))
 
     def to_json(self) -> dict[str, Any]:
@@ -70,7 +68,6 @@ class Certificate:
                 if math.isfinite(item.margin)
             },
             "proven": list(self.proven),
-            "clearance_m": self.clearance,
             "notes": list(self.notes),
         }
 
@@ -114,27 +111,19 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
             lambda t, half, b=bodies, r=rates: _apart(b, r, trajectory, ends, t, half),
             trajectory.duration,
             first=first,
-            threshold=constraints.settings.clearance,
+            threshold=constraints.settings.clearances[kind],
             tolerance=_DISTANCE_WITHIN,
         )
         if found.value < worst[kind].value:
             worst[kind] = replace(worst[kind], what=names[found.index])
         worst[kind] = _settled(worst[kind], found, found.value)
         proven += [kind] if ends.proven else []
-    clearance = constraints.settings.clearance
     return Certificate(
-        feasible=all(_room(k, item, clearance) >= -ROUNDING for k, item in worst.items()),
+        feasible=all(item.room >= -ROUNDING for item in worst.values()),
         worst=worst,
         proven=tuple(kind for kind in proven if math.isfinite(worst[kind].margin)),
-        clearance=clearance,
         notes=constraints.notes,
     )
-
-
-def _room(kind: str, item: Worst, clearance: float) -> float:
-    if math.isnan(item.margin):
-        return math.inf
-    return item.margin - (clearance if kind in DISTANCES else 0.0)
 
 
 def _settled(before: Worst, found: Least, value: float) -> Worst:

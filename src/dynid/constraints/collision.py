@@ -15,7 +15,7 @@ from dynid.constraints.arm import (
     place_point,
     samples_of,
 )
-from dynid.constraints.distance import closest_on_segments, segment_to_shape
+from dynid.constraints.distance import closest_on_segments, segment_to_shape, signed_distance
 from dynid.core.arrays import Array, Indices
 
 LENGTH = 0.1
@@ -55,18 +55,20 @@ class Bodies:
         _distances(*self._arrays(), samples_of(q), own, around)
         return own, around
 
-    def violation(self, q: Array, clearance: float) -> tuple[float, Array]:
-        """Sum of squared shortfalls of the clearance, in units of `LENGTH`.
+    def violation(self, q: Array, own: float, around: float) -> tuple[float, Array]:
+        """Sum of squared shortfalls of the clearances, in units of `LENGTH`.
 
         Args:
             q: (N, n) positions [rad or m].
-            clearance: Smallest allowed distance [m].
+            own: Smallest allowed distance between capsules [m].
+            around: Smallest allowed distance to shapes [m].
 
         Returns:
             The sum over samples and pairs, and its derivative (N, n).
         """
         slope = np.zeros(q.shape)
-        total = _violation(*self._arrays(), self.arm.prismatic, samples_of(q), clearance, slope)
+        args = self._arrays()
+        total = _violation(*args, self.arm.prismatic, samples_of(q), own, around, slope)
         return float(total), slope
 
     def _arrays(self) -> tuple[Array | Indices, ...]:
@@ -150,7 +152,8 @@ def _violation(
     meetings: Indices,
     prismatic: Indices,
     q: Array,
-    clearance: float,
+    own: float,
+    around: float,
     out: Array,
 ) -> float:
     n = q.shape[1]
@@ -171,7 +174,7 @@ def _violation(
         hit = False
         for p in range(len(pairs)):
             a, b = pairs[p]
-            touch = radius[a] + radius[b] + clearance
+            touch = radius[a] + radius[b] + own
             room, apart = touch + half[a] + half[b], 0.0
             for r in range(3):
                 apart += (
@@ -199,8 +202,13 @@ def _violation(
             _push(force[link[b]], moment[link[b]], y0, y1, y2, way, -by)
         for p in range(len(meetings)):
             a, shape = meetings[p]
+            touch = radius[a] + around
+            x0 = 0.5 * (placed[a, 0, 0] + placed[a, 1, 0])
+            x1 = 0.5 * (placed[a, 0, 1] + placed[a, 1, 1])
+            x2 = 0.5 * (placed[a, 0, 2] + placed[a, 1, 2])
+            if signed_distance(shapes[shape], x0, x1, x2, way) >= touch + half[a]:
+                continue
             far, t = segment_to_shape(shapes[shape], placed[a, 0], placed[a, 1], way)
-            touch = radius[a] + clearance
             if far >= touch:
                 continue
             hit = True

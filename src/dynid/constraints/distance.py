@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
 from dynid.constraints.shapes import BOX, CYLINDER, HALF_SPACE
@@ -118,26 +117,32 @@ def segment_to_shape(shape: Array, a: Array, b: Array, slope: Array) -> tuple[fl
     if u0 * u0 + u1 * u1 + u2 * u2 == 0.0:
         return signed_distance(shape, a[0], a[1], a[2], slope), 0.0
     far = signed_distance(shape, a[0], a[1], a[2], slope)
-    if slope[0] * u0 + slope[1] * u1 + slope[2] * u2 >= 0.0:
+    falls = slope[0] * u0 + slope[1] * u1 + slope[2] * u2
+    if falls >= 0.0:
         return far, 0.0
+    f0, f1, f2 = slope[0], slope[1], slope[2]
     far = signed_distance(shape, b[0], b[1], b[2], slope)
-    if slope[0] * u0 + slope[1] * u1 + slope[2] * u2 <= 0.0:
+    rises = slope[0] * u0 + slope[1] * u1 + slope[2] * u2
+    if rises <= 0.0:
         return far, 1.0
+    r0, r1, r2 = slope[0], slope[1], slope[2]
     low, high, t = 0.0, 1.0, 0.5
     for _ in range(_HALVINGS):
         t = 0.5 * (low + high)
         far = signed_distance(shape, a[0] + t * u0, a[1] + t * u1, a[2] + t * u2, slope)
         along = slope[0] * u0 + slope[1] * u1 + slope[2] * u2
         if along > 0.0:
-            high = t
+            high, rises = t, along
+            r0, r1, r2 = slope[0], slope[1], slope[2]
         elif along < 0.0:
-            low = t
+            low, falls = t, along
+            f0, f1, f2 = slope[0], slope[1], slope[2]
         else:
-            break
+            return far, t
+    # Inside a solid the least value may lie where two faces are equally near: the gradient
+    # is the mean of both sides that has no part along the segment.
+    share = rises / (rises - falls)
+    slope[0] = share * f0 + (1.0 - share) * r0
+    slope[1] = share * f1 + (1.0 - share) * r1
+    slope[2] = share * f2 + (1.0 - share) * r2
     return far, t
-
-
-def distances_to_shape(shape: Array, points: Array) -> Array:
-    """Signed distances (N) of points (N, 3) to one packed shape [m]."""
-    slope = np.empty(3)
-    return np.array([signed_distance(shape, *point, slope) for point in points.tolist()])

@@ -94,15 +94,15 @@ class MotionConstraints:
                 if far.shape[1]:
                     k, p = divmod(int(np.argmin(far)), far.shape[1])
                     least = float(far[k, p])
-                    clearance = self.settings.clearance
                     worst[kind] = Worst(
                         margin=least,
                         t=float(times[k]),
                         what=names[p],
                         value=least,
-                        limit=clearance,
+                        limit=self.settings.clearances[kind],
+                        distance=True,
                     )
-        return Usage(worst=worst, clearance=self.settings.clearance)
+        return Usage(worst=worst)
 
     def violation(
         self, q: Array, dq: Array, ddq: Array, *, tighten: float = 0.0
@@ -134,7 +134,8 @@ class MotionConstraints:
             total += more
             q_bar, dq_bar = q_bar + a, dq_bar + b
         if self.bodies is not None:
-            more, a = self.bodies.violation(q, self.settings.clearance * (1.0 + tighten))
+            own, around = ((1.0 + tighten) * x for x in self.settings.clearances.values())
+            more, a = self.bodies.violation(q, own, around)
             total += more
             q_bar = q_bar + a
         return total, q_bar, dq_bar, ddq_bar
@@ -158,7 +159,7 @@ class MotionConstraints:
             )
         for kind in DISTANCES:
             item = worst[kind]
-            if item.margin < self.settings.clearance:
+            if item.room < 0:
                 raise InputError(
                     f"the {name} is in collision, or nearer than the clearance",
                     where=item.what,

@@ -36,7 +36,9 @@ class ConstraintSettings:
     scene: Scene | None = None
     """What stands around the robot and what it carries; None for nothing."""
     clearance: float = 0.02
-    """Smallest distance between bodies that counts as safe [m]."""
+    """Smallest distance to the scene that counts as safe [m]."""
+    self_clearance: float = 0.005
+    """The same between bodies of the arm, whose places are known better [m]."""
     torque_uncertainty: float = 0.15
     """Share by which the prior model may underestimate a torque."""
     tcp: Array = field(default_factory=lambda: np.zeros(3))
@@ -55,7 +57,14 @@ class ConstraintSettings:
                 value=(float(self.bounds.lower[joint]), float(self.bounds.upper[joint])),
             )
         object.__setattr__(self, "tcp", frozen(self.tcp, shape=(3,), name="tool point"))
-        if not (math.isfinite(self.clearance) and 0 <= self.clearance < 1):
-            raise InputError("clearance", value=self.clearance, limit="0 to 1 m")
+        for name in ("clearance", "self_clearance"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and 0 <= value < 1):
+                raise InputError(name, value=value, limit="0 to 1 m")
         if not (math.isfinite(self.torque_uncertainty) and 0 <= self.torque_uncertainty < 10):
             raise InputError("share of uncertain torque", value=self.torque_uncertainty)
+
+    @property
+    def clearances(self) -> dict[str, float]:
+        """Kind of distance to the smallest that is allowed [m]."""
+        return {"self_collision": self.self_clearance, "environment": self.clearance}

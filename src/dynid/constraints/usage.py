@@ -29,10 +29,19 @@ class Worst:
     """The quantity itself [SI]."""
     limit: float = math.nan
     """Its limit [SI]."""
+    distance: bool = False
+    """Whether it is a distance, which must not fall below its limit."""
+
+    @property
+    def room(self) -> float:
+        """What is left: the margin, less the clearance of a distance; infinite if not judged."""
+        if math.isnan(self.margin):
+            return math.inf
+        return self.margin - self.limit if self.distance else self.margin
 
     def to_json(self) -> dict[str, Any]:
         """The form that `--json` prints."""
-        key = "bodies" if " - " in self.what else "joint"
+        key = "bodies" if self.distance else "joint"
         return {
             "t": self.t,
             **({key: self.what} if self.what else {}),
@@ -47,16 +56,11 @@ class Usage:
 
     worst: dict[str, Worst]
     """Kind (`RATIOS`, `DISTANCES`) to its worst; kinds that are not judged have margin NaN."""
-    clearance: float
-    """Distance that bodies must keep [m]."""
 
     @property
     def feasible(self) -> bool:
         """Whether no judged limit is broken at any sample."""
-        return all(
-            not item.margin < (self.clearance if kind in DISTANCES else 0.0)
-            for kind, item in self.worst.items()
-        )
+        return all(item.room >= 0 for item in self.worst.values())
 
     def ratio(self, kind: str) -> float:
         """Value over limit of one of `RATIOS`; NaN where not judged."""
