@@ -71,7 +71,7 @@ class Bodies:
         total = _violation(*args, self.arm.prismatic, samples_of(q), own, around, slope)
         return float(total), slope
 
-    def _arrays(self) -> tuple[Array | Indices, ...]:
+    def _arrays(self) -> tuple[Array, Indices, Array, Array, Array, Indices, Indices]:
         return (
             self.arm.joints,
             self.link,
@@ -174,7 +174,7 @@ def _violation(
         hit = False
         for p in range(len(pairs)):
             a, b = pairs[p]
-            touch = radius[a] + radius[b] + own
+            touch = float(radius[a] + radius[b] + own)
             room, apart = touch + half[a] + half[b], 0.0
             for r in range(3):
                 apart += (
@@ -202,7 +202,7 @@ def _violation(
             _push(force[link[b]], moment[link[b]], y0, y1, y2, way, -by)
         for p in range(len(meetings)):
             a, shape = meetings[p]
-            touch = radius[a] + around
+            touch = float(radius[a] + around)
             x0 = 0.5 * (placed[a, 0, 0] + placed[a, 1, 0])
             x1 = 0.5 * (placed[a, 0, 1] + placed[a, 1, 1])
             x2 = 0.5 * (placed[a, 0, 2] + placed[a, 1, 2])

@@ -50,7 +50,7 @@ def least_value(
         tolerance: How far below the least value seen the bound may lie, at the limit.
     """
     half = duration / first / 2
-    middles = (2 * np.arange(first) + 1) * half
+    middles: Array = (2.0 * np.arange(first, dtype=np.float64) + 1.0) * half
     best, place, index, bound = np.inf, 0.0, 0, np.inf
     spent = 0
     while True:

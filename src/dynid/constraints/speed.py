@@ -53,7 +53,7 @@ class MovingPoints:
             total += abs(float(weight)) * self.arm.reach(int(link), point, travel)
         return total
 
-    def _arrays(self) -> tuple[Array | Indices, ...]:
+    def _arrays(self) -> tuple[Array, Indices, Indices, Array, Array]:
         arm = self.arm
         return arm.joints, arm.prismatic, self.link, self.points, self.weights
 

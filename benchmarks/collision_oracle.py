@@ -1,0 +1,161 @@
+"""Judge designs by an independent oracle: pinocchio and coal, with the meshes of the UR5.
+
+    python benchmarks/collision_oracle.py [DESIGN.json ...] [--designs 20] [--seed 0]
+
+Without files, random rest-to-rest series are scaled into the limits, half of them small enough
+to be safe. At 1 kHz the oracle looks at position, velocity and acceleration limits, tool speed
+(pinocchio's Jacobian) and mesh against mesh, and at meshes against a floor and a table. Prints
+one line a design, and exits 1 if the oracle finds anything that the certificate passed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from dynid.constraints.certificate import certify
+from dynid.constraints.motion import MotionConstraints
+from dynid.constraints.presets import safe_constraints
+from dynid.constraints.scene import scene_from_json
+from dynid.robot.load import load_robot
+from dynid.robot.model import RobotModel
+from dynid.trajectory.files import read_trajectory
+from dynid.trajectory.fourier import FourierSeries
+from dynid.trajectory.json_fields import JsonFields
+from dynid.trajectory.random_excitation import random_excitation
+from dynid.trajectory.trajectory import Trajectory
+
+DATA = Path(sys.prefix) / (
+    f"lib/python3.{sys.version_info.minor}/site-packages/"
+    "cmeel.prefix/share/example-robot-data/robots"
+)
+TURNED = pin.SE3(pin.utils.rotate("z", np.pi), np.zeros(3))
+"""ROS's base_link in the base frame of Universal Robots."""
+FLOOR, TABLE = -0.4, ((0.5, 0.5, 0.05), (0.6, 0.0, -0.1))
+SCENE: dict[str, Any] = {
+    "shapes": [
+        {"type": "floor", "height": FLOOR},
+        {"type": "box", "name": "table", "size": list(TABLE[0]), "position": list(TABLE[1])},
+    ]
+}
+
+
+class Oracle:
+    """Meshes of a UR arm, and what they touch."""
+
+    def __init__(self, robot: RobotModel, scene: bool = True) -> None:
+        self.robot = robot
+        urdf = str(DATA / f"ur_description/urdf/{robot.name}_robot.urdf")
+        self.model = pin.buildModelFromUrdf(urdf)
+        shapes = pin.buildGeomFromUrdf(
+            self.model, urdf, pin.GeometryType.COLLISION, package_dirs=[str(DATA.parent.parent)]
+        )
+        arm = len(shapes.geometryObjects)
+        joint = [item.parentJoint for item in shapes.geometryObjects]
+        if scene:
+            for name, shape, where in (
+                ("floor", coal.Halfspace(np.array([0.0, 0, 1]), FLOOR), np.zeros(3)),
+                ("table", coal.Box(*TABLE[0]), np.array(TABLE[1])),
+            ):
+                placed = TURNED.inverse() * pin.SE3(np.eye(3), where)
+                shapes.addGeometryObject(pin.GeometryObject(name, 0, placed, shape))
+        for a in range(arm):
+            for b in range(a + 1, arm):
+                if abs(joint[a] - joint[b]) > 1:
+                    shapes.addCollisionPair(pin.CollisionPair(a, b))
+            if joint[a] > 0:
+                for b in range(arm, len(shapes.geometryObjects)):
+                    shapes.addCollisionPair(pin.CollisionPair(a, b))
+        self.shapes, self.data, self.placed = shapes, self.model.createData(), shapes.createData()
+
+    def collides(self, q: np.ndarray) -> bool:
+        """Whether any two meshes meet."""
+        return bool(pin.computeCollisions(self.model, self.data, self.shapes, self.placed, q, True))
+
+    def tool_speed(self, q: np.ndarray, dq: np.ndarray) -> float:
+        """Speed of the flange [m/s]."""
+        pin.forwardKinematics(self.model, self.data, q, dq)
+        last = self.model.getFrameId("ee_link")
+        velocity = pin.getFrameVelocity(self.model, self.data, last, pin.LOCAL_WORLD_ALIGNED)
+        return float(np.linalg.norm(velocity.linear))
+
+    def broken(self, motion: Any, every: int = 1) -> list[str]:
+        """What the oracle finds wrong with samples of a motion."""
+        limits, slack = self.robot.limits, 1e-9
+        found = []
+        if ((motion.q < limits.lower - slack) | (motion.q > limits.upper + slack)).any():
+            found.append("position")
+        if (np.abs(motion.dq) > limits.velocity + slack).any():
+            found.append("velocity")
+        if (np.abs(motion.ddq) > limits.acceleration + slack).any():
+            found.append("acceleration")
+        top = self.robot.safety.tcp_speed
+        states = zip(motion.q[::every], motion.dq[::every], strict=True)
+        if any(self.tool_speed(q, dq) > top + slack for q, dq in states):
+            found.append("tcp_speed")
+        if any(self.collides(q) for q in motion.q[::every]):
+            found.append("collision")
+        return found
+
+
+def random_designs(
+    robot: RobotModel, constraints: MotionConstraints, count: int, seed: int
+) -> list[FourierSeries]:
+    """Random series within the joint limits; every other one shrunk until the judge is content."""
+    home = np.array([0.0, -1.2, 0.9, -1.2, -1.57, 0.0])
+    found = []
+    for k in range(count):
+        size = 0.15 + 0.35 * ((k // 2) % 5) / 4
+        series = random_excitation(robot.limits, seed=seed + k, margin=0.9, offset=home)
+        a, b = series.a * size, series.b * size
+        while k % 2 and size > 1e-3:
+            shrunk = FourierSeries(period=series.period, offset=home, a=a, b=b)
+            motion = shrunk.sample(15)
+            if constraints.violation(motion.q, motion.dq, motion.ddq, tighten=0.1)[0] == 0:
+                break
+            a, b, size = a * 0.93, b * 0.93, size * 0.93
+        found.append(FourierSeries(period=series.period, offset=home, a=a, b=b))
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("files", nargs="*", type=Path)
+    parser.add_argument("--designs", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--robot", default="ur5", choices=["ur3", "ur5", "ur10"])
+    given = parser.parse_args()
+    robot = load_robot(given.robot)
+    constraints = safe_constraints(robot, scene_from_json(JsonFields(SCENE)))
+    oracle = Oracle(robot)
+    designs: dict[str, Trajectory] = {
+        str(file): read_trajectory(file).series for file in given.files
+    }
+    if not designs:
+        drawn = random_designs(robot, constraints, given.designs, given.seed)
+        designs = {f"random {k}": series for k, series in enumerate(drawn)}
+    missed = 0
+    for name, design in designs.items():
+        certificate = certify(design, constraints)
+        times = np.arange(0.0, design.duration, 1e-3)
+        found = oracle.broken(design.evaluate(times))
+        wrong = certificate.feasible and bool(found)
+        missed += wrong
+        verdict = "feasible" if certificate.feasible else "/".join(certificate.broken)
+        print(
+            f"{name:12s} certificate: {verdict:40s} oracle: {'/'.join(found) or 'nothing'}"
+            f"{'   MISSED' if wrong else ''}",
+            flush=True,
+        )
+    print(f"{len(designs)} designs at 1 kHz; violations the certificate missed: {missed}")
+    sys.exit(1 if missed else 0)
+
+
+if __name__ == "__main__":
+    main()
