@@ -79,18 +79,21 @@ class Cycle:
 
 
 class Watchdog:
-    """Watches one execution from its first index to its last.
+    """Watches one execution, from the way to its first set point to its last one.
 
     Args:
         limits: Where the joints may be.
         rate_hz: Control cycles a second.
         total: Number of set points; indices run from 0 to one less.
+        slack: By how much an index may be off the one that is due: nought where the controller
+            counts, more where set points are streamed to it.
     """
 
-    def __init__(self, limits: WatchLimits, rate_hz: float, total: int) -> None:
+    def __init__(self, limits: WatchLimits, rate_hz: float, total: int, *, slack: int = 0) -> None:
         self._limits = limits
         self._rate = rate_hz
         self._last = total - 1
+        self._slack = slack
         self._before: Cycle | None = None
         self._lower = np.where(np.isnan(limits.lower), -np.inf, limits.lower)
         self._upper = np.where(np.isnan(limits.upper), np.inf, limits.upper)
@@ -120,18 +123,15 @@ class Watchdog:
             Why the robot must stop now; None if all is well.
         """
         before = self._before
-        if before is None and cycle.index < 0:
-            return _state(cycle, playing=False)
         if self.finished:
             return _state(cycle, playing=False)
-        self._before = cycle
         # What the controller says of itself explains what follows from it: it comes first.
+        abort = _state(cycle, playing=True) or _speed(cycle)
+        if before is None and cycle.index < 0:
+            return abort or self._place(cycle)
+        self._before = cycle
         return (
-            _state(cycle, playing=True)
-            or _speed(cycle)
-            or self._clock(cycle, before)
-            or self._order(cycle, before)
-            or self._place(cycle)
+            abort or self._clock(cycle, before) or self._order(cycle, before) or self._place(cycle)
         )
 
     def _clock(self, cycle: Cycle, before: Cycle | None) -> Abort | None:
@@ -149,7 +149,7 @@ class Watchdog:
 
     def _order(self, cycle: Cycle, before: Cycle | None) -> Abort | None:
         due = 0 if before is None else before.index + 1
-        if cycle.index == due:
+        if abs(cycle.index - due) <= self._slack:
             return None
         return Abort("index", f"the sample index jumped to {cycle.index}, where {due} was due")
 

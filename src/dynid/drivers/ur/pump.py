@@ -1,0 +1,145 @@
+"""The thread that reads every package, watches it, answers it, and stops the robot."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Protocol
+
+from dynid.core.errors import JobError
+from dynid.drivers.ur.layout import Layout
+from dynid.drivers.ur.link import Disconnected, RtdeLink
+from dynid.drivers.watchdog import Abort, Cycle, Watchdog
+from dynid.protocol.modes import RuntimeState
+from dynid.protocol.recipe import Numbers
+
+START_S = 10.0
+"""Controller time in which an uploaded program must have begun [s]."""
+BACKLOG_S = 2.0
+"""Controller time by which the recorder may fall behind [s]."""
+STOP_S = 3.0
+"""Controller time after a stop for which packages are still read [s]."""
+_STILL = 1e-9
+
+
+class Conversation(Protocol):
+    """What is answered to the controller, and what its numbers mean."""
+
+    def answer(self, numbers: Numbers) -> bytes | None:
+        """What to send for a package; None for nothing."""
+        ...
+
+    def begun(self, cycle: Cycle, numbers: Numbers) -> bool:
+        """Whether our motion runs; registers keep what an earlier one left there."""
+        ...
+
+    def over(self, cycle: Cycle, numbers: Numbers) -> bool:
+        """Whether it has ended, its last set point seen."""
+        ...
+
+
+class Pump(threading.Thread):
+    """Reads packages until the motion has ended and the robot stands still.
+
+    It never waits for the disk: packages go to `rows`, which another thread empties.
+
+    Args:
+        link: The connection, with packages coming.
+        layout: What they bring.
+        watchdog: Judges every cycle from the motion's begin on.
+        conversation: What is answered.
+        halt: Stops the robot; called once.
+        cancel: Stops the robot when it is set.
+    """
+
+    def __init__(
+        self,
+        link: RtdeLink,
+        layout: Layout,
+        watchdog: Watchdog,
+        conversation: Conversation,
+        *,
+        halt: Callable[[], None],
+        cancel: threading.Event,
+    ) -> None:
+        super().__init__(name="dynid-rtde", daemon=True)
+        self.rows: deque[Numbers] = deque()
+        """Packages since the first set point, oldest first."""
+        self.arrived = threading.Event()
+        """Set when there is something new."""
+        self.ended = False
+        """Whether no more packages will come."""
+        self.abort: Abort | None = None
+        """Why the motion was ended early."""
+        self._link, self._layout, self._watchdog = link, layout, watchdog
+        self._conversation, self._halt, self._cancel = conversation, halt, cancel
+        self._begun = False
+        self._backlog = round(BACKLOG_S * link.rate_hz)
+        self._patience = round(START_S * link.rate_hz)
+        self._after = round(STOP_S * link.rate_hz)
+        self._lock = threading.Lock()
+
+    @property
+    def gaps(self) -> int:
+        """Control cycles that never arrived."""
+        return self._watchdog.gaps
+
+    def stop(self, abort: Abort) -> None:
+        """Stop the robot; the first cause is the one that counts."""
+        with self._lock:
+            if self.abort is not None:
+                return
+            said = "; ".join(dict.fromkeys(self._link.messages[-2:]))
+            self.abort = replace(abort, message=f"{abort.message} ({said})") if said else abort
+        self._halt()
+
+    def run(self) -> None:
+        """See `threading.Thread`."""
+        try:
+            while not self.ended:
+                for numbers in self._link.packages():
+                    self._take(numbers)
+                    if self.ended:
+                        break
+                self.arrived.set()
+        except Disconnected as error:
+            self.stop(Abort("connection", str(error)))
+        except JobError as error:
+            self.stop(Abort("connection", f"the controller sends what cannot be read: {error}"))
+        finally:
+            self.ended = True
+            self.arrived.set()
+
+    def _take(self, numbers: Numbers) -> None:
+        cycle = self._layout.cycle(numbers)
+        self._begun = self._begun or self._conversation.begun(cycle, numbers)
+        if self.abort is None:
+            self._answer(cycle, numbers)
+        if self._begun and cycle.index >= 0:
+            self.rows.append(numbers)
+            if len(self.rows) > self._backlog:
+                self.stop(Abort("recording", "the recording cannot keep up with the robot"))
+        if self.abort is not None:
+            self._after -= 1
+            speed = max(map(abs, numbers[self._layout.places["target_qd"]]))
+            still = speed < _STILL and cycle.runtime_state != RuntimeState.PLAYING
+            self.ended = still or self._after <= 0
+        elif self._watchdog.finished:
+            self.ended = self._conversation.over(cycle, numbers)
+
+    def _answer(self, cycle: Cycle, numbers: Numbers) -> None:
+        words = self._conversation.answer(numbers)
+        if words is not None:
+            self._link.write(words)
+        if self._cancel.is_set():
+            self.stop(Abort("interrupted", "it was interrupted"))
+        elif self._begun:
+            if abort := self._watchdog.see(cycle):
+                self.stop(abort)
+        else:
+            self._patience -= 1
+            if self._patience <= 0:
+                what = f"the program did not start within {START_S:g} s of robot time"
+                self.stop(Abort("start", what))

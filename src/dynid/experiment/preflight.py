@@ -1,0 +1,157 @@
+"""What is checked before a real robot moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynid.constraints.certificate import Certificate, certify
+from dynid.constraints.motion import MotionConstraints
+from dynid.core.arrays import Array
+from dynid.core.errors import InputError, JobError
+from dynid.drivers.ur.state import ControllerState
+from dynid.drivers.watchdog import mode_name
+from dynid.experiment.plan import ExperimentPlan
+from dynid.protocol.modes import RobotMode, RuntimeState, SafetyMode
+from dynid.trajectory.quintic import Quintic
+
+APPROACH_SPEED = 0.5
+"""Joint speed of the way to the start [rad/s]."""
+_E_SERIES = 5
+_SLIDER = 1e-3
+_STILL = 1e-3
+_NEAR = 1e-3
+_MASS, _COG = 0.01, 0.005
+_PEAK = 15.0 / 8.0
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One thing that was looked at."""
+
+    name: str
+    """What, in a word or two."""
+    passed: bool
+    """Whether the robot may move."""
+    finding: str
+    """What was found, in words."""
+
+
+def check_design(plan: ExperimentPlan, constraints: MotionConstraints) -> Certificate:
+    """Certify the motion of a plan.
+
+    Args:
+        plan: What is to be executed.
+        constraints: What it is held to.
+
+    Raises:
+        InputError: The motion breaks a limit or touches something.
+    """
+    certificate = certify(plan.trajectory, constraints)
+    if not certificate.feasible:
+        raise InputError(
+            f"the design must not run on {plan.robot.name}: {_broken(certificate)}",
+            next_step="See: dynid check DESIGN.json, and design again with --limits safe.",
+        )
+    return certificate
+
+
+def check_robot(
+    plan: ExperimentPlan, state: ControllerState, constraints: MotionConstraints
+) -> tuple[Check, ...]:
+    """Look at a controller before it gets a plan.
+
+    Args:
+        plan: What is to be executed.
+        state: The controller, as it says it is.
+        constraints: What the way to the start is held to.
+    """
+    mode = mode_name(RobotMode, state.robot_mode)
+    safety = mode_name(SafetyMode, state.safety_mode)
+    program = mode_name(RuntimeState, state.runtime_state)
+    speed = float(np.abs(state.target_qd).max())
+    return (
+        _model(plan.robot.name, state),
+        Check("rate", plan.rate_hz == state.rate_hz, f"{state.rate_hz:g} cycles a second"),
+        Check("robot mode", state.robot_mode == RobotMode.RUNNING, mode),
+        Check("safety mode", state.safety_mode == SafetyMode.NORMAL, safety),
+        Check("program", state.runtime_state == RuntimeState.STOPPED, program),
+        Check("remote control", state.remote is not False, _remote(state)),
+        Check(
+            "speed slider",
+            abs(state.speed_fraction - 1.0) <= _SLIDER,
+            f"{100 * state.speed_fraction:.4g} %",
+        ),
+        Check("at rest", speed <= _STILL, f"{speed:.3g} rad/s"),
+        _payload(plan, state),
+        _approach(state.q, plan.start, constraints),
+    )
+
+
+def require_ready(checks: tuple[Check, ...], where: str) -> None:
+    """Refuse a robot that is not ready.
+
+    Args:
+        checks: What was looked at.
+        where: The robot's address.
+
+    Raises:
+        JobError: Something was found; the message names all of it.
+    """
+    wrong = [f"{check.name}: {check.finding}" for check in checks if not check.passed]
+    if wrong:
+        raise JobError(f"the robot is not ready; {'; '.join(wrong)}", where=where)
+
+
+def _model(name: str, state: ControllerState) -> Check:
+    """The dashboard calls a UR5e a UR5; the major version tells them apart."""
+    version = ".".join(str(part) for part in state.version[:3])
+    finding = f"{state.model or 'unknown model'}, software {version}"
+    called = name.lower()
+    # Without a dashboard there is only the version to go by.
+    known = not state.model or state.model.lower().removesuffix("e") == called.removesuffix("e")
+    e_series = called.endswith("e")
+    fits = not called.startswith("ur") or (state.version[0] >= _E_SERIES) == e_series
+    return Check("model", known and fits, f"{finding}, design for {name}")
+
+
+def _remote(state: ControllerState) -> str:
+    if state.remote is None:
+        return "no such switch"
+    return "on" if state.remote else "off: switch it on at the pendant"
+
+
+def _payload(plan: ExperimentPlan, state: ControllerState) -> Check:
+    asked = plan.payload
+    if state.payload is None:
+        return Check("payload", True, f"unknown to RTDE; {asked.mass:g} kg are meant to be set")
+    finding = f"{state.payload:.3g} kg set, {asked.mass:.3g} kg asked for"
+    fits = abs(state.payload - asked.mass) <= _MASS
+    if fits and state.payload_cog is not None and asked.mass > 0:
+        away = float(np.abs(state.payload_cog - np.array(asked.com)).max())
+        fits = away <= _COG
+        finding += f", centres {1e3 * away:.3g} mm apart"
+    return Check("payload", fits, finding)
+
+
+def _approach(q: Array, start: Array, constraints: MotionConstraints) -> Check:
+    """The straight way in joint space, as `movej` takes it."""
+    way = float(np.abs(start - q).max())
+    if way <= _NEAR:
+        return Check("way to the start", True, "already there")
+    travel = max(_PEAK * way / APPROACH_SPEED, 0.1)
+    certificate = certify(Quintic(start=q, goal=start, travel_time=travel), constraints)
+    finding = f"{way:.3g} rad"
+    if not certificate.feasible:
+        finding += f", {_broken(certificate)}: jog the robot closer to {np.round(start, 3)}"
+    return Check("way to the start", certificate.feasible, finding)
+
+
+def _broken(certificate: Certificate) -> str:
+    found: list[str] = []
+    for kind in certificate.broken:
+        item = certificate.worst[kind]
+        place = f" ({item.what})" if item.what else ""
+        found.append(f"{kind.replace('_', ' ')}{place} by {-item.room:.3g} at {item.t:.3g} s")
+    return ", ".join(found)
