@@ -1,0 +1,124 @@
+"""A client's socket that never blocks, with little memory."""
+
+from __future__ import annotations
+
+import socket
+import time
+
+LEFT = "the client has left"
+_REPLIES = 1 << 16
+
+
+class Connection:
+    """One client.
+
+    What the socket does not take at once waits here, up to 64 kB; a client that lets more pile
+    up does not read, and is `lost`.
+
+    Args:
+        sock: The accepted socket.
+        peer: Its address, for people.
+    """
+
+    def __init__(self, sock: socket.socket, peer: str) -> None:
+        sock.setblocking(False)
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.socket, self.peer = sock, peer
+        self.since = time.monotonic()
+        self.silent = True
+        """Whether it has not said a word yet."""
+        self.lost = ""
+        """Why it is to be closed; empty while it lives."""
+        self.skipped = 0
+        """Packages that it was too slow for."""
+        self._waiting = bytearray()
+        self._full_since = 0.0
+        self._gone = False
+
+    @property
+    def full(self) -> bool:
+        """Whether the socket has not taken all yet."""
+        return bool(self._waiting)
+
+    @property
+    def gone(self) -> bool:
+        """Whether nobody is at the other end any more."""
+        return self._gone
+
+    def still_full(self) -> bool:
+        """Try again; whether something waits even so."""
+        self.flush()
+        return bool(self._waiting)
+
+    def full_for(self, now: float) -> float:
+        """Seconds for which the socket has been full without taking a byte."""
+        return now - self._full_since if self._waiting else 0.0
+
+    def receive(self, size: int) -> bytes:
+        """What the client sent, up to `size` bytes; marks the connection lost at its end."""
+        try:
+            data = self.socket.recv(size)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            self._broken(error)
+            return b""
+        if data:
+            self.silent = False
+        else:
+            self.lost, self._gone = self.lost or LEFT, True
+        return data
+
+    def send(self, data: bytes) -> None:
+        """Send, and keep what the socket does not take."""
+        if self.lost or not data:
+            return
+        self._waiting += data
+        self.flush()
+        if len(self._waiting) > _REPLIES:
+            self.lost = "the client does not read what it is sent"
+
+    def offer(self, package: bytes) -> bool:
+        """Send the newest of a stream, or skip it when the last has not left yet."""
+        if self._waiting:
+            self.flush()
+        if self._waiting or self.lost:
+            self.skipped += 1
+            return False
+        self.send(package)
+        return True
+
+    def flush(self) -> None:
+        """Send what waits, as far as the socket takes it."""
+        if not self._waiting or self._gone:
+            return
+        try:
+            sent = self.socket.send(self._waiting)
+        except BlockingIOError:
+            sent = 0
+        except OSError as error:
+            self._broken(error)
+            return
+        if sent or not self._full_since:
+            self._full_since = time.monotonic()
+        del self._waiting[:sent]
+        if not self._waiting:
+            self._full_since = 0.0
+
+    def farewell(self) -> None:
+        """Say that nothing follows; the client may read what it was sent before it is closed."""
+        self.flush()
+        self._waiting.clear()
+        self.lost = ""
+        try:
+            self.socket.shutdown(socket.SHUT_WR)
+        except OSError as error:
+            self._broken(error)
+
+    def close(self) -> None:
+        """Hang up."""
+        self.socket.close()
+
+    def _broken(self, error: OSError) -> None:
+        self.lost = self.lost or f"connection broken: {error.strerror}"
+        self._gone = True

@@ -1,0 +1,152 @@
+"""The dashboard server of the simulated controller: one line in, one line out, no socket."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import PurePosixPath
+
+from dynid.protocol import dashboard as words
+from dynid.simulation.controller.machine import ControllerMachine
+
+LONGEST_LINE = 4096
+"""The longest command taken [bytes]."""
+_PROGRAM_FILE = ".urp"
+
+
+class DashboardSession:
+    """What the dashboard knows of one client.
+
+    Programs cannot be uploaded to the dashboard: `load` finds the names in `programs` only.
+
+    Args:
+        machine: The controller behind.
+        model: The robot's model as the pendant shows it, `UR5`.
+        serial: Its serial number.
+        programs: Programs that can be loaded, text by name.
+    """
+
+    def __init__(
+        self, machine: ControllerMachine, model: str, serial: str, programs: dict[str, str]
+    ) -> None:
+        self._machine, self._programs = machine, programs
+        self._rest = b""
+        self._role = "NONE"
+        self.over = False
+        """Whether the client said goodbye."""
+        fixed = {
+            "is in remote control": "true",
+            "get serial number": serial,
+            "get robot model": model,
+            "get operational mode": "NONE",
+            "clear operational mode": "operational mode is no longer controlled by "
+            "Dashboard Server",
+            "version": _dotted(machine),
+            "polyscopeversion": f"URSoftware {_dotted(machine)} (simulated by dynid)",
+        }
+        self._answers: dict[str, Callable[[], str]] = {
+            command: lambda reply=reply: reply for command, reply in fixed.items()
+        }
+        self._answers |= {
+            "play": lambda: self._try("play", machine.play(), words.STARTING),
+            "stop": self._stop,
+            "pause": lambda: self._try("pause", machine.pause(), words.PAUSING),
+            "running": lambda: f"Program running: {str(machine.program_running).lower()}",
+            "robotmode": lambda: f"Robotmode: {machine.robot_mode.name}",
+            "safetymode": lambda: f"Safetymode: {machine.safety_mode.name}",
+            "safetystatus": lambda: f"Safetystatus: {machine.safety_mode.name}",
+            "programstate": lambda: f"{machine.program_state} {machine.program_name or 'null'}",
+            "get loaded program": self._loaded,
+            "isprogramsaved": lambda: f"true {machine.program_name or 'null'}",
+            "power on": lambda: self._try("power on", machine.power_on(), words.POWERING_ON),
+            "power off": lambda: self._try("power off", machine.power_off(), words.POWERING_OFF),
+            "brake release": lambda: self._try(
+                "brake release", machine.brake_release(), words.RELEASING
+            ),
+            "unlock protective stop": self._unlock,
+            "close popup": self._close_popup,
+            "close safety popup": self._close_safety_popup,
+            "getuserrole": lambda: self._role,
+            "quit": self._quit,
+        }
+        self._with_text: dict[str, Callable[[str], str]] = {
+            "load installation": lambda name: f"Loading installation: {name}",
+            "load": self._load,
+            "popup": lambda _: "showing popup",
+            "addtolog": lambda text: "Added log message" if text else "No log message to add",
+            "setuserrole": self._set_role,
+            "set operational mode": lambda mode: f"Setting operational mode: {mode.upper()}",
+        }
+
+    def receive(self, data: bytes) -> list[str]:
+        """Take what the client sent; return one reply for each whole line."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        replies: list[str] = []
+        for line in lines:
+            if self.over:
+                break
+            replies.append(self.answer(line.decode(errors="replace").strip()))
+        if len(self._rest) > LONGEST_LINE:
+            self.over = True
+            replies.append(f"no command is longer than {LONGEST_LINE} bytes")
+        return replies
+
+    def answer(self, line: str) -> str:
+        """The reply to one command."""
+        command = " ".join(line.split()).lower()
+        plain = self._answers.get(command)
+        if plain is not None:
+            return plain()
+        for start, answer in self._with_text.items():
+            if command == start or command.startswith(start + " "):
+                return answer(line[len(start) :].strip())
+        return words.not_understood(line[:200])
+
+    def _try(self, command: str, done: bool, reply: str) -> str:
+        return reply if done else words.failed(command)
+
+    def _stop(self) -> str:
+        # Stopping what stands still succeeds on the real pendant too.
+        self._machine.stop()
+        return words.STOPPED
+
+    def _unlock(self) -> str:
+        if self._machine.unlock_protective_stop():
+            return words.UNLOCKING
+        if self._machine.core.safety.stopped:
+            return words.UNLOCK_TOO_EARLY
+        return words.UNLOCKING
+
+    def _close_popup(self) -> str:
+        self._machine.close_popup()
+        return "closing popup"
+
+    def _close_safety_popup(self) -> str:
+        self._machine.close_safety_popup()
+        return "closing safety popup"
+
+    def _loaded(self) -> str:
+        name = self._machine.program_name
+        return f"Loaded program: {name}" if name else words.NO_PROGRAM
+
+    def _load(self, name: str) -> str:
+        text = self._programs.get(PurePosixPath(name).name)
+        if text is None:
+            return f"File not found: {name}"
+        if not self._machine.load(name, text):
+            return f"Error while loading program: {name}"
+        return f"Loading program: {name}"
+
+    def _set_role(self, role: str) -> str:
+        known = ("programmer", "operator", "none", "locked", "restricted")
+        if role.lower() not in known:
+            return f"Failed setting user role: {role}"
+        self._role = role.upper()
+        return f"Setting user role: {role}"
+
+    def _quit(self) -> str:
+        self.over = True
+        return words.DISCONNECTED
+
+
+def _dotted(machine: ControllerMachine) -> str:
+    return ".".join(str(number) for number in machine.core.version)

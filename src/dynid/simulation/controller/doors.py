@@ -1,0 +1,90 @@
+"""The listening ports, and who is let in when they are full."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from dynid.core.errors import JobError
+from dynid.protocol import dashboard, rtde
+from dynid.simulation.controller.clients import Client
+
+CLIENTS = 128
+"""Clients of one port at the same time."""
+NEWCOMER_S = 1.0
+"""How long a client may be silent before its place can be given to another [s]."""
+PRIMARY, SECONDARY, REALTIME = 30001, 30002, 30003
+PORTS = (dashboard.PORT, PRIMARY, SECONDARY, REALTIME, rtde.PORT)
+"""The ports of a UR controller; clients cannot be told others."""
+_BACKLOG = 256
+_SEND_BUFFER = 1 << 17
+
+
+@dataclass(frozen=True, slots=True)
+class Door:
+    """One listening port."""
+
+    socket: socket.socket
+    """The listening socket."""
+    port: int
+    """Its number."""
+
+    def accept(self) -> tuple[socket.socket, str] | None:
+        """The next client and its address, if one waits."""
+        try:
+            sock, (host, port, *_) = self.socket.accept()
+        except OSError:
+            return None
+        return sock, f"{host}:{port}"
+
+
+def open_doors(host: str) -> list[Door]:
+    """Listen on all ports of a controller.
+
+    Args:
+        host: The address to listen on.
+
+    Raises:
+        JobError: A port is taken or the address is not of this machine.
+    """
+    doors: list[Door] = []
+    for port in PORTS:
+        sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        # Inherited by every client's socket.
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
+        sock.setblocking(False)
+        try:
+            sock.bind((host, port))
+            sock.listen(_BACKLOG)
+        except OSError as error:
+            sock.close()
+            for door in doors:
+                door.socket.close()
+            raise JobError(
+                f"cannot listen on port {port}: {error.strerror}",
+                where=host,
+                next_step="A controller may run there already; each needs an address of its own, "
+                "for example --host 127.0.0.2",
+            ) from error
+        doors.append(Door(sock, port))
+    return doors
+
+
+def place_for_another(clients: Iterable[Client], now: float) -> tuple[bool, Client | None]:
+    """Whether one more client of a port may come in, and who has to leave for it.
+
+    A full port gives up the client that has been connected for longest without a word.
+
+    Args:
+        clients: The clients of the port.
+        now: The monotonic clock [s].
+    """
+    present = list(clients)
+    if len(present) < CLIENTS:
+        return True, None
+    silent = [c for c in present if c.connection.silent and now - c.connection.since > NEWCOMER_S]
+    if not silent:
+        return False, None
+    return True, min(silent, key=lambda client: client.connection.since)

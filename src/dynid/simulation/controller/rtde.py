@@ -1,0 +1,196 @@
+"""The controller's side of one RTDE connection: bytes in, bytes out, no socket."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterable, Mapping
+
+from dynid.core.errors import DynidError
+from dynid.protocol import rtde
+from dynid.protocol.fields import IN_USE, INPUTS, NOT_FOUND, OUTPUTS, Field, Version
+from dynid.protocol.framing import Framer, Kind, Packet, ProtocolError
+from dynid.protocol.recipe import Recipe
+from dynid.simulation.controller.machine import ControllerMachine
+
+LARGEST_REQUEST = 4096
+"""The largest packet of a client [bytes]; names may take 2048, inputs need less than 3000."""
+_RECIPES = 255
+_FIRST_PROTOCOL_HZ = 125.0
+_COMPLAINTS = 100
+
+
+class Owners:
+    """Who writes which input: one client each."""
+
+    def __init__(self) -> None:
+        self._owner: dict[str, object] = {}
+
+    def claim(self, names: Iterable[str], client: object, version: Version) -> list[str]:
+        """The types of inputs; a client gets all of them or none.
+
+        A client may name a variable again in another recipe.
+        """
+        names = list(names)
+        types = [self._type(name, client, version) for name in names]
+        if not {NOT_FOUND, IN_USE}.intersection(types):
+            self._owner.update(dict.fromkeys(names, client))
+        return types
+
+    def release(self, client: object) -> None:
+        """Free the inputs of a client that has left."""
+        self._owner = {name: owner for name, owner in self._owner.items() if owner is not client}
+
+    def _type(self, name: str, client: object, version: Version) -> str:
+        kind = type_of(INPUTS, name, version)
+        if kind != NOT_FOUND and self._owner.get(name, client) is not client:
+            return IN_USE
+        return kind
+
+
+def type_of(table: Mapping[str, Field], name: str, version: Version) -> str:
+    """The type of a variable as the controller answers it."""
+    field = table.get(name)
+    return field.type.name if field is not None and field.exists_in(version) else NOT_FOUND
+
+
+class RtdeSession:
+    """What the controller knows of one client.
+
+    Args:
+        machine: The controller behind.
+        owners: Who writes which input, shared by all sessions.
+    """
+
+    def __init__(self, machine: ControllerMachine, owners: Owners) -> None:
+        self._machine, self._owners = machine, owners
+        self._version: Version = machine.core.version[:3]
+        self._framer = Framer(LARGEST_REQUEST)
+        self._inputs: list[Recipe] = []
+        self._written: dict[int, float] = {}
+        self._complaints = 0
+        self.protocol = 1
+        self.outputs: Recipe | None = None
+        """What the client asked for; None before it did, or when it was refused."""
+        self.every = 1
+        """Cycles from one package to the next."""
+        self.started = False
+        """Whether it wants packages."""
+
+    def receive(self, data: bytes) -> bytes:
+        """Take what the client sent; return the answers.
+
+        Raises:
+            ProtocolError: What it sent is no RTDE: close the connection.
+        """
+        return b"".join([self._answer(packet) for packet in self._framer.feed(data)])
+
+    @property
+    def streaming(self) -> bool:
+        """Whether the client gets packages."""
+        return self.started and self.outputs is not None
+
+    def text(self, words: str, source: str = "controller", level: int = rtde.Level.ERROR) -> bytes:
+        """A text message for the client."""
+        message = rtde.TextMessage(words, source, rtde.Level(level))
+        return rtde.text_message(message, self.protocol)
+
+    def wrote(self, name: str) -> float:
+        """When it last wrote an input, by the monotonic clock [s]; minus infinity for never."""
+        times = (
+            self._written.get(number, -math.inf)
+            for number, recipe in enumerate(self._inputs, start=1)
+            if name in recipe.names
+        )
+        return max(times, default=-math.inf)
+
+    def close(self) -> None:
+        """The client has left: others may write its inputs."""
+        self._owners.release(self)
+
+    def _answer(self, packet: Packet) -> bytes:
+        kind, payload = packet
+        match kind:
+            case Kind.DATA_PACKAGE:
+                return self._write(payload)
+            case Kind.REQUEST_PROTOCOL_VERSION:
+                return self._choose_protocol(rtde.read_protocol_request(payload))
+            case Kind.GET_URCONTROL_VERSION:
+                return rtde.answer_software_version(*self._machine.core.version)
+            case Kind.SETUP_OUTPUTS:
+                return self._set_up_outputs(rtde.read_output_setup(payload, self.protocol))
+            case Kind.SETUP_INPUTS:
+                return self._set_up_inputs(rtde.read_names(payload))
+            case Kind.START | Kind.PAUSE:
+                self.started = kind is Kind.START
+                return rtde.answer(kind, True)
+            case Kind.TEXT_MESSAGE:
+                rtde.read_text_message(payload, self.protocol, from_client=True)
+                return b""
+
+    def _choose_protocol(self, version: int) -> bytes:
+        accepted = version in rtde.PROTOCOLS
+        if accepted:
+            self.protocol = version
+        return rtde.answer(Kind.REQUEST_PROTOCOL_VERSION, accepted)
+
+    def _set_up_outputs(self, setup: rtde.OutputSetup) -> bytes:
+        _check_length(setup.names)
+        types = [type_of(OUTPUTS, name, self._version) for name in setup.names]
+        rate = 1.0 / self._machine.cycle
+        frequency = _FIRST_PROTOCOL_HZ if setup.frequency is None else setup.frequency
+        number = None if self.protocol == 1 else 1
+        self.outputs = None
+        complaint = b""
+        if not (math.isfinite(frequency) and frequency > 0):
+            complaint = self._complain(f"{frequency} is no frequency; allowed: 1 to {rate:g} Hz")
+        elif types and NOT_FOUND not in types:
+            self.outputs = Recipe.of(setup.names, types, number)
+            self.every = max(1, math.floor(rate / max(frequency, 1.0) + 1e-9))
+        accepted = number if self.outputs is not None or number is None else 0
+        return complaint + rtde.answer_setup(Kind.SETUP_OUTPUTS, types, accepted)
+
+    def _set_up_inputs(self, names: tuple[str, ...]) -> bytes:
+        _check_length(names)
+        if len(self._inputs) == _RECIPES:
+            refused = self._complain(f"no more than {_RECIPES} input recipes")
+            return refused + rtde.answer_setup(Kind.SETUP_INPUTS, [NOT_FOUND] * len(names), 0)
+        types = self._owners.claim(names, self, self._version)
+        if not types or {NOT_FOUND, IN_USE}.intersection(types):
+            return rtde.answer_setup(Kind.SETUP_INPUTS, types, 0)
+        number = len(self._inputs) + 1
+        self._inputs.append(Recipe.of(names, types, number))
+        return rtde.answer_setup(Kind.SETUP_INPUTS, types, number)
+
+    def _write(self, payload: bytes) -> bytes:
+        number = payload[0] if payload else 0
+        if not 1 <= number <= len(self._inputs):
+            return self._complain(f"there is no input recipe {number}")
+        try:
+            for name, value in self._inputs[number - 1].unpack(payload).items():
+                self._machine.set_input(name, value)
+        except DynidError as error:
+            return self._complain(str(error))
+        self._written[number] = time.monotonic()
+        return b""
+
+    def _complain(self, words: str) -> bytes:
+        """Tell the client what is wrong; give up on one that never learns.
+
+        Raises:
+            ProtocolError: A hundred complaints were not enough.
+        """
+        self._complaints += 1
+        if self._complaints > _COMPLAINTS:
+            raise ProtocolError(f"too many mistakes, the last: {words}")
+        return self.text(words)
+
+
+def _check_length(names: tuple[str, ...]) -> None:
+    size = sum(len(name) + 1 for name in names) - 1
+    if size > rtde.NAMES_LIMIT:
+        raise ProtocolError(
+            "the list of names is too long",
+            value=f"{size} bytes",
+            limit=f"{rtde.NAMES_LIMIT} bytes",
+        )

@@ -1,0 +1,190 @@
+"""One simulated controller in this process, from its robot's name to the end of its loop."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TextIO
+
+from dynid.core.errors import InputError
+from dynid.protocol import dashboard, rtde
+from dynid.robot.load import load_robot
+from dynid.simulation.controller.doors import PRIMARY, REALTIME, SECONDARY
+from dynid.simulation.controller.log import Log
+from dynid.simulation.controller.machine import ControllerMachine
+from dynid.simulation.controller.priority import keep_time
+from dynid.simulation.controller.server import ControllerServer, ServerSettings
+from dynid.simulation.library import simulated_arm
+from dynid.simulation.thermal import Thermal
+
+CB_HZ, E_SERIES_HZ = 125.0, 500.0
+_CB, _E_SERIES = (3, 15, 8, 106339), (5, 12, 0, 1101319)
+_PORT_NAMES = {
+    "dashboard": dashboard.PORT,
+    "primary": PRIMARY,
+    "secondary": SECONDARY,
+    "realtime": REALTIME,
+    "rtde": rtde.PORT,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ControllerOptions:
+    """What to simulate, and where.
+
+    Raises:
+        InputError: A control rate that no UR controller has.
+    """
+
+    robot: str = "ur5"
+    """Built-in name, URDF or robot file."""
+    host: str = "127.0.0.1"
+    """Address to listen on."""
+    thermal: Thermal = "cold"
+    """Temperatures at the start."""
+    virtual_time: bool = False
+    """Whether time goes as fast as the clients read."""
+    hold: bool = False
+    """Whether time stands still until the first client has started RTDE."""
+    seed: int = 0
+    """Seed of the measurement noise."""
+    rate_hz: float | None = None
+    """Control cycles a second; None: 500 for robots whose name ends in `e`, else 125."""
+    version: tuple[int, int, int] | None = None
+    """Software version; None: the one usual for the rate."""
+    truth: Path | None = None
+    """Where to write the truth behind the measurements."""
+    report: Path | None = None
+    """Where to write, at the end, how well time was kept."""
+    parent: int | None = None
+    """The process without which the controller ends; None: it stays."""
+
+    def __post_init__(self) -> None:
+        if self.rate_hz is not None and self.rate_hz not in (CB_HZ, E_SERIES_HZ):
+            raise InputError(
+                "no UR controller has this control rate",
+                value=f"{self.rate_hz:g} Hz",
+                limit=f"{CB_HZ:g} Hz (CB-Series) or {E_SERIES_HZ:g} Hz (e-Series)",
+            )
+
+
+def serve(
+    options: ControllerOptions,
+    stream: TextIO,
+    ready: Callable[[dict[str, Any]], None],
+) -> None:
+    """Simulate a controller until Ctrl-C, SIGTERM, or the end of the parent process.
+
+    Args:
+        options: What to simulate, and where.
+        stream: Where to tell people what happens.
+        ready: Called once, when clients can connect, with what they need to know.
+
+    Raises:
+        InputError: A robot that cannot be simulated, or an address that is none.
+        JobError: A port is taken.
+        MissingExtraError: MuJoCo is not installed.
+    """
+    log = Log(stream, "dynid controller")
+    robot = load_robot(options.robot)
+    rate = options.rate_hz or (E_SERIES_HZ if robot.name.endswith("e") else CB_HZ)
+    version = _CB if rate == CB_HZ else _E_SERIES
+    if options.version is not None:
+        version = (*options.version, version[3])
+    arm = simulated_arm(robot)
+    machine = ControllerMachine(
+        arm, rate_hz=rate, thermal=options.thermal, seed=options.seed, version=version
+    )
+    settings = ServerSettings(
+        host=options.host,
+        virtual=options.virtual_time,
+        hold=options.hold,
+        model=robot.name.removesuffix("e").upper(),
+    )
+    server = ControllerServer(machine, settings, log)
+    try:
+        fast = keep_time(real_time=not options.virtual_time)
+        stopped = _Stop(options.parent)
+        about = {
+            "robot": robot.name,
+            "host": options.host,
+            "ports": _PORT_NAMES,
+            "rate_hz": rate,
+            "version": ".".join(map(str, version)),
+            "virtual_time": options.virtual_time,
+            "seed": options.seed,
+            "real_time_priority": fast,
+            "pid": os.getpid(),
+        }
+        start = machine.output("joint_temperatures")
+        if options.truth is not None:
+            _write(options.truth, _truth(machine, about) | {"start_degC": start})
+        ready(about)
+        begun = time.monotonic()
+        server.run(stopped)
+        if options.report is not None:
+            _write(options.report, _report(server, machine, time.monotonic() - begun))
+        log.say(f"stopped by {stopped.why} after {machine.core.cycles} cycles")
+    finally:
+        server.close()
+
+
+class _Stop:
+    """Whether it is time to stop: a signal came, or the parent process is gone."""
+
+    def __init__(self, parent: int | None) -> None:
+        self._parent = parent
+        self.why = ""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._hear)
+
+    def __call__(self) -> bool:
+        if self._parent is not None and os.getppid() != self._parent:
+            self.why = self.why or "the end of its parent process"
+        return bool(self.why)
+
+    def _hear(self, number: int, frame: object) -> None:
+        self.why = signal.Signals(number).name
+
+
+def _truth(machine: ControllerMachine, about: dict[str, Any]) -> dict[str, Any]:
+    truth = machine.core.arm.truth
+    return {
+        "robot": about["robot"],
+        "label": truth.label,
+        "seed": about["seed"],
+        "rate_hz": about["rate_hz"],
+        "parameters": [
+            *("m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy"),
+            *("Fc", "Fv", "Im"),
+        ],
+        "frame": "joint frames, tensors about their origins; Fc and Fv at reference_degC",
+        "reference_degC": truth.friction.reference_degC,
+        "links": truth.standard_parameters.tolist(),
+        "drive_gain": truth.gain.tolist(),
+    }
+
+
+def _report(server: ControllerServer, machine: ControllerMachine, seconds: float) -> dict[str, Any]:
+    cycles = machine.core.cycles
+    shares = (50.0, 99.0, 99.9, 100.0)
+    late = server.pace.lateness_us(*shares)
+    return {
+        "cycles": cycles,
+        "controller_s": cycles * machine.cycle,
+        "wall_s": seconds,
+        "late_us": {f"p{share:g}": value for share, value in zip(shares, late, strict=True)},
+        "slips": server.pace.slips,
+    }
+
+
+def _write(path: Path, document: dict[str, Any]) -> None:
+    """Write a JSON file that is there whole or not at all."""
+    partial = path.with_name(path.name + ".partial")
+    partial.write_text(json.dumps(document, indent=1) + "\n")
+    partial.replace(path)

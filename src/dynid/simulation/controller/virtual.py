@@ -1,0 +1,85 @@
+"""Virtual time: when the next control cycle may begin.
+
+Nobody looks at the wall clock; time goes as fast as the clients read:
+
+- a cycle begins once every client that has started RTDE has read all but the last package, so
+  that nobody misses one and nobody sees the robot more than two cycles late;
+- while a script is being compiled, time stands still;
+- an RTDE watchdog of a script starves when its time is over by both clocks: a client that
+  writes often enough in real time is never too slow for virtual time;
+- without a client that has started RTDE, time goes at the pace of the wall clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from dynid.protocol.framing import HEADER
+from dynid.simulation.controller.clients import RtdeClient
+from dynid.simulation.controller.machine import ControllerMachine
+from dynid.simulation.controller.unread import UnreadBytes
+
+STALLED_S = 10.0
+"""How long a client may read nothing before it is given up [s]."""
+_ROUNDING = 1e-9
+_SOON, _LATER, _PATIENCE = 50e-6, 1e-3, 20
+
+
+class VirtualPace:
+    """Decides when the next cycle begins.
+
+    Args:
+        machine: The controller.
+    """
+
+    def __init__(self, machine: ControllerMachine) -> None:
+        self._machine = machine
+        self._unread = UnreadBytes()
+        self._asked = 0
+        self._stuck: dict[RtdeClient, tuple[int, float]] = {}
+
+    def wait(self, clients: Sequence[RtdeClient], now: float) -> float:
+        """Seconds after which to ask again; nought when the next cycle may begin.
+
+        Args:
+            clients: Those who have started, at least one.
+            now: The monotonic clock [s].
+        """
+        if any(self._behind(client, now) for client in clients):
+            self._asked += 1
+            return _SOON if self._asked < _PATIENCE else _LATER
+        self._asked = 0
+        self._stuck.clear()
+        return self._watchdogs(clients, now)
+
+    def close(self) -> None:
+        """Let the kernel go."""
+        self._unread.close()
+
+    def _behind(self, client: RtdeClient, now: float) -> bool:
+        """Whether a client has more than one package to read; one that does not is given up."""
+        connection, recipe = client.connection, client.session.outputs
+        package = HEADER.size + recipe.size if recipe is not None else 0
+        unread = self._unread.of(client.question)
+        if not connection.still_full() and unread <= package:
+            return False
+        known, since = self._stuck.get(client, (-1, now))
+        self._stuck[client] = (unread, since if unread == known else now)
+        if unread == known and now - since > STALLED_S:
+            connection.lost = f"the client has read nothing for {STALLED_S:g} s"
+        return not connection.lost
+
+    def _watchdogs(self, clients: Sequence[RtdeClient], now: float) -> float:
+        """Seconds of real time that a watchdog still has, when its virtual time is over."""
+        core = self._machine.core
+        if not core.playing:
+            return 0.0
+        wait = 0.0
+        for watchdog in core.watchdogs.values():
+            if core.now + self._machine.cycle - watchdog.fed <= watchdog.period + _ROUNDING:
+                continue
+            written = max((c.session.wrote(watchdog.variable) for c in clients), default=now)
+            left = written + watchdog.period - now
+            if 0.0 < left <= watchdog.period:
+                wait = max(wait, min(left, _LATER))
+        return wait
