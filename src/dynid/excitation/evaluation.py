@@ -1,0 +1,117 @@
+"""Criterion and constraints of a motion, on all samples or with derivatives on fewer."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from dynid.constraints.motion import MotionConstraints
+from dynid.core.arrays import Array
+from dynid.excitation.criteria import Criterion
+from dynid.excitation.gram import DESIGN_WIDTH, GramKernel
+from dynid.excitation.problem import ExcitationProblem
+
+SEARCH_PER_NUMBER = 12
+"""Samples of the search grid for each free number of a joint (24 a harmonic)."""
+SEARCH_RATE_HZ = 12.0
+"""Its least rate: sines of joint angles at full speed turn faster than any harmonic."""
+
+
+class MotionGrid:
+    """Motions of a family at fixed times.
+
+    Args:
+        problem: Whose family.
+        times: (N) [s].
+    """
+
+    def __init__(self, problem: ExcitationProblem, times: Array) -> None:
+        self.basis = tuple(np.ascontiguousarray(b) for b in problem.family.basis(times))
+
+    def motion(self, x: Array) -> tuple[Array, Array, Array]:
+        """q, dq, ddq (N, n) for numbers (n, 1 + k)."""
+        free = x[:, 1:].T
+        q, dq, ddq = (b @ free for b in self.basis)
+        return q + x[:, 0], dq, ddq
+
+    def pulled_back(self, q_bar: Array, dq_bar: Array, ddq_bar: Array) -> Array:
+        """The gradient (n, 1 + k) from derivatives by q, dq, ddq."""
+        b0, b1, b2 = self.basis
+        free = q_bar.T @ b0 + dq_bar.T @ b1 + ddq_bar.T @ b2
+        return np.concatenate([q_bar.sum(axis=0)[:, None], free], axis=1)
+
+
+class DesignEvaluation:
+    """Judges motions of one problem; counts how many.
+
+    One thread, one caller at a time: each worker makes its own.
+
+    Args:
+        problem: The problem.
+    """
+
+    def __init__(self, problem: ExcitationProblem) -> None:
+        model = problem.base.model
+        samples = problem.samples
+        count = max(
+            SEARCH_PER_NUMBER * (problem.family.free_count + 2),
+            math.ceil(SEARCH_RATE_HZ * problem.family.duration),
+        )
+        count = min(count, samples)
+        duration = problem.family.duration
+        self.problem = problem
+        self.evaluations = 0
+        """Criterion values computed so far, with or without derivatives."""
+        self._share = samples / count
+        self._full = MotionGrid(problem, problem.times)
+        self._search = MotionGrid(problem, np.arange(count) * (duration / count))
+        self._kernel = GramKernel(model, problem.base, noise=problem.noise, coulomb_width=None)
+        self._smooth = GramKernel(
+            model, problem.base, noise=problem.noise, coulomb_width=DESIGN_WIDTH
+        )
+        self._constraints = MotionConstraints(model.robot, problem.constraints)
+        judge = self._constraints
+        self.constrained = (
+            bool(judge.points) or judge.torque is not None or judge.bodies is not None
+        )
+        """Whether anything beside position, velocity and acceleration is held."""
+
+    def value(self, x: Array) -> float:
+        """The objective of the motion (n, 1 + k): every sample, Coulomb steps as they are."""
+        self.evaluations += 1
+        return self.problem.criterion.objective(self.gram(x))
+
+    def gram(self, x: Array) -> Array:
+        """The Gram matrix (b, b) on the full grid."""
+        return self._kernel.gram(*self._full.motion(x))
+
+    def violation(self, x: Array, tighten: float = 0.0) -> float:
+        """How much limits are broken on the search grid; 0 where nothing is."""
+        if not self.constrained:
+            return 0.0
+        return self._constraints.violation(*self._search.motion(x), tighten=tighten)[0]
+
+    def search(
+        self, x: Array, *, criterion: Criterion, penalty: float = 0.0, tighten: float = 0.0
+    ) -> tuple[float, Array]:
+        """Criterion and penalty with their gradient, on the search grid with smooth steps.
+
+        Args:
+            x: (n, 1 + k) numbers of the motion.
+            criterion: What to evaluate: the problem's, or a smoother relative.
+            penalty: Weight of the broken limits.
+            tighten: Share by which limits shrink.
+        """
+        self.evaluations += 1
+        motion = self._search.motion(x)
+        gram, pullback = self._smooth.gram_and_pullback(*motion)
+        value, slope = criterion.objective_and_gradient(self._share * gram)
+        if not math.isfinite(value):
+            return math.inf, np.zeros_like(x)
+        gradient = self._search.pulled_back(*pullback(slope * self._share))
+        if penalty > 0.0 and self.constrained:
+            broken, *bars = self._constraints.violation(*motion, tighten=tighten)
+            value += penalty * broken
+            gradient += penalty * self._search.pulled_back(*bars)
+        return value, gradient

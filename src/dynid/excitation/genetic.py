@@ -1,0 +1,174 @@
+"""The paper's genetic algorithm: 300 individuals, 5 generations, operators of our own.
+
+An individual holds, for each joint, the shape of its motion (its direction in the space of free
+numbers), the place of the motion in the position range and how much of the tightest limit it
+uses. It is decoded by scaling each joint onto its tightest bound of position, velocity and
+acceleration, so these are met by every individual. Other constraints (torque, speed of the tool,
+collisions) are handled feasibility first (Deb, 2000): of two individuals the feasible one wins,
+of two infeasible ones the one that violates less, of two feasible ones the better criterion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynid.core.arrays import Array, Indices
+from dynid.excitation.region import MotionRegion
+from dynid.excitation.starts import shape_basis
+
+TOURNAMENT = 3
+"""Individuals that compete to become a parent."""
+ELITE = 0.02
+"""Share of the population that survives unchanged."""
+EXCHANGE = 0.5
+"""Chance of a child to take whole joints from both parents; the others are blended."""
+BLEND = 0.3
+"""How far blending goes beyond the parents (BLX-alpha)."""
+MUTATED_JOINTS = 0.25
+"""Chance of a joint to be mutated."""
+MUTATION = 0.3
+"""Spread of a mutation, genes having a spread of one."""
+LEAST_FILL = 0.3
+"""Least share of the tightest limit, where other constraints can make smaller motions better."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fitness:
+    """How good an individual is: smaller is better, violation first."""
+
+    violation: float
+    """Zero for individuals that meet every constraint."""
+    value: float
+    """The criterion."""
+
+    @property
+    def key(self) -> tuple[float, float]:
+        """For sorting."""
+        return (max(self.violation, 0.0), self.value)
+
+
+@dataclass(slots=True)
+class Genes:
+    """A population."""
+
+    shape: Array
+    """(P, n, k) in coordinates with a spread of one."""
+    place: Array
+    """(P, n) within 0 and 1."""
+    fill: Array
+    """(P, n) within `LEAST_FILL` and 1."""
+
+    def taken(self, chosen: Indices) -> Genes:
+        """Some of the individuals, copied."""
+        return Genes(self.shape[chosen], self.place[chosen], self.fill[chosen])
+
+
+def evolve(
+    fitness: Callable[[Array], Fitness],
+    region: MotionRegion,
+    *,
+    population: int,
+    generations: int,
+    seed: int,
+    full: bool,
+    tell: Callable[[int, Array, Fitness], None],
+) -> tuple[Array, Fitness]:
+    """Evolve a random population.
+
+    Args:
+        fitness: Judges the numbers (n, 1 + k) of one motion.
+        region: Bounds of position, velocity and acceleration.
+        population: Individuals of a generation.
+        generations: Generations after the random one.
+        seed: Seed of all random numbers.
+        full: Every joint uses all of its tightest limit.
+        tell: Told each individual's number, its motion and how good it is.
+
+    Returns:
+        The best motion of all generations, and its fitness.
+    """
+    random = np.random.default_rng(seed)
+    basis = shape_basis(region).T
+    joints, width = len(region.middle), len(basis)
+    genes = Genes(
+        random.standard_normal((population, joints, width)),
+        random.uniform(size=(population, joints)),
+        np.ones((population, joints)) if full else _drawn_fill(random, (population, joints)),
+    )
+    number = 0
+    scores: list[Fitness] = []
+
+    def judged(new: Genes) -> list[Fitness]:
+        nonlocal number
+        found: list[Fitness] = []
+        for x in _decoded(new, region, basis):
+            found.append(fitness(x))
+            tell(number, x, found[-1])
+            number += 1
+        return found
+
+    scores = judged(genes)
+    elite = max(1, round(ELITE * population))
+    for _ in range(generations):
+        order = np.array(sorted(range(population), key=lambda i: scores[i].key))
+        genes = genes.taken(order)
+        scores = [scores[i] for i in order]
+        children = _children(genes, population - elite, random, full)
+        fresh = judged(children)
+        kept = genes.taken(np.arange(elite))
+        genes = Genes(
+            *(
+                np.concatenate([getattr(kept, name), getattr(children, name)])
+                for name in ("shape", "place", "fill")
+            )
+        )
+        scores = scores[:elite] + fresh
+    best = min(range(population), key=lambda i: scores[i].key)
+    chosen = genes.taken(np.array([best]))
+    return _decoded(chosen, region, basis)[0], scores[best]
+
+
+def _decoded(genes: Genes, region: MotionRegion, basis: Array) -> Array:
+    numbers = region.onto_limits(genes.shape @ basis, genes.place)
+    if (genes.fill == 1.0).all():
+        return numbers
+    # Smaller about its own middle: it stays where it fits.
+    swing = numbers[..., 1:] @ region.columns[0][:, 1:].T
+    middle = (swing.max(axis=-1) + swing.min(axis=-1)) / 2
+    numbers[..., 0] += (1.0 - genes.fill) * middle
+    numbers[..., 1:] *= genes.fill[..., None]
+    return numbers
+
+
+def _children(genes: Genes, count: int, random: np.random.Generator, full: bool) -> Genes:
+    """Children of a population sorted best first."""
+    population, joints, _ = genes.shape.shape
+    # The smallest rank of a few wins the tournament.
+    parents = random.integers(population, size=(2, count, TOURNAMENT)).min(axis=2)
+    one, other = genes.taken(parents[0]), genes.taken(parents[1])
+    swap = random.uniform(size=(count, 1)) < EXCHANGE
+    from_other = (random.uniform(size=(count, joints)) < 0.5).astype(np.float64)
+    blended = random.uniform(-BLEND, 1.0 + BLEND, size=(count, joints))
+    share = np.where(swap, from_other, blended)
+    mutated = random.uniform(size=(count, joints)) < MUTATED_JOINTS
+    spread = MUTATION * mutated
+
+    def mixed(first: Array, second: Array) -> Array:
+        weight = share if first.ndim == 2 else share[..., None]
+        noise = spread if first.ndim == 2 else spread[..., None]
+        child = (1.0 - weight) * first + weight * second
+        return child + noise * random.standard_normal(first.shape)
+
+    shape = mixed(one.shape, other.shape)
+    # Only directions count; unit spread keeps mutations of one size through the generations.
+    shape /= np.sqrt(np.mean(np.square(shape), axis=-1, keepdims=True)) + 1e-300
+    place = np.clip(mixed(one.place, other.place), 0.0, 1.0)
+    fill = np.clip(mixed(one.fill, other.fill), LEAST_FILL, 1.0)
+    return Genes(shape, place, np.ones_like(fill) if full else fill)
+
+
+def _drawn_fill(random: np.random.Generator, size: tuple[int, int]) -> Array:
+    return random.uniform(LEAST_FILL, 1.0, size=size)

@@ -1,0 +1,211 @@
+"""Many starts of the gradient method, here and in other processes."""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+
+from dynid.core.errors import InputError
+from dynid.excitation.candidate import Candidate
+from dynid.excitation.evaluation import DesignEvaluation
+from dynid.excitation.gradient import one_start
+from dynid.excitation.problem import ExcitationProblem
+from dynid.excitation.region import MotionRegion
+from dynid.excitation.search import Search, Tell
+
+
+@dataclass(frozen=True, slots=True)
+class StartResult:
+    """What one start brought."""
+
+    number: int
+    best: Candidate | None
+    evaluations: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Effort:
+    """How long to search.
+
+    Raises:
+        InputError: Neither starts nor a budget, or numbers that are not positive.
+    """
+
+    starts: int | None = None
+    """How many starts; None for as many as fit into the time."""
+    budget_s: float | None = None
+    """Time [s]; None for no limit."""
+    patience: int | None = None
+    """Stop after so many starts without a better one; None to go on."""
+
+    def __post_init__(self) -> None:
+        if self.starts is None and self.budget_s is None:
+            raise InputError("a search needs a number of starts or a time budget")
+        for name, number in (("--starts", self.starts), ("--budget", self.budget_s)):
+            if number is not None and not number > 0:
+                raise InputError("must be positive", where=name, value=number)
+
+
+def multistart(
+    problem: ExcitationProblem,
+    effort: Effort,
+    *,
+    seed: int,
+    executor: Executor | None = None,
+    workers: int = 0,
+    tell: Tell | None = None,
+) -> Search:
+    """Run starts until their number, the time or the patience is up.
+
+    The calling process takes part, so that the first motion does not wait for others to begin.
+    With a given number of starts the answer does not depend on who ran them. Ctrl-C ends the
+    search with what was found.
+
+    Args:
+        problem: What to design.
+        effort: How long.
+        seed: Seed of all random numbers.
+        executor: Where further starts run; None to run all of them here.
+        workers: How many of them at a time.
+        tell: Told how far the search is.
+    """
+    run = _Run(problem, effort, seed, tell)
+    try:
+        while run.more():
+            while executor is not None and len(run.pending) < workers and run.more():
+                try:
+                    run.submit(executor)
+                except (BrokenProcessPool, RuntimeError):
+                    executor = None
+            if run.more():
+                run.start_here()
+            run.collect(wait_s=0.0)
+        run.collect(wait_s=None)
+    except KeyboardInterrupt:
+        run.search.ended_by = "interrupt"
+        for future in run.pending:
+            future.cancel()
+    return run.search
+
+
+def run_start(
+    problem: ExcitationProblem, seed: int, number: int, time_left_s: float | None
+) -> StartResult:
+    """One start in another process.
+
+    Args:
+        problem: What to design.
+        seed: Seed of the search.
+        number: Which start.
+        time_left_s: Time that it may take [s].
+    """
+    end = None if time_left_s is None else time.monotonic() + time_left_s
+    evaluation = DesignEvaluation(problem)
+    best = one_start(
+        evaluation,
+        MotionRegion(problem.family, problem.constraints.bounds),
+        seed=seed,
+        number=number,
+        stop=lambda: end is not None and time.monotonic() >= end,
+        found=lambda candidate: None,
+    )
+    return StartResult(number, best, evaluation.evaluations)
+
+
+class _Run:
+    """The state of one multistart."""
+
+    def __init__(
+        self, problem: ExcitationProblem, effort: Effort, seed: int, tell: Tell | None
+    ) -> None:
+        self.problem, self.effort, self.seed, self.tell = problem, effort, seed, tell
+        self.search = Search(problem=problem)
+        self.evaluation = DesignEvaluation(problem)
+        self.region = MotionRegion(problem.family, problem.constraints.bounds)
+        self.pending: dict[Future[StartResult], int] = {}
+        self.lost: list[int] = []
+        self.begun = 0
+        self.idle = 0
+
+    def over(self) -> bool:
+        budget = self.effort.budget_s
+        return budget is not None and self.search.wall_s >= budget
+
+    def more(self) -> bool:
+        """Whether to begin another start; if not, notes why."""
+        effort = self.effort
+        if self.over():
+            self.search.ended_by = "budget"
+        elif effort.starts is not None and self.begun >= effort.starts and not self.lost:
+            self.search.ended_by = "starts"
+        elif effort.patience is not None and self.idle >= effort.patience:
+            self.search.ended_by = "stagnation"
+        return not self.search.ended_by
+
+    def submit(self, executor: Executor) -> None:
+        budget = self.effort.budget_s
+        left = None if budget is None else budget - self.search.wall_s
+        number = self._next()
+        try:
+            future = executor.submit(run_start, self.problem, self.seed, number, left)
+        except BaseException:
+            self.lost.append(number)
+            raise
+        self.pending[future] = number
+
+    def start_here(self) -> None:
+        number = self._next()
+        before = self.evaluation.evaluations
+        best = one_start(
+            self.evaluation,
+            self.region,
+            seed=self.seed,
+            number=number,
+            stop=self.over,
+            found=lambda candidate: self._add(candidate, number),
+        )
+        self._take(StartResult(number, best, self.evaluation.evaluations - before))
+
+    def collect(self, wait_s: float | None) -> None:
+        """Take in what other processes finished; with no time to wait, wait for all of them."""
+        while self.pending:
+            done, _ = wait(self.pending, timeout=wait_s, return_when=FIRST_COMPLETED)
+            for future in done:
+                number = self.pending.pop(future)
+                try:
+                    self._take(future.result())
+                except (BrokenProcessPool, CancelledError):
+                    # A worker that died takes its start with it; it is begun again here.
+                    self.lost.append(number)
+            if not done and wait_s is not None:
+                return
+        while self.lost and wait_s is None and not self.over():
+            self.start_here()
+
+    def _next(self) -> int:
+        if self.lost:
+            return self.lost.pop()
+        self.begun += 1
+        return self.begun
+
+    def _take(self, result: StartResult) -> None:
+        before = self.search.best
+        self.search.evaluations += result.evaluations
+        self.search.starts += 1
+        if result.best is not None:
+            self._add(result.best, result.number)
+        after = self.search.best
+        better = after is not None and (before is None or after.key < before.key)
+        self.idle = 0 if better else self.idle + 1
+
+    def _add(self, candidate: Candidate, number: int) -> None:
+        self.search.add(candidate, number)
+        if self.tell is not None:
+            shares = [0.0]
+            if self.effort.starts is not None:
+                shares.append(self.search.starts / self.effort.starts)
+            if self.effort.budget_s is not None:
+                shares.append(self.search.wall_s / self.effort.budget_s)
+            self.tell(self.search.words(), min(max(shares), 1.0))

@@ -1,0 +1,138 @@
+"""The free numbers whose motion stays within bounds: a polytope, and its logarithmic barrier."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.core.errors import InputError
+from dynid.trajectory.bounds import MotionBounds
+from dynid.trajectory.family import MotionFamily
+
+POINTS_PER_NUMBER = 16
+"""Grid points for each free number of a joint; for the Fourier series, 32 a harmonic."""
+SHARE = math.cos(math.pi / 32) * math.cos(math.pi / 64)
+"""Of the bounds, to be met on the grid. The first factor is what a trigonometric polynomial can
+rise between 32 points a harmonic (Ehlich and Zeller, 1964), the second what the certificate's
+own grid of 64 adds; for other families it is a margin, and the certificate decides."""
+
+
+@dataclass(frozen=True, slots=True)
+class Barrier:
+    """The barrier - sum log(slack) at a point, and its derivatives."""
+
+    value: float
+    gradient: Array
+    """(n, 1 + k)"""
+    curvature: Array
+    """(n, 1 + k, 1 + k): joints do not share bounds, so the Hessian has a block a joint."""
+
+
+class MotionRegion:
+    """Numbers x = [offset, y] (n, 1 + k) whose motion stays within the bounds on a dense grid.
+
+    Positions, velocities and accelerations are linear in x, so the region is a polytope.
+
+    Args:
+        family: The motions.
+        bounds: Bounds without NaN; infinite ones do not bind.
+        share: Of each bound, about the middle of the range for positions.
+
+    Raises:
+        InputError: A joint that no bound keeps from moving without limit.
+    """
+
+    def __init__(self, family: MotionFamily, bounds: MotionBounds, share: float = SHARE) -> None:
+        count = POINTS_PER_NUMBER * (family.free_count + 2)
+        t = np.arange(count, dtype=np.float64) * (family.duration / count)
+        b0, b1, b2 = family.basis(t)
+        one, zero = np.ones((count, 1)), np.zeros((count, 1))
+        self.columns = (np.hstack([one, b0]), np.hstack([zero, b1]), np.hstack([zero, b2]))
+        middle, half = (bounds.lower + bounds.upper) / 2, (bounds.upper - bounds.lower) / 2
+        self.middle = middle
+        self.reach = (share * half, share * bounds.velocity, share * bounds.acceleration)
+        if not np.isfinite(self.reach[0]).all():
+            raise InputError("no limit bounds the motion", next_step="Give position limits.")
+        if not (half > 0).all():
+            joint = int(np.argmin(half))
+            raise InputError(
+                f"joint {joint + 1}: the position limits leave no room to move",
+                value=(float(bounds.lower[joint]), float(bounds.upper[joint])),
+            )
+
+    def slack(self, x: Array) -> Array:
+        """(6, g, n) what is left to the upper and lower bounds of q, dq, ddq; negative outside."""
+        parts: list[Array] = []
+        for k, (columns, reach) in enumerate(zip(self.columns, self.reach, strict=True)):
+            value = columns @ x.T
+            if k == 0:
+                value = value - self.middle
+            parts += [reach - value, reach + value]
+        return np.stack(parts)
+
+    def barrier_value(self, slack: Array) -> float:
+        """The barrier; infinite outside."""
+        if not (slack > 0).all():
+            return math.inf
+        return float(-np.log(slack[np.isfinite(slack)]).sum())
+
+    def barrier(self, slack: Array) -> Barrier:
+        """The barrier and its derivatives at the slack of a point inside."""
+        inverse = 1.0 / slack
+        pull = inverse[0::2] - inverse[1::2]
+        weight = np.square(inverse[0::2]) + np.square(inverse[1::2])
+        width = self.columns[0].shape[1]
+        gradient = np.zeros((slack.shape[2], width))
+        curvature = np.zeros((slack.shape[2], width, width))
+        for k, columns in enumerate(self.columns):
+            gradient += pull[k].T @ columns
+            curvature += (columns.T[None] * weight[k].T[:, None, :]) @ columns
+        return Barrier(self.barrier_value(slack), gradient, curvature)
+
+    def longest_step(self, slack: Array, step: Array, most: float = 1.0) -> float:
+        """The largest factor on a step, at most `most`, that keeps a hundredth of each slack."""
+        change = self.slack(step) - self.slack(np.zeros_like(step))
+        finite = np.isfinite(slack)
+        use = float(np.max(-change[finite] / slack[finite], initial=0.0))
+        return most if use * most <= 0.99 else 0.99 / use
+
+    def onto_limits(self, free: Array, place: Array, fill: float = 1.0) -> Array:
+        """Scale shapes onto their tightest bound and put them where they fit.
+
+        Args:
+            free: (..., n, k) shapes; only their directions count.
+            place: (..., n) where in the room left the motion lies, 0 to 1.
+            fill: The share of the largest scale, in (0, 1].
+
+        Returns:
+            (..., n, 1 + k) numbers inside the region (on its edge where `fill` is 1).
+        """
+        swing, dq, ddq = (free @ c[:, 1:].T for c in self.columns)
+        above, below = swing.max(axis=-1), swing.min(axis=-1)
+        ratios = (
+            2 * self.reach[0] / np.maximum(above - below, 1e-300),
+            self.reach[1] / np.maximum(np.abs(dq).max(axis=-1), 1e-300),
+            self.reach[2] / np.maximum(np.abs(ddq).max(axis=-1), 1e-300),
+        )
+        scale = fill * np.minimum(np.minimum(ratios[0], ratios[1]), ratios[2])
+        first = self.middle - self.reach[0] - scale * below
+        last = self.middle + self.reach[0] - scale * above
+        offset = first + place * np.maximum(last - first, 0.0)
+        return np.concatenate([offset[..., None], free * scale[..., None]], axis=-1)
+
+    def pulled_inside(self, x: Array, fill: float = 0.98) -> Array:
+        """The nearest of the motions `x` scaled down about themselves that lies strictly inside."""
+        free, swing = x[:, 1:], self.columns[0][:, 1:] @ x[:, 1:].T
+        largest = self.onto_limits(free, np.full(len(x), 0.5), fill)[:, 1:]
+        size, most = np.abs(free).max(axis=1), np.abs(largest).max(axis=1)
+        scale = np.minimum(1.0, np.divide(most, size, out=np.ones_like(size), where=size > 0))
+        room = fill * self.reach[0]
+        offset = np.clip(
+            x[:, 0],
+            self.middle - room - scale * swing.min(axis=0),
+            self.middle + room - scale * swing.max(axis=0),
+        )
+        return np.concatenate([offset[:, None], free * scale[:, None]], axis=1)
