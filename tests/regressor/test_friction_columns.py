@@ -6,8 +6,8 @@ import pytest
 from pinocchio_chains import random_chain, random_states
 
 from dynid.regressor import layout
-from dynid.regressor.steps import smooth_sign
 from dynid.regressor.model import InverseDynamicModel
+from dynid.regressor.steps import smooth_sign
 from dynid.regressor.terms import TERMS, FrictionTerms, parse_terms
 from dynid.robot.drives import Drives
 from dynid.robot.load import load_robot
