@@ -8,7 +8,7 @@ PYTHON ?= $(shell for p in python3.12 python3.11 python3; do \
 	$$p -c 'import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))' 2>/dev/null \
 	&& echo $$p && break; done)
 
-.PHONY: install demo test lint types floors unit bench readme clean
+.PHONY: install chromium demo test lint types floors unit bench readme clean
 
 install: $(STAMP)
 
@@ -25,6 +25,13 @@ demo: install
 
 test: lint types floors unit
 
+# Reports and the studio are tested in a real browser. Without it, and without the right to install
+# it, those tests are skipped and say so.
+chromium:
+	@command -v chromium >/dev/null || command -v google-chrome >/dev/null || \
+	{ apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq chromium >/dev/null; } || \
+	echo "no Chromium: the tests in a browser are skipped" >&2
+
 lint: install
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
@@ -36,7 +43,7 @@ types: install
 floors: install
 	$(BIN)/lint-imports
 
-unit: install
+unit: install chromium
 	$(BIN)/python -m pytest -n 2
 
 bench: install

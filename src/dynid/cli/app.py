@@ -9,7 +9,18 @@ from typing import Annotated
 import typer
 
 from dynid import __version__
-from dynid.cli import analyze, compare, demo, identify, importing, robots, run, validate
+from dynid.cli import (
+    analyze,
+    compare,
+    controller,
+    demo,
+    identify,
+    importing,
+    report,
+    robots,
+    run,
+    validate,
+)
 from dynid.cli.failures import exit_code_of, guard_streams
 
 SUMMARY = "Identify the dynamics of a robot arm: inertias, friction, motor inertia, uncertainty."
@@ -47,7 +58,18 @@ def build() -> typer.Typer:
         epilog="\b\nExample:\n  dynid analyze ur5\n  dynid demo -o runs/demo",
     )
     app.callback()(_root)
-    for module in (robots, analyze, run, importing, identify, validate, compare, demo):
+    for module in (
+        robots,
+        analyze,
+        controller,
+        run,
+        importing,
+        identify,
+        validate,
+        compare,
+        report,
+        demo,
+    ):
         module.register(app)
     return app
 

@@ -15,7 +15,7 @@ from dynid.figures.canvas import Canvas, scatter, stacked
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8C6D31", "#7F7F7F")
 """Okabe and Ito's colours, without black and yellow, which vanish on one of the grounds."""
 MEASURED, PREDICTED, LIMIT = PALETTE[0], PALETTE[1], PALETTE[7]
-POINTS = 1500
+POINTS = 800
 """A line is drawn with this many points at most: a page stays light, the picture the same."""
 ROW_HEIGHT = 150
 _GROUND = {

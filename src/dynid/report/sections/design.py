@@ -1,0 +1,37 @@
+"""The excitation trajectories."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynid.figures.motion import limit_usage, trajectory
+from dynid.report.contents import ReportContents, ReportedDesign
+from dynid.report.section import Part, Section, Table
+
+SAMPLES = 600
+
+
+class DesignSection(Section):
+    """How the arm was moved, and how much of its limits that used."""
+
+    anchor = "design"
+    title = "The motion"
+
+    def parts(self, contents: ReportContents) -> tuple[Part, ...]:
+        """One part a trajectory."""
+        return tuple(_part(item) for item in contents.designs)
+
+
+def _part(item: ReportedDesign) -> Part:
+    names = item.robot.joint_names
+    motion = item.trajectory.evaluate(np.linspace(0.0, item.trajectory.duration, SAMPLES))
+    facts = (Table(columns=("", ""), rows=item.facts),) if item.facts else ()
+    return Part(
+        heading=item.name,
+        words=(
+            "The arm has to move so that every parameter leaves a trace in the torques: fast and "
+            "slow, both ways, in many poses. Dashed lines are the limits.",
+        ),
+        tables=facts,
+        figures=(trajectory(item.trajectory, names), limit_usage(motion, item.bounds, names)),
+    )

@@ -1,0 +1,240 @@
+"""`dynid report`: what lies in a directory becomes one page."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.core.errors import DynidError, InputError
+from dynid.identification.estimate import Estimate
+from dynid.identification.estimate_file import FORMAT, read_estimate
+from dynid.recording.identity import identity
+from dynid.recording.parquet import read_record
+from dynid.recording.record import ExperimentRecord
+from dynid.reduction.base import reduce_model
+from dynid.report.contents import ReportContents, ReportedDesign, ReportedEstimate
+from dynid.report.page import write_report
+from dynid.robot.load import load_robot
+from dynid.signals.process import process
+from dynid.trajectory.files import read_trajectory
+from dynid.validation.comparison import ParameterComparison, compare
+from dynid.validation.prediction import ValidationResult, reproduce, validate
+from dynid.workflow.identify import Identification, over_fitted
+from dynid.workflow.verdict import verdict
+
+MOST_ESTIMATES = 6
+"""A page with more would no longer be light."""
+MAX_JSON = 64 << 20
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Found:
+    estimates: dict[str, Estimate]
+    records: dict[str, ExperimentRecord]
+    designs: tuple[ReportedDesign, ...]
+    skipped: tuple[tuple[str, str], ...]
+
+
+def report(
+    directory: str | Path, output: str | Path, *, progress: Progress | None = None
+) -> tuple[Path, ReportContents]:
+    """Write a page about the estimates, recordings and designs in a directory.
+
+    An estimate knows its recording by its hash; other recordings of the same robot validate it.
+
+    Args:
+        directory: Where the files are.
+        output: The page to write.
+        progress: Told what is being done and how far it is (0 to 1).
+
+    Raises:
+        InputError: No such directory, or no estimate in it.
+        JobError: The page cannot be written.
+    """
+    folder = Path(directory)
+    if not folder.is_dir():
+        raise InputError("there is no such directory", where=str(directory))
+    tell: Progress = progress or _silent
+    found = _search(folder, tell)
+    if not found.estimates:
+        raise InputError(
+            "there is no estimate in the directory",
+            where=str(directory),
+            next_step="Write one: dynid identify RECORD -o " + str(folder / "estimate.json"),
+        )
+    chosen = dict(itertools.islice(found.estimates.items(), MOST_ESTIMATES))
+    estimates: list[ReportedEstimate] = []
+    for k, (name, estimate) in enumerate(chosen.items()):
+        tell(f"predict with {name}", 0.3 + 0.5 * k / len(chosen))
+        estimates.append(_reported(name, estimate, found.records))
+    tell("write the page", 0.9)
+    contents = ReportContents(
+        title=f"{estimates[0].estimate.model.robot.name}: identified dynamics",
+        directory=folder,
+        estimates=tuple(estimates),
+        designs=found.designs,
+        comparisons=tuple(_comparisons(estimates)),
+        skipped=(
+            *found.skipped,
+            *((name, "too many estimates") for name in list(found.estimates)[MOST_ESTIMATES:]),
+        ),
+    )
+    return write_report(contents, output), contents
+
+
+def _silent(_what: str, _share: float) -> None:
+    """Nobody is watching."""
+
+
+def _search(folder: Path, tell: Progress) -> _Found:
+    estimates: dict[str, Estimate] = {}
+    records: dict[str, ExperimentRecord] = {}
+    designs: list[ReportedDesign] = []
+    skipped: list[tuple[str, str]] = []
+    for path in sorted(folder.glob("*.json")) + sorted(folder.glob("*.parquet")):
+        tell(f"read {path.name}", 0.1)
+        try:
+            if path.suffix == ".parquet":
+                records[path.name] = read_record(path)
+                continue
+            kind = _kind(path)
+            if kind == FORMAT:
+                estimates[path.name] = read_estimate(path)
+            elif kind == "trajectory":
+                designs.append(_design(path))
+        except DynidError as error:
+            skipped.append((path.name, str(error)))
+    return _Found(
+        estimates=estimates, records=records, designs=tuple(designs), skipped=tuple(skipped)
+    )
+
+
+def _kind(path: Path) -> str:
+    """What a JSON file holds; empty for anything else."""
+    if path.stat().st_size > MAX_JSON:
+        return ""
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return ""
+    if not isinstance(document, dict):
+        return ""
+    fields: dict[str, object] = document  # pyright: ignore[reportUnknownVariableType]
+    if fields.get("format") == FORMAT:
+        return FORMAT
+    kind = str(fields.get("kind", ""))
+    return "trajectory" if kind.startswith("dynid.") else ""
+
+
+def _design(path: Path) -> ReportedDesign:
+    stored = read_trajectory(path)
+    return ReportedDesign(
+        name=path.name,
+        trajectory=stored.trajectory,
+        robot=load_robot(stored.robot),
+        bounds=stored.limits,
+        facts=(
+            ("duration", f"{stored.trajectory.duration:g} s"),
+            *((key, str(value)) for key, value in stored.provenance.settings.items()),
+        ),
+    )
+
+
+def _reported(
+    name: str, estimate: Estimate, records: dict[str, ExperimentRecord]
+) -> ReportedEstimate:
+    inputs = set(estimate.provenance.inputs.values())
+    own = {key: record for key, record in records.items() if identity(record) in inputs}
+    robot = estimate.model.robot
+    others = {
+        key: record
+        for key, record in records.items()
+        if key not in own
+        and record.joints == robot.joints
+        and _may_be(record.metadata.robot, robot.name)
+    }
+    training = validation = None
+    training_name = validation_name = ""
+    warnings = estimate.warnings
+    item = ReportedEstimate(
+        name=name,
+        estimate=estimate,
+        level="care",
+        headline="",
+        warnings=warnings,
+        base=reduce_model(estimate.model),
+    )
+    for key, record in own.items():
+        training_name = key
+        training = reproduce(
+            estimate, record, start_s=estimate.settings.start_s, stop_s=estimate.settings.stop_s
+        )
+        item = _with_spectrum(item, record)
+        break
+    # The likeliest partner: a name that says so, else the first in order.
+    for key in sorted(others, key=lambda key: ("valid" not in key, key)):
+        validation_name, validation = key, validate(estimate, others[key])
+        item = replace(item, temperature=_temperature(others[key], validation))
+        warnings = tuple(dict.fromkeys((*warnings, *validation.warnings)))
+        break
+    if training is not None and validation is not None:
+        warnings = tuple(dict.fromkeys((*warnings, *over_fitted(training, validation))))
+    judged = training or validation
+    level, headline = "care", "Use this result with care: its recording is not at hand."
+    if judged is not None:
+        found = verdict(
+            Identification(
+                estimate=estimate, training=judged, validation=validation, warnings=warnings
+            )
+        )
+        level, headline = found.level, found.headline
+    return replace(
+        item,
+        level=level,
+        headline=headline,
+        warnings=warnings,
+        training=training,
+        training_name=training_name,
+        validation=validation,
+        validation_name=validation_name,
+    )
+
+
+def _may_be(recorded: str | None, name: str) -> bool:
+    """Whether a recording can be of the robot: a path says less than a built-in name."""
+    return recorded is None or recorded == name or not recorded.isalnum()
+
+
+def _with_spectrum(item: ReportedEstimate, record: ExperimentRecord) -> ReportedEstimate:
+    estimate = item.estimate
+    settings = replace(estimate.settings, decimate=False)
+    samples = process(record, estimate.model.robot, settings)
+    return replace(item, positions=samples.q, rate_hz=samples.rate_hz, cutoff_hz=samples.cutoff_hz)
+
+
+def _temperature(record: ExperimentRecord, result: ValidationResult) -> Array | None:
+    known = record.signals.get("temperature")
+    if known is None:
+        return None
+    stamps: Array = record.t - record.t[0]
+    values: Array = known.mean(axis=1)
+    return np.asarray(np.interp(result.t, stamps, values), dtype=np.float64)
+
+
+def _comparisons(
+    estimates: list[ReportedEstimate],
+) -> Iterator[tuple[str, str, ParameterComparison]]:
+    for first, second in itertools.pairwise(estimates):
+        try:
+            yield first.name, second.name, compare(first.estimate, second.estimate)
+        except InputError:
+            # Estimates of other robots or terms stand side by side without a comparison.
+            continue
