@@ -12,6 +12,7 @@ from dynid.core.errors import InputError, JobError
 from dynid.core.optional import require
 from dynid.simulation.kernel import drive, predict
 from dynid.simulation.mjcf import mujoco_model
+from dynid.simulation.servo import Servo
 from dynid.simulation.state import PlantState
 from dynid.simulation.thermal import Thermal
 from dynid.simulation.tracking import Tracker
@@ -118,6 +119,16 @@ class Plant:
             target=target,
             saturated=self._out[4] > 0,
         )
+
+    def tune(self, servo: Servo) -> None:
+        """Go on with another lookahead and gain, as each `servoj` may ask."""
+        self._loop[:] = servo.bandwidth, servo.bandwidth**2
+        self._tracker.follow(servo)
+
+    @property
+    def tracker(self) -> Tracker:
+        """The controller's side: targets and the arm that it believes in."""
+        return self._tracker
 
     def _load_physics(self) -> None:
         mujoco = require("mujoco", "sim")

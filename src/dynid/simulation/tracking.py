@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from dynid.core.arrays import Array
@@ -9,6 +11,7 @@ from dynid.core.optional import require
 from dynid.simulation.inertia import link_parameters
 from dynid.simulation.kernel import plan_target
 from dynid.simulation.mjcf import mujoco_model
+from dynid.simulation.servo import ControllerModel, Servo
 from dynid.simulation.state import Target
 from dynid.simulation.truth import SimulatedArm
 
@@ -28,16 +31,20 @@ class Tracker:
         mujoco = require("mujoco", "sim")
         n, controller = arm.robot.joints, arm.controller
         self._controller = controller
+        self._cycle = cycle
         self._rate = arm.servo.filter_rate(cycle)
         self._step = cycle / steps
         self._target, self._setpoints = np.zeros((2, n)), np.zeros((2, n))
         self._way, self._speed = np.zeros((steps, n)), np.zeros((steps, n))
         self._part = np.arange(steps)[:, None] / steps
-        bodies = zip(controller.masses, controller.com, strict=True)
+        bodies = bodies_of(controller)
         believed = np.array([link_parameters(mass, com, _POINT) for mass, com in bodies])
         self._model = mujoco_model(arm.robot, believed, np.zeros(n), self._step)
         self._data = mujoco.MjData(self._model)
         self._inverse = mujoco.mj_inverse
+        self._mujoco = mujoco
+        self._bare = bodies[-1]
+        self._last = n
         self.now = self._reached()
 
     def reset(self, pose: Array) -> None:
@@ -45,6 +52,39 @@ class Tracker:
         self._setpoints[:] = pose
         self._target[0], self._target[1] = pose, 0.0
         self.now = self._reached()
+
+    def follow(self, servo: Servo) -> None:
+        """Delay set points from now on by another lookahead."""
+        self._rate = servo.filter_rate(self._cycle)
+
+    def believe(self, mass: float, com: Array, gravity: Array) -> None:
+        """Count on a payload and a mounting in the controller's own model.
+
+        Args:
+            mass: Mass of the payload [kg].
+            com: (3) its centre of mass in the last joint frame [m].
+            gravity: (3) in the base frame [m/s^2].
+        """
+        own, own_com = self._bare
+        total = own + mass
+        self._model.body_mass[self._last] = total
+        self._model.body_ipos[self._last] = (own * own_com + mass * com) / total
+        self._model.opt.gravity[:] = gravity
+
+    def tool_speed(self, point: Array) -> float:
+        """Speed of a point (3) of the last link [m] at the target [m/s]."""
+        velocity = np.empty(6)
+        body = self._mujoco.mjtObj.mjOBJ_XBODY
+        self._mujoco.mj_objectVelocity(self._model, self._data, body, self._last, velocity, 1)
+        (a, b, c), (x, y, z) = velocity[:3].tolist(), point.tolist()
+        u, v, w = velocity[3:].tolist()
+        return math.hypot(u + b * z - c * y, v + c * x - a * z, w + a * y - b * x)
+
+    def momentum(self) -> float:
+        """Linear momentum of the links at the target [kg.m/s]."""
+        self._mujoco.mj_subtreeVel(self._model, self._data)
+        velocity = self._data.subtree_linvel[1]
+        return float(self._model.body_subtreemass[1]) * math.hypot(*velocity.tolist())
 
     def plan(self, setpoint: Array) -> Array:
         """Take the next set point (n) and plan one control cycle.
@@ -72,3 +112,8 @@ class Tracker:
         moment = np.array(data.qfrc_inverse)
         feedforward = moment + self._controller.friction(dq)
         return Target(q=q, dq=dq, ddq=ddq, moment=moment, feedforward=feedforward)
+
+
+def bodies_of(controller: ControllerModel) -> list[tuple[float, Array]]:
+    """The mass [kg] and centre of mass (3) [m] of each link that the controller believes in."""
+    return list(zip(controller.masses.tolist(), controller.com, strict=True))

@@ -1,0 +1,1 @@
+"""A simulated UR controller: real protocols in front of the simulated arm."""

@@ -1,0 +1,219 @@
+"""One simulated UR controller: no sockets, no wall clock, one control cycle at a time."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+
+from dynid.core.errors import InputError
+from dynid.simulation.controller.machine_arm import ControlledArm
+from dynid.simulation.controller.machine_core import Core, Message, Watchdog
+from dynid.simulation.controller.machine_guard import watch
+from dynid.simulation.controller.machine_inputs import Inputs, InputValue
+from dynid.simulation.controller.machine_outputs import READERS, OutputValue
+from dynid.simulation.controller.machine_power import Power
+from dynid.simulation.controller.machine_program import Programs, compile_program
+from dynid.simulation.controller.machine_safety import RobotMode, Safety, SafetyLimits, SafetyMode
+from dynid.simulation.controller.urscript.program import Program
+from dynid.simulation.thermal import Thermal
+from dynid.simulation.truth import SimulatedArm
+
+Version = tuple[int, int, int, int]
+UPRIGHT = (0.0, -math.pi / 2, 0.0, -math.pi / 2, 0.0, 0.0)
+"""Where UR arms stand when a new controller starts [rad]."""
+
+
+class ControllerMachine:
+    """A simulated UR controller with its arm.
+
+    `tick` is one control cycle: scripts run, the arm moves, safety judges; then `output` tells
+    the state at the start of that cycle. The same seed and inputs give the same outputs.
+
+    Args:
+        arm: The simulated arm, six joints.
+        rate_hz: Control cycles a second: 125 (CB3) or 500 (e-Series).
+        thermal: `cold`, `warm`, one temperature or one a joint [degC].
+        seed: Seed of the measurement noise.
+        version: Software version: major, minor, bugfix, build.
+        pose: (6) where the arm stands at the start [rad].
+        powered: Start with open brakes, ready to move; else with the power off.
+        safety: What the safety system watches.
+
+    Raises:
+        InputError: Another number of joints, or a rate, thermal state or pose that cannot be.
+        MissingExtraError: MuJoCo is not installed.
+    """
+
+    def __init__(
+        self,
+        arm: SimulatedArm,
+        *,
+        rate_hz: float = 125.0,
+        thermal: Thermal = "cold",
+        seed: int = 0,
+        version: Version = (3, 15, 0, 0),
+        pose: Sequence[float] = UPRIGHT,
+        powered: bool = True,
+        safety: SafetyLimits | None = None,
+    ) -> None:
+        controlled = ControlledArm(arm, rate_hz, thermal, seed, pose)
+        self.core = Core(controlled, Safety(safety or SafetyLimits()), rate_hz, version)
+        self._inputs, self._power = Inputs(self.core), Power(self.core)
+        self._programs = Programs(self.core)
+        if not powered:
+            self.core.mode = RobotMode.POWER_OFF
+
+    @property
+    def cycle(self) -> float:
+        """Length of a control cycle [s]."""
+        return self.core.arm.cycle
+
+    @property
+    def messages(self) -> deque[Message]:
+        """What to tell clients; take with `popleft`. The oldest are dropped beyond a thousand."""
+        return self.core.messages
+
+    def tick(self) -> None:
+        """Run one control cycle."""
+        core = self.core
+        core.cycles += 1
+        self._inputs.apply()
+        self._power.step()
+        core.scale()
+        self._guard_watchdogs()
+        self._programs.step()
+        watch(core)
+        if core.safety.stopped:
+            self._programs.stop("")
+        core.arm.tick(powered=core.mode == RobotMode.RUNNING)
+        core.history.appendleft(core.arm.state.q.tolist())
+
+    def output(self, name: str) -> OutputValue:
+        """The RTDE output `name` at the start of the last cycle.
+
+        Raises:
+            InputError: No such output.
+        """
+        reader = READERS.get(name)
+        if reader is None:
+            raise InputError("unknown RTDE output", value=name)
+        return reader(self.core)
+
+    def set_input(self, name: str, value: InputValue) -> None:
+        """Write an RTDE input; it acts from the next cycle on and feeds its watchdog.
+
+        Raises:
+            InputError: No such input.
+        """
+        self._inputs.write(name, value)
+
+    @staticmethod
+    def compile(text: str) -> Program:
+        """Compile a script; touches nothing, so it may run in another thread.
+
+        Raises:
+            ScriptError: It does not compile, or is too long.
+        """
+        return compile_program(text)
+
+    def run_script(self, text: str) -> None:
+        """Run a script as if sent to a script port: it replaces the running program.
+
+        What is wrong with it is said in `messages`.
+        """
+        self._programs.submit(text)
+
+    def run_program(self, program: Program) -> None:
+        """Run a compiled script as if sent to a script port."""
+        self._programs.start(program)
+
+    def protective_stop(self, reason: str) -> None:
+        """Stop the arm hard and lock it."""
+        self.core.protective_stop(reason)
+
+    def power_on(self) -> bool:
+        """Switch the arm on, brakes closed; whether that was possible."""
+        return self._power.on()
+
+    def power_off(self) -> bool:
+        """Switch the arm off."""
+        self._programs.stop("power off")
+        return self._power.off()
+
+    def brake_release(self) -> bool:
+        """Open the brakes, switching the arm on first if need be."""
+        return self._power.release()
+
+    def unlock_protective_stop(self) -> bool:
+        """Leave the protective stop; false in its first seconds, or if there is none."""
+        unlocked = self.core.safety.unlock(self.core.now)
+        if unlocked:
+            self.core.rest_brake()
+        return unlocked
+
+    def close_popup(self) -> None:
+        """Close the program's message window."""
+        self.core.blocking_popup = False
+
+    def close_safety_popup(self) -> None:
+        """Close the safety system's message window."""
+        self.core.safety.popup = False
+
+    def load(self, name: str, text: str) -> bool:
+        """Load a program; whether it compiles. What is wrong is said in `messages`."""
+        return self._programs.load(name, text)
+
+    def play(self) -> bool:
+        """Start the loaded program, or go on with the paused one; whether that was possible."""
+        return self._programs.play()
+
+    def pause(self) -> bool:
+        """Pause the running program; whether there was one."""
+        return self._programs.pause()
+
+    def stop(self) -> bool:
+        """Stop the program; the arm brakes. Whether there was one."""
+        return self._programs.stop("")
+
+    @property
+    def program_running(self) -> bool:
+        """Whether a program runs or is paused."""
+        return self.core.playing
+
+    @property
+    def program_state(self) -> str:
+        """`STOPPED`, `PLAYING` or `PAUSED`."""
+        if not self.core.playing:
+            return "STOPPED"
+        return "PAUSED" if self.core.paused else "PLAYING"
+
+    @property
+    def program_name(self) -> str:
+        """The program that runs, or the loaded one; empty for none."""
+        return self._programs.name
+
+    @property
+    def robot_mode(self) -> RobotMode:
+        """The robot mode."""
+        return self.core.mode
+
+    @property
+    def safety_mode(self) -> SafetyMode:
+        """The safety mode."""
+        return self.core.safety.mode
+
+    def _guard_watchdogs(self) -> None:
+        starved = self.core.starved() if self.core.playing else None
+        if starved is not None:
+            self._bite(starved)
+
+    def _bite(self, watchdog: Watchdog) -> None:
+        text = f"RTDE watchdog: {watchdog.variable} was not written for {watchdog.period:.3f} s"
+        if watchdog.action == "pause":
+            if not self.core.paused:
+                self.core.say(text, "controller", 2)
+                self._programs.pause()
+            return
+        self.core.say(text, "controller", 1)
+        self._programs.stop(text)

@@ -1,0 +1,187 @@
+"""Every built-in function of the simulated controller."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import Any
+
+from dynid.simulation.controller.machine_builtins_io import IO
+from dynid.simulation.controller.machine_builtins_state import STATE
+from dynid.simulation.controller.machine_core import Core
+from dynid.simulation.controller.motion_joint import (
+    Motion,
+    move_joints,
+    servo_joints,
+    speed_joints,
+    stop_joints,
+)
+from dynid.simulation.controller.motion_tool import (
+    goal_joints,
+    move_tool,
+    servo_tool,
+    speed_tool,
+    stop_tool,
+)
+from dynid.simulation.controller.urscript.builtin import Builtin, Kind, builtin, table
+from dynid.simulation.controller.urscript.errors import ScriptFault
+from dynid.simulation.controller.urscript.mathematics import MATHEMATICS
+from dynid.simulation.controller.urscript.pose_functions import POSES
+from dynid.simulation.controller.urscript.values import Value, number
+
+_MOTION_WEIGHT = 200
+_LONGEST_SLEEP_S = 1e6
+
+
+def _movej(
+    core: Core, q: Value, a: Value = 1.4, v: Value = 1.05, t: Value = 0, r: Value = 0
+) -> Motion:
+    yield from move_joints(core, goal_joints(core, q), number(a), number(v), number(t))
+
+
+def _movel(
+    core: Core, pose: Value, a: Value = 1.2, v: Value = 0.25, t: Value = 0, r: Value = 0
+) -> Motion:
+    yield from move_tool(core, pose, number(a), number(v), number(t))
+
+
+def _movep(core: Core, pose: Value, a: Value = 1.2, v: Value = 0.25, r: Value = 0) -> Motion:
+    yield from move_tool(core, pose, number(a), number(v), 0.0)
+
+
+def _movec(*_: Any) -> Motion:
+    raise ScriptFault("movec is not simulated", next_step="Use movel or movep.")
+    yield
+
+
+def _servoj(
+    core: Core,
+    q: Value,
+    a: Value = 0,
+    v: Value = 0,
+    t: Value = 0.002,
+    lookahead_time: Value = 0.1,
+    gain: Value = 300,
+) -> Motion:
+    yield from servo_joints(core, q, number(t), number(lookahead_time), number(gain))
+
+
+def _servoc(core: Core, pose: Value, a: Value = 1.2, v: Value = 0.25, r: Value = 0) -> Motion:
+    yield from servo_tool(core, pose, number(a), number(v))
+
+
+def _speedj(core: Core, qd: Value, a: Value = 1.4, t: Value = 0) -> Motion:
+    yield from speed_joints(core, qd, number(a), number(t))
+
+
+def _speedl(core: Core, xd: Value, a: Value = 1.2, t: Value = 0, aRot: Value = 0) -> Motion:
+    yield from speed_tool(core, xd, number(a), number(t))
+
+
+def _stopj(core: Core, a: Value) -> Motion:
+    yield from stop_joints(core, number(a))
+
+
+def _stopl(core: Core, a: Value, aRot: Value = 0) -> Motion:
+    yield from stop_tool(core, number(a))
+
+
+def _sync(core: Core) -> Generator[None, None, None]:
+    yield
+
+
+def _sleep(core: Core, t: Value) -> Generator[None, None, None]:
+    seconds = number(t)
+    if not 0.0 <= seconds <= _LONGEST_SLEEP_S:
+        raise ScriptFault("time to sleep [s]", value=seconds, limit=(0, _LONGEST_SLEEP_S))
+    for _ in range(max(1, round(seconds / core.arm.cycle))):
+        yield
+
+
+def _lacking(name: str, answer: Value, parameters: int) -> Builtin:
+    """A built-in that exists, says once that it is not simulated, and does nothing."""
+
+    def say(core: Core, *_: Value) -> Value:
+        core.lacks(name)
+        return list(answer) if isinstance(answer, list) else answer
+
+    names = tuple(f"argument{k + 1}" for k in range(parameters))
+    return Builtin(name, say, Kind.INSTANT, names, (0,) * parameters, 20)
+
+
+_MOTIONS: dict[str, Any] = {
+    "movej": _movej,
+    "movel": _movel,
+    "movep": _movep,
+    "servoj": _servoj,
+    "servoc": _servoc,
+    "speedj": _speedj,
+    "speedl": _speedl,
+    "stopj": _stopj,
+    "stopl": _stopl,
+    "sync": _sync,
+    "sleep": _sleep,
+}
+_NOT_SIMULATED: dict[str, tuple[Value, int]] = {
+    "force_mode": (True, 5),
+    "end_force_mode": (True, 0),
+    "force_mode_set_damping": (True, 1),
+    "force_mode_set_gain_scaling": (True, 1),
+    "zero_ftsensor": (True, 0),
+    "teach_mode": (True, 0),
+    "end_teach_mode": (True, 0),
+    "freedrive_mode": (True, 2),
+    "end_freedrive_mode": (True, 0),
+    "get_freedrive_status": (0, 0),
+    "tool_contact": (0, 1),
+    "ft_rtde_input_enable": (True, 4),
+    "enable_external_ft_sensor": (True, 4),
+    "direct_torque": (True, 3),
+    "socket_open": (False, 3),
+    "socket_close": (False, 1),
+    "set_conveyor_tick_count": (True, 2),
+    "set_tool_communication": (True, 6),
+    "set_tool_output_mode": (True, 1),
+    "set_standard_analog_input_domain": (True, 2),
+    "set_analog_outputdomain": (True, 2),
+    "set_runstate_outputs": (True, 1),
+    "set_safety_mode_transition_hardness": (True, 1),
+    "position_deviation_warning": (True, 2),
+    "reset_revolution_counter": (True, 1),
+}
+_NAMED_ARGUMENTS: dict[str, tuple[str, ...]] = {
+    "freedrive_mode": ("freeAxes", "feature"),
+    "tool_contact": ("direction",),
+    "direct_torque": ("torque", "viscous_scale", "coulomb_scale"),
+}
+
+
+def _named(item: Builtin) -> Builtin:
+    names = _NAMED_ARGUMENTS.get(item.name, item.parameters)
+    return Builtin(item.name, item.function, item.kind, names, item.defaults, item.weight)
+
+
+BUILTINS: dict[str, Builtin] = table(
+    MATHEMATICS,
+    POSES,
+    IO,
+    STATE,
+    (
+        builtin(function, Kind.BLOCKING, name=name, weight=_MOTION_WEIGHT)
+        for name, function in _MOTIONS.items()
+    ),
+    [
+        Builtin(
+            "movec",
+            _movec,
+            Kind.BLOCKING,
+            ("pose_via", "pose_to", "a", "v", "r", "mode"),
+            (0,) * 6,
+            1,
+        )
+    ],
+    (
+        _named(_lacking(name, answer, parameters))
+        for name, (answer, parameters) in _NOT_SIMULATED.items()
+    ),
+)
+"""The functions that every script may call."""

@@ -1,0 +1,188 @@
+"""Built-ins that ask for the state of the arm, or set what the controller believes of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dynid.core.errors import JobError
+from dynid.simulation.controller.machine_core import Core, Payload
+from dynid.simulation.controller.urscript.builtin import Builtin, Kind, builtin
+from dynid.simulation.controller.urscript.errors import ScriptFault
+from dynid.simulation.controller.urscript.pose_functions import matrix_of, numbers, pose_of
+from dynid.simulation.controller.urscript.values import Pose, Value, number
+
+_KINEMATICS_WEIGHT, _INVERSE_WEIGHT = 400, 4_000
+_STEADY_S, _STANDSTILL = 0.5, 1e-3
+_MAX_PAYLOAD_KG = 50.0
+
+
+def _forward(core: Core, q: Value = None, tcp: Value = None) -> Pose:
+    joints = core.arm.state.q.tolist() if q is None else numbers(q, 6, "joint positions")
+    tool = core.tcp_matrix if tcp is None else matrix_of(tcp)
+    return pose_of(core.arm.kinematics.forward(joints, tool))
+
+
+def _inverse(
+    core: Core,
+    x: Value,
+    qnear: Value = None,
+    maxPositionError: Value = 1e-10,
+    maxOrientationError: Value = 1e-10,
+    tcp: Value = None,
+) -> Value:
+    near = core.arm.setpoint if qnear is None else numbers(qnear, 6, "joint positions")
+    found = core.arm.kinematics.inverse(
+        matrix_of(x),
+        near,
+        core.tcp_matrix if tcp is None else matrix_of(tcp),
+        position_error=max(number(maxPositionError), 1e-10),
+        orientation_error=max(number(maxOrientationError), 1e-10),
+    )
+    return found.tolist()
+
+
+def _has_solution(
+    core: Core,
+    x: Value,
+    qnear: Value = None,
+    maxPositionError: Value = 1e-10,
+    maxOrientationError: Value = 1e-10,
+    tcp: Value = None,
+) -> bool:
+    try:
+        _inverse(core, x, qnear, maxPositionError, maxOrientationError, tcp)
+    except ScriptFault:
+        raise
+    except JobError:
+        return False
+    return True
+
+
+def _within_limits(core: Core, pose: Value) -> bool:
+    if isinstance(pose, Pose):
+        return _has_solution(core, pose)
+    joints = numbers(pose, 6, "joint positions")
+    arm = core.arm
+    return all(low <= q <= high for low, q, high in zip(arm.lower, joints, arm.upper, strict=True))
+
+
+def _tool_speed(core: Core, q: Any, dq: Any) -> Value:
+    return (core.arm.kinematics.jacobian(q.tolist(), core.tcp_matrix)[1] @ dq).tolist()
+
+
+def _history(core: Core, steps: Value = 0) -> Value:
+    if steps.__class__ is not int or not 0 <= steps < len(core.history):
+        raise ScriptFault("steps of the history", value=steps, limit=(0, len(core.history) - 1))
+    return list(core.history[steps])
+
+
+def _joint_torques(core: Core) -> Value:
+    """What is left of the torque after the controller's own model of the arm."""
+    state = core.arm.state
+    return (state.torque - state.target.feedforward).tolist()
+
+
+def _is_steady(core: Core) -> bool:
+    arm = core.arm
+    speed = float(np.max(np.abs(arm.state.target.dq)))
+    return arm.still * arm.cycle >= _STEADY_S - 1e-9 and speed < _STANDSTILL
+
+
+def _set_payload(core: Core, m: Value, cog: Value = None, inertia: Value = None) -> None:
+    mass = number(m)
+    if not 0.0 <= mass <= _MAX_PAYLOAD_KG:
+        raise ScriptFault("payload [kg]", value=mass, limit=(0, _MAX_PAYLOAD_KG))
+    center = core.tcp[:3] if cog is None else numbers(cog, 3, "a centre of gravity")
+    moments = [0.0] * 6 if inertia is None else numbers(inertia, 6, "inertias")
+    core.payload = Payload(float(mass), list(center), moments)
+    core.believe()
+
+
+def _set_target_payload(
+    core: Core, m: Value, cog: Value, inertia: Value = None, transition_time: Value = 0
+) -> None:
+    _set_payload(core, m, cog, inertia)
+
+
+def _set_payload_mass(core: Core, m: Value) -> None:
+    _set_payload(core, m, core.payload.cog)
+
+
+def _set_payload_cog(core: Core, CoG: Value) -> None:
+    _set_payload(core, core.payload.mass, CoG)
+
+
+def _set_tcp(core: Core, pose: Value, tcp_name: Value = "") -> None:
+    core.set_tcp(numbers(pose, 6, "a pose"))
+
+
+def _set_gravity(core: Core, d: Value) -> None:
+    core.gravity = numbers(d, 3, "gravity")
+    core.believe()
+
+
+def _joint_temperature(core: Core, j: Value) -> float:
+    if j.__class__ is not int or not 0 <= j < 6:
+        raise ScriptFault("joint", value=j, limit=(0, 5))
+    return core.arm.measured("temperature")[j]
+
+
+def _random(core: Core) -> float:
+    return float(core.random.random())
+
+
+def _protective_stop(core: Core) -> None:
+    core.protective_stop("Protective stop asked for by the program")
+
+
+_ASK: dict[str, Any] = {
+    "get_actual_joint_positions": lambda core: core.arm.measured("position"),
+    "get_actual_joint_speeds": lambda core: core.arm.measured("velocity"),
+    "get_target_joint_positions": lambda core: core.arm.state.target.q.tolist(),
+    "get_target_joint_speeds": lambda core: core.arm.state.target.dq.tolist(),
+    "get_target_joint_accelerations": lambda core: core.arm.state.target.ddq.tolist(),
+    "get_actual_joint_positions_history": _history,
+    "get_joint_torques": _joint_torques,
+    "get_joint_temp": _joint_temperature,
+    "get_controller_temp": lambda core: 25.0,
+    "get_steptime": lambda core: core.arm.cycle,
+    "get_tcp_offset": lambda core: Pose(core.tcp),
+    "get_target_payload": lambda core: core.payload.mass,
+    "get_target_payload_cog": lambda core: list(core.payload.cog),
+    "get_target_payload_inertia": lambda core: list(core.payload.inertia),
+    "get_tcp_force": lambda core: [0.0] * 6,
+    "force": lambda core: 0.0,
+    "is_steady": _is_steady,
+    "set_payload": _set_payload,
+    "set_payload_mass": _set_payload_mass,
+    "set_payload_cog": _set_payload_cog,
+    "set_target_payload": _set_target_payload,
+    "set_gravity": _set_gravity,
+    "random": _random,
+    "protective_stop": _protective_stop,
+}
+_KINEMATICS: dict[str, Any] = {
+    "get_forward_kin": _forward,
+    "get_actual_tcp_pose": lambda core: _forward(core),
+    "get_target_tcp_pose": lambda core: _forward(core, core.arm.state.target.q.tolist()),
+    "get_target_waypoint": lambda core: _forward(core, core.arm.setpoint),
+    "get_actual_tool_flange_pose": lambda core: _forward(core, None, Pose([0.0] * 6)),
+    "get_actual_tcp_speed": lambda core: _tool_speed(core, core.arm.state.q, core.arm.state.dq),
+    "get_target_tcp_speed": lambda core: _tool_speed(
+        core, core.arm.state.target.q, core.arm.state.target.dq
+    ),
+    "set_tcp": _set_tcp,
+}
+_SOLVE: dict[str, Any] = {
+    "get_inverse_kin": _inverse,
+    "get_inverse_kin_has_solution": _has_solution,
+    "is_within_safety_limits": _within_limits,
+}
+STATE: list[Builtin] = [
+    builtin(function, Kind.INSTANT, name=name, weight=weight)
+    for group, weight in ((_ASK, 50), (_KINEMATICS, _KINEMATICS_WEIGHT), (_SOLVE, _INVERSE_WEIGHT))
+    for name, function in group.items()
+]
+"""Built-ins about the arm's state."""

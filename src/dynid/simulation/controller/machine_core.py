@@ -1,0 +1,196 @@
+"""What the parts of the simulated controller share."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.simulation.controller.machine_arm import PROGRAM_STOP, PROTECTIVE_STOP, ControlledArm
+from dynid.simulation.controller.motion_poses import to_matrix
+from dynid.simulation.controller.machine_registers import Registers, Signals
+from dynid.simulation.controller.machine_safety import RobotMode, Safety
+from dynid.simulation.controller.urscript.errors import ScriptFault
+from dynid.simulation.servo import Servo
+
+MESSAGES_KEPT = 1000
+START_CYCLES_S = 60
+"""Controller time at the start [s]: clients take less than 40 s for a robot that just booted."""
+_HISTORY_S = 1.0
+_SCALING_RATE = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """Something for the screen or the log of the controller."""
+
+    text: str
+    source: str
+    """`program`, `safety` or `controller`."""
+    level: int
+    """As in RTDE: 0 exception, 1 error, 2 warning, 3 information."""
+    timestamp: float
+    """Controller time [s]."""
+    popup: bool = False
+    """Whether it covers the screen."""
+
+
+@dataclass(slots=True)
+class Payload:
+    """What the controller believes the tool carries."""
+
+    mass: float = 0.0
+    """[kg]"""
+    cog: list[float] = field(default_factory=lambda: [0.0] * 3)
+    """(3) centre of gravity in the flange [m]."""
+    inertia: list[float] = field(default_factory=lambda: [0.0] * 6)
+    """(6) Ixx, Iyy, Izz, Ixy, Ixz, Iyz [kg.m^2]."""
+
+
+@dataclass(slots=True)
+class Watchdog:
+    """An input that a client must keep writing."""
+
+    variable: str
+    period: float
+    """Longest silence [s]; infinite for none."""
+    action: str
+    """`ignore`, `pause` or `stop`."""
+    fed: float
+    """Controller time of the last write [s]."""
+
+
+class Core:
+    """The state of a controller: arm, registers, signals, safety, tool and messages.
+
+    Args:
+        arm: The arm under it.
+        safety: Its safety system.
+        rate_hz: Control cycles a second.
+        version: Software version.
+    """
+
+    def __init__(
+        self, arm: ControlledArm, safety: Safety, rate_hz: float, version: tuple[int, int, int, int]
+    ) -> None:
+        self.arm, self.safety, self.rate_hz, self.version = arm, safety, rate_hz, version
+        self.cycles = 0
+        self.inputs, self.outputs, self.signals = Registers(), Registers(), Signals()
+        self.mode = RobotMode.RUNNING
+        self.messages: deque[Message] = deque(maxlen=MESSAGES_KEPT)
+        self.message_count = 0
+        self.payload = Payload()
+        self.tcp = [0.0] * 6
+        self.tcp_matrix: Array = np.eye(4)
+        self.gravity: list[float] = (-arm.plant.arm.robot.gravity).tolist()
+        """(3) as in `set_gravity`: the acceleration that keeps the base from falling."""
+        self.external_wrench: Sequence[float] = [0.0] * 6
+        self.speed_fraction = 1.0
+        """The speed slider."""
+        self.scaling = 1.0
+        """Share of the trajectory time that passes: follows the slider. `servoj` ignores it."""
+        self.lacking: set[str] = set()
+        self.random = np.random.default_rng(0)
+        self._mover: object = None
+        self._tuning = (arm.servo.lookahead, arm.servo.gain)
+        self.watchdogs: dict[str, Watchdog] = {}
+        self.paused = False
+        self.playing = False
+        self.teaching = False
+        self.blocking_popup = False
+        self.history: deque[list[float]] = deque(maxlen=round(_HISTORY_S * rate_hz))
+        """Joint positions of the last second, newest first."""
+
+    @property
+    def now(self) -> float:
+        """Controller time [s]."""
+        return (START_CYCLES_S * self.rate_hz + self.cycles) / self.rate_hz
+
+    def scale(self) -> None:
+        """Let the speed scaling follow the slider, without a jump."""
+        wanted = 0.0 if self.safety.stopped else self.speed_fraction
+        most = _SCALING_RATE * self.arm.cycle
+        self.scaling += min(max(wanted - self.scaling, -most), most)
+
+    def move(self, q: list[float], mover: object) -> None:
+        """Send the arm to joint positions (6) in this cycle [rad].
+
+        Args:
+            q: The set point.
+            mover: Who sends it.
+
+        Raises:
+            ScriptFault: Somebody else moves the arm in the same cycle.
+        """
+        if self.arm.commanded and self._mover is not mover:
+            raise ScriptFault("another thread moves the robot in the same cycle")
+        self._mover = mover
+        self.arm.command(q)
+
+    def tune(self, lookahead: float, gain: float) -> None:
+        """The servo's lookahead [s] and gain from now on.
+
+        Raises:
+            InputError: Outside what `servoj` allows.
+        """
+        if (lookahead, gain) != self._tuning:
+            self.arm.plant.tune(Servo(lookahead=lookahead, gain=gain))
+            self._tuning = (lookahead, gain)
+
+    def untune(self) -> None:
+        """Back to the servo's own lookahead and gain."""
+        self.tune(self.arm.servo.lookahead, self.arm.servo.gain)
+
+    def believe(self) -> None:
+        """Tell the controller's model of the payload and the mounting."""
+        payload, flange = self.payload, self.arm.plant.arm.robot.flange
+        cog = flange[:3, :3] @ np.array(payload.cog) + flange[:3, 3]
+        gravity = -np.array(self.gravity)
+        self.arm.plant.tracker.believe(payload.mass, cog, gravity)
+
+    def lacks(self, what: str) -> None:
+        """Say, once a program, that something is not simulated."""
+        if what not in self.lacking:
+            self.lacking.add(what)
+            self.say(f"{what} is not simulated: it does nothing", level=2)
+
+    def say(
+        self, text: str, source: str = "program", level: int = 3, *, popup: bool = False
+    ) -> None:
+        """Put a message out; the oldest is dropped when nobody takes them."""
+        self.messages.append(Message(text[:2000], source, level, self.now, popup))
+        self.message_count += 1
+
+    def protective_stop(self, reason: str) -> None:
+        """Stop the arm hard and lock it; the program ends."""
+        if self.safety.stopped:
+            return
+        self.safety.stop(reason, self.now)
+        self.arm.refuse()
+        self.arm.braking = PROTECTIVE_STOP
+        self.say(reason, "safety", 1, popup=True)
+
+    def rest_brake(self) -> None:
+        """Brake as at the end of a program."""
+        self.arm.braking = PROGRAM_STOP
+
+    def set_tcp(self, pose: Sequence[float]) -> None:
+        """The tool in the flange: x, y, z, rx, ry, rz [m, rad]."""
+        self.tcp = [float(value) for value in pose]
+        self.tcp_matrix = to_matrix(self.tcp)
+
+    def feed(self, variable: str) -> None:
+        """An input was written."""
+        watchdog = self.watchdogs.get(variable)
+        if watchdog is not None:
+            watchdog.fed = self.now
+
+    def starved(self) -> Watchdog | None:
+        """The first watchdog that has waited too long."""
+        for watchdog in self.watchdogs.values():
+            if watchdog.action != "ignore" and self.now - watchdog.fed > watchdog.period + 1e-9:
+                return watchdog
+        return None

@@ -1,0 +1,114 @@
+"""Where the tool of the arm is, and how to get it somewhere."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.core.errors import JobError
+from dynid.robot.kinematics import joint_poses
+from dynid.robot.model import RobotModel
+from dynid.simulation.controller.motion_poses import rotation_vector, to_pose
+
+_SMALL = 1e-12
+_ELBOW = 2
+_ITERATIONS = 60
+_RESTARTS = 5
+_STEP = 0.5
+
+
+class ToolKinematics:
+    """Forward and inverse kinematics of a robot's tool.
+
+    Args:
+        robot: The robot; revolute joints only.
+    """
+
+    def __init__(self, robot: RobotModel) -> None:
+        self._robot = robot
+
+    def forward(self, q: Sequence[float], tcp: Array) -> Array:
+        """(4, 4) the tool in the base frame at joint positions (n) [rad], tool in flange `tcp`."""
+        return joint_poses(self._robot, q)[-1] @ self._robot.flange @ tcp
+
+    def jacobian(self, q: Sequence[float], tcp: Array) -> tuple[Array, Array]:
+        """The tool in the base frame (4, 4), and its velocity per joint speed (6, n).
+
+        Rows: linear velocity of the tool's point, angular velocity, both in the base frame.
+        """
+        frames = joint_poses(self._robot, q)
+        tool = frames[-1] @ self._robot.flange @ tcp
+        axes = np.einsum("kij,kj->ki", frames[:, :3, :3], self._robot.axes)
+        arms = tool[:3, 3] - frames[:, :3, 3]
+        return tool, np.concatenate([np.cross(axes, arms).T, axes.T])
+
+    def elbow(self, q: Sequence[float]) -> tuple[list[float], list[list[float]]]:
+        """The origin (3) of the third joint in the base frame [m], its velocity per speed (3, n)."""
+        frames = joint_poses(self._robot, q)
+        point = frames[_ELBOW, :3, 3]
+        axes = np.einsum("kij,kj->ki", frames[:, :3, :3], self._robot.axes)
+        columns = np.cross(axes, point - frames[:, :3, 3])
+        columns[_ELBOW:] = 0.0
+        return point.tolist(), columns.T.tolist()
+
+    def inverse(
+        self,
+        goal: Array,
+        near: Sequence[float],
+        tcp: Array,
+        *,
+        position_error: float = 1e-10,
+        orientation_error: float = 1e-10,
+    ) -> Array:
+        """(n) joint positions that put the tool at a goal (4, 4), close to `near` (n) [rad].
+
+        Damped Gauss-Newton from `near`; if that ends in a dead end, again from a few poses
+        around it, always the same ones.
+
+        Raises:
+            JobError: No solution within the position limits was found.
+        """
+        start = np.array(near, dtype=np.float64)
+        limits = self._robot.limits
+        generator = np.random.default_rng(0)
+        for attempt in range(_RESTARTS):
+            q = start if attempt == 0 else start + generator.normal(0.0, 0.7, len(start))
+            found = self._descend(goal, q.copy(), tcp, position_error, orientation_error)
+            if found is not None and not (
+                (found < limits.lower).any() or (found > limits.upper).any()
+            ):
+                return found
+        raise JobError(
+            "no inverse kinematics solution", value=[round(value, 4) for value in to_pose(goal)]
+        )
+
+    def _descend(
+        self, goal: Array, q: Array, tcp: Array, position_error: float, orientation_error: float
+    ) -> Array | None:
+        damping, last = 1e-3, math.inf
+        best = q
+        for _ in range(_ITERATIONS):
+            tool, jacobian = self.jacobian(q.tolist(), tcp)
+            turn = rotation_vector(goal[:3, :3] @ tool[:3, :3].T)
+            error = np.concatenate([goal[:3, 3] - tool[:3, 3], turn])
+            size = float(error @ error)
+            if (
+                np.linalg.norm(error[:3]) <= position_error
+                and np.linalg.norm(turn) <= orientation_error
+            ):
+                return q
+            if size < last:
+                best, last, damping = q, size, max(damping * 0.2, 1e-12)
+                kept = (jacobian, error)
+            else:
+                damping *= 10.0
+                if damping > 1e6:
+                    return None
+            gram = kept[0].T @ kept[0] + damping * np.eye(len(q))
+            step = np.linalg.solve(gram, kept[0].T @ kept[1])
+            longest = float(np.max(np.abs(step)))
+            q = best + step * min(1.0, _STEP / max(longest, _SMALL))
+        return None

@@ -1,0 +1,194 @@
+"""The RTDE outputs of the simulated controller, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.simulation.controller.machine_core import Core
+from dynid.simulation.controller.motion_poses import to_pose
+from dynid.simulation.controller.machine_registers import BITS, COUNT
+from dynid.simulation.controller.machine_safety import RobotMode
+
+OutputValue = bool | int | float | list[int] | list[float]
+_Reader = Callable[[Core], OutputValue]
+
+_BUS, _IDLE_CURRENT = 48.0, 0.4
+_JOINT_MODE = {RobotMode.POWER_OFF: 239, RobotMode.POWER_ON: 248, RobotMode.IDLE: 252}
+_RUNNING_JOINT = 253
+_REFERENCE_DEGC = 26.0
+
+
+def _target(name: str) -> _Reader:
+    return lambda core: getattr(core.arm.state.target, name).tolist()
+
+
+def _measured(quantity: str) -> _Reader:
+    return lambda core: core.arm.measured(quantity)
+
+
+def _constant(value: OutputValue) -> _Reader:
+    return lambda _: value
+
+
+def _target_current(core: Core) -> OutputValue:
+    return (core.arm.state.target.feedforward / core.arm.truth.gain).tolist()
+
+
+def _current_as_torque(core: Core) -> OutputValue:
+    return (np.array(core.arm.measured("current")) * core.arm.truth.gain).tolist()
+
+
+def _tool(core: Core, q: Array) -> list[float]:
+    return to_pose(core.arm.kinematics.forward(q.tolist(), core.tcp_matrix))
+
+
+def _tool_speed(core: Core, q: Array, dq: Array) -> list[float]:
+    return (core.arm.kinematics.jacobian(q.tolist(), core.tcp_matrix)[1] @ dq).tolist()
+
+
+def _acceleration(core: Core) -> OutputValue:
+    """What an accelerometer at the tool feels, in the tool's axes, without the rates' terms."""
+    state = core.arm.state
+    tool, jacobian = core.arm.kinematics.jacobian(state.q.tolist(), core.tcp_matrix)
+    felt = jacobian[:3] @ state.ddq - core.arm.plant.arm.robot.gravity
+    return (tool[:3, :3].T @ felt).tolist()
+
+
+def _status(core: Core) -> OutputValue:
+    powered = core.mode not in (RobotMode.POWER_OFF,)
+    return int(powered) | core.playing << 1 | core.teaching << 2
+
+
+def _runtime(core: Core) -> OutputValue:
+    if not core.playing:
+        return 1
+    return 4 if core.paused else 2
+
+
+def _robot_current(core: Core) -> OutputValue:
+    state = core.arm.state
+    power = float(np.sum(np.abs(state.torque * state.dq)))
+    return _IDLE_CURRENT + power / _BUS
+
+
+def _deviation(core: Core) -> OutputValue:
+    state = core.arm.state
+    return float(np.max(np.abs(state.q - state.target.q))) / core.safety.limits.deviation
+
+
+def _elbow(core: Core) -> OutputValue:
+    return core.arm.kinematics.elbow(core.arm.state.q.tolist())[0]
+
+
+def _elbow_speed(core: Core) -> OutputValue:
+    state = core.arm.state
+    jacobian = core.arm.kinematics.elbow(state.q.tolist())[1]
+    return (np.array(jacobian) @ state.dq).tolist()
+
+
+def _joint_modes(core: Core) -> OutputValue:
+    return [_JOINT_MODE.get(core.mode, _RUNNING_JOINT)] * 6
+
+
+def _current_window(core: Core) -> OutputValue:
+    limit = core.arm.limits.torque / np.abs(core.arm.truth.gain)
+    return np.nan_to_num(limit, nan=0.0).tolist()
+
+
+def _registers() -> dict[str, _Reader]:
+    found: dict[str, _Reader] = {}
+
+    def add(side: str) -> None:
+        def bank(core: Core):
+            return core.inputs if side == "input" else core.outputs
+
+        for k in range(COUNT):
+            found[f"{side}_int_register_{k}"] = lambda core, k=k: bank(core).integers[k]
+            found[f"{side}_double_register_{k}"] = lambda core, k=k: bank(core).doubles[k]
+        for k in range(64, BITS):
+            found[f"{side}_bit_register_{k}"] = lambda core, k=k: bank(core).bits[k]
+        found[f"{side}_bit_registers0_to_31"] = lambda core: bank(core).word(0)
+        found[f"{side}_bit_registers32_to_63"] = lambda core: bank(core).word(32)
+
+    add("input")
+    add("output")
+    return found
+
+
+READERS: dict[str, _Reader] = {
+    "timestamp": lambda core: core.now,
+    "target_q": _target("q"),
+    "target_qd": _target("dq"),
+    "target_qdd": _target("ddq"),
+    "target_moment": _target("moment"),
+    "target_current": _target_current,
+    "actual_q": _measured("position"),
+    "actual_qd": _measured("velocity"),
+    "actual_current": _measured("current"),
+    "joint_control_output": _measured("current"),
+    "joint_temperatures": _measured("temperature"),
+    "actual_current_as_torque": _current_as_torque,
+    "actual_current_window": _current_window,
+    "actual_TCP_pose": lambda core: _tool(core, core.arm.state.q),
+    "target_TCP_pose": lambda core: _tool(core, core.arm.state.target.q),
+    "actual_TCP_speed": lambda core: _tool_speed(core, core.arm.state.q, core.arm.state.dq),
+    "target_TCP_speed": lambda core: _tool_speed(
+        core, core.arm.state.target.q, core.arm.state.target.dq
+    ),
+    "actual_TCP_force": _constant([0.0] * 6),
+    "tcp_force_scalar": _constant(0.0),
+    "ft_raw_wrench": _constant([0.0] * 6),
+    "actual_tool_accelerometer": _acceleration,
+    "elbow_position": _elbow,
+    "elbow_velocity": _elbow_speed,
+    "tcp_offset": lambda core: core.tcp,
+    "payload": lambda core: core.payload.mass,
+    "payload_cog": lambda core: core.payload.cog,
+    "payload_inertia": lambda core: core.payload.inertia,
+    "robot_mode": lambda core: int(core.mode),
+    "joint_mode": _joint_modes,
+    "safety_mode": lambda core: int(core.safety.mode),
+    "safety_status": lambda core: int(core.safety.mode),
+    "safety_status_bits": lambda core: core.safety.bits,
+    "robot_status_bits": _status,
+    "runtime_state": _runtime,
+    "speed_scaling": lambda core: 0.0 if core.paused else core.scaling,
+    "target_speed_fraction": lambda core: core.speed_fraction,
+    "actual_momentum": lambda core: core.arm.plant.tracker.momentum(),
+    "joint_position_deviation_ratio": _deviation,
+    "collision_detection_ratio": _constant(0.0),
+    "time_scale_source": _constant(0),
+    "actual_execution_time": _constant(0.1),
+    "script_control_line": _constant(0),
+    "actual_main_voltage": _constant(_BUS),
+    "actual_robot_voltage": lambda core: 0.0 if core.mode == RobotMode.POWER_OFF else _BUS,
+    "actual_robot_current": _robot_current,
+    "actual_joint_voltage": lambda core: [0.0 if core.mode == RobotMode.POWER_OFF else _BUS] * 6,
+    "actual_digital_input_bits": lambda core: core.signals.digital_in,
+    "actual_digital_output_bits": lambda core: core.signals.digital_out,
+    "analog_io_types": lambda core: core.signals.analog_types,
+    "standard_analog_input0": lambda core: core.signals.analog_in[0],
+    "standard_analog_input1": lambda core: core.signals.analog_in[1],
+    "standard_analog_output0": lambda core: core.signals.analog_out[0],
+    "standard_analog_output1": lambda core: core.signals.analog_out[1],
+    "tool_output_voltage": lambda core: core.signals.tool_voltage,
+    "io_current": _constant(0.05),
+    "euromap67_input_bits": _constant(0),
+    "euromap67_output_bits": _constant(0),
+    "euromap67_24V_voltage": _constant(0.0),
+    "euromap67_24V_current": _constant(0.0),
+    "tool_mode": lambda core: _RUNNING_JOINT if core.mode == RobotMode.RUNNING else 239,
+    "tool_analog_input_types": _constant(0),
+    "tool_analog_input0": _constant(0.0),
+    "tool_analog_input1": _constant(0.0),
+    "tool_output_current": _constant(0.0),
+    "tool_temperature": _constant(_REFERENCE_DEGC),
+    "tool_output_mode": _constant(0),
+    "tool_digital_output0_mode": _constant(0),
+    "tool_digital_output1_mode": _constant(0),
+    **_registers(),
+}
+"""How each output is read; nothing is computed that nobody asks for."""

@@ -1,0 +1,226 @@
+"""A program while it runs: its threads, its memory and how much it may still do this cycle."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from typing import Any
+
+from dynid.core.errors import DynidError
+from dynid.simulation.controller.urscript.errors import ScriptFault, ScriptHalt
+from dynid.simulation.controller.urscript.values import Value, size
+
+MAX_THREADS = 50
+"""Most threads at a time."""
+MAX_DEPTH = 40
+"""Deepest calls of one's own functions within each other."""
+MAX_SLOTS = 20_000
+"""Most variables alive at a time, over all calls and threads."""
+MAX_MEMORY = 2_000_000
+"""Most numbers and characters in all variables."""
+OPERATIONS_PER_SECOND = 6_000_000
+"""Operations that a script may do, spread over the control cycles."""
+
+Frame = list[Value]
+Routine = Generator[None, None, Any]
+
+
+class ThreadEnd(Exception):
+    """A thread killed itself."""
+
+
+class Thread:
+    """One thread of a program."""
+
+    __slots__ = ("alive", "frames", "handle", "routine")
+
+    def __init__(self, handle: int) -> None:
+        self.handle = handle
+        self.alive = True
+        self.frames: list[Frame] = []
+        self.routine: Routine | None = None
+
+
+class Execution:
+    """The state that compiled code works on.
+
+    Args:
+        port: The controller, handed to built-ins.
+        slots: Number of program variables.
+        cycle: Length of a control cycle [s].
+    """
+
+    __slots__ = (
+        "_critical",
+        "_handles",
+        "_held",
+        "_slots",
+        "budget",
+        "copied",
+        "fault",
+        "finished",
+        "left",
+        "port",
+        "shared",
+        "thread",
+        "threads",
+    )
+
+    def __init__(self, port: Any, slots: int, cycle: float) -> None:
+        self.port = port
+        self.shared: Frame = [None] * slots
+        self.budget = round(OPERATIONS_PER_SECOND * cycle)
+        self.left = self.budget
+        self.copied = 0
+        self.threads: list[Thread] = []
+        self.thread = Thread(0)
+        self.finished = False
+        self.fault: str | None = None
+        """Why it stopped, if it did not stop by itself."""
+        self._critical: Thread | None = None
+        self._held = 0
+        self._slots = slots
+        self._handles = 0
+
+    def start(self, thread: Thread, routine: Routine) -> None:
+        """Add a thread; it runs for the first time in this cycle.
+
+        Raises:
+            ScriptFault: Too many threads.
+        """
+        if len(self.threads) >= MAX_THREADS:
+            raise ScriptFault("too many threads", limit=MAX_THREADS)
+        thread.routine = routine
+        self.threads.append(thread)
+
+    def new_thread(self) -> Thread:
+        """A thread with a new handle, not yet started."""
+        self._handles += 1
+        return Thread(self._handles)
+
+    def step(self) -> None:
+        """One control cycle: every thread runs up to its next wait."""
+        self.left = self.budget
+        for thread in self.threads:
+            if self._critical is not None and self._critical is not thread:
+                continue
+            self._resume(thread)
+            if self.finished:
+                return
+        self.threads = [thread for thread in self.threads if thread.alive]
+
+    def stop(self) -> None:
+        """End the program, wherever it is."""
+        self.finished = True
+        for thread in self.threads:
+            self._drop(thread)
+        self.threads = []
+
+    def enter(self, frame: Frame) -> None:
+        """A call begins.
+
+        Raises:
+            ScriptFault: Too deep, or too many variables.
+        """
+        frames = self.thread.frames
+        self._slots += len(frame)
+        if len(frames) >= MAX_DEPTH:
+            raise ScriptFault("calls are nested too deeply", limit=MAX_DEPTH)
+        if self._slots > MAX_SLOTS:
+            raise ScriptFault("out of memory: too many variables", limit=MAX_SLOTS)
+        frames.append(frame)
+
+    def leave(self) -> None:
+        """A call ends."""
+        self._slots -= len(self.thread.frames.pop())
+
+    def exhausted(self) -> None:
+        """The operations of this cycle are used up.
+
+        Raises:
+            ScriptFault: Always.
+        """
+        raise ScriptFault(
+            "endless loop: the program does too much without waiting",
+            limit=f"{self.budget} operations in a control cycle",
+            next_step="Call sync() in the loop.",
+        )
+
+    def charge(self, value: Value) -> None:
+        """Account for a copy of a value.
+
+        Raises:
+            ScriptFault: The program holds too much, or does too much in this cycle.
+        """
+        amount = size(value)
+        self.left -= amount >> 3
+        self.copied += amount
+        if self.left < 0:
+            self.exhausted()
+        if self.copied > MAX_MEMORY // 4:
+            self.copied = 0
+            frames = [self.shared, *(frame for each in self.threads for frame in each.frames)]
+            held = sum(size(item) for frame in frames for item in frame)
+            if held > MAX_MEMORY:
+                raise ScriptFault("out of memory", value=held, limit=MAX_MEMORY)
+
+    def kill(self, handle: Value) -> None:
+        """End a thread; a handle of none does nothing, as on the robot.
+
+        Raises:
+            ScriptFault: Not a handle.
+        """
+        if handle.__class__ is not int:
+            raise ScriptFault("a thread handle expected", value=handle)
+        for thread in self.threads:
+            if thread.handle == handle and thread.alive:
+                if thread is self.thread:
+                    raise ThreadEnd
+                self._drop(thread)
+
+    def lives(self, handle: Value) -> bool:
+        """Whether a thread still runs."""
+        return any(thread.alive and thread.handle == handle for thread in self.threads)
+
+    def hold(self) -> None:
+        """Keep the other threads from running."""
+        self._critical = self.thread
+        self._held += 1
+
+    def let_go(self) -> None:
+        """Let the other threads run again."""
+        self._held = max(self._held - 1, 0)
+        if self._held == 0:
+            self._critical = None
+
+    def _resume(self, thread: Thread) -> None:
+        if not thread.alive or thread.routine is None:
+            return
+        self.thread = thread
+        try:
+            next(thread.routine)
+            return
+        except (StopIteration, ThreadEnd):
+            pass
+        except ScriptHalt:
+            self.stop()
+        except RecursionError:
+            self._fail("calls are nested too deeply")
+        except DynidError as error:
+            self._fail(str(error))
+        if self.threads and thread is self.threads[0] and not self.finished:
+            # The program ends with its main thread.
+            self.stop()
+        self._drop(thread)
+
+    def _fail(self, reason: str) -> None:
+        self.fault = reason
+        self.stop()
+
+    def _drop(self, thread: Thread) -> None:
+        thread.alive = False
+        self._slots -= sum(len(frame) for frame in thread.frames)
+        thread.frames.clear()
+        if self._critical is thread:
+            self._critical, self._held = None, 0
+        if thread.routine is not None and thread is not self.thread:
+            thread.routine.close()

@@ -1,0 +1,163 @@
+"""Values of a script and their arithmetic.
+
+Values are numbers, truth values, strings, lists and poses (lists of six numbers). Integers have
+32 bits and wrap around; `/` always gives a float.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, cast
+
+from dynid.simulation.controller.urscript.errors import ScriptFault
+
+MAX_LENGTH = 1_000
+"""Most elements of a list, and characters of a string."""
+Value = Any
+"""float | int | bool | str | list | Pose; None where a function returned nothing."""
+
+
+class Pose(list[float]):
+    """x, y, z [m], rx, ry, rz [rad]."""
+
+    __slots__ = ()
+
+
+def copied(value: Value) -> Value:
+    """The value itself, or a copy of it where it could be changed."""
+    kind = value.__class__
+    if kind is list:
+        return [copied(item) for item in value] if _nested(value) else value[:]
+    return Pose(value) if kind is Pose else value
+
+
+def size(value: Value) -> int:
+    """How many numbers or characters a value holds."""
+    if isinstance(value, list):
+        items = cast("list[Any]", value)
+        return 1 + (sum(size(item) for item in items) if _nested(items) else len(items))
+    return 1 + len(value) if isinstance(value, str) else 1
+
+
+def shown(value: Value) -> str:
+    """A value as `textmsg` and `to_str` write it."""
+    kind = value.__class__
+    if kind is Pose or kind is list:
+        inside = ", ".join(shown(item) for item in value)
+        return f"p[{inside}]" if kind is Pose else f"[{inside}]"
+    if kind is float:
+        return f"{value:.9g}"
+    return str(value)
+
+
+def truth(value: Value) -> bool:
+    """A condition's value.
+
+    Raises:
+        ScriptFault: It is neither a truth value nor a number.
+    """
+    if value is True or value is False:
+        return value
+    return bool(number(value))
+
+
+def number(value: Value) -> float:
+    """A number.
+
+    Raises:
+        ScriptFault: It is none.
+    """
+    if value.__class__ is float or value.__class__ is int:
+        return value
+    raise ScriptFault("a number expected", value=described(value))
+
+
+def described(value: Value) -> str:
+    """What kind of value this is, in words."""
+    if value is None:
+        return "nothing: the function returns no value"
+    kinds = {bool: "a truth value", str: "a string", list: "a list", Pose: "a pose"}
+    return kinds.get(value.__class__, f"the number {value}")
+
+
+def compared(same: bool) -> Callable[[Value, Value], bool]:
+    """`==` or `!=`."""
+    return (lambda a, b: a == b) if same else (lambda a, b: a != b)
+
+
+def _nested(items: list[Any]) -> bool:
+    return any(isinstance(item, list) for item in items)
+
+
+def _wrapped(value: int) -> int:
+    return (
+        value
+        if -0x80000000 <= value < 0x80000000
+        else (value + 0x80000000) % 0x100000000 - 0x80000000
+    )
+
+
+def _add(a: Value, b: Value) -> Value:
+    if a.__class__ is float and b.__class__ is float:
+        return a + b
+    if a.__class__ is str or b.__class__ is str:
+        if isinstance(a, list) or isinstance(b, list):
+            raise ScriptFault("a list must be turned into text with to_str first")
+        text = shown(a) + shown(b)
+        if len(text) > MAX_LENGTH:
+            raise ScriptFault("the string is too long", value=len(text), limit=MAX_LENGTH)
+        return text
+    return _number_result(number(a) + number(b))
+
+
+def _subtract(a: Value, b: Value) -> Value:
+    if a.__class__ is float and b.__class__ is float:
+        return a - b
+    return _number_result(number(a) - number(b))
+
+
+def _multiply(a: Value, b: Value) -> Value:
+    if a.__class__ is float and b.__class__ is float:
+        return a * b
+    return _number_result(number(a) * number(b))
+
+
+def _divide(a: Value, b: Value) -> Value:
+    return float(number(a)) / number(b)
+
+
+def _remainder(a: Value, b: Value) -> Value:
+    # Like C: the sign of the dividend.
+    result = math.fmod(number(a), number(b))
+    return int(result) if a.__class__ is int and b.__class__ is int else result
+
+
+def _number_result(value: float) -> Value:
+    return _wrapped(value) if value.__class__ is int else value  # type: ignore[arg-type]
+
+
+OPERATORS: dict[str, Callable[[Value, Value], Value]] = {
+    "+": _add,
+    "-": _subtract,
+    "*": _multiply,
+    "/": _divide,
+    "%": _remainder,
+    "==": compared(True),
+    "!=": compared(False),
+    "<": lambda a, b: number(a) < number(b),
+    ">": lambda a, b: number(a) > number(b),
+    "<=": lambda a, b: number(a) <= number(b),
+    ">=": lambda a, b: number(a) >= number(b),
+    "xor": lambda a, b: truth(a) != truth(b),
+}
+"""Operators of two values; `and` and `or` look at the second only if they must."""
+
+
+def negated(value: Value) -> Value:
+    """`-value`.
+
+    Raises:
+        ScriptFault: It is no number.
+    """
+    return _number_result(-number(value))
