@@ -8,11 +8,15 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
+from dynid.constraints.presets import safe_constraints
 from dynid.core.errors import InputError, JobError
 from dynid.drivers.driver import Driver, Progress
 from dynid.drivers.simulated import SimulatedDriver
+from dynid.drivers.ur.driver import UrDriver
+from dynid.drivers.ur.state import ControllerState, inspect
 from dynid.drivers.watchdog import Abort
 from dynid.experiment.plan import ExperimentPlan
+from dynid.experiment.preflight import check_design, check_robot, require_ready
 from dynid.experiment.run import RunResult, run
 from dynid.recording.record import RecordMetadata
 from dynid.recording.writer import RecordWriter
@@ -102,22 +106,67 @@ def run_design(
     asked = settings or RunSettings()
     path = Path(output)
     loaded = load_design(Path(design), asked.mount)
-    plan = ExperimentPlan(
+    if on == SIMULATED:
+        driver = _simulated(loaded, asked)
+        plan = _plan(loaded, asked, RATE_HZ, warm_up_s=0.0)
+        result = _execute(plan, driver, loaded, asked, path, cancel, progress)
+        write_truth(path, driver)
+        return _finished(result, path)
+    state = inspect(_host(on))
+    plan = _plan(loaded, asked, state.rate_hz, warm_up_s=asked.warm_up_s)
+    _make_sure(plan, state, confirm)
+    if asked.method == "servoj":
+        from dynid.drivers.ur.servoj import ServojDriver
+
+        return _finished(
+            _execute(plan, ServojDriver(state), loaded, asked, path, cancel, progress), path
+        )
+    return _finished(_execute(plan, UrDriver(state), loaded, asked, path, cancel, progress), path)
+
+
+def _host(on: str) -> str:
+    scheme, found, host = on.partition("://")
+    if (scheme, found) != ("ur", "://") or not host or "/" in host:
+        raise InputError("unknown robot to run on", where="--on", value=on, limit="sim, ur://HOST")
+    return host
+
+
+def _plan(
+    loaded: LoadedDesign, asked: RunSettings, rate_hz: float, warm_up_s: float
+) -> ExperimentPlan:
+    return ExperimentPlan(
         robot=loaded.robot,
         trajectory=loaded.trajectory,
         periods=asked.repeat,
         settle=asked.settle,
         slow=asked.slow,
-        warm_up_s=0.0 if on == SIMULATED else asked.warm_up_s,
-        rate_hz=RATE_HZ,
+        warm_up_s=warm_up_s,
+        rate_hz=rate_hz,
         payload=asked.payload,
     )
-    if on != SIMULATED:
-        raise InputError("unknown robot to run on", where="--on", value=on, limit="sim, ur://HOST")
-    driver = _simulated(loaded, asked)
-    result = _execute(plan, driver, loaded, path, cancel, progress)
-    write_truth(path, driver)
-    return _finished(result, path)
+
+
+def _make_sure(plan: ExperimentPlan, state: ControllerState, confirm: Confirm | None) -> None:
+    """Check the design, then the robot, then ask.
+
+    Raises:
+        InputError: A design that must not run, or nobody agrees.
+        JobError: The robot is not ready.
+    """
+    constraints = safe_constraints(plan.robot)
+    certificate = check_design(plan, constraints)
+    checks = check_robot(plan, state, constraints)
+    require_ready(checks, state.host)
+    if confirm is not None:
+        lines = [f"{check.name}: {check.finding}" for check in checks]
+        lines += [f"mounted as: {plan.robot.mount} (the robot cannot tell; look)"]
+        lines += certificate.notes
+        lines += [
+            f"{step.name}: {step.execution.settle + step.execution.periods} x "
+            f"{step.execution.trajectory.duration:g} s"
+            for step in plan.passes()
+        ]
+        confirm("\n".join(f"- {line}" for line in lines), state.host)
 
 
 def _simulated(loaded: LoadedDesign, asked: RunSettings) -> SimulatedDriver:
@@ -135,6 +184,7 @@ def _execute(
     plan: ExperimentPlan,
     driver: Driver,
     loaded: LoadedDesign,
+    asked: RunSettings,
     path: Path,
     cancel: Event | None,
     progress: Progress | None,
@@ -151,6 +201,10 @@ def _execute(
                 "period_s": repr(plan.trajectory.duration),
                 "periods": str(plan.periods),
                 "mount": plan.robot.mount,
+                "thermal": str(asked.thermal),
+                "method": asked.method,
+                "settled": str(plan.settle),
+                "warm_up_s": repr(asked.warm_up_s),
             },
         )
         return RecordWriter(
