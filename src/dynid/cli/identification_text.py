@@ -40,6 +40,7 @@ def print_identification(screen: Console, result: Identification, output: Path |
     for choice in estimate.choices:
         screen.print(f"- {choice}")
     _print_parameters(screen, result)
+    _print_standard(screen, result)
     print_metrics(screen, "Training", result.training)
     if result.validation is not None:
         print_metrics(screen, "Validation", result.validation)
@@ -67,6 +68,31 @@ def _print_parameters(screen: Console, result: Identification) -> None:
         screen,
         "Base parameters (weak: the data hardly speak about it)",
         ("name", "value", "std", "std %", "unit", ""),
+        rows,
+        words=(0, 4, 5),
+    )
+
+
+def _print_standard(screen: Console, result: Identification) -> None:
+    """Consistent standard parameters, where the estimator finds them."""
+    table = result.estimate.standard_table()
+    if table is None:
+        return
+    rows = [
+        (
+            row["name"],
+            number(row["value"]),
+            number(row["std"], 2) if row["from"] == "data" else "",
+            "" if row["prior"] is None else number(row["prior"]),
+            row["unit"],
+            row["from"],
+        )
+        for row in table
+    ]
+    print_table(
+        screen,
+        "Standard parameters of bodies that can exist (from: the data's word or the prior's)",
+        ("name", "value", "std", "prior", "unit", "from"),
         rows,
         words=(0, 4, 5),
     )

@@ -30,6 +30,52 @@ class MotionRange:
     """(n) largest acceleration [rad/s^2 or m/s^2]."""
 
 
+ORIGINS = ("data", "prior")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StandardParameters:
+    """All standard parameters, of bodies that can exist, each with where it comes from.
+
+    Raises:
+        InputError: Shapes that disagree, or an unknown origin.
+    """
+
+    values: Array
+    """(p) standard parameters."""
+    std: Array
+    """(p) standard deviations from the data; those of the prior's words mean nothing."""
+    prior_share: Array
+    """(p) 0: the data's word alone, to 1: the prior's alone."""
+    prior: Array
+    """(p) the prior, CAD or completed; NaN where there is none."""
+    origins: tuple[str, ...]
+    """(p) `data` or `prior`."""
+
+    def __post_init__(self) -> None:
+        p = len(self.origins)
+        for name in ("values", "std", "prior_share", "prior"):
+            value = frozen(getattr(self, name), shape=(p,), name=name, finite=name != "prior")
+            object.__setattr__(self, name, value)
+        if not set(self.origins) <= set(ORIGINS):
+            raise InputError("unknown origin", value=set(self.origins), limit=ORIGINS)
+
+    def to_json(self, names: tuple[str, ...], units: tuple[str, ...]) -> list[dict[str, Any]]:
+        """One JSON object a parameter; no deviation where the prior speaks."""
+        return [
+            {
+                "name": name,
+                "value": float(self.values[k]),
+                "unit": unit,
+                "from": self.origins[k],
+                "prior_share": float(self.prior_share[k]),
+                "std": float(self.std[k]),
+                "prior": float(self.prior[k]) if np.isfinite(self.prior[k]) else None,
+            }
+            for k, (name, unit) in enumerate(zip(names, units, strict=True))
+        ]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
     """Base parameters with their uncertainty.
@@ -72,6 +118,8 @@ class Estimate:
     provenance: Provenance
     residual_autocorrelation: Array = field(default_factory=lambda: np.zeros(0))
     """(n) autocorrelation of the residuals at one sample."""
+    standard: StandardParameters | None = None
+    """Consistent standard parameters, from estimators that find them (`sdp`)."""
 
     def __post_init__(self) -> None:
         r, n = len(self.independent), self.model.robot.joints
@@ -85,6 +133,12 @@ class Estimate:
             object.__setattr__(self, name, frozen(getattr(self, name), shape=shape, name=name))
         if len(self.expressions) != r:
             raise InputError("one expression a parameter", value=len(self.expressions), limit=r)
+        if self.standard is not None and len(self.standard.values) != len(self.model.columns):
+            raise InputError(
+                "standard parameters do not fit the model",
+                value=len(self.standard.values),
+                limit=len(self.model.columns),
+            )
         if max(self.independent, default=0) >= len(self.model.columns):
             raise InputError("base columns do not fit the model", value=max(self.independent))
 
@@ -114,7 +168,9 @@ class Estimate:
         return self.samples * self.model.robot.joints - len(self.values)
 
     def standard_parameters(self) -> Array:
-        """(p) one set of standard parameters with the same torques: zeros outside the base."""
+        """(p) standard parameters with these torques: consistent, or zero outside the base."""
+        if self.standard is not None:
+            return self.standard.values
         parameters = np.zeros(len(self.model.columns))
         parameters[list(self.independent)] = self.values
         return read_only(parameters)
@@ -123,6 +179,13 @@ class Estimate:
         """Joint torques (N, n) [N.m or N] for a motion, each argument (N, n)."""
         torque = self.model.inverse_dynamics(q, dq, ddq, self.standard_parameters())
         return read_only(torque - self.model.known_torque(q))
+
+    def standard_table(self) -> list[dict[str, Any]] | None:
+        """One JSON object a standard parameter, where the estimator finds them."""
+        if self.standard is None:
+            return None
+        units = tuple(column.unit for column in self.model.columns)
+        return self.standard.to_json(self.model.names, units)
 
     def parameter_table(self) -> list[dict[str, Any]]:
         """One JSON object a base parameter."""

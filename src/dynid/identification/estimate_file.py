@@ -14,7 +14,7 @@ import numpy as np
 from dynid.core.errors import InputError
 from dynid.core.notices import Notice
 from dynid.core.provenance import Provenance
-from dynid.identification.estimate import Estimate, MotionRange
+from dynid.identification.estimate import Estimate, MotionRange, StandardParameters
 from dynid.regressor.model import InverseDynamicModel
 from dynid.regressor.terms import terms_from_json
 from dynid.robot.serial import robot_from_json, robot_to_json
@@ -57,7 +57,13 @@ def estimate_to_json(estimate: Estimate) -> dict[str, Any]:
         "warnings": [notice.to_json() for notice in estimate.warnings],
         "provenance": estimate.provenance.to_json(),
         "robot": robot_to_json(estimate.model.robot),
+        **_standard_to_json(estimate),
     }
+
+
+def _standard_to_json(estimate: Estimate) -> dict[str, Any]:
+    table = estimate.standard_table()
+    return {} if table is None else {"standard": table}
 
 
 def write_json(data: Mapping[str, Any], path: Path) -> None:
@@ -167,4 +173,20 @@ def _estimate(data: dict[str, Any]) -> Estimate:
             seed=made["seed"],
         ),
         residual_autocorrelation=np.array(data["residual_autocorrelation"], dtype=np.float64),
+        standard=_standard(data.get("standard")),
+    )
+
+
+def _standard(rows: list[dict[str, Any]] | None) -> StandardParameters | None:
+    """Files of estimators without standard parameters, and older files, have none."""
+    if rows is None:
+        return None
+    return StandardParameters(
+        values=np.array([row["value"] for row in rows], dtype=np.float64),
+        std=np.array([row["std"] for row in rows], dtype=np.float64),
+        prior_share=np.array([row["prior_share"] for row in rows], dtype=np.float64),
+        prior=np.array(
+            [np.nan if row["prior"] is None else row["prior"] for row in rows], dtype=np.float64
+        ),
+        origins=tuple(str(row["from"]) for row in rows),
     )

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from dynid.core.arrays import Array
 from dynid.core.provenance import Provenance
 from dynid.identification.conditioning import (
     base_mapping,
@@ -15,8 +16,8 @@ from dynid.identification.conditioning import (
     scaled_condition_number,
 )
 from dynid.identification.diagnostics import diagnose
-from dynid.identification.estimate import Estimate, MotionRange
-from dynid.identification.least_squares import Estimator, autocorrelation
+from dynid.identification.estimate import Estimate, MotionRange, StandardParameters
+from dynid.identification.least_squares import Estimator, Fit, autocorrelation
 from dynid.identification.problem import IdentificationProblem
 from dynid.identification.statistics import (
     essential_parameters,
@@ -28,6 +29,9 @@ from dynid.reduction.base import reduce_model
 from dynid.regressor.model import InverseDynamicModel
 from dynid.signals.process import uniform_signals
 from dynid.signals.samples import ProcessingSettings, Samples
+
+PRIOR_SPEAKS = 0.25
+"""Prior's share from which a standard parameter counts as the prior's word."""
 
 
 def fit_estimate(
@@ -61,12 +65,13 @@ def fit_estimate(
     problem = IdentificationProblem(base=base, samples=samples)
     fit = estimator.fit(problem)
     root = observation_root(problem)
+    covariance = hac_covariance(fit, problem)
     estimate = Estimate(
         model=model,
         independent=base.independent,
         expressions=base.expressions,
         values=fit.values,
-        covariance=hac_covariance(fit, problem),
+        covariance=covariance,
         naive_std=np.sqrt(np.diag(naive_covariance(fit))),
         noise=fit.noise,
         condition_number=condition_number(root),
@@ -80,11 +85,26 @@ def fit_estimate(
         settings=replace(settings, cutoff_hz=samples.cutoff_hz),
         essential=essential_parameters(fit),
         motion=motion_range(samples),
-        choices=choices,
+        choices=(*choices, *fit.choices),
         provenance=made,
         residual_autocorrelation=autocorrelation(problem.residual(fit.values), 1),
+        standard=_standard(fit, covariance),
     )
     return replace(estimate, warnings=diagnose(estimate, samples))
+
+
+def _standard(fit: Fit, covariance: Array) -> StandardParameters | None:
+    if fit.standard is None:
+        return None
+    found = fit.standard
+    variance = np.einsum("pr,rs,ps->p", found.gain, covariance, found.gain)
+    return StandardParameters(
+        values=found.values,
+        std=np.sqrt(np.maximum(variance, 0.0)),
+        prior_share=found.prior_share,
+        prior=found.prior,
+        origins=tuple("prior" if share > PRIOR_SPEAKS else "data" for share in found.prior_share),
+    )
 
 
 def motion_range(samples: Samples) -> MotionRange:

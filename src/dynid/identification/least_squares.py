@@ -18,6 +18,20 @@ PRIOR_GAIN = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class StandardFit:
+    """Standard parameters of an estimator that knows more than the data."""
+
+    values: Array
+    """(p) standard parameters."""
+    gain: Array
+    """(p, r) how they move with the base parameters that the data alone would give."""
+    prior_share: Array
+    """(p) 0: the data's word alone, to 1: the prior's."""
+    prior: Array
+    """(p) the prior; NaN where there is none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
     """A least-squares solution and what its statistics need."""
 
@@ -31,6 +45,10 @@ class Fit:
     """(r, r) upper triangular R with R'R = W' Omega^-1 W (+ prior)."""
     row_weights: Array | None = None
     """(n, N) further weights of single rows, for robust estimators."""
+    standard: StandardFit | None = None
+    """Standard parameters, from estimators that find them."""
+    choices: tuple[str, ...] = ()
+    """What the estimator chose by itself, in words."""
 
 
 class Estimator(ABC):

@@ -62,6 +62,7 @@ class Identification:
             "friction": estimate.model.friction.to_json(),
             "frames": estimate.model.frames,
             "parameters": estimate.parameter_table(),
+            "standard": estimate.standard_table(),
             "training": self.training.to_json(),
             "validation": None if self.validation is None else self.validation.to_json(),
             "warnings": [notice.to_json() for notice in self.warnings],

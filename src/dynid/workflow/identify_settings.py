@@ -13,12 +13,13 @@ from dynid.identification.least_squares import (
     OrdinaryLeastSquares,
     WeightedLeastSquares,
 )
+from dynid.identification.physical import PhysicallyConsistent
 from dynid.identification.robust import HuberRegression
 from dynid.regressor.terms import FrictionTerms
 from dynid.robot.model import RobotModel
 
 PRESETS = ("best", "paper")
-ESTIMATORS = ("ols", "wls", "irls")
+ESTIMATORS = ("ols", "wls", "irls", "sdp")
 WEIGHTINGS = ("joint", "size")
 
 
@@ -77,6 +78,8 @@ def chosen_estimator(
         return OrdinaryLeastSquares()
     if word == "irls":
         return HuberRegression(prior_gain=prior)
+    if word == "sdp":
+        return PhysicallyConsistent(prior_gain=prior)
     groups = None
     if settings.weighting == "size":
         torque = robot.limits.torque

@@ -1,0 +1,302 @@
+"""Estimates of bodies that can exist, against another solver and against the known robot."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from known_robot import MASSES, oracle, recording, ur5
+from scipy.optimize import minimize
+
+from dynid.core.errors import MissingExtraError
+from dynid.identification.accumulate import joint_factors
+from dynid.identification.consistent_conic import solve_conic
+from dynid.identification.consistent_problem import (
+    ConsistentProblem,
+    body_constraints,
+    sign_constraints,
+)
+from dynid.identification.estimate_file import estimate_to_json, read_estimate, write_estimate
+from dynid.identification.least_squares import WeightedLeastSquares
+from dynid.identification.physical import EXCESS, PhysicallyConsistent, residual_sum
+from dynid.identification.prior import inertial_prior
+from dynid.identification.problem import IdentificationProblem
+from dynid.reduction.base import reduce_model
+from dynid.regressor.model import InverseDynamicModel
+from dynid.regressor.terms import parse_terms
+from dynid.robot.inertia import from_pseudo_inertia, is_physical, to_pseudo_inertia
+from dynid.signals.process import process
+from dynid.signals.samples import ProcessingSettings
+from dynid.workflow.identify import Identification, identify
+from dynid.workflow.identify_settings import IdentifySettings
+
+SOLVERS_AGREE = 1e-6
+"""Two solvers of one convex problem, relative to the parameters."""
+POSES = 100_000
+
+
+def body(generator: np.random.Generator) -> np.ndarray:
+    root = generator.normal(size=(4, 6))
+    return from_pseudo_inertia(root @ root.T)
+
+
+def small_problem(seed: int) -> ConsistentProblem:
+    generator = np.random.default_rng(seed)
+    truth = np.concatenate([body(generator), body(generator), [0.3, -0.2]])
+    # Fewer rows than parameters, as in every robot: the prior fills what the data leave open.
+    matrix = generator.normal(size=(15, 22))
+    return ConsistentProblem(
+        matrix=matrix,
+        target=matrix @ truth + 0.1 * generator.normal(size=15),
+        prior=np.array([body(generator), body(generator)]),
+        constraints=np.eye(22)[20:],
+        floor=np.zeros(2),
+    )
+
+
+def triangles(free: np.ndarray) -> np.ndarray:
+    """(2, 10) parameters of Cholesky factors with exponential diagonals: no cone is left."""
+    rows = []
+    for part in free[:20].reshape(2, 10):
+        root = np.zeros((4, 4))
+        root[np.tril_indices(4)] = part
+        root[np.diag_indices(4)] = np.exp(np.diag(root))
+        rows.append(from_pseudo_inertia(root @ root.T))
+    return np.array(rows)
+
+
+@pytest.mark.parametrize(("seed", "gamma"), [(0, 0.1), (1, 1.0)])
+def test_conic_and_unconstrained_solvers_agree(seed: int, gamma: float) -> None:
+    problem = small_problem(seed)
+
+    def parameters(free: np.ndarray) -> np.ndarray:
+        return np.concatenate([triangles(free).ravel(), np.square(free[20:])])
+
+    def cost(free: np.ndarray) -> float:
+        p = parameters(free)
+        return problem.misfit(p) / 2 + gamma * problem.divergence(p)
+
+    found = solve_conic(problem, gamma).values
+    roots = np.linalg.cholesky(problem.pseudo_inertias(found))
+    roots[:, range(4), range(4)] = np.log(roots[:, range(4), range(4)])
+    near = np.concatenate([r[np.tril_indices(4)] for r in roots] + [np.sqrt(np.abs(found[20:]))])
+    generator = np.random.default_rng(seed)
+    start = near + 0.05 * generator.normal(size=len(near))
+    best = minimize(cost, start, method="BFGS", options={"gtol": 1e-9, "maxiter": 4000})
+    least = cost(best.x)
+    reached = problem.misfit(found) / 2 + gamma * problem.divergence(found)
+    # The unconstrained search stops at its finite differences; it must not get below.
+    assert reached <= least + SOLVERS_AGREE * abs(least)
+    scale = np.abs(found).max()
+    np.testing.assert_allclose(parameters(best.x), found, rtol=0, atol=1e-4 * scale)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_solution_meets_its_optimality_conditions(seed: int) -> None:
+    problem, gamma = small_problem(seed), 0.1
+    solution = solve_conic(problem, gamma)
+    p = solution.values
+    basis = to_pseudo_inertia(np.eye(10))
+    gradient = problem.matrix.T @ (problem.matrix @ p - problem.target)
+    pull = np.linalg.inv(to_pseudo_inertia(problem.prior)) - np.linalg.inv(
+        problem.pseudo_inertias(p)
+    )
+    gradient[:20] += gamma * np.einsum("kab,iba->ik", basis, pull).ravel()
+    gradient -= problem.constraints.T @ solution.multipliers
+    scale = np.abs(problem.matrix.T @ problem.target).max()
+    assert np.abs(gradient).max() < SOLVERS_AGREE * scale
+    slack = problem.constraints @ p
+    assert slack.min() > -1e-9
+    assert np.abs(slack * solution.multipliers).max() < SOLVERS_AGREE
+
+
+def test_the_divergence_is_zero_at_the_prior_and_infinite_outside() -> None:
+    problem = small_problem(0)
+    at_prior = np.concatenate([problem.prior.ravel(), np.zeros(2)])
+    assert problem.divergence(at_prior) == pytest.approx(0.0, abs=1e-9)
+    two_negative = at_prior.copy()
+    values, vectors = np.linalg.eigh(to_pseudo_inertia(problem.prior[0]))
+    flipped = (vectors * (values * [-1, -1, 1, 1])) @ vectors.T
+    two_negative[:10] = from_pseudo_inertia(flipped)
+    assert problem.divergence(two_negative) == float("inf")
+
+
+def test_unpublished_inertias_become_uniform_bodies() -> None:
+    robot = ur5()
+    prior = inertial_prior(robot, "dh")
+    assert all(is_physical(row) for row in prior.parameters)
+    np.testing.assert_allclose(prior.parameters[:, 0], MASSES, rtol=1e-12)
+    assert any("inertia tensor" in word for word in prior.completed)
+    bare = replace(robot, inertias=np.full((6, 10), np.nan))
+    guessed = inertial_prior(bare, "dh")
+    assert all(is_physical(row) for row in guessed.parameters)
+    ratio = guessed.parameters[1:3, 0] / MASSES[1:3]
+    # A guess from lengths alone.
+    assert ratio.min() > 0.2
+    assert ratio.max() < 5
+    assert any("mass" in word for word in guessed.completed)
+
+
+def test_friction_and_motors_must_not_give_energy() -> None:
+    model = InverseDynamicModel(robot=ur5(), friction=parse_terms("fc,fv,im,fo,fca:2,fs:3"))
+    rows = sign_constraints(model)
+    place = {name: k for k, name in enumerate(model.names)}
+    p = np.zeros(len(place))
+    p[place["Fc2"]], p[place["Fca2"]] = 1.0, 0.5
+    p[place["Fo1"]] = -3.0
+    assert (rows @ p).min() >= 0
+    for name, value in (("Fc1", -0.1), ("Fca2", 1.5), ("Fca2", -1.5), ("Fs3", -0.1), ("Im4", -1)):
+        bad = p.copy()
+        bad[place[name]] = value
+        assert (rows @ bad).min() < 0, name
+
+
+def test_bodies_stay_near_their_links() -> None:
+    model = InverseDynamicModel(robot=ur5())
+    rows, floor = body_constraints(model)
+    prior = inertial_prior(ur5(), "dh").parameters
+    p = np.concatenate([prior.ravel(), np.zeros(18)])
+    assert (rows @ p - floor).min() > 0
+    for change in (3.5, 0.2):
+        wrong = p.copy()
+        wrong[10:20] *= change
+        assert (rows @ wrong - floor).min() < 0
+    away = p.copy()
+    away[12] += 2.0 * away[10]
+    assert (rows @ away - floor).min() < 0
+
+
+@pytest.fixture(scope="module")
+def consistent() -> Identification:
+    settings = IdentifySettings(preset="paper", estimator="sdp", cutoff_hz=15.0)
+    return identify(
+        recording(0, seconds=20.0), ur5(), settings, validation=recording(1, seconds=10.0)
+    )
+
+
+@pytest.fixture(scope="module")
+def plain() -> Identification:
+    settings = IdentifySettings(preset="paper", estimator="wls", cutoff_hz=15.0)
+    return identify(
+        recording(0, seconds=20.0), ur5(), settings, validation=recording(1, seconds=10.0)
+    )
+
+
+def test_the_estimate_is_consistent_and_near_cad(consistent: Identification) -> None:
+    standard = consistent.estimate.standard
+    assert standard is not None
+    bodies = to_pseudo_inertia(standard.values[:60].reshape(6, 10))
+    assert np.linalg.eigvalsh(bodies).min() > 0
+    assert standard.values[60:].min() >= -1e-6
+    ratio = standard.values[:60:10] / MASSES
+    assert ratio.max() < 3
+    assert ratio.min() > 1 / 3
+    assert "not_physical" not in {notice.code for notice in consistent.warnings}
+
+
+def test_base_and_standard_parameters_say_the_same(consistent: Identification) -> None:
+    estimate = consistent.estimate
+    base = reduce_model(estimate.model)
+    np.testing.assert_allclose(
+        base.from_standard(estimate.standard_parameters()), estimate.values, rtol=0, atol=1e-9
+    )
+
+
+def test_consistency_costs_little(consistent: Identification, plain: Identification) -> None:
+    assert consistent.validation is not None
+    assert plain.validation is not None
+    ours, theirs = (x.validation.metrics.normalized_error for x in (consistent, plain))
+    assert ours <= 1.01 * theirs
+    samples = process(recording(0, seconds=20.0), ur5(), ProcessingSettings(cutoff_hz=15.0))
+    problem = IdentificationProblem(base=reduce_model(consistent.estimate.model), samples=samples)
+    factors = joint_factors(problem)
+    fit = WeightedLeastSquares().fit(problem)
+    least = residual_sum(factors, fit.weights, fit.values)
+    reached = residual_sum(factors, fit.weights, consistent.estimate.values)
+    assert 1.0 < reached / least < 1.0 + 1.05 * EXCESS
+
+
+def test_marks_follow_the_structure(consistent: Identification) -> None:
+    estimate = consistent.estimate
+    standard = estimate.standard
+    assert standard is not None
+    marks = dict(zip(estimate.model.names, standard.origins, strict=True))
+    share = dict(zip(estimate.model.names, standard.prior_share, strict=True))
+    unseen = reduce_model(estimate.model).classes
+    for k in unseen.unidentifiable:
+        name = estimate.model.names[k]
+        assert marks[name] == "prior"
+        assert share[name] > 0.99
+    assert all(marks[f"{symbol}{j}"] == "data" for symbol in ("Fc", "Fv") for j in range(1, 7))
+
+
+def test_what_the_data_say_holds_the_truth(consistent: Identification) -> None:
+    _, truth = oracle()
+    estimate = consistent.estimate
+    standard = estimate.standard
+    assert standard is not None
+    friction = slice(60, 72)
+    z = (standard.values[friction] - truth[friction]) / standard.std[friction]
+    assert np.abs(z).max() < 4
+
+
+def test_the_mass_matrix_is_positive_everywhere(consistent: Identification) -> None:
+    model, p = consistent.estimate.model, consistent.estimate.standard_parameters()
+    generator = np.random.default_rng(0)
+    lowest = np.inf
+    step = 20_000
+    for _ in range(POSES // step):
+        q = generator.uniform(-np.pi, np.pi, size=(step, 6))
+        rest = np.zeros_like(q)
+        gravity = model.inverse_dynamics(q, rest, rest, p)
+        mass = np.empty((step, 6, 6))
+        for k in range(6):
+            unit = rest.copy()
+            unit[:, k] = 1.0
+            mass[:, :, k] = model.inverse_dynamics(q, rest, unit, p) - gravity
+        lowest = min(lowest, float(np.linalg.eigvalsh(mass).min()))
+    assert lowest > 0
+
+
+def test_standard_parameters_survive_the_file(consistent: Identification, tmp_path: Path) -> None:
+    path = tmp_path / "a.json"
+    write_estimate(consistent.estimate, path)
+    back = read_estimate(path).standard
+    kept = consistent.estimate.standard
+    assert back is not None
+    assert kept is not None
+    for name in ("values", "std", "prior_share", "prior"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(kept, name))
+    assert back.origins == kept.origins
+
+
+def test_older_files_have_no_standard_parameters(plain: Identification, tmp_path: Path) -> None:
+    data = estimate_to_json(plain.estimate)
+    assert "standard" not in data
+    path = tmp_path / "old.json"
+    path.write_text(json.dumps(data), encoding="utf-8")
+    assert read_estimate(path).standard is None
+
+
+def test_a_missing_solver_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "clarabel", None)
+    with pytest.raises(MissingExtraError, match=r"clarabel.*dynid\[sdp\]"):
+        solve_conic(small_problem(0), 0.1)
+
+
+def test_the_prior_can_be_given() -> None:
+    samples = process(recording(0), ur5(), ProcessingSettings(cutoff_hz=15.0))
+    problem = IdentificationProblem(
+        base=reduce_model(InverseDynamicModel(robot=ur5())), samples=samples
+    )
+    default = inertial_prior(ur5(), "dh")
+    heavy = default.parameters.copy()
+    heavy[0] *= 2.0
+    fit = PhysicallyConsistent(prior=replace(default, parameters=heavy)).fit(problem)
+    assert fit.standard is not None
+    # Nothing in the data speaks of the first mass.
+    assert fit.standard.values[0] == pytest.approx(2 * MASSES[0], rel=0.02)
