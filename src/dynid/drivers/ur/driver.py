@@ -28,8 +28,8 @@ from dynid.protocol.modes import RuntimeState
 from dynid.protocol.recipe import Numbers, Recipe
 from dynid.trajectory.urscript import UrProgramOptions, ur_program
 
-WATCHDOG_HZ = 20.0
-"""How often the program must be fed; without it the controller stops after 0.05 s."""
+WATCHDOG_HZ = 10.0
+"""How often the program must be fed; without it the controller stops after 0.1 s."""
 _DRAIN_EVERY = 25
 
 

@@ -24,11 +24,19 @@ STOP_S = 3.0
 _STILL = 1e-9
 
 
+class Refused(JobError):
+    """The controller no longer does what it is told."""
+
+
 class Conversation(Protocol):
     """What is answered to the controller, and what its numbers mean."""
 
     def answer(self, numbers: Numbers) -> bytes | None:
-        """What to send for a package; None for nothing."""
+        """What to send for a package; None for nothing.
+
+        Raises:
+            Refused: The motion cannot go on.
+        """
         ...
 
     def begun(self, cycle: Cycle, numbers: Numbers) -> bool:
@@ -76,6 +84,7 @@ class Pump(threading.Thread):
         self._link, self._layout, self._watchdog = link, layout, watchdog
         self._conversation, self._halt, self._cancel = conversation, halt, cancel
         self._begun = False
+        self._refused: Abort | None = None
         self._backlog = round(BACKLOG_S * link.rate_hz)
         self._patience = round(START_S * link.rate_hz)
         self._after = round(STOP_S * link.rate_hz)
@@ -130,13 +139,18 @@ class Pump(threading.Thread):
             self.ended = self._conversation.over(cycle, numbers)
 
     def _answer(self, cycle: Cycle, numbers: Numbers) -> None:
-        words = self._conversation.answer(numbers)
+        try:
+            words = self._conversation.answer(numbers)
+        except Refused as error:
+            # The state that explains it is in this package, or in the next.
+            words = None
+            self._refused = self._refused or Abort("program", str(error))
         if words is not None:
             self._link.write(words)
         if self._cancel.is_set():
             self.stop(Abort("interrupted", "it was interrupted"))
         elif self._begun:
-            if abort := self._watchdog.see(cycle):
+            if abort := self._watchdog.see(cycle) or self._refused:
                 self.stop(abort)
         else:
             self._patience -= 1
