@@ -86,6 +86,23 @@ class Tracker:
         velocity = self._data.subtree_linvel[1]
         return float(self._model.body_subtreemass[1]) * math.hypot(*velocity.tolist())
 
+    def mass_matrix(self, q: Array) -> Array:
+        """(n, n) mass matrix of the believed links at positions q (n) [kg.m^2], rotors apart."""
+        n = self._last
+        self._evaluate(q, np.zeros(n), np.zeros(n))
+        lower = np.zeros((n, n))
+        lower[np.tril_indices(n)] = self._data.M
+        self._restore()
+        return lower + np.tril(lower, -1).T
+
+    def coriolis(self, q: Array, dq: Array) -> Array:
+        """(n) velocity torques of the believed links at positions and speeds (n) [N.m]."""
+        zero = np.zeros(self._last)
+        moving = self._evaluate(q, dq, zero)
+        standing = self._evaluate(q, zero, zero)
+        self._restore()
+        return moving - standing
+
     def plan(self, setpoint: Array) -> Array:
         """Take the next set point (n) and plan one control cycle.
 
@@ -106,12 +123,20 @@ class Tracker:
         """The target at the end of the cycle planned last."""
         q, dq = self._target.copy()
         ddq = self._rate**2 * (self._setpoints[1] - q) - 2.0 * self._rate * dq
+        moment = self._evaluate(q, dq, ddq)
+        feedforward = moment + self._controller.friction(dq)
+        return Target(q=q, dq=dq, ddq=ddq, moment=moment, feedforward=feedforward)
+
+    def _evaluate(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """(n) torques of the believed links in a motion [N.m]."""
         data = self._data
         data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
         self._inverse(self._model, data)
-        moment = np.array(data.qfrc_inverse)
-        feedforward = moment + self._controller.friction(dq)
-        return Target(q=q, dq=dq, ddq=ddq, moment=moment, feedforward=feedforward)
+        return np.array(data.qfrc_inverse)
+
+    def _restore(self) -> None:
+        # What is asked about the target afterwards must be about the target.
+        self._evaluate(self.now.q, self.now.dq, self.now.ddq)
 
 
 def bodies_of(controller: ControllerModel) -> list[tuple[float, Array]]:

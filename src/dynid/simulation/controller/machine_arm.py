@@ -15,9 +15,9 @@ from dynid.simulation.state import PlantState
 from dynid.simulation.thermal import Thermal
 from dynid.simulation.truth import SimulatedArm
 
-PROGRAM_STOP = 40.0
+PROGRAM_STOP = 100.0
 """How the arm brakes when nobody moves it any more [rad/s^2]."""
-PROTECTIVE_STOP = 80.0
+PROTECTIVE_STOP = 200.0
 """How it brakes in a protective stop [rad/s^2]."""
 _AXES = 6
 
@@ -117,10 +117,12 @@ class ControlledArm:
         """
         row, true = self._true(quantity)
         sensors = self.truth.sensors
-        noisy = true + getattr(sensors, f"{quantity}_noise") * self._noise[row]
+        noise: Array = getattr(sensors, f"{quantity}_noise")
         step: Array = getattr(sensors, f"{quantity}_step")
-        grid = np.where(step > 0, step, 1.0)
-        return np.where(step > 0, grid * np.round(noisy / grid), noisy).tolist()
+        noisy: Array = true + noise * self._noise[row]
+        grid: Array = np.where(step > 0, step, 1.0)
+        read: Array = np.where(step > 0, grid * np.round(noisy / grid), noisy)
+        return read.tolist()
 
     def _true(self, quantity: str) -> tuple[int, Array]:
         state = self.state

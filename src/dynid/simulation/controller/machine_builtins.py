@@ -6,6 +6,7 @@ from collections.abc import Generator
 from typing import Any
 
 from dynid.simulation.controller.machine_builtins_io import IO
+from dynid.simulation.controller.machine_builtins_model import MODEL
 from dynid.simulation.controller.machine_builtins_state import STATE
 from dynid.simulation.controller.machine_core import Core
 from dynid.simulation.controller.motion_joint import (
@@ -97,12 +98,12 @@ def _sleep(core: Core, t: Value) -> Generator[None, None, None]:
         yield
 
 
-def _lacking(name: str, answer: Value, parameters: int) -> Builtin:
+def _lacking(name: str, answer: bool | int, parameters: int) -> Builtin:
     """A built-in that exists, says once that it is not simulated, and does nothing."""
 
     def say(core: Core, *_: Value) -> Value:
         core.lacks(name)
-        return list(answer) if isinstance(answer, list) else answer
+        return answer
 
     names = tuple(f"argument{k + 1}" for k in range(parameters))
     return Builtin(name, say, Kind.INSTANT, names, (0,) * parameters, 20)
@@ -121,7 +122,7 @@ _MOTIONS: dict[str, Any] = {
     "sync": _sync,
     "sleep": _sleep,
 }
-_NOT_SIMULATED: dict[str, tuple[Value, int]] = {
+_NOT_SIMULATED: dict[str, tuple[bool | int, int]] = {
     "force_mode": (True, 5),
     "end_force_mode": (True, 0),
     "force_mode_set_damping": (True, 1),
@@ -165,6 +166,7 @@ BUILTINS: dict[str, Builtin] = table(
     POSES,
     IO,
     STATE,
+    MODEL,
     (
         builtin(function, Kind.BLOCKING, name=name, weight=_MOTION_WEIGHT)
         for name, function in _MOTIONS.items()

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+from dynid.core.arrays import Array
 from dynid.core.errors import JobError
 from dynid.simulation.controller.machine_core import Core, Payload
 from dynid.simulation.controller.urscript.builtin import Builtin, Kind, builtin
@@ -68,14 +70,14 @@ def _within_limits(core: Core, pose: Value) -> bool:
     return all(low <= q <= high for low, q, high in zip(arm.lower, joints, arm.upper, strict=True))
 
 
-def _tool_speed(core: Core, q: Any, dq: Any) -> Value:
+def _tool_speed(core: Core, q: Array, dq: Array) -> Value:
     return (core.arm.kinematics.jacobian(q.tolist(), core.tcp_matrix)[1] @ dq).tolist()
 
 
 def _history(core: Core, steps: Value = 0) -> Value:
     if steps.__class__ is not int or not 0 <= steps < len(core.history):
         raise ScriptFault("steps of the history", value=steps, limit=(0, len(core.history) - 1))
-    return list(core.history[steps])
+    return list(core.history[int(steps)])
 
 
 def _joint_torques(core: Core) -> Value:
@@ -124,7 +126,7 @@ def _set_gravity(core: Core, d: Value) -> None:
 
 
 def _joint_temperature(core: Core, j: Value) -> float:
-    if j.__class__ is not int or not 0 <= j < 6:
+    if not isinstance(j, int) or not 0 <= j < 6:
         raise ScriptFault("joint", value=j, limit=(0, 5))
     return core.arm.measured("temperature")[j]
 
@@ -137,15 +139,13 @@ def _protective_stop(core: Core) -> None:
     core.protective_stop("Protective stop asked for by the program")
 
 
-_ASK: dict[str, Any] = {
+_ASK: dict[str, Callable[[Core], Value]] = {
     "get_actual_joint_positions": lambda core: core.arm.measured("position"),
     "get_actual_joint_speeds": lambda core: core.arm.measured("velocity"),
     "get_target_joint_positions": lambda core: core.arm.state.target.q.tolist(),
     "get_target_joint_speeds": lambda core: core.arm.state.target.dq.tolist(),
     "get_target_joint_accelerations": lambda core: core.arm.state.target.ddq.tolist(),
-    "get_actual_joint_positions_history": _history,
     "get_joint_torques": _joint_torques,
-    "get_joint_temp": _joint_temperature,
     "get_controller_temp": lambda core: 25.0,
     "get_steptime": lambda core: core.arm.cycle,
     "get_tcp_offset": lambda core: Pose(core.tcp),
@@ -155,16 +155,10 @@ _ASK: dict[str, Any] = {
     "get_tcp_force": lambda core: [0.0] * 6,
     "force": lambda core: 0.0,
     "is_steady": _is_steady,
-    "set_payload": _set_payload,
-    "set_payload_mass": _set_payload_mass,
-    "set_payload_cog": _set_payload_cog,
-    "set_target_payload": _set_target_payload,
-    "set_gravity": _set_gravity,
     "random": _random,
     "protective_stop": _protective_stop,
 }
-_KINEMATICS: dict[str, Any] = {
-    "get_forward_kin": _forward,
+_KINEMATICS: dict[str, Callable[[Core], Value]] = {
     "get_actual_tcp_pose": lambda core: _forward(core),
     "get_target_tcp_pose": lambda core: _forward(core, core.arm.state.target.q.tolist()),
     "get_target_waypoint": lambda core: _forward(core, core.arm.setpoint),
@@ -173,6 +167,16 @@ _KINEMATICS: dict[str, Any] = {
     "get_target_tcp_speed": lambda core: _tool_speed(
         core, core.arm.state.target.q, core.arm.state.target.dq
     ),
+}
+_WITH_ARGUMENTS: dict[str, Any] = {
+    "get_actual_joint_positions_history": _history,
+    "get_joint_temp": _joint_temperature,
+    "set_payload": _set_payload,
+    "set_payload_mass": _set_payload_mass,
+    "set_payload_cog": _set_payload_cog,
+    "set_target_payload": _set_target_payload,
+    "set_gravity": _set_gravity,
+    "get_forward_kin": _forward,
     "set_tcp": _set_tcp,
 }
 _SOLVE: dict[str, Any] = {
@@ -182,7 +186,12 @@ _SOLVE: dict[str, Any] = {
 }
 STATE: list[Builtin] = [
     builtin(function, Kind.INSTANT, name=name, weight=weight)
-    for group, weight in ((_ASK, 50), (_KINEMATICS, _KINEMATICS_WEIGHT), (_SOLVE, _INVERSE_WEIGHT))
+    for group, weight in (
+        (_ASK, 50),
+        (_KINEMATICS, _KINEMATICS_WEIGHT),
+        (_WITH_ARGUMENTS, _KINEMATICS_WEIGHT),
+        (_SOLVE, _INVERSE_WEIGHT),
+    )
     for name, function in group.items()
 ]
 """Built-ins about the arm's state."""

@@ -9,6 +9,9 @@ import numpy as np
 from dynid.simulation.controller.machine_core import Core
 from dynid.simulation.controller.machine_safety import RobotMode
 
+_AT_REST = 1e-4
+"""Too slow to break any limit [rad/s]."""
+
 
 def watch(core: Core) -> None:
     """Judge the new set point and the state of the arm; a violation is a protective stop."""
@@ -30,9 +33,9 @@ def _setpoint(core: Core) -> str | None:
 def _state(core: Core) -> str | None:
     arm, limits = core.arm, core.safety.limits
     state = arm.state
-    speeds = state.target.dq.tolist()
+    speeds: list[float] = state.target.dq.tolist()
     fastest = max(map(abs, speeds))
-    if fastest == 0.0 and arm.still > 0:
+    if fastest < _AT_REST and arm.still > 0:
         return None
     if fastest > limits.joint_speed:
         joint = max(range(len(speeds)), key=lambda k: abs(speeds[k]))

@@ -46,7 +46,7 @@ class ToolKinematics:
         return tool, np.concatenate([np.cross(axes, arms).T, axes.T])
 
     def elbow(self, q: Sequence[float]) -> tuple[list[float], list[list[float]]]:
-        """The origin (3) of the third joint in the base frame [m], its velocity per speed (3, n)."""
+        """The elbow (3) in the base frame [m], and its velocity per joint speed (3, n)."""
         frames = joint_poses(self._robot, q)
         point = frames[_ELBOW, :3, 3]
         axes = np.einsum("kij,kj->ki", frames[:, :3, :3], self._robot.axes)
@@ -89,7 +89,7 @@ class ToolKinematics:
         self, goal: Array, q: Array, tcp: Array, position_error: float, orientation_error: float
     ) -> Array | None:
         damping, last = 1e-3, math.inf
-        best = q
+        best, slope, pull = q, np.eye(6), np.zeros(6)
         for _ in range(_ITERATIONS):
             tool, jacobian = self.jacobian(q.tolist(), tcp)
             turn = rotation_vector(goal[:3, :3] @ tool[:3, :3].T)
@@ -102,13 +102,12 @@ class ToolKinematics:
                 return q
             if size < last:
                 best, last, damping = q, size, max(damping * 0.2, 1e-12)
-                kept = (jacobian, error)
+                slope, pull = jacobian.T @ jacobian, jacobian.T @ error
             else:
                 damping *= 10.0
                 if damping > 1e6:
                     return None
-            gram = kept[0].T @ kept[0] + damping * np.eye(len(q))
-            step = np.linalg.solve(gram, kept[0].T @ kept[1])
+            step = np.linalg.solve(slope + damping * np.eye(len(q)), pull)
             longest = float(np.max(np.abs(step)))
             q = best + step * min(1.0, _STEP / max(longest, _SMALL))
         return None

@@ -64,7 +64,7 @@ class Registers:
 
 
 class Signals:
-    """Digital and analog inputs and outputs; bits as in RTDE: 8 standard, 8 configurable, 2 tool."""
+    """Digital and analog signals; bits: 8 standard, 8 configurable, 2 of the tool."""
 
     def __init__(self) -> None:
         self.digital_in = 0

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
 
+import numpy as np
+
 from dynid.core.errors import InputError
 from dynid.simulation.controller.machine_core import Core
 from dynid.simulation.controller.motion_profile import Trapezoid, trapezoid
@@ -80,7 +82,7 @@ def settle(core: Core, mover: object) -> Motion:
     for _ in range(round(_PATIENCE_S / arm.cycle)):
         target = arm.state.target
         off = max(abs(a - b) for a, b in zip(arm.setpoint, target.q.tolist(), strict=True))
-        if off < _SETTLED and max(map(abs, target.dq.tolist())) < _SETTLED:
+        if off < _SETTLED and float(np.max(np.abs(target.dq))) < _SETTLED:
             return
         core.move(arm.setpoint, mover)
         yield

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Concatenate
 
-from dynid.simulation.controller.urscript.execution import Execution, Frame
+from dynid.simulation.controller.urscript.execution import Execution, Frame, Routine
 
 Runner = Callable[[Execution, Frame], Any]
 """Gives a value, or a generator that returns it where the code takes time."""
-Combine = Callable[..., Any]
+SlowRunner = Callable[[Execution, Frame], Routine]
+Combine = Callable[Concatenate[Execution, ...], Any]
 """Takes the execution and the values of the operands."""
 
 
@@ -25,6 +26,11 @@ class Code:
     """Operations that it costs at most, calls of one's own functions apart."""
     fresh: bool = True
     """Whether its value belongs to nobody yet, so that it need not be copied."""
+
+    @property
+    def wait(self) -> SlowRunner:
+        """`run` of slow code: a generator function."""
+        return self.run
 
 
 def compose(operands: list[Code], combine: Combine, *, slow: bool = False, weight: int = 1) -> Code:
@@ -52,12 +58,16 @@ def compose(operands: list[Code], combine: Combine, *, slow: bool = False, weigh
 
 
 def _waiting(operands: list[Code], combine: Combine, slow: bool) -> Runner:
-    parts = [(operand.run, operand.slow) for operand in operands]
+    parts = [(operand.run, operand.wait, operand.slow) for operand in operands]
 
-    def run(x: Execution, v: Frame) -> Any:
+    def run(x: Execution, v: Frame) -> Routine:
         values: list[Any] = []
-        for part, waits in parts:
-            values.append((yield from part(x, v)) if waits else part(x, v))
-        return (yield from combine(x, *values)) if slow else combine(x, *values)
+        for part, wait, waits in parts:
+            values.append((yield from wait(x, v)) if waits else part(x, v))
+        result = combine(x, *values)
+        if slow:
+            routine: Routine = result
+            return (yield from routine)
+        return result
 
     return run

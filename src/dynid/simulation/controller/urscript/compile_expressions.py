@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from dynid.simulation.controller.urscript.access import element, listed, posed
 from dynid.simulation.controller.urscript.builtin import Builtin, Kind
+from dynid.simulation.controller.urscript.chains import LOGIC, arithmetic, logic
 from dynid.simulation.controller.urscript.code import Code, compose
 from dynid.simulation.controller.urscript.errors import ScriptError, ScriptFault
 from dynid.simulation.controller.urscript.execution import Execution, Frame
@@ -25,7 +25,6 @@ from dynid.simulation.controller.urscript.syntax import (
 )
 from dynid.simulation.controller.urscript.values import (
     MAX_LENGTH,
-    OPERATORS,
     Value,
     copied,
     negated,
@@ -75,12 +74,16 @@ class Scope:
         if isinstance(tree, Run):
             return self._run(tree)
         if isinstance(tree, Unary):
-            operation = {"-": negated, "+": number, "not": _inverted}[tree.operator]
-            return compose([self.expression(tree.operand)], lambda x, value: operation(value))
+            operation = _SIGNS[tree.operator]
+
+            def turn(x: Execution, value: Value) -> Value:
+                return operation(value)
+
+            return compose([self.expression(tree.operand)], turn)
         if isinstance(tree, Chain):
-            if tree.rest[0][0] in ("and", "or", "xor"):
-                return self._logic(tree)
-            return self._chain(tree)
+            operands = self._all([tree.first, *(part for _, part in tree.rest)])
+            signs = [sign for sign, _ in tree.rest]
+            return logic(operands, signs) if signs[0] in LOGIC else arithmetic(operands, signs)
         raise TypeError(tree)
 
     def kept(self, tree: Expression) -> Code:
@@ -126,63 +129,6 @@ class Scope:
             return value
 
         return Code(shared, False, 1, fresh=False)
-
-    def _chain(self, tree: Chain) -> Code:
-        operands = self._all([tree.first, *(part for _, part in tree.rest)])
-        operations = [OPERATORS[sign] for sign, _ in tree.rest]
-        weight = len(operations)
-        if weight == 1:
-            only = operations[0]
-            return compose(operands, lambda x, a, b: only(a, b))
-        if any(operand.slow for operand in operands):
-
-            def combine(x: Execution, first: Value, *others: Value) -> Value:
-                for operation, other in zip(operations, others, strict=True):
-                    first = operation(first, other)
-                return first
-
-            return compose(operands, combine, weight=weight)
-        head = operands[0].run
-        steps = [(sign, code.run) for sign, code in zip(operations, operands[1:], strict=True)]
-
-        def run(x: Execution, v: Frame) -> Value:
-            value = head(x, v)
-            for operation, operand in steps:
-                value = operation(value, operand(x, v))
-            return value
-
-        return Code(run, False, weight + sum(operand.weight for operand in operands))
-
-    def _logic(self, tree: Chain) -> Code:
-        operands = self._all([tree.first, *(part for _, part in tree.rest)])
-        signs = [sign for sign, _ in tree.rest]
-        weight = sum(operand.weight for operand in operands)
-        parts = [
-            (sign, code.run, code.slow) for sign, code in zip(signs, operands[1:], strict=True)
-        ]
-        head, head_slow = operands[0].run, operands[0].slow
-        if not any(operand.slow for operand in operands):
-
-            def at_once(x: Execution, v: Frame) -> bool:
-                value = truth(head(x, v))
-                for sign, part, _ in parts:
-                    if sign == "xor":
-                        value = value != truth(part(x, v))
-                    elif value is (sign == "and"):
-                        value = truth(part(x, v))
-                return value
-
-            return Code(at_once, False, weight)
-
-        def waiting(x: Execution, v: Frame) -> Any:
-            value = truth((yield from head(x, v)) if head_slow else head(x, v))
-            for sign, part, slow in parts:
-                if sign == "xor" or value is (sign == "and"):
-                    other = truth((yield from part(x, v)) if slow else part(x, v))
-                    value = value != other if sign == "xor" else other
-            return value
-
-        return Code(waiting, True, weight)
 
     def _call(self, tree: Call) -> Code:
         function = self.functions.get(tree.name)
@@ -258,6 +204,9 @@ def _constants(known: Builtin) -> dict[str, Code]:
 
 def _inverted(value: Value) -> bool:
     return not truth(value)
+
+
+_SIGNS: dict[str, Callable[[Value], Value]] = {"-": negated, "+": number, "not": _inverted}
 
 
 def _copy(x: Execution, value: Value) -> Value:

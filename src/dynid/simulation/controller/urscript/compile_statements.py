@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from dynid.core.errors import DynidError
 from dynid.simulation.controller.urscript.access import store
-from dynid.simulation.controller.urscript.code import Code, Runner, compose
+from dynid.simulation.controller.urscript.code import Code, compose
 from dynid.simulation.controller.urscript.compile_expressions import Scope
 from dynid.simulation.controller.urscript.errors import ScriptError, ScriptFault, ScriptHalt
-from dynid.simulation.controller.urscript.execution import Execution, Frame
+from dynid.simulation.controller.urscript.execution import Execution, Frame, Routine
+from dynid.simulation.controller.urscript.sequence import sequence
 from dynid.simulation.controller.urscript.syntax import (
     Assign,
     Do,
@@ -24,7 +24,6 @@ from dynid.simulation.controller.urscript.values import Value, truth
 
 BREAK, CONTINUE = "break", "continue"
 """What a block answers when a loop is to end or to go on; a tuple is a return value."""
-_RAW = (ArithmeticError, TypeError, ValueError, IndexError)
 
 
 def block(scope: Scope, statements: list[Statement], *, in_loop: bool, extra: int = 0) -> Code:
@@ -42,73 +41,7 @@ def block(scope: Scope, statements: list[Statement], *, in_loop: bool, extra: in
     codes = [_statement(scope, statement, in_loop) for statement in statements]
     lines = [statement.line for statement in statements]
     weight = 1 + extra + sum(code.weight for code in codes)
-    slow = any(code.slow for code in codes)
-    return Code(_waiting(codes, lines, weight) if slow else _at_once(codes, lines, weight), slow, 0)
-
-
-def _at_once(codes: list[Code], lines: list[int], weight: int) -> Runner:
-    steps = [(code.run, line) for code, line in zip(codes, lines, strict=True)]
-
-    def run(x: Execution, v: Frame) -> Any:
-        x.left -= weight
-        if x.left < 0:
-            x.exhausted()
-        line = 0
-        try:
-            for step, line in steps:
-                signal = step(x, v)
-                if signal is not None:
-                    return signal
-        except _RAW as error:
-            raise _located(error, line) from error
-        except DynidError as error:
-            if _is_located(error):
-                raise
-            raise _located(error, line) from error
-        return None
-
-    return run
-
-
-def _waiting(codes: list[Code], lines: list[int], weight: int) -> Runner:
-    steps = [(code.run, code.slow, line) for code, line in zip(codes, lines, strict=True)]
-
-    def run(x: Execution, v: Frame) -> Any:
-        x.left -= weight
-        if x.left < 0:
-            x.exhausted()
-        line = 0
-        try:
-            for step, waits, line in steps:
-                signal = (yield from step(x, v)) if waits else step(x, v)
-                if signal is not None:
-                    return signal
-        except _RAW as error:
-            raise _located(error, line) from error
-        except DynidError as error:
-            if _is_located(error):
-                raise
-            raise _located(error, line) from error
-        return None
-
-    return run
-
-
-def _is_located(error: DynidError) -> bool:
-    return isinstance(error, ScriptFault) and error.where is not None
-
-
-def _located(error: Exception, line: int) -> ScriptFault:
-    if isinstance(error, DynidError):
-        return ScriptFault(
-            error.what,
-            where=f"line {line}",
-            value=error.value,
-            limit=error.limit,
-            next_step=error.next_step,
-        )
-    text = "division by zero" if isinstance(error, ZeroDivisionError) else str(error)
-    return ScriptFault(text, where=f"line {line}")
+    return sequence(codes, lines, weight)
 
 
 def _statement(scope: Scope, statement: Statement, in_loop: bool) -> Code:
@@ -123,7 +56,7 @@ def _statement(scope: Scope, statement: Statement, in_loop: bool) -> Code:
     if isinstance(statement, Return):
         if statement.value is None:
             return Code(lambda x, v: (None,), False, 1)
-        return compose([scope.kept(statement.value)], lambda x, value: (value,))
+        return compose([scope.kept(statement.value)], _returned)
     if isinstance(statement, OnThread):
         return _on_thread(scope, statement)
     if isinstance(statement, Simple):
@@ -131,12 +64,16 @@ def _statement(scope: Scope, statement: Statement, in_loop: bool) -> Code:
     raise TypeError(statement)
 
 
+def _returned(x: Execution, value: Value) -> tuple[Value]:
+    return (value,)
+
+
 def _for_effect(code: Code) -> Code:
-    inner = code.run
+    inner, wait = code.run, code.wait
     if code.slow:
 
-        def waiting(x: Execution, v: Frame) -> Any:
-            yield from inner(x, v)
+        def waiting(x: Execution, v: Frame) -> Routine:
+            yield from wait(x, v)
 
         return Code(waiting, True, code.weight)
 
@@ -158,11 +95,11 @@ def _assign(scope: Scope, statement: Assign) -> Code:
             store(base, list(indices), value)
 
         return compose([value, base, *indices], change)
-    inner, slow = value.run, value.slow
-    if slow:
+    inner, wait = value.run, value.wait
+    if value.slow:
 
-        def waiting(x: Execution, v: Frame) -> Any:
-            result = yield from inner(x, v)
+        def waiting(x: Execution, v: Frame) -> Routine:
+            result = yield from wait(x, v)
             (v if local else x.shared)[place] = _something(result, name)
 
         return Code(waiting, True, value.weight + 1)
@@ -195,9 +132,8 @@ def _if(scope: Scope, statement: If, in_loop: bool) -> Code:
     otherwise = block(scope, statement.otherwise, in_loop=in_loop)
     weight = sum(condition.weight for condition, _ in branches)
     parts = [(condition.run, body.run) for condition, body in branches]
-    waits = [(condition.slow, body.slow) for condition, body in branches]
-    last, last_slow = otherwise.run, otherwise.slow
-    if not last_slow and not any(a or b for a, b in waits):
+    last = otherwise.run
+    if not otherwise.slow and not any(ask.slow or body.slow for ask, body in branches):
 
         def at_once(x: Execution, v: Frame) -> Any:
             for condition, body in parts:
@@ -207,12 +143,11 @@ def _if(scope: Scope, statement: If, in_loop: bool) -> Code:
 
         return Code(at_once, False, weight)
 
-    def waiting(x: Execution, v: Frame) -> Any:
-        for (condition, body), (slow_condition, slow_body) in zip(parts, waits, strict=True):
-            held = (yield from condition(x, v)) if slow_condition else condition(x, v)
-            if truth(held):
-                return (yield from body(x, v)) if slow_body else body(x, v)
-        return (yield from last(x, v)) if last_slow else last(x, v)
+    def waiting(x: Execution, v: Frame) -> Routine:
+        for ask, body in branches:
+            if truth((yield from ask.wait(x, v)) if ask.slow else ask.run(x, v)):
+                return (yield from body.wait(x, v)) if body.slow else body.run(x, v)
+        return (yield from otherwise.wait(x, v)) if otherwise.slow else last(x, v)
 
     return Code(waiting, True, weight)
 
@@ -220,8 +155,8 @@ def _if(scope: Scope, statement: If, in_loop: bool) -> Code:
 def _while(scope: Scope, statement: While) -> Code:
     condition = scope.expression(statement.condition)
     body = block(scope, statement.body, in_loop=True, extra=condition.weight)
-    ask, ask_slow, do, do_slow = condition.run, condition.slow, body.run, body.slow
-    if not ask_slow and not do_slow:
+    ask, do = condition.run, body.run
+    if not condition.slow and not body.slow:
 
         def at_once(x: Execution, v: Frame) -> Any:
             while truth(ask(x, v)):
@@ -234,9 +169,11 @@ def _while(scope: Scope, statement: While) -> Code:
 
         return Code(at_once, False, condition.weight)
 
-    def waiting(x: Execution, v: Frame) -> Any:
-        while truth((yield from ask(x, v)) if ask_slow else ask(x, v)):
-            signal = (yield from do(x, v)) if do_slow else do(x, v)
+    ask_wait, do_wait, ask_slow, do_slow = condition.wait, body.wait, condition.slow, body.slow
+
+    def waiting(x: Execution, v: Frame) -> Routine:
+        while truth((yield from ask_wait(x, v)) if ask_slow else ask(x, v)):
+            signal = (yield from do_wait(x, v)) if do_slow else do(x, v)
             if signal is BREAK:
                 break
             if signal is not None and signal is not CONTINUE:
@@ -249,11 +186,11 @@ def _while(scope: Scope, statement: While) -> Code:
 def _on_thread(scope: Scope, statement: OnThread) -> Code:
     handle = scope.expression(statement.handle)
     if statement.word == "kill":
-        return compose([handle], lambda x, value: x.kill(value))
+        return compose([handle], Execution.kill)
     if not scope.may_wait:
         raise ScriptError("a secondary program must not take time", statement.line, value="join")
 
-    def wait(x: Execution, value: Value) -> Any:
+    def wait(x: Execution, value: Value) -> Routine:
         while x.lives(value):
             yield
 

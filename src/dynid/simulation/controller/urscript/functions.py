@@ -33,10 +33,10 @@ class Function:
             x.leave()
             return signal[0] if signal.__class__ is tuple else None
 
-        def waiting(x: Execution, *values: Value) -> Any:
+        def waiting(x: Execution, *values: Value) -> Routine:
             frame = [*values, *blank]
             x.enter(frame)
-            signal = yield from self.code.run(x, frame)
+            signal = yield from self.code.wait(x, frame)
             x.leave()
             return signal[0] if signal.__class__ is tuple else None
 

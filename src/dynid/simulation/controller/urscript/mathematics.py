@@ -9,7 +9,6 @@ from dynid.simulation.controller.urscript.builtin import Builtin, Kind, builtin
 from dynid.simulation.controller.urscript.errors import ScriptFault
 from dynid.simulation.controller.urscript.values import (
     MAX_LENGTH,
-    Pose,
     Value,
     number,
     shown,
@@ -110,8 +109,12 @@ def _atan2(x: Value, y: Value) -> float:
     return math.atan2(number(x), number(y))
 
 
-def _is_pose(value: Value) -> bool:
-    return value.__class__ is Pose
+def _str_empty(str: Value) -> bool:
+    return _text(str) == ""
+
+
+def _str_len(str: Value) -> int:
+    return len(_text(str))
 
 
 _TABLE: dict[str, Any] = {
@@ -136,9 +139,9 @@ _TABLE: dict[str, Any] = {
     "binary_list_to_integer": _binary_list_to_integer,
     "str_at": _str_at,
     "str_cat": _str_cat,
-    "str_empty": lambda str: _text(str) == "",
+    "str_empty": _str_empty,
     "str_find": _str_find,
-    "str_len": lambda str: len(_text(str)),
+    "str_len": _str_len,
     "str_sub": _str_sub,
 }
 MATHEMATICS: list[Builtin] = [

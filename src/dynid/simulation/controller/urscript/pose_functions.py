@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -37,9 +37,10 @@ def numbers(value: Value, count: int, what: str) -> list[float]:
     Raises:
         ScriptFault: It is none.
     """
-    if not isinstance(value, list) or len(value) != count:
+    items = cast("list[Any]", value) if isinstance(value, list) else []
+    if len(items) != count:
         raise ScriptFault(f"{what} of {count} numbers expected", value=described(value))
-    return [float(number(item)) for item in value]
+    return [float(number(item)) for item in items]
 
 
 def pose_of(matrix: Array) -> Pose:

@@ -100,6 +100,6 @@ def _as_waiting(code: Code) -> Code:
 def _routine(body: Code, execution: Execution, slots: int) -> Routine:
     frame: Frame = [None] * slots
     if body.slow:
-        yield from body.run(execution, frame)
+        yield from body.wait(execution, frame)
     else:
         body.run(execution, frame)

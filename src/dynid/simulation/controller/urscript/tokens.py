@@ -11,10 +11,11 @@ MAX_CHARACTERS = 1_000_000
 """Longest script."""
 MAX_STRING = 1_000
 """Longest string."""
-KEYWORDS = frozenset(
-    """def sec thread end if elif else while break continue return halt run kill join global local
-    enter_critical exit_critical and or not xor True False""".split()
+_WORDS = (
+    "def sec thread end if elif else while break continue return halt run kill join global local "
+    "enter_critical exit_critical and or not xor True False"
 )
+KEYWORDS = frozenset(_WORDS.split(" "))
 
 _TOKEN = re.compile(
     r"""(?P<space>[ \t\r\f\v]+|\#[^\n]*)
