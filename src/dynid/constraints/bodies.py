@@ -45,14 +45,22 @@ def bodies_of(
         )
     if not capsules:
         return None, ([], [])
+    # By link: pairs of two links then stand together, as the kernels want them.
+    capsules = tuple(sorted(capsules, key=lambda item: item.link))
     pairs = [
         (a, b)
-        for a in range(len(capsules))
-        for b in range(a + 1, len(capsules))
-        if settings.self_collision and abs(capsules[a].link - capsules[b].link) > 1
+        for first in range(robot.joints + 1)
+        for second in range(first + 2, robot.joints + 1)
+        for a, inner in enumerate(capsules)
+        for b, outer in enumerate(capsules)
+        if settings.self_collision and (inner.link, outer.link) == (first, second)
     ]
     meetings = [
-        (a, s) for s in range(len(shapes)) for a in range(len(capsules)) if capsules[a].link > 0
+        (a, s)
+        for link in range(1, robot.joints + 1)
+        for s in range(len(shapes))
+        for a, item in enumerate(capsules)
+        if item.link == link
     ]
     every = _bodies(robot, capsules, shapes, pairs, meetings)
     own, around = every.distances(_poses(settings))
@@ -79,10 +87,24 @@ def _bodies(
         link=np.array([item.link for item in capsules], dtype=np.intp),
         ends=read_only(np.array([[item.start, item.end] for item in capsules])),
         radius=read_only(np.array([item.radius for item in capsules])),
+        spheres=read_only(np.array([_around(capsules, k) for k in range(robot.joints + 1)])),
         shapes=read_only(packed(shapes)),
         pairs=np.array(pairs, dtype=np.intp).reshape(-1, 2),
         meetings=np.array(meetings, dtype=np.intp).reshape(-1, 2),
     )
+
+
+def _around(capsules: tuple[Capsule, ...], link: int) -> Array:
+    """(4) centre and radius of a sphere around a link's capsules."""
+    own = [item for item in capsules if item.link == link]
+    if not own:
+        return np.zeros(4)
+    corners = np.array([end for item in own for end in (item.start, item.end)])
+    radii = np.repeat([item.radius for item in own], 2)
+    low, high = (corners - radii[:, None]).min(axis=0), (corners + radii[:, None]).max(axis=0)
+    centre = (low + high) / 2
+    reach = np.linalg.norm(corners - centre, axis=1) + radii
+    return np.array([*centre, float(reach.max())])
 
 
 def _poses(settings: ConstraintSettings) -> Array:

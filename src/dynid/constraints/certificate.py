@@ -105,17 +105,23 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
         )
         worst[kind] = _settled(worst[kind], found, limit * (1.0 - found.value))
         proven += [kind] if ends.proven else []
-    for kind, bodies, names in _sides(constraints):
-        rates = _rates(bodies, travel)
+    for kind, names in zip(DISTANCES, constraints.names, strict=True):
+        bodies = constraints.bodies
+        if bodies is None or not names:
+            continue
         found = least_value(
-            lambda t, half, b=bodies, r=rates: _apart(b, r, trajectory, ends, t, half),
+            lambda t, half, b=bodies, e=kind == "environment": _apart(
+                b, e, trajectory, ends, travel, t, half
+            ),
             trajectory.duration,
             first=first,
             threshold=constraints.settings.clearances[kind],
             tolerance=_DISTANCE_WITHIN,
         )
         if found.value < worst[kind].value:
-            worst[kind] = replace(worst[kind], what=names[found.index])
+            at = trajectory.evaluate(np.array([found.t])).q
+            pair = int(bodies.nearest(at, around=kind == "environment").pair[0])
+            worst[kind] = replace(worst[kind], what=names[pair])
         worst[kind] = _settled(worst[kind], found, found.value)
         proven += [kind] if ends.proven else []
     return Certificate(
@@ -173,7 +179,7 @@ def _left(
     t: Array,
     half: float,
 ) -> tuple[Array, Array]:
-    """Share of a speed limit that is left, and how fast it can change.
+    """Share of a speed limit that is left, and what it cannot fall below.
 
     A point's acceleration is at most sum_k r_k |ddq_k| + sum_jk r_max(j,k) |dq_j dq_k|, since a
     joint's column turns with the joints before it and is turned by those after it.
@@ -184,47 +190,21 @@ def _left(
     # r_max(j,k) summed over pairs: joint k with all before it, twice, and with itself.
     before = np.cumsum(speed, axis=1) - speed
     push = speed * (2 * before + speed) + ends.acceleration
-    rate = push @ reach / limit
-    return 1.0 - points.norms(motion.q, motion.dq)[:, None] / limit, rate[:, None]
-
-
-def _sides(constraints: MotionConstraints) -> list[tuple[str, Bodies, list[str]]]:
-    """The kinds of distance that are judged, each with its pairs alone."""
-    bodies = constraints.bodies
-    if bodies is None:
-        return []
-    none = np.empty((0, 2), dtype=np.intp)
-    kinds = (
-        replace(bodies, meetings=none),
-        replace(bodies, pairs=none),
-    )
-    found = zip(DISTANCES, kinds, constraints.names, strict=True)
-    return [(kind, one, names) for kind, one, names in found if names]
-
-
-def _rates(bodies: Bodies, travel: Array) -> Array:
-    """(K, n) how much each joint's speed can change each distance [m/rad or 1]."""
-    reach = np.array(
-        [
-            np.max([bodies.arm.reach(int(link), end, travel) for end in ends], axis=0)
-            for link, ends in zip(bodies.link, bodies.ends, strict=True)
-        ]
-    )
-    rows: list[Array] = []
-    for a, b in bodies.pairs:
-        inner, outer = (a, b) if bodies.link[a] <= bodies.link[b] else (b, a)
-        row = reach[outer].copy()
-        # Joints up to the inner body's link move both bodies together.
-        row[: bodies.link[inner]] = 0.0
-        rows.append(row)
-    rows += [reach[a] for a, _ in bodies.meetings]
-    return np.array(rows)
+    left = 1.0 - points.norms(motion.q, motion.dq) / limit
+    return left, left - half * (push @ reach) / limit
 
 
 def _apart(
-    bodies: Bodies, rates: Array, trajectory: Trajectory, ends: Extremes, t: Array, half: float
+    bodies: Bodies,
+    around: bool,
+    trajectory: Trajectory,
+    ends: Extremes,
+    travel: Array,
+    t: Array,
+    half: float,
 ) -> tuple[Array, Array]:
+    """The least distance, and what it cannot fall below: no body moves faster than its reach."""
     motion = trajectory.evaluate(t)
-    own, around = bodies.distances(motion.q)
-    speed = np.minimum(np.abs(motion.dq) + half * ends.acceleration, ends.velocity)
-    return np.hstack([own, around]), speed @ rates.T
+    way = half * np.minimum(np.abs(motion.dq) + half * ends.acceleration, ends.velocity)
+    found = bodies.nearest(motion.q, around=around, travel=travel, way=way)
+    return found.distance, found.bound

@@ -2,29 +2,34 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
-from dynid.constraints.arm import (
-    ArmGeometry,
-    collect,
-    place_joints,
-    place_point,
-    samples_of,
-)
-from dynid.constraints.distance import closest_on_segments, segment_to_shape, signed_distance
+from dynid.constraints.arm import ArmGeometry, samples_of
+from dynid.constraints.collision_kernels import all_distances, nearest, shortfalls
 from dynid.core.arrays import Array, Indices
 
-LENGTH = 0.1
-"""The distance that counts as much as a limit exceeded by its whole value [m]."""
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nearest:
+    """The nearest pair at each sample."""
+
+    distance: Array
+    """(N) its signed distance [m]."""
+    pair: Indices
+    """(N) its row in the list of pairs."""
+    bound: Array
+    """(N) what no pair is below while the joints move on; see `Bodies.nearest`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bodies:
-    """Capsules on the links, shapes in the base frame, and the pairs that are judged."""
+    """Capsules on the links, shapes in the base frame, and the pairs that are judged.
+
+    Pairs stand in groups, those of two links or of a link and a shape: a sphere around all
+    capsules of a link tells when a whole group is too far away to matter.
+    """
 
     arm: ArmGeometry
     link: Indices
@@ -33,12 +38,14 @@ class Bodies:
     """(C, 2, 3) ends of the segments in the joint frames of their links [m]."""
     radius: Array
     """(C) [m]"""
+    spheres: Array
+    """(n + 1, 4) centre and radius of a sphere around each link's capsules [m]."""
     shapes: Array
     """(S, 16) packed shapes."""
     pairs: Indices
-    """(P, 2) capsules that must not meet."""
+    """(P, 2) capsules that must not meet, the one of the inner link first, group by group."""
     meetings: Indices
-    """(E, 2) capsule and shape that must not meet."""
+    """(E, 2) capsule and shape that must not meet, group by group."""
 
     def distances(self, q: Array) -> tuple[Array, Array]:
         """Signed distances of all pairs.
@@ -52,11 +59,56 @@ class Bodies:
         """
         own = np.empty((len(q), len(self.pairs)))
         around = np.empty((len(q), len(self.meetings)))
-        _distances(*self._arrays(), samples_of(q), own, around)
+        all_distances(
+            self.arm.joints,
+            self.link,
+            self.ends,
+            self.radius,
+            self.shapes,
+            self.pairs,
+            self.meetings,
+            samples_of(q),
+            own,
+            around,
+        )
         return own, around
 
+    def nearest(
+        self, q: Array, *, around: bool, travel: Array | None = None, way: Array | None = None
+    ) -> Nearest:
+        """The nearest pair at each sample, and a bound nearby.
+
+        Args:
+            q: (N, n) positions [rad or m].
+            around: Judge the scene instead of the arm's own bodies.
+            travel: (n) largest |q| of each joint anywhere [rad or m].
+            way: (N, n) how far each joint may move from q [rad or m]; None for not at all.
+        """
+        groups = self._groups(around)
+        slack = np.zeros((len(q), len(groups)))
+        if way is not None and travel is not None:
+            slack = way @ self._rates(groups, around, travel).T
+        found = np.empty((2, len(q)))
+        pair = np.empty(len(q), dtype=np.intp)
+        nearest(
+            self.arm.joints,
+            self.link,
+            self.ends,
+            self.radius,
+            self.spheres,
+            self.shapes,
+            self.meetings if around else self.pairs,
+            groups,
+            around,
+            samples_of(q),
+            np.ascontiguousarray(slack),
+            found,
+            pair,
+        )
+        return Nearest(distance=found[0], pair=pair, bound=found[1])
+
     def violation(self, q: Array, own: float, around: float) -> tuple[float, Array]:
-        """Sum of squared shortfalls of the clearances, in units of `LENGTH`.
+        """Sum of squared shortfalls of the clearances, in units of `collision_kernels.LENGTH`.
 
         Args:
             q: (N, n) positions [rad or m].
@@ -67,157 +119,45 @@ class Bodies:
             The sum over samples and pairs, and its derivative (N, n).
         """
         slope = np.zeros(q.shape)
-        args = self._arrays()
-        total = _violation(*args, self.arm.prismatic, samples_of(q), own, around, slope)
-        return float(total), slope
-
-    def _arrays(self) -> tuple[Array, Indices, Array, Array, Array, Indices, Indices]:
-        return (
+        total = shortfalls(
             self.arm.joints,
+            self.arm.prismatic,
             self.link,
             self.ends,
             self.radius,
+            self.spheres,
             self.shapes,
             self.pairs,
+            self._groups(False),
             self.meetings,
+            self._groups(True),
+            samples_of(q),
+            own,
+            around,
+            slope,
         )
+        return float(total), slope
 
+    def _groups(self, around: bool) -> Indices:
+        """(G, 4) inner link (or link), outer link (or shape), first pair, last pair + 1."""
+        rows = self.meetings if around else self.pairs
+        if not len(rows):
+            return np.empty((0, 4), dtype=np.intp)
+        keys = np.stack([self.link[rows[:, 0]], rows[:, 1] if around else self.link[rows[:, 1]]], 1)
+        starts = np.flatnonzero(np.r_[True, (keys[1:] != keys[:-1]).any(axis=1)])
+        stops = np.r_[starts[1:], len(rows)]
+        return np.ascontiguousarray(np.column_stack([keys[starts], starts, stops]), dtype=np.intp)
 
-@njit(cache=True, error_model="numpy")
-def _place(
-    joints: Array,
-    link: Indices,
-    ends: Array,
-    q: Array,
-    turn: Array,
-    origin: Array,
-    axis: Array,
-    placed: Array,
-) -> None:
-    """Write the capsules' ends in the base frame (C, 2, 3)."""
-    place_joints(joints, q, turn, origin, axis)
-    for c in range(len(link)):
-        for side in range(2):
-            place_point(turn[link[c]], origin[link[c]], ends[c, side], placed[c, side])
-
-
-@njit(cache=True, error_model="numpy")
-def _distances(
-    joints: Array,
-    link: Indices,
-    ends: Array,
-    radius: Array,
-    shapes: Array,
-    pairs: Indices,
-    meetings: Indices,
-    q: Array,
-    own: Array,
-    around: Array,
-) -> None:
-    n = q.shape[1]
-    turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
-    placed, slope = np.empty((len(link), 2, 3)), np.empty(3)
-    for k in range(len(q)):
-        _place(joints, link, ends, q[k], turn, origin, axis, placed)
-        for p in range(len(pairs)):
-            a, b = pairs[p]
-            far = closest_on_segments(placed[a, 0], placed[a, 1], placed[b, 0], placed[b, 1])[0]
-            own[k, p] = far - radius[a] - radius[b]
-        for p in range(len(meetings)):
-            a, s = meetings[p]
-            far = segment_to_shape(shapes[s], placed[a, 0], placed[a, 1], slope)[0]
-            around[k, p] = far - radius[a]
-
-
-@njit(cache=True, error_model="numpy")
-def _push(force: Array, moment: Array, x: float, y: float, z: float, way: Array, by: float) -> None:
-    """Add the force `by * way` at a point to a link's force (3) and moment (3)."""
-    f0, f1, f2 = by * way[0], by * way[1], by * way[2]
-    force[0] += f0
-    force[1] += f1
-    force[2] += f2
-    moment[0] += y * f2 - z * f1
-    moment[1] += z * f0 - x * f2
-    moment[2] += x * f1 - y * f0
-
-
-@njit(cache=True, error_model="numpy")
-def _violation(
-    joints: Array,
-    link: Indices,
-    ends: Array,
-    radius: Array,
-    shapes: Array,
-    pairs: Indices,
-    meetings: Indices,
-    prismatic: Indices,
-    q: Array,
-    own: float,
-    around: float,
-    out: Array,
-) -> float:
-    n = q.shape[1]
-    turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
-    placed, way = np.empty((len(link), 2, 3)), np.empty(3)
-    force, moment = np.empty((n + 1, 3)), np.empty((n + 1, 3))
-    half = np.empty(len(link))
-    for c in range(len(link)):
-        total = 0.0
-        for r in range(3):
-            total += (ends[c, 1, r] - ends[c, 0, r]) ** 2
-        half[c] = 0.5 * math.sqrt(total)
-    total = 0.0
-    for k in range(len(q)):
-        _place(joints, link, ends, q[k], turn, origin, axis, placed)
-        force[:] = 0.0
-        moment[:] = 0.0
-        hit = False
-        for p in range(len(pairs)):
-            a, b = pairs[p]
-            touch = float(radius[a] + radius[b] + own)
-            room, apart = touch + half[a] + half[b], 0.0
-            for r in range(3):
-                apart += (
-                    0.5 * (placed[a, 0, r] + placed[a, 1, r] - placed[b, 0, r] - placed[b, 1, r])
-                ) ** 2
-            if apart >= room * room:
-                continue
-            far, s, t = closest_on_segments(placed[a, 0], placed[a, 1], placed[b, 0], placed[b, 1])
-            if far >= touch:
-                continue
-            short = (touch - far) / LENGTH
-            total += short * short
-            if far <= 0.0:
-                continue
-            hit = True
-            by = -2.0 * short / LENGTH / far
-            x0 = placed[a, 0, 0] + s * (placed[a, 1, 0] - placed[a, 0, 0])
-            x1 = placed[a, 0, 1] + s * (placed[a, 1, 1] - placed[a, 0, 1])
-            x2 = placed[a, 0, 2] + s * (placed[a, 1, 2] - placed[a, 0, 2])
-            y0 = placed[b, 0, 0] + t * (placed[b, 1, 0] - placed[b, 0, 0])
-            y1 = placed[b, 0, 1] + t * (placed[b, 1, 1] - placed[b, 0, 1])
-            y2 = placed[b, 0, 2] + t * (placed[b, 1, 2] - placed[b, 0, 2])
-            way[0], way[1], way[2] = x0 - y0, x1 - y1, x2 - y2
-            _push(force[link[a]], moment[link[a]], x0, x1, x2, way, by)
-            _push(force[link[b]], moment[link[b]], y0, y1, y2, way, -by)
-        for p in range(len(meetings)):
-            a, shape = meetings[p]
-            touch = float(radius[a] + around)
-            x0 = 0.5 * (placed[a, 0, 0] + placed[a, 1, 0])
-            x1 = 0.5 * (placed[a, 0, 1] + placed[a, 1, 1])
-            x2 = 0.5 * (placed[a, 0, 2] + placed[a, 1, 2])
-            if signed_distance(shapes[shape], x0, x1, x2, way) >= touch + half[a]:
-                continue
-            far, t = segment_to_shape(shapes[shape], placed[a, 0], placed[a, 1], way)
-            if far >= touch:
-                continue
-            hit = True
-            short = (touch - far) / LENGTH
-            total += short * short
-            x0 = placed[a, 0, 0] + t * (placed[a, 1, 0] - placed[a, 0, 0])
-            x1 = placed[a, 0, 1] + t * (placed[a, 1, 1] - placed[a, 0, 1])
-            x2 = placed[a, 0, 2] + t * (placed[a, 1, 2] - placed[a, 0, 2])
-            _push(force[link[a]], moment[link[a]], x0, x1, x2, way, -2.0 * short / LENGTH)
-        if hit:
-            collect(origin, axis, prismatic, force, moment, out[k])
-    return total
+    def _rates(self, groups: Indices, around: bool, travel: Array) -> Array:
+        """(G, n) how fast each joint can change the distances of a group [m/rad or 1]."""
+        reach = np.zeros((self.arm.count + 1, self.arm.count))
+        for link, ends in zip(self.link, self.ends, strict=True):
+            for end in ends:
+                reach[link] = np.maximum(reach[link], self.arm.reach(int(link), end, travel))
+        if around:
+            return reach[groups[:, 0]]
+        rates = reach[groups[:, 1]]
+        # Joints up to the inner link move both bodies together.
+        for row, inner in zip(rates, groups[:, 0], strict=True):
+            row[:inner] = 0.0
+        return rates

@@ -89,15 +89,15 @@ class MotionConstraints:
         for kind, (points, limit) in self.points.items():
             worst[kind] = _over(points.norms(q, dq), limit, times)
         if self.bodies is not None:
-            found = self.bodies.distances(q)
-            for kind, far, names in zip(DISTANCES, found, self.names, strict=True):
-                if far.shape[1]:
-                    k, p = divmod(int(np.argmin(far)), far.shape[1])
-                    least = float(far[k, p])
+            for kind, names in zip(DISTANCES, self.names, strict=True):
+                if names:
+                    found = self.bodies.nearest(q, around=kind == "environment")
+                    k = int(np.argmin(found.distance))
+                    least = float(found.distance[k])
                     worst[kind] = Worst(
                         margin=least,
                         t=float(times[k]),
-                        what=names[p],
+                        what=names[found.pair[k]],
                         value=least,
                         limit=self.settings.clearances[kind],
                         distance=True,

@@ -1,0 +1,134 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from chains_for_constraints import random_arm, random_states
+
+from dynid.constraints.motion import MotionConstraints
+from dynid.constraints.scene import Scene, scene_from_json
+from dynid.constraints.settings import ConstraintSettings
+from dynid.robot.load import load_robot
+from dynid.robot.model import RobotModel
+from dynid.trajectory.bounds import usable_bounds
+from dynid.trajectory.json_fields import JsonFields
+
+GRADIENT_WITHIN = 1e-6
+STEP = 1e-6
+
+SCENE = scene_from_json(
+    JsonFields(
+        {
+            "shapes": [
+                {"type": "floor", "height": -0.3},
+                {"type": "wall", "point": [0.5, 0.5, 0], "normal": [-1, -1, 0.2]},
+                {"type": "box", "size": [0.3, 0.2, 0.4], "position": [0.3, -0.2, 0.3]},
+                {
+                    "type": "cylinder",
+                    "radius": 0.1,
+                    "length": 0.4,
+                    "position": [-0.3, 0.2, 0.2],
+                    "rpy": [0.4, 0.2, 0],
+                },
+                {"type": "sphere", "radius": 0.15, "position": [0.0, 0.4, 0.5]},
+            ],
+            "payload": [{"type": "box", "size": [0.1, 0.05, 0.2], "position": [0, 0, 0.1]}],
+        }
+    )
+)
+
+
+def everything(robot: RobotModel, scene: Scene | None = SCENE) -> MotionConstraints:
+    settings = ConstraintSettings(
+        bounds=usable_bounds(robot.limits, 10.0), scene=scene, self_clearance=0.01
+    )
+    return MotionConstraints(robot, settings)
+
+
+ONLY = {
+    "bounds": {},
+    "torque": {"torque": True},
+    "power": {"power": True},
+    "tcp_speed": {"tcp_speed": True},
+    "elbow_speed": {"elbow_speed": True},
+    "momentum": {"momentum": True},
+    "self_collision": {"self_collision": True},
+    "environment": {"scene": SCENE},
+}
+
+
+def only(robot: RobotModel, kind: str) -> MotionConstraints:
+    off = dict.fromkeys(
+        ("torque", "power", "tcp_speed", "elbow_speed", "momentum", "self_collision"), False
+    )
+    settings = ConstraintSettings(bounds=usable_bounds(robot.limits, 10.0), **{**off, **ONLY[kind]})
+    return MotionConstraints(robot, settings)
+
+
+@pytest.mark.parametrize("kind", ONLY)
+@pytest.mark.parametrize(("joints", "seed"), [(2, 0), (4, 1), (6, 2), (7, 3)])
+def test_derivatives_equal_central_differences(kind: str, joints: int, seed: int) -> None:
+    judge = only(random_arm(joints, seed), kind)
+    state = random_states(joints, 25, seed)
+    if kind != "bounds":  # inside the bounds, or they would drown the rest
+        state = tuple(part * 0.85 for part in state)
+    total, *slopes = judge.violation(*state, tighten=0.05)
+    if kind in ("self_collision",) and joints == 2:
+        assert total >= 0
+    else:
+        assert total > 0
+    random = np.random.default_rng(seed)
+    ways = [random.standard_normal(state[0].shape) for _ in range(3)]
+    for k in range(3):
+        up, down = list(state), list(state)
+        up[k], down[k] = state[k] + STEP * ways[k], state[k] - STEP * ways[k]
+        numeric = (
+            judge.violation(*up, tighten=0.05)[0] - judge.violation(*down, tighten=0.05)[0]
+        ) / (2 * STEP)
+        exact = float(np.vdot(slopes[k], ways[k]))
+        scale = float(np.abs(slopes[k] * ways[k]).sum())
+        assert abs(numeric - exact) <= GRADIENT_WITHIN * scale + 1e-9 * total
+
+
+def test_violation_is_zero_exactly_where_usage_is_feasible() -> None:
+    robot = random_arm(6, 5)
+    judge = everything(robot, None)
+    seen = set()
+    for seed in range(60):
+        size = (0.02, 0.3, 1.0)[seed % 3]
+        state = tuple(size * part for part in random_states(6, 1, seed))
+        holds = judge.usage(*state).feasible
+        assert (judge.violation(*state)[0] == 0) == holds
+        seen.add(holds)
+    assert seen == {True, False}
+
+
+def test_tightening_shrinks_every_limit() -> None:
+    robot = load_robot("ur5")
+    judge = only(robot, "bounds")
+    at = np.zeros((1, 6))
+    speed = np.full((1, 6), 0.97 * np.pi)
+    assert judge.violation(at, speed, at)[0] == 0
+    assert judge.violation(at, speed, at, tighten=0.05)[0] > 0
+
+
+def test_what_is_unknown_does_not_bind_and_is_null() -> None:
+    robot = random_arm(3, 0)
+    bare = replace(
+        robot,
+        capsules=(),
+        safety=type(robot.safety)(),
+        inertias=np.full((3, 10), np.nan),
+    )
+    judge = everything(bare, None)
+    margins = judge.usage(*random_states(3, 5, 0)).margins
+    assert {kind for kind, value in margins.items() if value is None} == {
+        "torque",
+        "tcp_speed",
+        "elbow_speed",
+        "momentum",
+        "power",
+        "self_collision_m",
+        "environment_m",
+    }
+    assert any("no capsules" in note for note in judge.notes)
+    assert any("torque and power are not judged" in note for note in judge.notes)
