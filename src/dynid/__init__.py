@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         RobotError,
     )
     from dynid.core.notices import Notice
+    from dynid.excitation.design import ExcitationDesign
     from dynid.identification.estimate import Estimate
     from dynid.identification.estimate_file import read_estimate, write_estimate
     from dynid.recording.files import read_recording
@@ -38,6 +39,10 @@ if TYPE_CHECKING:
     from dynid.validation.comparison import ParameterComparison, compare
     from dynid.validation.prediction import ValidationResult, validate
     from dynid.workflow.analyze import Analysis, analyze
+    from dynid.workflow.checking import Check, check
+    from dynid.workflow.design_files import read_design, write_design
+    from dynid.workflow.design_settings import DesignSettings
+    from dynid.workflow.designing import design
     from dynid.workflow.identify import Identification, identify
     from dynid.workflow.identify_settings import IdentifySettings
     from dynid.workflow.importing import ImportOptions, import_recording
@@ -47,8 +52,11 @@ if TYPE_CHECKING:
 __all__ = [
     "Analysis",
     "BaseParametrization",
+    "Check",
+    "DesignSettings",
     "DynidError",
     "Estimate",
+    "ExcitationDesign",
     "ExperimentRecord",
     "FourierSeries",
     "FrictionTerms",
@@ -72,13 +80,16 @@ __all__ = [
     "Verdict",
     "__version__",
     "analyze",
+    "check",
     "compare",
+    "design",
     "identify",
     "import_recording",
     "load_robot",
     "parse_terms",
     "process",
     "random_excitation",
+    "read_design",
     "read_estimate",
     "read_record",
     "read_recording",
@@ -87,6 +98,7 @@ __all__ = [
     "simulate_recording",
     "validate",
     "verdict",
+    "write_design",
     "write_estimate",
     "write_record",
 ]
@@ -101,6 +113,7 @@ _HOME = {
         "RobotError",
     ),
     "core.notices": ("Notice",),
+    "excitation.design": ("ExcitationDesign",),
     "identification.estimate": ("Estimate",),
     "identification.estimate_file": ("read_estimate", "write_estimate"),
     "recording.files": ("read_recording",),
@@ -119,6 +132,10 @@ _HOME = {
     "validation.comparison": ("ParameterComparison", "compare"),
     "validation.prediction": ("ValidationResult", "validate"),
     "workflow.analyze": ("Analysis", "analyze"),
+    "workflow.checking": ("Check", "check"),
+    "workflow.design_files": ("read_design", "write_design"),
+    "workflow.design_settings": ("DesignSettings",),
+    "workflow.designing": ("design",),
     "workflow.identify": ("Identification", "identify"),
     "workflow.identify_settings": ("IdentifySettings",),
     "workflow.importing": ("ImportOptions", "import_recording"),

@@ -11,9 +11,11 @@ import typer
 from dynid import __version__
 from dynid.cli import (
     analyze,
+    check,
     compare,
     controller,
     demo,
+    design,
     identify,
     importing,
     report,
@@ -61,6 +63,8 @@ def build() -> typer.Typer:
     for module in (
         robots,
         analyze,
+        design,
+        check,
         controller,
         run,
         importing,

@@ -66,7 +66,14 @@ def descend(
         if state.curvature is None:
             state.curvature = np.eye(x.size)
         slope = gradient + weight * barrier.gradient
-        direction = _newton(state.curvature, weight * barrier.curvature, slope.ravel())
+        if region.pose is not None:
+            slope[:, 0] = 0.0
+        direction = _newton(
+            state.curvature,
+            weight * barrier.curvature,
+            slope.ravel(),
+            fixed=region.pose is not None,
+        )
         step = direction.reshape(shape)
         promised = float(slope.ravel() @ direction)
         length = region.longest_step(slack, step)
@@ -94,13 +101,16 @@ def descend(
             return
 
 
-def _newton(curvature: Array, blocks: Array, slope: Array) -> Array:
-    """The step - (curvature + blocks)^-1 slope."""
+def _newton(curvature: Array, blocks: Array, slope: Array, *, fixed: bool) -> Array:
+    """The step - (curvature + blocks)^-1 slope, with no change of offsets if they are fixed."""
     matrix = curvature.copy()
     width = blocks.shape[1]
     for j, block in enumerate(blocks):
         part = slice(j * width, (j + 1) * width)
         matrix[part, part] += block
+    if fixed:
+        matrix[::width], matrix[:, ::width] = 0.0, 0.0
+        matrix[range(0, len(matrix), width), range(0, len(matrix), width)] = 1.0
     # Sums of positive definite matrices; the ridge covers the rounding of very flat directions.
     matrix[np.diag_indices_from(matrix)] += 1e-12 * np.trace(matrix)
     factor = linalg.cho_factor(matrix, check_finite=False)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from dynid.constraints.certificate import certify
 from dynid.constraints.motion import MotionConstraints
 from dynid.core.arrays import Array
 from dynid.excitation.criteria import Criterion
@@ -65,17 +66,29 @@ class DesignEvaluation:
         """Criterion values computed so far, with or without derivatives."""
         self._share = samples / count
         self._full = MotionGrid(problem, problem.times)
-        self._search = MotionGrid(problem, np.arange(count) * (duration / count))
+        times = np.arange(count, dtype=np.float64) * (duration / count)
+        self._search = MotionGrid(problem, times)
         self._kernel = GramKernel(model, problem.base, noise=problem.noise, coulomb_width=None)
         self._smooth = GramKernel(
             model, problem.base, noise=problem.noise, coulomb_width=DESIGN_WIDTH
         )
-        self._constraints = MotionConstraints(model.robot, problem.constraints)
-        judge = self._constraints
+        self.constraints = MotionConstraints(model.robot, problem.constraints)
+        judge = self.constraints
         self.constrained = (
             bool(judge.points) or judge.torque is not None or judge.bodies is not None
         )
         """Whether anything beside position, velocity and acceleration is held."""
+
+    def warm_up(self) -> None:
+        """Load, and on the first use on a machine compile, every kernel that a search needs."""
+        bounds = self.problem.constraints.bounds
+        width = 1 + self.problem.family.free_count
+        still = np.zeros((bounds.joints, width))
+        still[:, 0] = np.clip(0.0, bounds.lower, bounds.upper)
+        self.search(still + 1e-3, criterion=self.problem.criterion, penalty=1.0)
+        family = self.problem.family
+        certify(family.trajectory(still[:, 0], still[:, 1:]), self.constraints)
+        self.evaluations = 0
 
     def value(self, x: Array) -> float:
         """The objective of the motion (n, 1 + k): every sample, Coulomb steps as they are."""
@@ -90,7 +103,7 @@ class DesignEvaluation:
         """How much limits are broken on the search grid; 0 where nothing is."""
         if not self.constrained:
             return 0.0
-        return self._constraints.violation(*self._search.motion(x), tighten=tighten)[0]
+        return self.constraints.violation(*self._search.motion(x), tighten=tighten)[0]
 
     def search(
         self, x: Array, *, criterion: Criterion, penalty: float = 0.0, tighten: float = 0.0
@@ -111,7 +124,7 @@ class DesignEvaluation:
             return math.inf, np.zeros_like(x)
         gradient = self._search.pulled_back(*pullback(slope * self._share))
         if penalty > 0.0 and self.constrained:
-            broken, *bars = self._constraints.violation(*motion, tighten=tighten)
+            broken, *bars = self.constraints.violation(*motion, tighten=tighten)
             value += penalty * broken
             gradient += penalty * self._search.pulled_back(*bars)
         return value, gradient

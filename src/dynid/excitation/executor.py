@@ -18,7 +18,7 @@ class Workers(NamedTuple):
     """An executor and how many tasks it takes at a time."""
 
     executor: Executor | None
-    count: int
+    slots: int
 
 
 @contextmanager
@@ -66,10 +66,10 @@ def _dask_workers(address: str) -> Generator[Workers]:
             "no Dask scheduler answers", where="--dask", value=address, limit=str(error) or None
         ) from error
     try:
-        count = sum(client.nthreads().values())
-        if not count:
+        slots = sum(client.nthreads().values())
+        if not slots:
             raise InputError("the Dask cluster has no workers", where="--dask", value=address)
-        yield Workers(client.get_executor(), count)
+        yield Workers(client.get_executor(), slots)
     finally:
         client.close()
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynid.core.arrays import Array, Indices
+from dynid.excitation.candidate import Candidate, Stop
 from dynid.excitation.region import MotionRegion
 from dynid.excitation.starts import shape_basis
 
@@ -35,21 +36,6 @@ LEAST_FILL = 0.3
 """Least share of the tightest limit, where other constraints can make smaller motions better."""
 
 
-@dataclass(frozen=True, slots=True)
-class Fitness:
-    """How good an individual is: smaller is better, violation first."""
-
-    violation: float
-    """Zero for individuals that meet every constraint."""
-    value: float
-    """The criterion."""
-
-    @property
-    def key(self) -> tuple[float, float]:
-        """For sorting."""
-        return (max(self.violation, 0.0), self.value)
-
-
 @dataclass(slots=True)
 class Genes:
     """A population."""
@@ -65,70 +51,67 @@ class Genes:
         """Some of the individuals, copied."""
         return Genes(self.shape[chosen], self.place[chosen], self.fill[chosen])
 
+    def joined(self, others: Genes) -> Genes:
+        """These individuals and others."""
+        return Genes(
+            np.concatenate([self.shape, others.shape]),
+            np.concatenate([self.place, others.place]),
+            np.concatenate([self.fill, others.fill]),
+        )
+
 
 def evolve(
-    fitness: Callable[[Array], Fitness],
+    judge: Callable[[Array], Candidate],
     region: MotionRegion,
     *,
     population: int,
     generations: int,
     seed: int,
     full: bool,
-    tell: Callable[[int, Array, Fitness], None],
-) -> tuple[Array, Fitness]:
-    """Evolve a random population.
+    stop: Stop,
+) -> int:
+    """Evolve a random population; whoever judges keeps the best.
 
     Args:
-        fitness: Judges the numbers (n, 1 + k) of one motion.
+        judge: Judges the numbers (n, 1 + k) of one motion.
         region: Bounds of position, velocity and acceleration.
         population: Individuals of a generation.
         generations: Generations after the random one.
         seed: Seed of all random numbers.
         full: Every joint uses all of its tightest limit.
-        tell: Told each individual's number, its motion and how good it is.
+        stop: Asked before each individual.
 
     Returns:
-        The best motion of all generations, and its fitness.
+        How many generations were finished.
     """
     random = np.random.default_rng(seed)
     basis = shape_basis(region).T
-    joints, width = len(region.middle), len(basis)
+    size = (population, len(region.middle))
     genes = Genes(
-        random.standard_normal((population, joints, width)),
-        random.uniform(size=(population, joints)),
-        np.ones((population, joints)) if full else _drawn_fill(random, (population, joints)),
+        random.standard_normal((*size, len(basis))),
+        random.uniform(size=size),
+        np.ones(size) if full else random.uniform(LEAST_FILL, 1.0, size=size),
     )
-    number = 0
-    scores: list[Fitness] = []
-
-    def judged(new: Genes) -> list[Fitness]:
-        nonlocal number
-        found: list[Fitness] = []
+    elite = elite_count(population)
+    scores: list[Candidate] = []
+    for generation in range(generations + 1):
+        new = genes if generation == 0 else _children(genes, population - elite, random, full)
+        fresh: list[Candidate] = []
         for x in _decoded(new, region, basis):
-            found.append(fitness(x))
-            tell(number, x, found[-1])
-            number += 1
-        return found
-
-    scores = judged(genes)
-    elite = max(1, round(ELITE * population))
-    for _ in range(generations):
-        order = np.array(sorted(range(population), key=lambda i: scores[i].key))
-        genes = genes.taken(order)
-        scores = [scores[i] for i in order]
-        children = _children(genes, population - elite, random, full)
-        fresh = judged(children)
-        kept = genes.taken(np.arange(elite))
-        genes = Genes(
-            *(
-                np.concatenate([getattr(kept, name), getattr(children, name)])
-                for name in ("shape", "place", "fill")
-            )
-        )
+            if stop():
+                return max(generation - 1, 0)
+            fresh.append(judge(x))
+        if generation > 0:
+            genes = genes.taken(np.arange(elite)).joined(new)
         scores = scores[:elite] + fresh
-    best = min(range(population), key=lambda i: scores[i].key)
-    chosen = genes.taken(np.array([best]))
-    return _decoded(chosen, region, basis)[0], scores[best]
+        order = sorted(range(population), key=lambda i: scores[i].key)
+        genes, scores = genes.taken(np.array(order)), [scores[i] for i in order]
+    return generations
+
+
+def elite_count(population: int) -> int:
+    """How many survive a generation unchanged."""
+    return max(1, round(ELITE * population))
 
 
 def _decoded(genes: Genes, region: MotionRegion, basis: Array) -> Array:
@@ -138,7 +121,8 @@ def _decoded(genes: Genes, region: MotionRegion, basis: Array) -> Array:
     # Smaller about its own middle: it stays where it fits.
     swing = numbers[..., 1:] @ region.columns[0][:, 1:].T
     middle = (swing.max(axis=-1) + swing.min(axis=-1)) / 2
-    numbers[..., 0] += (1.0 - genes.fill) * middle
+    if region.pose is None:
+        numbers[..., 0] += (1.0 - genes.fill) * middle
     numbers[..., 1:] *= genes.fill[..., None]
     return numbers
 
@@ -168,7 +152,3 @@ def _children(genes: Genes, count: int, random: np.random.Generator, full: bool)
     place = np.clip(mixed(one.place, other.place), 0.0, 1.0)
     fill = np.clip(mixed(one.fill, other.fill), LEAST_FILL, 1.0)
     return Genes(shape, place, np.ones_like(fill) if full else fill)
-
-
-def _drawn_fill(random: np.random.Generator, size: tuple[int, int]) -> Array:
-    return random.uniform(LEAST_FILL, 1.0, size=size)

@@ -12,7 +12,7 @@ from dynid.excitation.candidate import Candidate
 from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.gradient import one_start
 from dynid.excitation.problem import ExcitationProblem
-from dynid.excitation.region import MotionRegion
+from dynid.excitation.region import region_of
 from dynid.excitation.search import Search, Tell
 
 
@@ -105,7 +105,7 @@ def run_start(
     evaluation = DesignEvaluation(problem)
     best = one_start(
         evaluation,
-        MotionRegion(problem.family, problem.constraints.bounds),
+        region_of(problem),
         seed=seed,
         number=number,
         stop=lambda: end is not None and time.monotonic() >= end,
@@ -121,9 +121,11 @@ class _Run:
         self, problem: ExcitationProblem, effort: Effort, seed: int, tell: Tell | None
     ) -> None:
         self.problem, self.effort, self.seed, self.tell = problem, effort, seed, tell
-        self.search = Search(problem=problem)
         self.evaluation = DesignEvaluation(problem)
-        self.region = MotionRegion(problem.family, problem.constraints.bounds)
+        self.region = region_of(problem)
+        self.evaluation.warm_up()
+        # The clock runs from here: compiling kernels, once on every machine, is not searching.
+        self.search = Search(problem=problem)
         self.pending: dict[Future[StartResult], int] = {}
         self.lost: list[int] = []
         self.begun = 0
@@ -157,16 +159,18 @@ class _Run:
 
     def start_here(self) -> None:
         number = self._next()
-        before = self.evaluation.evaluations
+        evaluation, elsewhere = self.evaluation, self.search.evaluations
+        before = evaluation.evaluations
+
+        def found(candidate: Candidate) -> None:
+            self.search.evaluations = elsewhere + evaluation.evaluations - before
+            self._add(candidate, number)
+
         best = one_start(
-            self.evaluation,
-            self.region,
-            seed=self.seed,
-            number=number,
-            stop=self.over,
-            found=lambda candidate: self._add(candidate, number),
+            evaluation, self.region, seed=self.seed, number=number, stop=self.over, found=found
         )
-        self._take(StartResult(number, best, self.evaluation.evaluations - before))
+        self.search.evaluations = elsewhere
+        self._take(StartResult(number, best, evaluation.evaluations - before))
 
     def collect(self, wait_s: float | None) -> None:
         """Take in what other processes finished; with no time to wait, wait for all of them."""

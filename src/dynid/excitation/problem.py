@@ -16,6 +16,8 @@ from dynid.trajectory.family import MotionFamily
 
 PAPER_RATE_HZ = 125.0
 """The UR5's sampling rate: 1250 samples in the paper's 10 s."""
+AT_POSE = 1e-9
+"""Rounding that a family may leave at its ends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,8 +25,8 @@ class ExcitationProblem:
     """The motion of a family, within constraints, that makes a criterion smallest.
 
     Raises:
-        InputError: Bounds for another number of joints, too few samples, or noise that does not
-            fit.
+        InputError: Bounds for another number of joints, too few samples, noise that does not fit,
+            or a start pose for a family that cannot start at one.
     """
 
     base: BaseParametrization
@@ -37,6 +39,9 @@ class ExcitationProblem:
     noise: Array | None = None
     """(n) standard deviation of each joint's torque, by which its rows are divided; None for
     rows as they are [N.m or N]."""
+
+    start_pose: Array | None = None
+    """(n) where the motion starts and ends, for families that can; None to choose [rad or m]."""
 
     def __post_init__(self) -> None:
         joints = self.base.model.robot.joints
@@ -55,6 +60,16 @@ class ExcitationProblem:
             )
         if self.noise is not None:
             object.__setattr__(self, "noise", frozen(self.noise, shape=(joints,), name="noise"))
+        if self.start_pose is not None:
+            pose = frozen(self.start_pose, shape=(joints,), name="start pose")
+            object.__setattr__(self, "start_pose", pose)
+            if np.abs(self.family.basis(np.zeros(1))[0]).max() > AT_POSE:
+                raise InputError(
+                    "this kind of motion does not start at a given pose",
+                    where="--start",
+                    value=self.family.name,
+                    next_step="Take --trajectory modified-fourier, fourier-quintic or bspline.",
+                )
 
     @property
     def samples(self) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError
+from dynid.excitation.problem import ExcitationProblem
 from dynid.trajectory.bounds import MotionBounds
 from dynid.trajectory.family import MotionFamily
 
@@ -39,13 +40,20 @@ class MotionRegion:
     Args:
         family: The motions.
         bounds: Bounds without NaN; infinite ones do not bind.
+        pose: (n) the offset that every motion has; None where it may be chosen.
         share: Of each bound, about the middle of the range for positions.
 
     Raises:
-        InputError: A joint that no bound keeps from moving without limit.
+        InputError: A joint without position bounds or room between them, or a pose outside.
     """
 
-    def __init__(self, family: MotionFamily, bounds: MotionBounds, share: float = SHARE) -> None:
+    def __init__(
+        self,
+        family: MotionFamily,
+        bounds: MotionBounds,
+        pose: Array | None = None,
+        share: float = SHARE,
+    ) -> None:
         count = POINTS_PER_NUMBER * (family.free_count + 2)
         t = np.arange(count, dtype=np.float64) * (family.duration / count)
         b0, b1, b2 = family.basis(t)
@@ -62,6 +70,16 @@ class MotionRegion:
                 f"joint {joint + 1}: the position limits leave no room to move",
                 value=(float(bounds.lower[joint]), float(bounds.upper[joint])),
             )
+        self.pose = pose
+        if pose is not None:
+            outside = np.abs(pose - middle) >= self.reach[0]
+            if outside.any():
+                joint = int(np.argmax(outside))
+                raise InputError(
+                    f"joint {joint + 1}: the start pose is outside the position limits",
+                    value=float(pose[joint]),
+                    limit=(float(bounds.lower[joint]), float(bounds.upper[joint])),
+                )
 
     def slack(self, x: Array) -> Array:
         """(6, g, n) what is left to the upper and lower bounds of q, dq, ddq; negative outside."""
@@ -111,28 +129,48 @@ class MotionRegion:
             (..., n, 1 + k) numbers inside the region (on its edge where `fill` is 1).
         """
         swing, dq, ddq = (free @ c[:, 1:].T for c in self.columns)
-        above, below = swing.max(axis=-1), swing.min(axis=-1)
-        ratios = (
-            2 * self.reach[0] / np.maximum(above - below, 1e-300),
-            self.reach[1] / np.maximum(np.abs(dq).max(axis=-1), 1e-300),
-            self.reach[2] / np.maximum(np.abs(ddq).max(axis=-1), 1e-300),
+        above, below = np.maximum(swing.max(axis=-1), 0.0), np.minimum(swing.min(axis=-1), 0.0)
+        if self.pose is None:
+            room = _over(2 * self.reach[0], above - below)
+        else:
+            room = np.minimum(
+                _over(self.middle + self.reach[0] - self.pose, above),
+                _over(self.pose - self.middle + self.reach[0], -below),
+            )
+        limited = np.minimum(
+            _over(self.reach[1], np.abs(dq).max(axis=-1)),
+            _over(self.reach[2], np.abs(ddq).max(axis=-1)),
         )
-        scale = fill * np.minimum(np.minimum(ratios[0], ratios[1]), ratios[2])
+        scale = fill * np.minimum(room, limited)
         first = self.middle - self.reach[0] - scale * below
         last = self.middle + self.reach[0] - scale * above
         offset = first + place * np.maximum(last - first, 0.0)
+        if self.pose is not None:
+            offset = np.broadcast_to(self.pose, offset.shape)
         return np.concatenate([offset[..., None], free * scale[..., None]], axis=-1)
 
     def pulled_inside(self, x: Array, fill: float = 0.98) -> Array:
-        """The nearest of the motions `x` scaled down about themselves that lies strictly inside."""
+        """The motion `x` (n, 1 + k), smaller and shifted as far as it takes to lie inside."""
         free, swing = x[:, 1:], self.columns[0][:, 1:] @ x[:, 1:].T
         largest = self.onto_limits(free, np.full(len(x), 0.5), fill)[:, 1:]
-        size, most = np.abs(free).max(axis=1), np.abs(largest).max(axis=1)
-        scale = np.minimum(1.0, np.divide(most, size, out=np.ones_like(size), where=size > 0))
-        room = fill * self.reach[0]
-        offset = np.clip(
-            x[:, 0],
-            self.middle - room - scale * swing.min(axis=0),
-            self.middle + room - scale * swing.max(axis=0),
-        )
+        scale = np.minimum(1.0, _over(np.abs(largest).max(axis=1), np.abs(free).max(axis=1)))
+        if self.pose is not None:
+            offset = self.pose
+        else:
+            room = fill * self.reach[0]
+            offset = np.clip(
+                x[:, 0],
+                self.middle - room - scale * swing.min(axis=0),
+                self.middle + room - scale * swing.max(axis=0),
+            )
         return np.concatenate([offset[:, None], free * scale[:, None]], axis=1)
+
+
+def region_of(problem: ExcitationProblem) -> MotionRegion:
+    """The region of a problem's bounds."""
+    return MotionRegion(problem.family, problem.constraints.bounds, problem.start_pose)
+
+
+def _over(room: Array, use: Array) -> Array:
+    """`room / use`, very large where nothing is used."""
+    return room / np.maximum(use, 1e-300)

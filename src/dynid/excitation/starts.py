@@ -17,8 +17,8 @@ def shape_basis(region: MotionRegion) -> Array:
     gram = speed.T @ speed / len(speed)
     # The ridge keeps numbers that hardly move the arm from being drawn very large.
     gram += 1e-6 * np.trace(gram) / len(gram) * np.eye(len(gram))
-    factor: Array = np.linalg.cholesky(gram)
-    return np.linalg.inv(factor).T
+    factor = np.asarray(np.linalg.cholesky(gram), dtype=np.float64)
+    return np.asarray(np.linalg.inv(factor).T, dtype=np.float64)
 
 
 def random_numbers(

@@ -1,0 +1,207 @@
+"""`dynid design`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from dynid.cli.options import JsonFlag, SeedOption, examples
+
+JOBS = 2
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command(
+        "design",
+        epilog=examples(
+            "dynid design ur5 -o design.json",
+            "dynid design ur5 -o paper.json --limits paper --criterion cond --method ga",
+            "dynid design arm.urdf -o design.json --scene cell.json --budget 60",
+        ),
+    )(_design)
+
+
+def _design(
+    robot: Annotated[
+        str, typer.Argument(metavar="ROBOT", help="Built-in name, URDF or robot file.")
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DESIGN.json", help="Where the design goes.")
+    ],
+    method: Annotated[
+        str, typer.Option(metavar="gradient|ga", help="ga: the paper's genetic algorithm.")
+    ] = "gradient",
+    criterion: Annotated[
+        str | None,
+        typer.Option(
+            metavar="cond|scaled-cond|d-opt|a-opt|e-opt|cond+sigma", help="What is made smallest."
+        ),
+    ] = None,
+    trajectory: Annotated[
+        str,
+        typer.Option(
+            metavar="fourier|modified-fourier|fourier-quintic|bspline", help="Kind of motion."
+        ),
+    ] = "fourier",
+    harmonics: Annotated[int, typer.Option(metavar="H", help="Harmonics of the series.")] = 5,
+    period: Annotated[float, typer.Option(metavar="S", help="Time of one period.")] = 10.0,
+    population: Annotated[int, typer.Option(metavar="N", help="Of the genetic algorithm.")] = 300,
+    generations: Annotated[int, typer.Option(metavar="N", help="Of the genetic algorithm.")] = 5,
+    starts: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Of the gradient method; fixes the answer for a seed."),
+    ] = None,
+    budget: Annotated[
+        float | None, typer.Option(metavar="S", help="Time to search; default: about ten seconds.")
+    ] = None,
+    seed: SeedOption = 0,
+    limits: Annotated[
+        str,
+        typer.Option(
+            metavar="safe|paper", help="safe: all that is known; paper: q, dq and ddq alone."
+        ),
+    ] = "safe",
+    scene: Annotated[
+        Path | None, typer.Option(metavar="SCENE.json", help="What stands around the robot.")
+    ] = None,
+    no_collision: Annotated[
+        bool, typer.Option("--no-collision", help="Do not look at collisions.")
+    ] = False,
+    start: Annotated[
+        str | None,
+        typer.Option(metavar="Q1,..,QN", help="Pose at both ends; not for --trajectory fourier."),
+    ] = None,
+    noise: Annotated[
+        str | None,
+        typer.Option(metavar="S1,..,SN", help="Torque noise of each joint, to weight them [N.m]."),
+    ] = None,
+    previous: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="RECORD", help="A recording to be completed; may be repeated."),
+    ] = None,
+    frames: Annotated[
+        str, typer.Option(metavar="dh|mdh|urdf", help="Frames of the parameters; default: its own.")
+    ] = "",
+    mount: Annotated[
+        str | None,
+        typer.Option(metavar="floor|wall|ceiling|tilt:DEG", help="Mounting; default: the file's."),
+    ] = None,
+    terms: Annotated[
+        str, typer.Option(metavar="fc,fv,im[,fo]", help="Friction terms of the model.")
+    ] = "fc,fv,im",
+    jobs: Annotated[
+        int, typer.Option(metavar="N", min=1, help="Processes that search side by side.")
+    ] = JOBS,
+    dask: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, instead of --jobs.")
+    ] = None,
+    csv: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also write the motion as CSV.")
+    ] = None,
+    urscript: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also write a URScript program.")
+    ] = None,
+    ros: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Also write a ROS JointTrajectory (YAML).")
+    ] = None,
+    json: JsonFlag = False,
+) -> int:
+    """Optimal excitation trajectory, certified (paper 2.2)."""
+    from dynid.cli.output import check_output, print_json
+    from dynid.cli.progress import progress_bar
+    from dynid.workflow.design_settings import DEFAULT_CRITERION, DesignSettings
+    from dynid.workflow.designing import design
+    from dynid.workflow.motion_exports import export_motion
+
+    inputs = [path for path in (scene, *(previous or ())) if path is not None]
+    check_output(output, inputs=inputs, suffix=".json")
+    exports = {"csv": csv, "urscript": urscript, "ros": ros}
+    for path in filter(None, exports.values()):
+        check_output(path, inputs=[*inputs, output])
+    settings = DesignSettings(
+        method=method,
+        criterion=DEFAULT_CRITERION if criterion is None else criterion,
+        trajectory=trajectory,
+        harmonics=harmonics,
+        period_s=period,
+        population=population,
+        generations=generations,
+        starts=starts,
+        budget_s=budget,
+        seed=seed,
+        limits=limits,
+        scene=None if scene is None else str(scene),
+        collision=not no_collision,
+        frames=frames,
+        mount=mount,
+        terms=terms,
+        start_pose=_numbers(start, "--start"),
+        noise=_numbers(noise, "--noise"),
+        previous=tuple(str(path) for path in previous or ()),
+        jobs=jobs,
+        dask=dask,
+    )
+    with progress_bar("design") as progress:
+        found = design(robot, settings, output=output, progress=progress)
+    for kind, path in exports.items():
+        if path is not None:
+            export_motion(found, kind, path)
+    data = found.to_json()
+    if json:
+        print_json(data)
+    else:
+        _show(data, output)
+    if found.interrupted:
+        print(f"dynid: interrupted; the best design so far is in {output}", file=sys.stderr)
+        return 130
+    if not found.feasible:
+        broken = ", ".join(found.certificate.broken)
+        print(f"dynid: {output} is NOT feasible: {broken}. Do not run it.", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _numbers(text: str | None, where: str) -> tuple[float, ...] | None:
+    from dynid.core.errors import InputError
+
+    if text is None:
+        return None
+    try:
+        return tuple(float(word) for word in text.split(","))
+    except ValueError as error:
+        raise InputError(
+            "needs numbers, one a joint, with commas between", where=where, value=text
+        ) from error
+
+
+def _show(data: Mapping[str, Any], output: Path) -> None:
+    from dynid.cli.certificate_table import print_certificate
+    from dynid.cli.output import console, number
+
+    screen = console()
+    verdict = "feasible" if data["feasible"] else "NOT feasible"
+    state = ", interrupted: the best so far" if data["interrupted"] else ""
+    screen.print(
+        f"{data['robot']}: condition number {number(data['condition_number'])}, {verdict}{state}",
+        style="bold",
+    )
+    screen.print(
+        f"scaled columns {number(data['scaled_condition_number'])}, log det "
+        f"{number(data['log_det'])}; {data['base_parameters']} base parameters, "
+        f"{data['samples']} samples, {data['frames']} frames"
+    )
+    screen.print(
+        f"{data['method']}, {data['criterion']}: {data['evaluations']} motions in "
+        f"{data['wall_s']:.1f} s, {data['starts']} "
+        f"{'generations' if data['method'] == 'ga' else 'starts'}, ended by {data['ended_by']}"
+    )
+    if data["repair"]:
+        screen.print(f"made feasible afterwards: {data['repair']}")
+    print_certificate(screen, data)
+    screen.print()
+    screen.print(f"written to {output}; look at it again with: dynid check {output}")

@@ -1,0 +1,138 @@
+"""One door to both optimisers: a problem in, a certified motion out."""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+from dynid.core.arrays import Array
+from dynid.core.errors import InputError, JobError
+from dynid.excitation.candidate import Candidate
+from dynid.excitation.evaluation import DesignEvaluation
+from dynid.excitation.finishing import Finished, finish
+from dynid.excitation.genetic import elite_count, evolve
+from dynid.excitation.gradient import judged
+from dynid.excitation.multistart import Effort, multistart
+from dynid.excitation.problem import ExcitationProblem
+from dynid.excitation.region import region_of
+from dynid.excitation.search import Search, Tell
+
+METHODS = ("gradient", "ga")
+LEAST_MOTIONS = 40
+"""A budget must let at least so many motions be looked at."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Optimised:
+    """A certified motion and the search behind it."""
+
+    finished: Finished
+    search: Search
+    evaluations: int
+    wall_s: float
+
+
+def by_gradient(
+    problem: ExcitationProblem,
+    effort: Effort,
+    *,
+    seed: int,
+    executor: Executor | None = None,
+    workers: int = 0,
+    tell: Tell | None = None,
+) -> Optimised:
+    """Design by gradients from many starts; see `multistart`."""
+    check_budget(effort.budget_s)
+    search = multistart(problem, effort, seed=seed, executor=executor, workers=workers, tell=tell)
+    return _finished(problem, search, effort.budget_s)
+
+
+def by_genetic_algorithm(
+    problem: ExcitationProblem,
+    *,
+    seed: int,
+    population: int = 300,
+    generations: int = 5,
+    budget_s: float | None = None,
+    tell: Tell | None = None,
+) -> Optimised:
+    """Design by the paper's genetic algorithm; see `genetic`.
+
+    Raises:
+        InputError: A population below 4, no generations, or a budget that is too short.
+        JobError: No motion was judged in time.
+    """
+    for name, number, least in (
+        ("--population", population, 4),
+        ("--generations", generations, 1),
+    ):
+        if number < least:
+            raise InputError("too small", where=name, value=number, limit=f"{least} or more")
+    check_budget(budget_s)
+    evaluation = DesignEvaluation(problem)
+    region = region_of(problem)
+    evaluation.warm_up()
+    search = Search(problem=problem)
+    total = population + generations * (population - elite_count(population))
+
+    def judge(x: Array) -> Candidate:
+        candidate = judged(evaluation, x)
+        search.evaluations = evaluation.evaluations
+        search.add(candidate, evaluation.evaluations)
+        if tell is not None:
+            tell(search.words(), min(evaluation.evaluations / total, 1.0))
+        return candidate
+
+    try:
+        search.starts = evolve(
+            judge,
+            region,
+            population=population,
+            generations=generations,
+            seed=seed,
+            full=not evaluation.constrained,
+            stop=lambda: budget_s is not None and search.wall_s >= budget_s,
+        )
+        search.ended_by = "generations" if search.starts == generations else "budget"
+    except KeyboardInterrupt:
+        search.ended_by = "interrupt"
+    return _finished(problem, search, budget_s)
+
+
+def check_budget(budget_s: float | None) -> None:
+    """Refuse a time budget that is no time.
+
+    Raises:
+        InputError: It is not positive.
+    """
+    if budget_s is not None and not budget_s > 0:
+        raise InputError("must be positive", where="--budget", value=budget_s, limit="seconds")
+
+
+def _finished(problem: ExcitationProblem, search: Search, budget_s: float | None) -> Optimised:
+    best = search.best
+    if best is None or search.evaluations < LEAST_MOTIONS:
+        if search.ended_by == "interrupt":
+            raise KeyboardInterrupt
+        raise InputError(
+            "the time budget is too short to look at a few motions",
+            where="--budget",
+            value=budget_s,
+            limit="a second or more",
+        )
+    if not math.isfinite(best.objective):
+        raise JobError(
+            "no motion excites every base parameter",
+            next_step="Take a longer period, more harmonics or wider limits.",
+        )
+    evaluation = DesignEvaluation(problem)
+    region = region_of(problem)
+    over = search.ended_by in ("interrupt", "budget")
+    finished = finish(search, evaluation, region, stop=lambda: over)
+    return Optimised(
+        finished=finished,
+        search=search,
+        evaluations=search.evaluations + evaluation.evaluations,
+        wall_s=search.wall_s,
+    )

@@ -1,0 +1,115 @@
+"""What `dynid design` can be told."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from dynid.constraints.presets import PRESETS
+from dynid.core.errors import InputError
+from dynid.excitation.criteria import CRITERIA
+from dynid.excitation.optimise import METHODS
+from dynid.trajectory.families import FAMILY_NAMES
+
+DEFAULT_CRITERION = "cond"
+DEFAULT_STARTS = 16
+"""Of the gradient method, where neither starts nor a budget are given."""
+DEFAULT_BUDGET_S = 12.0
+"""[s] Time after which the default number of starts is cut short."""
+PATIENCE = 60
+"""Starts without a better motion that end a search with a budget."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignSettings:
+    """How to design.
+
+    Raises:
+        InputError: A word that is not known, or a number that makes no sense.
+    """
+
+    method: str = "gradient"
+    """`gradient`, or `ga` for the paper's genetic algorithm."""
+    criterion: str = DEFAULT_CRITERION
+    """One of `CRITERIA`."""
+    trajectory: str = "fourier"
+    """One of `FAMILY_NAMES`."""
+    harmonics: int = 5
+    period_s: float = 10.0
+    rate_hz: float = 125.0
+    """Samples a second at which criteria are computed."""
+    population: int = 300
+    """Of the genetic algorithm."""
+    generations: int = 5
+    """Of the genetic algorithm, after the random one."""
+    starts: int | None = None
+    """Of the gradient method; None for the default, or for as many as fit into the budget."""
+    budget_s: float | None = None
+    """Time [s]; None for none beside the default's."""
+    seed: int = 0
+    limits: str = "safe"
+    """`safe`: all that is known of the robot; `paper`: position, velocity, acceleration."""
+    scene: str | None = None
+    """Scene file: what stands around the robot and what it carries."""
+    collision: bool = True
+    """Whether collisions are looked at, with `safe`."""
+    frames: str = ""
+    """`dh`, `mdh` or `urdf`; empty for the robot's own."""
+    mount: str | None = None
+    """Mounting; None for the robot's own."""
+    terms: str = "fc,fv,im"
+    """Friction terms beside the inertial parameters."""
+    start_pose: tuple[float, ...] | None = None
+    """Where the motion starts and ends, for families that can [rad or m]."""
+    noise: tuple[float, ...] | None = None
+    """Standard deviation of each joint's torque, by which its rows are divided [N.m or N]."""
+    previous: tuple[str, ...] = ()
+    """Recordings whose information the new motion shall complete."""
+    jobs: int = 1
+    """Processes, the calling one included."""
+    dask: str | None = None
+    """Address of a Dask scheduler whose workers take part."""
+
+    def __post_init__(self) -> None:
+        for name, value, words in (
+            ("--method", self.method, METHODS),
+            ("--criterion", self.criterion, tuple(CRITERIA)),
+            ("--trajectory", self.trajectory, FAMILY_NAMES),
+            ("--limits", self.limits, PRESETS),
+        ):
+            if value not in words:
+                raise InputError("unknown word", where=name, value=value, limit=", ".join(words))
+        least = 1 if self.trajectory in ("bspline", "poses") else 2
+        if self.harmonics < least:
+            raise InputError(
+                "too few harmonics to move",
+                where="--harmonics",
+                value=self.harmonics,
+                limit=f"{least} or more",
+            )
+        if not 0.1 <= self.period_s <= 3600:
+            raise InputError(
+                "must be a time", where="--period", value=self.period_s, limit="0.1 to 3600 s"
+            )
+        if self.seed < 0:
+            raise InputError("must not be negative", where="--seed", value=self.seed)
+        if self.scene is not None and (self.limits == "paper" or not self.collision):
+            raise InputError(
+                "a scene is looked at only with --limits safe and collisions on",
+                where="--scene",
+                value=self.scene,
+            )
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object."""
+        data: dict[str, Any] = asdict(self)
+        for name in ("start_pose", "noise", "previous"):
+            if data[name] is not None:
+                data[name] = list(data[name])
+        return data
+
+    @property
+    def scene_path(self) -> Path | None:
+        """The scene file."""
+        return None if self.scene is None else Path(self.scene)
