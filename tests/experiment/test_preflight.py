@@ -1,0 +1,110 @@
+"""What keeps a robot from moving, each thing alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynid.constraints.presets import safe_constraints
+from dynid.core.errors import InputError, JobError
+from dynid.drivers.ur.state import ControllerState
+from dynid.experiment.plan import ExperimentPlan, Payload
+from dynid.experiment.preflight import check_design, check_robot, require_ready
+from dynid.robot.load import load_robot
+from dynid.trajectory.rest import rest_series
+
+UR5 = load_robot("ur5")
+MIDDLE = np.array([0.1, -1.4, 0.3, -1.5, 0.2, 0.1])
+SERIES = rest_series(2.0, MIDDLE, 0.05 * np.random.default_rng(0).normal(size=(6, 4)))
+CONSTRAINTS = safe_constraints(UR5)
+PLAN = ExperimentPlan(robot=UR5, trajectory=SERIES)
+READY = ControllerState(
+    host="127.0.1.9",
+    version=(3, 15, 8, 0),
+    model="UR5",
+    remote=None,
+    rate_hz=125.0,
+    q=PLAN.start + 0.01,
+    target_qd=np.zeros(6),
+    temperature=np.full(6, 24.0),
+    robot_mode=7,
+    safety_mode=1,
+    runtime_state=1,
+    speed_fraction=1.0,
+    payload=0.0,
+    payload_cog=np.zeros(3),
+)
+
+
+def failed(state: ControllerState, plan: ExperimentPlan = PLAN) -> list[str]:
+    return [check.name for check in check_robot(plan, state, CONSTRAINTS) if not check.passed]
+
+
+def test_a_robot_that_is_ready_passes() -> None:
+    checks = check_robot(PLAN, READY, CONSTRAINTS)
+    assert failed(READY) == []
+    require_ready(checks, READY.host)
+    assert check_design(PLAN, CONSTRAINTS).feasible
+
+
+@pytest.mark.parametrize(
+    ("changes", "name"),
+    [
+        ({"model": "UR10"}, "model"),
+        ({"version": (5, 11, 0, 0)}, "model"),
+        ({"rate_hz": 500.0}, "rate"),
+        ({"robot_mode": 5}, "robot mode"),
+        ({"safety_mode": 3}, "safety mode"),
+        ({"runtime_state": 2}, "program"),
+        ({"remote": False}, "remote control"),
+        ({"speed_fraction": 0.8}, "speed slider"),
+        ({"target_qd": np.full(6, 0.1)}, "at rest"),
+        ({"payload": 1.2}, "payload"),
+    ],
+)
+def test_each_thing_alone_keeps_it_from_moving(changes: dict[str, object], name: str) -> None:
+    state = replace(READY, **changes)  # pyright: ignore[reportArgumentType]
+    assert failed(state) == [name]
+    with pytest.raises(JobError, match=f"not ready; {name}") as caught:
+        require_ready(check_robot(PLAN, state, CONSTRAINTS), state.host)
+    assert caught.value.exit_code == 1
+    assert "127.0.1.9" in str(caught.value)
+
+
+def test_all_that_is_wrong_stands_in_one_message() -> None:
+    state = replace(READY, robot_mode=5, speed_fraction=0.5)
+    with pytest.raises(JobError, match=r"robot mode: idle.*speed slider: 50 %"):
+        require_ready(check_robot(PLAN, state, CONSTRAINTS), state.host)
+
+
+def test_an_e_series_robot_needs_an_e_series_controller() -> None:
+    plan = ExperimentPlan(robot=load_robot("ur5e"), trajectory=SERIES, rate_hz=500.0)
+    e_series = replace(READY, version=(5, 11, 0, 0), rate_hz=500.0, remote=True)
+    assert failed(e_series, plan) == []
+    assert failed(replace(e_series, version=(3, 15, 0, 0)), plan) == ["model"]
+
+
+def test_the_payload_asked_for_must_be_set_with_its_centre() -> None:
+    plan = replace(PLAN, payload=Payload(mass=1.2, com=(0.0, 0.0, 0.05)))
+    assert failed(READY, plan) == ["payload"]
+    held = replace(READY, payload=1.2, payload_cog=np.array([0.0, 0.0, 0.05]))
+    assert failed(held, plan) == []
+    assert failed(replace(held, payload_cog=np.zeros(3)), plan) == ["payload"]
+    # Old software does not tell its payload; the person is told what it must be.
+    silent = check_robot(plan, replace(READY, payload=None, payload_cog=None), CONSTRAINTS)
+    assert any("1.2 kg" in check.finding for check in silent)
+
+
+def test_a_design_beyond_the_limits_is_refused() -> None:
+    wild = rest_series(2.0, MIDDLE, 2.0 * np.random.default_rng(0).normal(size=(6, 4)))
+    plan = ExperimentPlan(robot=UR5, trajectory=wild)
+    with pytest.raises(InputError, match=r"must not run on ur5: .*velocity") as caught:
+        check_design(plan, CONSTRAINTS)
+    assert caught.value.exit_code == 2
+
+
+def test_a_way_to_the_start_beyond_the_limits_is_refused() -> None:
+    far = replace(READY, q=PLAN.start + np.array([0, 0, 0, 0, 0, 9.0]))
+    assert failed(far) == ["way to the start"]
