@@ -1,0 +1,93 @@
+"""Simulated controllers for the driver's tests: one address each, on loopback."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import threading
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.drivers.ur.layout import MOVING, STATE, Layout, recorded_names
+from dynid.drivers.ur.link import Disconnected, RtdeLink
+from dynid.protocol.recipe import Numbers
+
+_NEXT = itertools.count(1)
+
+
+def free_host() -> str:
+    """An address of 127.0.1.0/24 upward that no other test process uses."""
+    return f"127.0.{1 + os.getpid() % 200}.{next(_NEXT)}"
+
+
+@dataclass
+class Observer:
+    """Another client, which sees what the simulated robot does whatever becomes of the first."""
+
+    host: str
+    packages: list[Numbers] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._link = RtdeLink(self.host)
+        self.layout = Layout.of(self._link.ask_outputs(recorded_names(self._link.version[:3])))
+        self._stop = threading.Event()
+        self._news = threading.Condition()
+        self._gone = False
+        self._link.start()
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
+
+    def _read(self) -> None:
+        try:
+            while not self._stop.is_set():
+                found = self._link.packages()
+                with self._news:
+                    self.packages += found
+                    self._news.notify_all()
+        except Disconnected:
+            pass
+        finally:
+            with self._news:
+                self._gone = True
+                self._news.notify_all()
+
+    def wait_for(self, condition, timeout: float = 30.0) -> None:
+        """Wait until a condition on the newest package holds."""
+        with self._news:
+            done = self._news.wait_for(
+                lambda: self._gone or (self.packages and condition(self.packages[-1])), timeout
+            )
+        assert done, "the condition never came true"
+        assert not self._gone, "the controller has gone"
+
+    def wait_for_index(self, index: int) -> None:
+        """Wait until our program has reached a set point."""
+        self.wait_for(
+            lambda package: self.number(package, STATE) == MOVING and self.index(package) >= index
+        )
+
+    def number(self, package: Numbers, name: str) -> float:
+        return self.layout.number(package, name)
+
+    def index(self, package: Numbers) -> int:
+        return int(self.layout.number(package, "output_int_register_24"))
+
+    def column(self, name: str) -> Array:
+        with self._news:
+            rows = list(self.packages)
+        place = self.layout.places[name]
+        found = np.array([row[place] for row in rows], dtype=float)
+        return found[:, 0] if found.shape[1] == 1 else found
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+        self._link.close()
+
+    def __enter__(self) -> Observer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -1,0 +1,159 @@
+"""The UR driver against a simulated controller in a process of its own, in virtual time."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from controllers import Observer, free_host
+from gentle_motion import CYCLES, RATE, ListRecorder, gentle, gentle_execution
+
+from dynid.core.errors import InputError, JobError
+from dynid.drivers.driver import Outcome
+from dynid.drivers.ur.driver import UrDriver
+from dynid.drivers.ur.link import RtdeLink
+from dynid.drivers.ur.servoj import SLACK, ServojDriver
+from dynid.drivers.ur.state import inspect
+from dynid.simulation.controller.process import RunningController, controller_process
+
+SAME = 1e-12
+"""Between periods [rad]."""
+STILL = 1e-6
+"""[rad/s]"""
+FOLLOWS = 0.004
+"""Distance of the target from the motion, delayed [rad]."""
+LATEST_S = 0.08
+"""The longest delay: lookahead, and the cycles that a stream takes."""
+
+
+@pytest.fixture(scope="module")
+def controller() -> Iterator[RunningController]:
+    with controller_process("ur5", host=free_host(), virtual_time=True) as running:
+        yield running
+
+
+def test_the_state_is_what_the_controller_is(controller: RunningController) -> None:
+    state = inspect(controller.host)
+    assert state.model == "UR5"
+    assert ".".join(map(str, state.version)) == controller.version
+    assert (state.rate_hz, state.robot_mode, state.safety_mode) == (125.0, 7, 1)
+    assert state.remote is None
+    assert (state.temperature > 20).all()
+
+
+@pytest.fixture(scope="module")
+def three(controller: RunningController) -> tuple[Outcome, ListRecorder]:
+    recorder = ListRecorder()
+    driver = UrDriver(inspect(controller.host))
+    outcome = driver.execute(gentle_execution(3, settle=1), recorder)
+    return outcome, recorder
+
+
+def test_every_index_is_there_once(three: tuple[Outcome, ListRecorder]) -> None:
+    outcome, recorder = three
+    assert (outcome.samples, outcome.periods, outcome.gaps) == (3 * CYCLES, 3, 0)
+    assert outcome.abort is None
+    index = recorder.channel("index")
+    np.testing.assert_array_equal(index, np.arange(CYCLES, 4 * CYCLES))
+    steps = np.diff(recorder.channel("timestamp"))
+    np.testing.assert_allclose(steps, 0.008, rtol=0, atol=1e-9)
+
+
+def follows(recorder: ListRecorder) -> tuple[float, float]:
+    """The delay [s] at which the target is closest to the motion, and how close that is [rad]."""
+    t, target = recorder.channel("index") / RATE, recorder.array("target_q")
+    inside = t > LATEST_S
+
+    def error(delay: float) -> float:
+        return float(np.abs(target - gentle().evaluate(t - delay).q)[inside].max())
+
+    best = min(np.arange(0.0, LATEST_S, 0.001), key=error)
+    return best, error(best)
+
+
+def test_the_periods_have_the_same_targets(three: tuple[Outcome, ListRecorder]) -> None:
+    targets = three[1].array("target_q").reshape(3, CYCLES, 6)
+    assert np.abs(targets - targets[0]).max() <= SAME
+    delay, error = follows(three[1])
+    # What `servoj` was asked for: lookahead_time=0.03, set points joined a cycle late.
+    assert 0.03 <= delay <= 0.05
+    assert error < FOLLOWS
+    assert np.abs(three[1].array("q") - three[1].array("target_q")).max() < FOLLOWS
+
+
+def test_the_packages_are_recorded_whole(three: tuple[Outcome, ListRecorder]) -> None:
+    recorder = three[1]
+    assert (recorder.channel("robot_mode") == 7).all()
+    assert (recorder.channel("speed_scaling") == 1).all()
+    assert (recorder.channel("runtime_state") == 2).all()
+    for joint in range(1, 7):
+        assert np.isfinite(recorder.channel(f"joint_control_output_{joint}")).all()
+    assert np.abs(recorder.array("current")).max() > 0
+    assert (np.abs(recorder.array("temperature") - 24) < 5).all()
+
+
+def test_what_is_recorded_is_what_another_client_saw(controller: RunningController) -> None:
+    recorder = ListRecorder()
+    with Observer(controller.host) as observer:
+        UrDriver(inspect(controller.host)).execute(gentle_execution(), recorder)
+        seen = observer.column("timestamp")
+        rows = np.searchsorted(seen, recorder.channel("timestamp") - 1e-4)
+        np.testing.assert_array_equal(seen[rows], recorder.channel("timestamp"))
+        for name, field in (("q", "actual_q"), ("current", "actual_current")):
+            np.testing.assert_array_equal(observer.column(field)[rows], recorder.array(name))
+
+
+def test_a_stop_is_wished_and_the_robot_stands_still(controller: RunningController) -> None:
+    cancel, recorder = threading.Event(), ListRecorder()
+    with Observer(controller.host) as observer:
+
+        def wish() -> None:
+            observer.wait_for_index(120)
+            cancel.set()
+
+        thread = threading.Thread(target=wish)
+        thread.start()
+        outcome = UrDriver(inspect(controller.host)).execute(
+            gentle_execution(2), recorder, cancel=cancel
+        )
+        thread.join()
+    assert outcome.abort is not None
+    assert outcome.abort.code == "interrupted"
+    assert 100 < outcome.samples < 2 * CYCLES
+    assert np.abs(recorder.array("target_qd")[-1]).max() < STILL
+
+
+def test_another_run_follows_a_stop(controller: RunningController) -> None:
+    outcome = UrDriver(inspect(controller.host)).execute(gentle_execution(), ListRecorder())
+    assert outcome.abort is None
+    assert outcome.samples == CYCLES
+
+
+def test_set_points_can_be_streamed_by_ur_rtde(controller: RunningController) -> None:
+    pytest.importorskip("rtde_control")
+    recorder = ListRecorder()
+    driver = ServojDriver(inspect(controller.host))
+    outcome = driver.execute(gentle_execution(2), recorder)
+    assert outcome.abort is None
+    index = recorder.channel("index")
+    assert 2 * CYCLES - 1 - index[-1] <= SLACK
+    assert (np.diff(index) >= 0).all()
+    assert np.diff(index).max() <= 1 + SLACK
+    np.testing.assert_allclose(np.diff(recorder.channel("timestamp")), 0.008, rtol=0, atol=1e-9)
+    assert follows(recorder)[1] < 5 * FOLLOWS
+
+
+def test_another_client_on_our_register_is_named(controller: RunningController) -> None:
+    with RtdeLink(controller.host) as other:
+        other.ask_inputs(["input_int_register_24"])
+        with pytest.raises(JobError, match="IN_USE"):
+            UrDriver(inspect(controller.host)).execute(gentle_execution(), None)
+
+
+def test_another_rate_is_refused(controller: RunningController) -> None:
+    from dataclasses import replace
+
+    with pytest.raises(InputError, match="another rate"):
+        UrDriver(inspect(controller.host)).execute(replace(gentle_execution(), rate_hz=500.0), None)
