@@ -16,7 +16,7 @@ from dynid.simulation.controller.urscript.syntax import (
 )
 from dynid.simulation.controller.urscript.tokens import Token
 
-MAX_NESTING = 60
+MAX_NESTING = 40
 """Deepest nesting of brackets, signs and blocks."""
 _RANKS: tuple[tuple[str, ...], ...] = (
     ("or", "xor"),
