@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     )
     from dynid.core.notices import Notice
     from dynid.excitation.design import ExcitationDesign
+    from dynid.export.writing import ExportedFile, write_model
     from dynid.identification.estimate import Estimate
     from dynid.identification.estimate_file import read_estimate, write_estimate
     from dynid.recording.files import read_recording
@@ -58,6 +59,7 @@ __all__ = [
     "Estimate",
     "ExcitationDesign",
     "ExperimentRecord",
+    "ExportedFile",
     "FourierSeries",
     "FrictionTerms",
     "Identification",
@@ -100,6 +102,7 @@ __all__ = [
     "verdict",
     "write_design",
     "write_estimate",
+    "write_model",
     "write_record",
 ]
 
@@ -114,6 +117,7 @@ _HOME = {
     ),
     "core.notices": ("Notice",),
     "excitation.design": ("ExcitationDesign",),
+    "export.writing": ("ExportedFile", "write_model"),
     "identification.estimate": ("Estimate",),
     "identification.estimate_file": ("read_estimate", "write_estimate"),
     "recording.files": ("read_recording",),

@@ -16,6 +16,7 @@ from dynid.cli import (
     controller,
     demo,
     design,
+    export,
     identify,
     importing,
     report,
@@ -71,6 +72,7 @@ def build() -> typer.Typer:
         identify,
         validate,
         compare,
+        export,
         report,
         demo,
     ):

@@ -1,0 +1,208 @@
+"""The functions of the generated C header, the same for every robot.
+
+`@` stands for the robot's prefix in lower case, `$` for the one in upper case.
+"""
+
+BODY = """
+/* Torques [N.m, N] that move the arm: M ddq + coriolis + gravity + friction. */
+static inline void @_inverse_dynamics(const double q[$_JOINTS], const double dq[$_JOINTS],
+                                      const double ddq[$_JOINTS], double torque[$_JOINTS])
+{
+    double rubbing[$_JOINTS];
+    int i;
+    @_rigid_body(q, dq, ddq, @_gravity_vector, torque);
+    @_add_motors(ddq, torque);
+    @_add_known(q, torque);
+    @_friction(dq, rubbing);
+    for (i = 0; i < $_JOINTS; ++i) torque[i] += rubbing[i];
+}
+
+/* Mass matrix with the motor inertias [kg.m^2, kg]. */
+static inline void @_mass_matrix(const double q[$_JOINTS], double mass[$_JOINTS][$_JOINTS])
+{
+    static const double none[$_JOINTS] = {0.0};
+    static const double weightless[3] = {0.0, 0.0, 0.0};
+    double unit[$_JOINTS], column[$_JOINTS];
+    int i, j;
+    for (j = 0; j < $_JOINTS; ++j) {
+        for (i = 0; i < $_JOINTS; ++i) unit[i] = i == j ? 1.0 : 0.0;
+        @_rigid_body(q, none, unit, weightless, column);
+        @_add_motors(unit, column);
+        for (i = 0; i < $_JOINTS; ++i) mass[i][j] = column[i];
+    }
+}
+
+/* Coriolis and centrifugal torques C(q, dq) dq. */
+static inline void @_coriolis(const double q[$_JOINTS], const double dq[$_JOINTS],
+                              double torque[$_JOINTS])
+{
+    static const double none[$_JOINTS] = {0.0};
+    static const double weightless[3] = {0.0, 0.0, 0.0};
+    @_rigid_body(q, dq, none, weightless, torque);
+}
+
+/* Torques that hold the arm still without friction, counterbalances included. */
+static inline void @_gravity(const double q[$_JOINTS], double torque[$_JOINTS])
+{
+    static const double none[$_JOINTS] = {0.0};
+    @_rigid_body(q, none, none, @_gravity_vector, torque);
+    @_add_known(q, torque);
+}
+"""
+
+RIGID = """
+static inline void @_cross(const double a[3], const double b[3], double out[3])
+{
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+/* out = R' v */
+static inline void @_into(const double r[9], const double v[3], double out[3])
+{
+    out[0] = r[0] * v[0] + r[3] * v[1] + r[6] * v[2];
+    out[1] = r[1] * v[0] + r[4] * v[1] + r[7] * v[2];
+    out[2] = r[2] * v[0] + r[5] * v[1] + r[8] * v[2];
+}
+
+/* out = R v */
+static inline void @_out(const double r[9], const double v[3], double out[3])
+{
+    out[0] = r[0] * v[0] + r[1] * v[1] + r[2] * v[2];
+    out[1] = r[3] * v[0] + r[4] * v[1] + r[5] * v[2];
+    out[2] = r[6] * v[0] + r[7] * v[1] + r[8] * v[2];
+}
+
+/* Rotation and place of joint frame i in the one before. */
+static inline void @_frame(int i, double q, double rotation[9], double place[3])
+{
+    const double s = @_prismatic[i] ? 0.0 : sin(q), c = @_prismatic[i] ? 0.0 : cos(q);
+    int k;
+    for (k = 0; k < 9; ++k)
+        rotation[k] = @_fixed[i][k] + @_sine[i][k] * s + @_cosine[i][k] * c;
+    for (k = 0; k < 3; ++k) place[k] = @_origin[i][k] + @_slide[i][k] * q;
+}
+
+/* Rate of change of a body's momentum about its frame: force and moment. */
+static inline void @_wrench(const double b[10], const double w[3], const double dw[3],
+                            const double a[3], double force[3], double moment[3])
+{
+    const double *h = b + 1;
+    double u[3], jw[3], jdw[3];
+    int k;
+    @_cross(w, h, u);
+    @_cross(w, u, force);
+    @_cross(dw, h, u);
+    for (k = 0; k < 3; ++k) force[k] += b[0] * a[k] + u[k];
+    jw[0] = b[4] * w[0] + b[9] * w[1] + b[8] * w[2];
+    jw[1] = b[9] * w[0] + b[5] * w[1] + b[7] * w[2];
+    jw[2] = b[8] * w[0] + b[7] * w[1] + b[6] * w[2];
+    jdw[0] = b[4] * dw[0] + b[9] * dw[1] + b[8] * dw[2];
+    jdw[1] = b[9] * dw[0] + b[5] * dw[1] + b[7] * dw[2];
+    jdw[2] = b[8] * dw[0] + b[7] * dw[1] + b[6] * dw[2];
+    @_cross(w, jw, moment);
+    @_cross(h, a, u);
+    for (k = 0; k < 3; ++k) moment[k] += jdw[k] + u[k];
+}
+
+/* Recursive Newton-Euler in the joint frames. */
+static inline void @_rigid_body(const double q[$_JOINTS], const double dq[$_JOINTS],
+                                const double ddq[$_JOINTS], const double gravity[3],
+                                double torque[$_JOINTS])
+{
+    double rotation[$_JOINTS][9], place[$_JOINTS][3];
+    double force[$_JOINTS][3], moment[$_JOINTS][3];
+    double w[3] = {0.0, 0.0, 0.0}, dw[3] = {0.0, 0.0, 0.0}, a[3], t[3], u[3];
+    double f[3] = {0.0, 0.0, 0.0}, m[3] = {0.0, 0.0, 0.0};
+    int i, k;
+    for (k = 0; k < 3; ++k) a[k] = -gravity[k];
+    for (i = 0; i < $_JOINTS; ++i) {
+        const double *axis = @_axis[i];
+        @_frame(i, q[i], rotation[i], place[i]);
+        @_cross(w, place[i], t);
+        @_cross(w, t, u);
+        @_cross(dw, place[i], t);
+        for (k = 0; k < 3; ++k) u[k] += a[k] + t[k];
+        @_into(rotation[i], u, a);
+        for (k = 0; k < 3; ++k) t[k] = w[k];
+        @_into(rotation[i], t, w);
+        for (k = 0; k < 3; ++k) t[k] = dw[k];
+        @_into(rotation[i], t, dw);
+        @_cross(w, axis, t);
+        if (@_prismatic[i]) {
+            for (k = 0; k < 3; ++k) a[k] += 2.0 * dq[i] * t[k] + ddq[i] * axis[k];
+        } else {
+            for (k = 0; k < 3; ++k) {
+                dw[k] += ddq[i] * axis[k] + dq[i] * t[k];
+                w[k] += dq[i] * axis[k];
+            }
+        }
+        @_wrench(@_inertials[i], w, dw, a, force[i], moment[i]);
+    }
+    for (i = $_JOINTS - 1; i >= 0; --i) {
+        const double *axis = @_axis[i];
+        for (k = 0; k < 3; ++k) {
+            f[k] += force[i][k];
+            m[k] += moment[i][k];
+        }
+        torque[i] = @_prismatic[i] ? axis[0] * f[0] + axis[1] * f[1] + axis[2] * f[2]
+                                   : axis[0] * m[0] + axis[1] * m[1] + axis[2] * m[2];
+        for (k = 0; k < 3; ++k) t[k] = f[k];
+        @_out(rotation[i], t, f);
+        for (k = 0; k < 3; ++k) t[k] = m[k];
+        @_out(rotation[i], t, m);
+        @_cross(place[i], f, t);
+        for (k = 0; k < 3; ++k) m[k] += t[k];
+    }
+}
+
+/* Generalised momentum p = M dq, and the derivative of the kinetic energy by q.
+   Without contact dp/dt = torque - friction - gravity + slope. */
+static inline void @_momentum(const double q[$_JOINTS], const double dq[$_JOINTS],
+                              double p[$_JOINTS], double slope[$_JOINTS])
+{
+    static const double none[3] = {0.0, 0.0, 0.0};
+    double rotation[$_JOINTS][9], place[$_JOINTS][3], turn[$_JOINTS][3], drift[$_JOINTS][3];
+    double linear[$_JOINTS][3], angular[$_JOINTS][3];
+    double w[3] = {0.0, 0.0, 0.0}, v[3] = {0.0, 0.0, 0.0}, t[3], u[3];
+    double l[3] = {0.0, 0.0, 0.0}, h[3] = {0.0, 0.0, 0.0};
+    int i, k;
+    for (i = 0; i < $_JOINTS; ++i) {
+        @_frame(i, q[i], rotation[i], place[i]);
+        @_cross(w, place[i], t);
+        for (k = 0; k < 3; ++k) t[k] += v[k];
+        @_into(rotation[i], t, v);
+        for (k = 0; k < 3; ++k) t[k] = w[k];
+        @_into(rotation[i], t, w);
+        for (k = 0; k < 3; ++k) {
+            if (@_prismatic[i]) v[k] += dq[i] * @_axis[i][k];
+            else w[k] += dq[i] * @_axis[i][k];
+            turn[i][k] = w[k];
+            drift[i][k] = v[k];
+        }
+        @_wrench(@_inertials[i], none, w, v, linear[i], angular[i]);
+    }
+    for (i = $_JOINTS - 1; i >= 0; --i) {
+        const double *axis = @_axis[i];
+        for (k = 0; k < 3; ++k) {
+            l[k] += linear[i][k];
+            h[k] += angular[i][k];
+        }
+        @_cross(turn[i], axis, t);
+        @_cross(drift[i], axis, u);
+        p[i] = slope[i] = 0.0;
+        for (k = 0; k < 3; ++k) {
+            p[i] += axis[k] * (@_prismatic[i] ? l[k] : h[k]);
+            slope[i] += @_prismatic[i] ? l[k] * t[k] : h[k] * t[k] + l[k] * u[k];
+        }
+        for (k = 0; k < 3; ++k) t[k] = l[k];
+        @_out(rotation[i], t, l);
+        for (k = 0; k < 3; ++k) t[k] = h[k];
+        @_out(rotation[i], t, h);
+        @_cross(place[i], l, t);
+        for (k = 0; k < 3; ++k) h[k] += t[k];
+    }
+    @_add_motors(dq, p);
+}
+"""
