@@ -1,0 +1,93 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from design_arms import Floats, arm, problem
+
+from dynid.core.errors import InputError
+from dynid.excitation.candidate import Candidate
+from dynid.excitation.evaluation import DesignEvaluation
+from dynid.excitation.genetic import evolve
+from dynid.excitation.gradient import judged
+from dynid.excitation.optimise import by_genetic_algorithm
+from dynid.excitation.region import region_of
+from dynid.excitation.starts import random_numbers
+
+POPULATION, GENERATIONS = 40, 5
+
+
+def evolved(seed: int, *, safe: bool = False) -> list[Candidate]:
+    """Every individual, in order."""
+    asked = problem(arm(torque=40.0), safe=safe)
+    evaluation = DesignEvaluation(asked)
+    seen: list[Candidate] = []
+
+    def judge(x: Floats) -> Candidate:
+        seen.append(judged(evaluation, x))
+        return seen[-1]
+
+    done = evolve(
+        judge, region_of(asked), population=POPULATION, generations=GENERATIONS, seed=seed,
+        full=not safe, stop=lambda: False,
+    )  # fmt: skip
+    assert done == GENERATIONS
+    return seen
+
+
+def test_a_seed_gives_the_same_generations_again_and_another_seed_others() -> None:
+    first, again, other = (evolved(seed) for seed in (3, 3, 4))
+    assert [c.objective for c in first] == [c.objective for c in again]
+    assert [c.objective for c in first] != [c.objective for c in other]
+
+
+def test_every_individual_is_on_its_tightest_limit_and_none_beyond() -> None:
+    region = region_of(problem())
+    for candidate in evolved(0):
+        slack = region.slack(candidate.x).min(axis=(0, 1))
+        np.testing.assert_allclose(slack, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_beats_as_many_random_motions(seed: int) -> None:
+    seen = evolved(seed)
+    evaluation = DesignEvaluation(problem())
+    random = np.random.default_rng(1000 + seed)
+    drawn = random_numbers(region_of(problem()), len(seen), random, fill=1.0)
+    assert min(c.objective for c in seen) < min(evaluation.value(x) for x in drawn)
+
+
+def test_feasible_individuals_win_over_better_criteria() -> None:
+    seen = evolved(0, safe=True)
+    fresh = POPULATION - 1
+    shares = [
+        np.mean([c.key[0] == 0.0 for c in seen[first : first + fresh]])
+        for first in (0, len(seen) - fresh)
+    ]
+    assert shares[1] > shares[0]
+    best = min(seen, key=lambda c: c.key)
+    assert best.violation <= 1e-4
+    assert any(c.objective < best.objective and c.violation > 1e-4 for c in seen)
+
+
+def test_the_whole_optimiser_certifies_its_best() -> None:
+    done = by_genetic_algorithm(
+        problem(arm(torque=40.0), safe=True), seed=0, population=20, generations=2
+    )
+    assert done.finished.certificate.feasible
+    assert done.search.ended_by == "generations"
+    values = [entry.value for entry in done.search.history if entry.feasible]
+    assert values == sorted(values, reverse=True)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "words"),
+    [
+        ({"population": 1}, "--population"),
+        ({"generations": 0}, "--generations"),
+        ({"budget_s": 0.0}, "--budget"),
+        ({"budget_s": 1e-6}, "budget is too short"),
+    ],
+)
+def test_bad_numbers_are_named(numbers: dict[str, float], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        by_genetic_algorithm(problem(), seed=0, **numbers)  # type: ignore[arg-type]
