@@ -21,6 +21,7 @@ from dynid.regressor.adjoint_regressor import regressor_pullback
 from dynid.regressor.inertial import inertial_rows
 from dynid.regressor.inertial_kernel import LANES
 from dynid.regressor.model import InverseDynamicModel
+from dynid.regressor.trigonometry import turns
 
 DESIGN_WIDTH = 0.05
 """Width of the Coulomb step inside an optimiser [rad/s or m/s]: its slope can be followed."""
@@ -63,6 +64,16 @@ class GramKernel:
         self._model = model if coulomb_width is None else model.with_coulomb_width(coulomb_width)
         self._layout = gram_layout(self._model, base)
         self._weights = 1.0 / np.square(sigma)
+        sizes = [len(panel.columns) for panel in self._layout.panels]
+        self._entries = np.concatenate(
+            [(c[:, None] * base.rank + c).ravel() for c in (p.columns for p in self._layout.panels)]
+        )
+        self._sums = np.empty(len(self._entries))
+        ends = np.cumsum(np.square(sizes))[:-1]
+        self._products = [
+            part.reshape(size, size)
+            for part, size in zip(np.split(self._sums, ends), sizes, strict=True)
+        ]
         self._threads = ThreadpoolController()
         self._samples = -1
         self._calls = 0
@@ -86,15 +97,18 @@ class GramKernel:
         self._load(q, dq, ddq)
         state = self._state
         constants = self._model.constants
-        inertial_rows(constants, state[0], state[1], state[2], self._rows, self._layout.places)
+        self._turn = turns(state[0])
+        inertial_rows(constants, self._turn, *state, self._rows, self._layout.places)
         fill_beside(self._model, state[1], state[2], self._beside)
-        gram = np.zeros((self.rank, self.rank))
         with self._threads.limit(limits=1):  # pyright: ignore[reportUnknownMemberType]
             for j, panel in enumerate(self._layout.panels):
                 rows = self._rows[panel.rows, : self._samples]
-                rows[: len(panel.beside)] = self._beside[panel.beside, j, : self._samples]
-                gram[panel.columns[:, None], panel.columns] += self._weights[j] * (rows @ rows.T)
-        return gram
+                for row, column in zip(rows, panel.beside, strict=False):
+                    row[:] = self._beside[column, j, : self._samples]
+                np.matmul(rows, rows.T, out=self._products[j])
+                self._products[j] *= self._weights[j]
+        entries = np.bincount(self._entries, self._sums, minlength=self.rank**2)
+        return entries.reshape(self.rank, self.rank)
 
     def gram_and_pullback(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Pullback]:
         """G (b, b), and the function that differentiates tr(S G).
@@ -142,12 +156,14 @@ class GramKernel:
             for j, panel in enumerate(self._layout.panels):
                 rows, bars = (a[panel.rows, :samples] for a in (self._rows, self._bars))
                 np.matmul(2.0 * self._weights[j] * panel.block(s), rows, out=bars)
-                self._beside_bars[panel.beside, j, :samples] = bars[: len(panel.beside)]
+                for bar, column in zip(bars, panel.beside, strict=False):
+                    self._beside_bars[column, j, :samples] = bar
         constants = self._model.constants
         regressor_pullback(
             constants.geometry,
             constants.screws,
             constants.gravity,
+            self._turn,
             self._state,
             self._bars,
             self._layout.places,

@@ -16,6 +16,7 @@ from dynid.regressor.adjoint_torque import torque_pullback
 from dynid.regressor.inertial import every_row
 from dynid.regressor.inertial_kernel import LANES
 from dynid.regressor.model import InverseDynamicModel
+from dynid.regressor.trigonometry import turns
 
 Gradient = tuple[Array, Array, Array]
 """Derivatives by q, dq and ddq, each (N, n)."""
@@ -59,6 +60,7 @@ def torque_adjoint(
         constants.screws,
         constants.gravity,
         np.array(parameters[: 10 * n], dtype=np.float64).reshape(n, 10),
+        turns(state[0]),
         state,
         weights,
         out,
@@ -98,6 +100,7 @@ def regressor_adjoint(
         constants.geometry,
         constants.screws,
         constants.gravity,
+        turns(state[0]),
         state,
         rows.reshape(10 * n * n, -1),
         every_row(n),

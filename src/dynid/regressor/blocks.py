@@ -80,8 +80,9 @@ class JointColumns(ColumnBlock):
 
     def fill(self, robot: RobotModel, dq: Array, ddq: Array, out: Array) -> None:
         """See `ColumnBlock`."""
-        rows = list(self._rows(robot))
-        out[np.arange(len(rows)), rows] = self.values(dq, ddq)[rows]
+        values = self.values(dq, ddq)
+        for column, row in zip(out, self._rows(robot), strict=True):
+            column[row] = values[row]
 
     def pull(
         self,

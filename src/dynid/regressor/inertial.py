@@ -8,6 +8,7 @@ import numpy as np
 
 from dynid.core.arrays import Array, read_only
 from dynid.regressor.inertial_kernel import LANES, Places, column_kernel
+from dynid.regressor.trigonometry import turns
 from dynid.robot.model import RobotModel
 
 
@@ -83,7 +84,8 @@ def inertial_columns(
     if not out.flags.c_contiguous:
         out[:] = inertial_columns(constants, q, dq, ddq, out.copy())
         return out
-    inertial_rows(constants, q, dq, ddq, out.reshape(10 * n * n, samples), every_row(n))
+    rows = out.reshape(10 * n * n, samples)
+    inertial_rows(constants, turns(q), q, dq, ddq, rows, every_row(n))
     return out
 
 
@@ -94,12 +96,19 @@ def every_row(joints: int) -> Places:
 
 
 def inertial_rows(
-    constants: ChainConstants, q: Array, dq: Array, ddq: Array, out: Array, places: Places
+    constants: ChainConstants,
+    turn: Array,
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    out: Array,
+    places: Places,
 ) -> None:
     """Chosen entries of the inertial columns, in any order.
 
     Args:
         constants: From `chain_constants`.
+        turn: (2, n, N) from `turns`, cosine and sine of q.
         q: (n, N) positions [rad or m], contiguous like the next three; N is `LANES` or more.
         dq: (n, N) velocities.
         ddq: (n, N) accelerations.
@@ -107,4 +116,5 @@ def inertial_rows(
         places: (n, n, 10) the row of out for link i, joint row k up to i, parameter c; below 0
             for none.
     """
-    column_kernel(constants.geometry, constants.screws, constants.gravity, q, dq, ddq, out, places)
+    geometry, screws, gravity = constants.geometry, constants.screws, constants.gravity
+    column_kernel(geometry, screws, gravity, turn, q, dq, ddq, out, places)

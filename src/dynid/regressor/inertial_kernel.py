@@ -8,8 +8,6 @@ the innermost loops. Equations: Featherstone, Rigid Body Dynamics Algorithms, ch
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -27,6 +25,7 @@ def column_kernel(
     geom: Array,
     screw: Array,
     grav: Array,
+    turn: Array,
     q: Array,
     dq: Array,
     ddq: Array,
@@ -41,8 +40,6 @@ def column_kernel(
     v = np.empty((3, LANES))
     dw = np.empty((3, LANES))
     dv = np.empty((3, LANES))
-    cos = np.empty(LANES)
-    sin = np.empty(LANES)
     rot = np.empty((9, LANES))
     p = np.empty((3, LANES))
     acc = np.empty((3, LANES))
@@ -61,10 +58,7 @@ def column_kernel(
             a0, a1, a2 = screw[i, 0], screw[i, 1], screw[i, 2]
             b0, b1, b2 = screw[i, 3], screw[i, 4], screw[i, 5]
             for x in range(LANES):
-                cos[x] = math.cos(q[i, first + x])
-                sin[x] = math.sin(q[i, first + x])
-            for x in range(LANES):
-                c, sn, qx = cos[x], sin[x], q[i, first + x]
+                c, sn, qx = turn[0, i, first + x], turn[1, i, first + x], q[i, first + x]
                 for r in range(9):
                     rot[r, x] = g[r] + g[9 + r] * c + g[18 + r] * sn
                 for r in range(3):
