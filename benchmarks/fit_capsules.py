@@ -2,9 +2,11 @@
 
     python benchmarks/fit_capsules.py ur5 [--margin 0.001]
 
-Every triangle of a link's mesh ends up within one capsule (a capsule is convex, so its
-corners are enough), at the smallest total volume that a few dozen starts find. Prints the
-[[capsule]] tables. The meshes are those of the package example-robot-data.
+Capsules may stick out of a link by an allowance (a few millimetres at the wrist). Candidates
+run between points within the mesh, as thick as the allowance lets them be; a greedy cover
+picks few of them so that every triangle of the mesh lies within one (a capsule is convex, so
+the corners are enough). Prints the [[capsule]] tables. The meshes are those of the package
+example-robot-data.
 """
 
 from __future__ import annotations
@@ -15,16 +17,20 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-from scipy.optimize import minimize
-from scipy.spatial import ConvexHull
+from scipy.interpolate import RegularGridInterpolator
+from scipy.spatial import cKDTree
 
 DATA = Path(sys.prefix) / (
     f"lib/python3.{sys.version_info.minor}/site-packages/"
     "cmeel.prefix/share/example-robot-data/robots"
 )
 LINKS = ("base", "shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
-COUNTS = (2, 3, 7, 7, 3, 3, 2)
-EDGE = 0.02
+ALLOWANCE = (0.020, 0.020, 0.020, 0.017, 0.015, 0.015, 0.015)
+"""How far capsules may stick out of each link of a UR5 [m]."""
+SUNK = 0.06
+"""How far capsules of the base may reach below it, into what it stands on [m]."""
+SPACING = 0.007
+CANDIDATES = 2500
 
 
 def triangles(name: str) -> list[np.ndarray]:
@@ -47,12 +53,12 @@ def triangles(name: str) -> list[np.ndarray]:
     return found
 
 
-def split(faces: np.ndarray) -> np.ndarray:
-    """The same surface with no edge longer than EDGE."""
+def split(faces: np.ndarray, longest: float) -> np.ndarray:
+    """The same surface with no edge longer than `longest`."""
     done = []
     while len(faces):
         edges = np.linalg.norm(faces - np.roll(faces, -1, axis=1), axis=2)
-        long = edges.max(axis=1) > EDGE
+        long = edges.max(axis=1) > longest
         done.append(faces[~long])
         faces, edges = faces[long], edges[long]
         halves = []
@@ -64,105 +70,141 @@ def split(faces: np.ndarray) -> np.ndarray:
     return np.concatenate(done)
 
 
-def to_segment(points: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    a, b = ends[:3], ends[3:]
+def inside(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Whether the surface winds around points (Van Oosterom and Strackee's solid angle)."""
+    total = np.zeros(len(points))
+    for part in np.array_split(np.arange(len(faces)), max(1, len(faces) // 200)):
+        a, b, c = (faces[part, k][None] - points[:, None] for k in range(3))
+        la, lb, lc = (np.linalg.norm(x, axis=2) for x in (a, b, c))
+        top = np.einsum("ptk,ptk->pt", a, np.cross(b, c))
+        below = la * lb * lc + (a * b).sum(2) * lc + (b * c).sum(2) * la + (c * a).sum(2) * lb
+        total += 2 * np.arctan2(top, below).sum(axis=1)
+    return np.abs(total) > 2 * np.pi
+
+
+def distances(points: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """From points to the segment ab."""
     way = b - a
     t = np.clip((points - a) @ way / max(way @ way, 1e-12), 0, 1)
     return np.linalg.norm(points - a - t[:, None] * way, axis=1)
 
 
-def volume(ends: np.ndarray, radius: float) -> float:
-    length = np.linalg.norm(ends[3:] - ends[:3])
-    return np.pi * radius**2 * (length + 4 / 3 * radius)
+def fit(mesh: np.ndarray, allowance: float, sunk: float) -> list[tuple[np.ndarray, float]]:
+    """Segments (2, 3) and radii that hold every triangle; they may be `sunk` below the mesh."""
+    random = np.random.default_rng(0)
+    fine = split(mesh, 0.004).reshape(-1, 3)
+    bottom = mesh[..., 2].min()
+    surface = cKDTree(fine[fine[:, 2] > bottom + 0.003] if sunk else fine)
+    # Long links get coarser steps.
+    coarse = 1.0 if np.ptp(mesh.reshape(-1, 3), axis=0).max() < 0.25 else 1.5
+    spacing = SPACING * coarse
+    faces = split(mesh, 0.012 * coarse)
+    low, high = mesh.reshape(-1, 3).min(0) - spacing, mesh.reshape(-1, 3).max(0) + spacing
+    low[2] -= sunk
+    axes = [np.arange(x, y + spacing, spacing) for x, y in zip(low, high, strict=True)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    points = grid.reshape(-1, 3)
+    depth = surface.query(points)[0]
+    lifted = np.where(points[:, 2] < bottom + 0.006, bottom + 0.006, points[:, 2])
+    within = inside(np.column_stack([points[:, :2], lifted]) if sunk else points, mesh)
+    depth = np.where(within, depth, -depth)
+    field = RegularGridInterpolator(axes, depth.reshape(grid.shape[:3]), bounds_error=False,
+                                    fill_value=-1.0)  # fmt: skip
+    seeds = points[depth > 0.25 * spacing]
+    corners = faces.reshape(-1, 3)
+    middles = faces.mean(axis=1)
+    area = np.linalg.norm(np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0]), axis=1)
+    chosen: list[tuple[np.ndarray, float]] = []
+    open_ = np.ones(len(faces), dtype=bool)
+    ends = seeds[random.integers(len(seeds), size=(CANDIDATES, 2))]
+    ends[: CANDIDATES // 6, 1] = ends[: CANDIDATES // 6, 0]
+    steps = np.linspace(0, 1, 13)[:, None]
 
+    def width(ends: np.ndarray) -> np.ndarray:
+        way = ends[:, None, 0] + steps[None] * (ends[:, None, 1] - ends[:, None, 0])
+        return field(way.reshape(-1, 3)).reshape(len(ends), -1).min(axis=1)
 
-def capsule(points: np.ndarray, start: np.ndarray | None) -> tuple[np.ndarray, float]:
-    """The smallest capsule around points."""
-    if len(points) > 60:
-        points = points[ConvexHull(points, qhull_options="QJ").vertices]
-    centre = points.mean(axis=0)
-    _, spread, axes = np.linalg.svd(points - centre, full_matrices=False)
-    along = (points - centre) @ axes.T
-    starts = [] if start is None else [start]
-    if start is None:
-        for k in range(3):
-            low, high = along[:, k].min(), along[:, k].max()
-            r = np.delete(np.abs(along), k, axis=1).max()
-            low, high = min(low + r, 0), max(high - r, 0)
-            starts.append(np.concatenate([centre + low * axes[k], centre + high * axes[k]]))
-    best: tuple[float, np.ndarray] | None = None
-    for ends in starts:
-        found = minimize(
-            lambda x: 1e3 * volume(x, to_segment(points, x).max()),
-            ends,
-            method="Nelder-Mead",
-            options={"maxiter": 300 if start is not None else 700, "xatol": 1e-5, "fatol": 1e-6},
-        )
-        if best is None or found.fun < best[0]:
-            best = (float(found.fun), found.x)
-    assert best is not None
-    return best[1], float(to_segment(points, best[1]).max())
+    def held(segment: np.ndarray, radius: float) -> np.ndarray:
+        mask = np.zeros(len(faces), dtype=bool)
+        at = np.flatnonzero(distances(middles, *segment) < radius)
+        far = distances(faces[at].reshape(-1, 3), *segment).reshape(-1, 3).max(axis=1)
+        mask[at[far <= radius - 2e-4]] = True
+        return mask
 
-
-def fit(faces: np.ndarray, count: int, starts: int, seed: int) -> list[tuple[np.ndarray, float]]:
-    """Capsules that hold every triangle: Lloyd's way, by how much a capsule must grow."""
-    random = np.random.default_rng(seed)
-    centres = faces.mean(axis=1)
-    best: tuple[float, list[tuple[np.ndarray, float]]] | None = None
-    for _ in range(starts if count > 1 else 1):
-        picks = centres[random.choice(len(centres), count, replace=False)]
-        owner = np.linalg.norm(centres[:, None] - picks, axis=2).argmin(axis=1)
-        shapes: list[tuple[np.ndarray, float]] = []
-        for turn in range(7):
-            if any((owner == k).sum() < 4 for k in range(count)):
-                shapes = []
+    # Long flat sides first, with hardly any allowance; the corners that are left need more.
+    whole = area.sum()
+    for extra, least in ((0.003, 0.05), (allowance / 2, 0.04), (allowance, 0.0)):
+        radii = width(ends) + extra
+        rows = np.flatnonzero(radii > extra)
+        table = np.array([held(ends[row], radii[row]) for row in rows])
+        while open_.any():
+            gain = table[:, open_] @ area[open_]
+            best = int(np.argmax(gain))
+            if gain[best] <= 0.5 * least * whole:
                 break
-            shapes = [
-                capsule(faces[owner == k].reshape(-1, 3), shapes[k][0] if turn else None)
-                for k in range(count)
-            ]
-            # A triangle goes to the capsule that holds it most deeply.
-            out = np.stack(
-                [
-                    to_segment(faces.reshape(-1, 3), ends).reshape(-1, 3).max(axis=1) - radius
-                    for ends, radius in shapes
-                ]
-            )
-            new = out.argmin(axis=0)
-            if (new == owner).all():
+            segment, radius = ends[rows[best]], radii[rows[best]]
+            most, mask = gain[best], table[best]
+            step = 0.012
+            for _ in range(8):
+                # Climb from the best candidate.
+                near = segment + step * random.standard_normal((30, 2, 3))
+                better = False
+                for one, wide in zip(near, width(near) + extra, strict=True):
+                    if wide > extra:
+                        trial = held(one, wide)
+                        worth = float(area[trial & open_].sum())
+                        if worth > most:
+                            segment, radius, most, mask, better = one, wide, worth, trial, True
+                step *= 1.0 if better else 0.6
+            if most <= least * whole:
                 break
-            owner = new
-        if not shapes or any((owner == k).sum() < 4 for k in range(count)):
-            continue
-        shapes = [capsule(faces[owner == k].reshape(-1, 3), shapes[k][0]) for k in range(count)]
-        total = sum(volume(*shape) for shape in shapes)
-        if best is None or total < best[0]:
-            best = (total, shapes)
-    assert best is not None
-    return best[1]
+            chosen.append((segment, radius))
+            open_ &= ~mask
+    while open_.any():
+        # What no candidate holds: a ball around what is left nearby.
+        here = middles[np.flatnonzero(open_)[0]]
+        near = open_ & (np.linalg.norm(middles - here, axis=1) < 0.015)
+        centre = faces[near].reshape(-1, 3).mean(axis=0)
+        radius = float(np.linalg.norm(faces[near].reshape(-1, 3) - centre, axis=1).max())
+        chosen.append((np.array([centre, centre]), radius + 2e-4))
+        open_ &= ~near
+    # Every triangle to the capsule that holds it most deeply; each as thin as its own allow.
+    out = np.stack(
+        [distances(corners, *seg).reshape(-1, 3).max(axis=1) - radius for seg, radius in chosen]
+    )
+    owner = out.argmin(axis=0)
+    return [
+        (seg, float(distances(faces[owner == k].reshape(-1, 3), *seg).max()))
+        for k, (seg, _) in enumerate(chosen)
+        if (owner == k).any()
+    ]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("robot")
     parser.add_argument("--margin", type=float, default=0.001, help="wider than the mesh [m]")
-    parser.add_argument("--starts", type=int, default=12)
+    parser.add_argument("--scale", type=float, default=1.0, help="of the allowances")
+    parser.add_argument("--links", type=int, nargs="*", default=range(7), help="0 the base")
     given = parser.parse_args()
-    for k, (faces, count) in enumerate(zip(triangles(given.robot), COUNTS, strict=True)):
-        shapes = fit(split(faces), count, given.starts, k)
+    for k, (mesh, allowance) in enumerate(zip(triangles(given.robot), ALLOWANCE, strict=True)):
+        if k not in given.links:
+            continue
+        shapes = fit(mesh, allowance * given.scale, 0.0 if k else SUNK)
+        print(f"{LINKS[k]}: {len(shapes)}", file=sys.stderr, flush=True)
         for j, (ends, radius) in enumerate(shapes):
             # Rounded to 0.1 mm; the radius pays for it.
             points = np.round(ends, 4)
             if k == 0:
-                points *= np.array([-1, -1, 1, -1, -1, 1.0])  # base_link to UR's base
-            radius = np.ceil((radius + given.margin + 1e-4) * 1e4) / 1e4
+                points = points * np.array([-1, -1, 1.0])  # base_link to UR's base
+            width = np.ceil((radius + given.margin + 1e-4) * 1e4) / 1e4
             name = LINKS[k] if k == 0 else f"{LINKS[k]}_joint"
             print("[[capsule]]")
             print(f'name = "{LINKS[k]} {j + 1}"\nlink = "{name}"')
             if k:
                 print('frames = "urdf"')
-            print(f"start = {(points[:3] + 0.0).tolist()}\nend = {(points[3:] + 0.0).tolist()}")
-            print(f"radius = {radius:.4f}\n", flush=True)
+            a, b = ((np.round(point, 4) + 0.0).tolist() for point in points)
+            print(f"start = {a}\nend = {b}\nradius = {width:.4f}\n", flush=True)
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ SCENE = scene_from_json(
     JsonFields(
         {
             "shapes": [
-                {"type": "floor", "height": -0.3},
+                {"type": "floor", "height": -0.5},
                 {"type": "wall", "point": [0.5, 0.5, 0], "normal": [-1, -1, 0.2]},
                 {"type": "box", "size": [0.3, 0.2, 0.4], "position": [0.3, -0.2, 0.3]},
                 {
@@ -90,14 +90,15 @@ def test_derivatives_equal_central_differences(kind: str, joints: int, seed: int
 
 
 def test_violation_is_zero_exactly_where_usage_is_feasible() -> None:
-    robot = random_arm(6, 5)
+    robot = load_robot("ur5")
     judge = everything(robot, None)
+    home = np.array([0.0, -1.2, 0.9, -1.2, -1.57, 0.0])
     seen = set()
     for seed in range(60):
         size = (0.02, 0.3, 1.0)[seed % 3]
-        state = tuple(size * part for part in random_states(6, 1, seed))
-        holds = judge.usage(*state).feasible
-        assert (judge.violation(*state)[0] == 0) == holds
+        q, dq, ddq = (size * part for part in random_states(6, 1, seed))
+        holds = judge.usage(home + q, dq, ddq).feasible
+        assert (judge.violation(home + q, dq, ddq)[0] == 0) == holds
         seen.add(holds)
     assert seen == {True, False}
 

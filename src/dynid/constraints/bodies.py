@@ -23,7 +23,8 @@ def bodies_of(
 ) -> tuple[Bodies | None, tuple[list[str], list[str]]]:
     """The bodies and the names of their pairs; None where nothing is to be judged.
 
-    Neighbouring links are not judged, nor is the base against the scene it stands on. Pairs
+    Neighbouring links are not judged, nor links that the robot says stay apart (what the flange
+    carries is judged against those), nor is the base against the scene it stands on. Pairs
     nearer than the clearance in every pose are so by construction and are left out.
 
     Raises:
@@ -46,22 +47,23 @@ def bodies_of(
     if not capsules:
         return None, ([], [])
     # By link: pairs of two links then stand together, as the kernels want them.
-    capsules = tuple(sorted(capsules, key=lambda item: item.link))
+    own_count = len(robot.capsules)
+    order = sorted(range(len(capsules)), key=lambda k: capsules[k].link)
+    carried = [k >= own_count for k in order]
+    capsules = tuple(capsules[k] for k in order)
+    of_link = [
+        [k for k, item in enumerate(capsules) if item.link == link]
+        for link in range(robot.joints + 1)
+    ]
     pairs = [
         (a, b)
         for first in range(robot.joints + 1)
         for second in range(first + 2, robot.joints + 1)
-        for a, inner in enumerate(capsules)
-        for b, outer in enumerate(capsules)
-        if settings.self_collision and (inner.link, outer.link) == (first, second)
+        for a in of_link[first]
+        for b in of_link[second]
+        if settings.self_collision and (carried[b] or (first, second) not in robot.apart)
     ]
-    meetings = [
-        (a, s)
-        for link in range(1, robot.joints + 1)
-        for s in range(len(shapes))
-        for a, item in enumerate(capsules)
-        if item.link == link
-    ]
+    meetings = [(a, s) for members in of_link[1:] for s in range(len(shapes)) for a in members]
     every = _bodies(robot, capsules, shapes, pairs, meetings)
     own, around = every.distances(_poses(settings))
     pairs = _free(pairs, own, capsules, settings.self_clearance, notes)

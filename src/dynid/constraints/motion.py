@@ -97,7 +97,7 @@ class MotionConstraints:
                     worst[kind] = Worst(
                         margin=least,
                         t=float(times[k]),
-                        what=names[found.pair[k]],
+                        what=names[int(found.pair[k])],
                         value=least,
                         limit=self.settings.clearances[kind],
                         distance=True,

@@ -62,6 +62,8 @@ class RobotModel:
     """Springs and cylinders whose torque is known."""
     capsules: tuple[Capsule, ...] = ()
     """Self-collision shapes."""
+    apart: tuple[tuple[int, int], ...] = ()
+    """Pairs of links (0 the base) that cannot meet, whatever their capsules say."""
     safety: SafetyLimits = field(default_factory=SafetyLimits)
     """Limits of the whole arm, as its controller watches them."""
     locked: Mapping[str, float] = field(default_factory=dict[str, float])
@@ -108,6 +110,8 @@ class RobotModel:
             raise RobotError("a counterbalance acts on no joint of this robot", where=self.name)
         if any(item.link > n for item in self.capsules):
             raise RobotError("a capsule is fixed in no link of this robot", where=self.name)
+        if any(not 0 <= link <= n for pair in self.apart for link in pair):
+            raise RobotError("links that stay apart are not of this robot", where=self.name)
         if self.safety.elbow > n:
             raise RobotError("the elbow is no joint of this robot", where=self.name)
 

@@ -12,7 +12,8 @@
     [drives] gain, gear_ratio, coupling, offset, position_side, torque_side
     [inertia] frames, mass, com, tensor        tensor: Jxx Jyy Jzz Jyz Jxz Jxy about the com
     [[counterbalance]] joint, outer, inner, rest_length, offset, piston_area, gas_work, gas_volume
-    [[capsule]] name, link, frames, start, end, radius
+    [[capsule]] name, link, frames, start, end, radius            link: `base` or a joint
+    [collision] apart                          pairs of links that cannot meet
 
 Units are SI; nan stands for an unknown number, and what is not published is left out. Every
 table takes `source` and `KEY_source`. Keys that are not listed here are errors.
@@ -34,6 +35,7 @@ from dynid.robot.files import is_there, located, shown_path
 from dynid.robot.model import FRAMES, RobotModel
 from dynid.robot.robotfile_parts import (
     read_capsules,
+    read_collision,
     read_counterbalances,
     read_drives,
     read_inertias,
@@ -51,6 +53,7 @@ MAX_BYTES = 1_000_000
 _TOP = (
     "name", "joint_names", "frames", "urdf", "tip", "locked", "dh", "joint", "base", "flange",
     "urdf_frames", "mount", "limits", "safety", "drives", "inertia", "counterbalance", "capsule",
+    "collision",
 )  # fmt: skip
 _TYPES = ("revolute", "prismatic")
 
@@ -79,6 +82,7 @@ def robot_from_toml(data: bytes, path: Path) -> RobotModel:
             ("inertia", read_inertias),
             ("counterbalance", read_counterbalances),
             ("capsule", read_capsules),
+            ("collision", read_collision),
         ):
             if name in top:
                 with located(name):

@@ -136,6 +136,17 @@ def read_capsules(values: object, robot: RobotModel) -> Part:
     return {"capsules": tuple(found)}, texts
 
 
+def read_collision(values: object, robot: RobotModel) -> Part:
+    """The table `collision`: `apart`, pairs of links that cannot meet."""
+    table = Table(values, "", "collision", ("apart",))
+    links = ("base", *robot.joint_names)
+    found: list[tuple[int, int]] = []
+    for pair in table.pairs("apart", links):
+        first, second = sorted(links.index(name) for name in pair)
+        found.append((first, second))
+    return {"apart": tuple(found)}, table.sources("collision")
+
+
 def _frames(table: Table, robot: RobotModel) -> Array:
     name = table.text("frames", _BODY_FRAMES) if "frames" in table else "joint"
     if name == "joint":

@@ -55,6 +55,7 @@ def robot_to_json(robot: RobotModel) -> dict[str, Any]:
             }
             for item in robot.capsules
         ],
+        "apart": [list(pair) for pair in robot.apart],
         "safety": {key: _null(value) for key, value in asdict(robot.safety).items()},
         "locked": dict(robot.locked),
         "notes": list(robot.notes),
@@ -95,7 +96,8 @@ def robot_from_json(data: Mapping[str, Any]) -> RobotModel:
             flange=_array(data["flange"]),
             counterbalances=tuple(Counterbalance(**spring) for spring in data["counterbalances"]),
             capsules=tuple(Capsule(**item) for item in data["capsules"]),
-            # Files of the first versions know no safety limits.
+            # Files of the first versions know neither of these two.
+            apart=tuple((int(a), int(b)) for a, b in data.get("apart", [])),
             safety=_safety(data.get("safety", {})),
             locked={str(k): float(v) for k, v in data["locked"].items()},
             notes=tuple(str(note) for note in data["notes"]),

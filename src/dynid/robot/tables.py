@@ -102,6 +102,17 @@ class Table:
         values = [[self._number(key, item, unknown) for item in row] for row in rows]
         return np.array(values, dtype=np.float64).reshape(count, width)
 
+    def pairs(self, key: str, choices: Sequence[str]) -> list[tuple[str, str]]:
+        """A list of pairs of words, each one of `choices`."""
+        found: list[tuple[str, str]] = []
+        for item in self._list(key, None):
+            two = self._check_list(key, item, 2)
+            for word in two:
+                if word not in choices:
+                    raise self._wrong(key, "unknown word", shown(word), ", ".join(choices))
+            found.append((str(two[0]), str(two[1])))
+        return found
+
     def _required(self, key: str) -> object:
         if key not in self._values:
             raise RobotError(f"the key '{key}' is missing", where=self.where or None)

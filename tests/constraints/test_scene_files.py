@@ -1,0 +1,133 @@
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dynid.constraints.presets import safe_constraints
+from dynid.constraints.scene import read_scene, scene_from_json
+from dynid.constraints.settings import ConstraintSettings
+from dynid.constraints.shapes import BOX, HALF_SPACE
+from dynid.core.errors import InputError
+from dynid.robot.load import load_robot
+from dynid.trajectory.bounds import MotionBounds, usable_bounds
+from dynid.trajectory.json_fields import JsonFields
+
+BALL = {"type": "sphere", "radius": 0.1, "position": [1, 0, 0]}
+
+
+def scene(*shapes: Any, **more: Any) -> Any:
+    return scene_from_json(JsonFields({"shapes": list(shapes), **more}))
+
+
+def test_a_scene_file_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "cell.json"
+    path.write_text(
+        json.dumps(
+            {
+                "shapes": [
+                    {"type": "floor"},
+                    {"type": "table", "name": "bench", "size": [1, 2], "position": [0, 0, 0.5]},
+                ],
+                "payload": [BALL],
+            }
+        )
+    )
+    found = read_scene(path)
+    assert [item.kind for item in found.shapes] == [HALF_SPACE, BOX]
+    assert found.shapes[1].name == "bench"
+    np.testing.assert_allclose(found.shapes[1].size, [0.5, 1.0, 0.025])
+    np.testing.assert_allclose(found.shapes[1].pose[:3, 3], [0, 0, 0.475])
+    assert found.payload[0].name == "sphere 1"
+    assert found.source == str(path)
+
+
+@pytest.mark.parametrize(
+    ("shape", "message"),
+    [
+        ({"type": "pyramid"}, "shapes 1: unknown shape.*pyramid.*floor, wall, table"),
+        ({"type": "box", "size": [1, 1], "position": [0, 0, 0]}, "'size' must hold 3 numbers"),
+        ({"type": "box", "size": [1, 1, -1], "position": [0, 0, 1]}, "sizes must be positive"),
+        ({**BALL, "colour": "red"}, r"shapes 1 \(sphere\): unknown key 'colour'"),
+        ({"type": "sphere", "position": [0, 0, 1]}, "radius must be a number"),
+        ({"type": "wall", "point": [0, 0, 0], "normal": [0, 0, 0]}, "no length"),
+        ({"type": "floor", "height": "low"}, "height must be a number"),
+        ("floor", "must be a JSON object"),
+    ],
+)
+def test_a_wrong_shape_is_named(shape: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        scene(shape)
+
+
+def test_wrong_files_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "cell.json"
+    for text, message in (
+        ("{", "not JSON"),
+        ("[]", "JSON object"),
+        ("{}", "needs 'shapes' or 'payload'"),
+        ('{"shape": []}', "unknown key 'shape'"),
+        ('{"shapes": {}}', "must be a list"),
+        ('{"payload": [{"type": "floor"}]}', "payload 1: unknown shape"),
+    ):
+        path.write_text(text)
+        with pytest.raises(InputError, match=message) as caught:
+            read_scene(path)
+        assert str(path) in str(caught.value)
+    with pytest.raises(InputError, match="cannot be read"):
+        read_scene(tmp_path / "none.json")
+
+
+def test_a_scene_that_encloses_the_robot_is_refused() -> None:
+    around = {"type": "box", "name": "cell", "size": [4, 4, 4], "position": [0, 0, 0]}
+    with pytest.raises(InputError, match=r"no room.*'cell' in every pose"):
+        safe_constraints(load_robot("ur5"), scene(around))
+
+
+def test_the_floor_that_the_robot_stands_on_is_allowed() -> None:
+    judge = safe_constraints(load_robot("ur5"), scene({"type": "floor", "height": 0.0}))
+    home = np.array([0.0, -1.2, 0.9, -1.2, -1.57, 0.0])
+    judge.check_pose(home)
+    with pytest.raises(InputError, match=r"start pose is in collision.*floor"):
+        judge.check_pose(np.array([0.0, 0.6, 0.0, 0.0, 0.0, 0.0]))
+    with pytest.raises(InputError, match="start pose is outside the position limits"):
+        judge.check_pose(np.array([7.0, -1.2, 0.9, -1.2, -1.57, 0.0]))
+
+
+def test_a_payload_is_carried_along() -> None:
+    robot = load_robot("ur5")
+    home = np.array([0.0, -1.2, 0.9, -1.2, -1.57, 0.0])
+    floor = {"type": "floor", "height": -0.2}
+    free = safe_constraints(robot, scene(floor))
+    rod = {"type": "cylinder", "radius": 0.02, "length": 0.6, "position": [0, 0, 0.31]}
+    loaded = safe_constraints(robot, scene(floor, payload=[rod]))
+    rest = np.zeros((1, 6))
+    before, after = (
+        judge.usage(home[None], rest, rest).distance("environment") for judge in (free, loaded)
+    )
+    assert after < before - 0.5
+
+
+def test_contradictory_limits_are_refused() -> None:
+    robot = load_robot("ur5")
+    bounds = usable_bounds(robot.limits)
+    stuck = MotionBounds(
+        lower=np.zeros(6),
+        upper=np.zeros(6),
+        velocity=bounds.velocity,
+        acceleration=bounds.acceleration,
+    )
+    with pytest.raises(InputError, match="joint 1: the position limits leave no room"):
+        ConstraintSettings(bounds=stuck)
+    unknown = replace(bounds, velocity=np.full(6, np.nan))
+    with pytest.raises(InputError, match="velocity bounds hold an unknown number"):
+        ConstraintSettings(bounds=unknown)
+    with pytest.raises(InputError, match="clearance"):
+        ConstraintSettings(bounds=bounds, clearance=-0.1)
+
+
+def test_a_scene_needs_bodies() -> None:
+    with pytest.raises(InputError, match="needs a robot with self-collision shapes"):
+        safe_constraints(replace(load_robot("ur5"), capsules=()), scene(BALL))
