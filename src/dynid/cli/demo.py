@@ -22,11 +22,15 @@ def _demo(
         Path, typer.Option("-o", "--output", metavar="DIR", help="Where the files go.")
     ] = Path("runs/demo"),
     quick: Annotated[
-        bool, typer.Option("--quick", help="One repetition of the trajectory, not three.")
+        bool,
+        typer.Option(
+            "--quick",
+            help="One repetition of each motion, not three, and a shorter search for them.",
+        ),
     ] = False,
     json: JsonFlag = False,
 ) -> None:
-    """The paper's job on the simulated UR5, beside its figures."""
+    """The whole paper on the simulated UR5 and its controller, cold and warm."""
     from dynid.cli.output import console, number, print_json, print_notices, print_table
     from dynid.cli.progress import progress_bar
     from dynid.workflow.demo import run_demo
@@ -58,7 +62,6 @@ def _demo(
     for row in demo.table:
         if row.note:
             screen.print(f"- {row.quantity}: {row.note}")
-    screen.print("- the trajectories are random: neither optimised nor checked for collisions")
     screen.print("\nChoices of preset best", style="bold")
     for choice in demo.best.estimate.choices:
         screen.print(f"- {choice}")

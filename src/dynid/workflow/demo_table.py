@@ -7,10 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from dynid.excitation.design import ExcitationDesign
+from dynid.validation.comparison import ParameterComparison
 from dynid.workflow.analyze import Analysis
 from dynid.workflow.identify import Identification
 
 PAPER_CONDITION = 153.0
+PAPER_WARMING = -35.0
+"""Largest change of viscous friction from a cold to a warm robot [%]."""
 PAPER_ERROR = 0.0550
 """e_N of the paper's validation [N.m]; its N is not given."""
 
@@ -38,11 +42,14 @@ class Row:
         }
 
 
-def comparison(analysis: Analysis, paper: Identification, best: Identification) -> tuple[Row, ...]:
-    """The table.
+def comparison(
+    analysis: Analysis, design: ExcitationDesign, paper: Identification, best: Identification
+) -> tuple[Row, ...]:
+    """Structure, excitation and prediction.
 
     Args:
         analysis: The structure of the UR5.
+        design: The motion that was identified from.
         paper: Identification with the paper's settings, validated.
         best: Identification with chosen settings, validated.
     """
@@ -60,11 +67,18 @@ def comparison(analysis: Analysis, paper: Identification, best: Identification) 
     rms = [float(np.sqrt(np.mean(np.square(check.metrics.rmse)))) for check in checks]
     fits = [
         Row(
-            quantity="condition number",
+            quantity="condition number, designed",
             paper=PAPER_CONDITION,
+            preset_paper=design.condition_number,
+            preset_best=design.condition_number,
+            note="ours inside every safety limit: tool speed, power, torque, self-collision",
+        ),
+        Row(
+            quantity="condition number, as executed",
+            paper=None,
             preset_paper=both[0].estimate.condition_number,
             preset_best=both[1].estimate.condition_number,
-            note="paper: optimised trajectory; ours: a random one",
+            note="the servo follows with a delay; preset best may have more columns",
         ),
         Row(
             quantity="e_N on the other motion",
@@ -97,6 +111,45 @@ def comparison(analysis: Analysis, paper: Identification, best: Identification) 
         ),
     ]
     return (*structure, *fits)
+
+
+def warming(change: ParameterComparison, joints: int) -> tuple[Row, ...]:
+    """What warming up changed (paper 3.2, Fig. 4).
+
+    Args:
+        change: From cold to warm, with the paper's settings.
+        joints: Number of joints.
+    """
+    found = dict(zip(change.names, change.change_percent, strict=True))
+    rows = [
+        _ours(
+            f"viscous friction of joint {j}, cold to warm",
+            float(found[f"Fv{j}"]),
+            PAPER_WARMING if j == 1 else None,
+            "paper: by up to 35 % down" if j == 1 else "",
+            unit="%",
+        )
+        for j in range(1, joints + 1)
+        if f"Fv{j}" in found
+    ]
+    for group in change.groups:
+        if group.members:
+            rows.append(
+                _ours(
+                    f"{group.name} parameters, largest |z| cold to warm",
+                    group.largest_z,
+                    None,
+                    f"above {group.limit_z:.1f} something moved",
+                )
+            )
+    return tuple(rows)
+
+
+def _ours(quantity: str, ours: float, paper: float | None, note: str = "", unit: str = "") -> Row:
+    """A figure of the paper's settings alone."""
+    return Row(
+        quantity=quantity, unit=unit, paper=paper, preset_paper=ours, preset_best=None, note=note
+    )
 
 
 def _same(quantity: str, paper: float, ours: float, note: str = "") -> Row:

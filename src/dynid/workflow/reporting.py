@@ -179,8 +179,16 @@ def _reported(
         )
         item = _with_spectrum(item, record)
         break
-    # The likeliest partner: a name that says so, else the first in order.
-    for key in sorted(others, key=lambda key: ("valid" not in key, key)):
+    # The likeliest partner: as warm, named so, else the first in order.
+    thermal = {record.metadata.extra.get("thermal") for record in own.values()}
+    for key in sorted(
+        others,
+        key=lambda key: (
+            others[key].metadata.extra.get("thermal") not in thermal,
+            "valid" not in key,
+            key,
+        ),
+    ):
         validation_name, validation = key, validate(estimate, others[key])
         item = replace(item, temperature=_temperature(others[key], validation))
         warnings = tuple(dict.fromkeys((*warnings, *validation.warnings)))
