@@ -53,6 +53,11 @@ class Tracker:
         self._target[0], self._target[1] = pose, 0.0
         self.now = self._reached()
 
+    def rest(self, joint: int, place: float) -> None:
+        """Aim one joint at standing still at a place [rad or m]."""
+        self._setpoints[:, joint] = place
+        self._target[0, joint], self._target[1, joint] = place, 0.0
+
     def follow(self, servo: Servo) -> None:
         """Delay set points from now on by another lookahead."""
         self._rate = servo.filter_rate(self._cycle)

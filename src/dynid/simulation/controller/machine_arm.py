@@ -15,11 +15,12 @@ from dynid.simulation.state import PlantState
 from dynid.simulation.thermal import Thermal
 from dynid.simulation.truth import SimulatedArm
 
-PROGRAM_STOP = 100.0
+PROGRAM_STOP = 80.0
 """How the arm brakes when nobody moves it any more [rad/s^2]."""
-PROTECTIVE_STOP = 200.0
+PROTECTIVE_STOP = 120.0
 """How it brakes in a protective stop [rad/s^2]."""
 _AXES = 6
+_OVERSHOOT, _MOVED = 1e-3, 0.1
 
 
 class ControlledArm:
@@ -57,6 +58,7 @@ class ControlledArm:
         self.speed: list[float] = [0.0] * _AXES
         """Speed of the set point [rad/s]."""
         self._next: list[float] | None = None
+        self._stopping: list[float] | None = None
         self.still = 0
         """Cycles for which the set point has not moved."""
         self.plant.reset(self.setpoint)
@@ -90,6 +92,10 @@ class ControlledArm:
         if not powered:
             self._stand()
             return
+        if self._next is None:
+            self._rest()
+        else:
+            self._stopping = None
         last = self.setpoint
         target = self._next if self._next is not None else self._brake()
         self._next = None
@@ -137,6 +143,31 @@ class ControlledArm:
     def _measure(self) -> None:
         # Drawn every cycle, so that the noise does not depend on who listens.
         self._noise = self._generator.standard_normal((4, _AXES))
+
+    def _rest(self) -> None:
+        """Hold a joint where it came to rest.
+
+        A stop that asks for more torque than there is overshoots; the servo must not pull the
+        joint back.
+        """
+        state = self.state
+        if self._stopping is None:
+            speeds: list[float] = state.dq.tolist()
+            self._stopping = speeds if max(map(abs, speeds)) > _MOVED else []
+            return
+        if not self._stopping:
+            return
+        setpoint = list(self.setpoint)
+        for joint, before in enumerate(self._stopping):
+            q, dq, ddq = (float(part[joint]) for part in (state.q, state.dq, state.ddq))
+            late = abs(q - state.target.q[joint]) > _OVERSHOOT and abs(before) > _MOVED
+            # The state is one cycle old: the joint may come to rest before the next is seen.
+            rests = dq * ddq < 0.0 and abs(dq) < 2.0 * self.cycle * abs(ddq)
+            if late and (rests or before * dq < 0.0):
+                setpoint[joint] = q - dq * dq / (2.0 * ddq) if rests else q
+                self.plant.tracker.rest(joint, setpoint[joint])
+                self.speed[joint], self._stopping[joint] = 0.0, 0.0
+        self.setpoint = setpoint
 
     def _brake(self) -> list[float]:
         fastest = max(abs(value) for value in self.speed)

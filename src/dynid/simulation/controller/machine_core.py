@@ -81,7 +81,6 @@ class Core:
         self.inputs, self.outputs, self.signals = Registers(), Registers(), Signals()
         self.mode = RobotMode.RUNNING
         self.messages: deque[Message] = deque(maxlen=MESSAGES_KEPT)
-        self.message_count = 0
         self.payload = Payload()
         self.tcp = [0.0] * 6
         self.tcp_matrix: Array = np.eye(4)
@@ -162,7 +161,6 @@ class Core:
     ) -> None:
         """Put a message out; the oldest is dropped when nobody takes them."""
         self.messages.append(Message(text[:2000], source, level, self.now, popup))
-        self.message_count += 1
 
     def protective_stop(self, reason: str) -> None:
         """Stop the arm hard and lock it; the program ends."""
