@@ -5,12 +5,14 @@ from __future__ import annotations
 import itertools
 import os
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from dynid.core.arrays import Array
-from dynid.drivers.ur.layout import MOVING, STATE, Layout, recorded_names
+from dynid.drivers.ur.layout import APPROACHING, MOVING, STATE, Layout, recorded_names
 from dynid.drivers.ur.link import Disconnected, RtdeLink
 from dynid.protocol.recipe import Numbers
 
@@ -34,6 +36,8 @@ class Observer:
         self.layout = Layout.of(self._link.ask_outputs(recorded_names(self._link.version[:3])))
         self._stop = threading.Event()
         self._news = threading.Condition()
+        self._go = threading.Event()
+        self._go.set()
         self._gone = False
         self._link.start()
         self._thread = threading.Thread(target=self._read, daemon=True)
@@ -42,6 +46,7 @@ class Observer:
     def _read(self) -> None:
         try:
             while not self._stop.is_set():
+                self._go.wait()
                 found = self._link.packages()
                 with self._news:
                     self.packages += found
@@ -53,6 +58,15 @@ class Observer:
                 self._gone = True
                 self._news.notify_all()
 
+    @contextmanager
+    def time_stands_still(self) -> Iterator[None]:
+        """Virtual time waits for all its clients: this one reads no more."""
+        self._go.clear()
+        try:
+            yield
+        finally:
+            self._go.set()
+
     def wait_for(self, condition, timeout: float = 30.0) -> None:
         """Wait until a condition on the newest package holds."""
         with self._news:
@@ -63,10 +77,25 @@ class Observer:
         assert not self._gone, "the controller has gone"
 
     def wait_for_index(self, index: int) -> None:
-        """Wait until our program has reached a set point."""
-        self.wait_for(
-            lambda package: self.number(package, STATE) == MOVING and self.index(package) >= index
-        )
+        """Wait until our program, started after this observer, has reached a set point."""
+        begun = False
+
+        def reached(package: Numbers) -> bool:
+            nonlocal begun
+            state = self.number(package, STATE)
+            # Registers keep what an earlier program left there.
+            begun = begun or state == APPROACHING
+            return begun and state == MOVING and self.index(package) >= index
+
+        seen = 0
+
+        def look(_: Numbers) -> bool:
+            nonlocal seen
+            new, seen = self.packages[seen:], len(self.packages)
+            states = [reached(package) for package in new]
+            return any(states)
+
+        self.wait_for(look)
 
     def number(self, package: Numbers, name: str) -> float:
         return self.layout.number(package, name)

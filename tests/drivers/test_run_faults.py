@@ -1,0 +1,245 @@
+"""Whatever goes wrong in the middle of `dynid run`: the robot stops, the record stays readable,
+the message names the cause, the exit code is 1.
+
+A second client watches the simulated robot all the while.
+"""
+
+from __future__ import annotations
+
+import errno
+import inspect
+import os
+import signal
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from controllers import Observer, free_host
+from gentle_motion import CYCLES, write_gentle
+
+from dynid.cli.app import main
+from dynid.drivers.ur.commands import Dashboard, ScriptPort
+from dynid.drivers.ur.link import RtdeLink
+from dynid.recording.parquet import read_record
+from dynid.recording.record import ExperimentRecord
+from dynid.simulation.controller.process import RunningController, controller_process
+
+STOP_S = 0.1
+"""Controller time within which the robot must stop [s]."""
+CYCLE_S = 0.008
+STILL = 0.01
+"""Speed of a joint that stands still, sensor noise included [rad/s]."""
+REPEAT = 3
+RANDOM_TIMES = 20
+UNLOCK_S = 5.5
+
+
+@pytest.fixture(scope="module")
+def controller() -> Iterator[RunningController]:
+    with controller_process("ur5", host=free_host(), virtual_time=True) as running:
+        yield running
+
+
+class Fault:
+    """One run with something that happens in it."""
+
+    def __init__(self, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+        self.design = write_gentle(tmp_path / "design.json")
+        self.record = tmp_path / "run.parquet"
+        self._capsys = capsys
+        self.at = 0.0
+        """Controller time of the fault [s]."""
+        self.code, self.err = -1, ""
+
+    def run(
+        self, host: str, happen: Callable[[Observer], None] | None, index: int = 200
+    ) -> Observer:
+        """Run, let something happen at an index, and see the robot come to rest."""
+        with Observer(host) as observer:
+
+            def work() -> None:
+                observer.wait_for_index(index)
+                self.at = float(observer.column("timestamp")[-1])
+                if happen is not None:
+                    happen(observer)
+
+            thread = threading.Thread(target=work)
+            thread.start()
+            self._capsys.readouterr()
+            words = ["run", self.design, "--on", f"ur://{host}", "-o", self.record, "--yes"]
+            self.code = main([*map(str, words), "--repeat", str(REPEAT)])
+            thread.join()
+            observer.wait_for(lambda package: observer.number(package, "runtime_state") == 1)
+            rest = float(observer.column("timestamp")[-1]) + 2 * STOP_S
+            observer.wait_for(lambda package: observer.number(package, "timestamp") > rest)
+        self.err = self._capsys.readouterr().err
+        return observer
+
+    def stopped_after(self, observer: Observer) -> float:
+        """Controller time from the fault until the simulated robot stood still for good [s]."""
+        t = observer.column("timestamp")
+        speed = np.abs(observer.column("actual_qd")).max(axis=1)
+        assert speed[-1] < STILL
+        assert speed[t <= self.at][-50:].max() > STILL, "it moved when the fault came"
+        return float(t[speed >= STILL][-1]) + CYCLE_S - self.at
+
+    def check_record(self) -> ExperimentRecord:
+        record = read_record(self.record)
+        assert 10 < record.samples < REPEAT * CYCLES
+        np.testing.assert_allclose(np.diff(record.t), CYCLE_S, rtol=0, atol=1e-9)
+        assert record.metadata.extra["period_s"] == "2.0"
+        assert any("aborted" in notice.message for notice in record.problems)
+        assert "aborted" in record.metadata.extra
+        return record
+
+    def check(self, observer: Observer, name: str, normal: float, *words: str) -> None:
+        """All that a fault must end in, from the cycle on in which a variable leaves its norm."""
+        t, value = observer.column("timestamp"), observer.column(name)
+        self.at = float(t[(t >= self.at) & (value != normal)][0])
+        assert self.code == 1
+        for word in words:
+            assert word in self.err
+        assert len(self.err.strip().splitlines()) == 1
+        assert self.stopped_after(observer) <= STOP_S
+        assert words[0] in self.check_record().metadata.extra["aborted"]
+
+
+@pytest.fixture
+def fault(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Fault:
+    return Fault(tmp_path, capsys)
+
+
+def test_the_speed_slider_moves(controller: RunningController, fault: Fault) -> None:
+    def move(to: float) -> None:
+        with RtdeLink(controller.host) as link:
+            slider = link.ask_inputs(["speed_slider_mask", "speed_slider_fraction"])
+            link.write(slider.packet([1, to]))
+            # Answered after the slider was set: the connection must not end before.
+            link.ask_outputs(["timestamp"])
+
+    try:
+        observer = fault.run(controller.host, lambda _: move(0.5))
+    finally:
+        move(1.0)
+    fault.check(observer, "target_speed_fraction", 1.0, "speed slider was moved to 50 %")
+
+
+def test_somebody_stops_the_program(controller: RunningController, fault: Fault) -> None:
+    def stop(_: Observer) -> None:
+        board = Dashboard(controller.host)
+        board.ask("stop")
+        board.close()
+
+    observer = fault.run(controller.host, stop)
+    fault.check(observer, "runtime_state", 2, "the program on the controller is stopped")
+
+
+def test_the_disk_is_full(
+    controller: RunningController, fault: Fault, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write, full = os.write, threading.Event()
+
+    def refuse(file: int, data: bytes) -> int:
+        if full.is_set() and "run.parquet" in os.readlink(f"/proc/self/fd/{file}"):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(file, data)
+
+    monkeypatch.setattr(os, "write", refuse)
+    observer = fault.run(controller.host, lambda _: full.set())
+    monkeypatch.undo()
+    assert fault.code == 1
+    assert "No space left on device" in fault.err
+    # Rows wait up to half a second in memory before the disk can refuse them.
+    assert fault.stopped_after(observer) <= 0.5 + STOP_S
+    record = read_record(fault.record)
+    assert record.samples > 50
+    assert not fault.record.exists() or "aborted" in record.metadata.extra
+
+
+@pytest.mark.parametrize("seed", range(RANDOM_TIMES))
+def test_ctrl_c_at_a_random_time(controller: RunningController, fault: Fault, seed: int) -> None:
+    index = int(np.random.default_rng(seed).integers(20, REPEAT * CYCLES - 50))
+
+    def interrupt(observer: Observer) -> None:
+        handler = signal.getsignal(signal.SIGINT)
+        wish: threading.Event = inspect.getclosurevars(handler).nonlocals["event"]  # pyright: ignore[reportArgumentType]
+        # Signals take wall time, of which virtual time knows nothing: it waits.
+        with observer.time_stands_still():
+            os.kill(os.getpid(), signal.SIGINT)
+            assert wish.wait(10.0)
+            fault.at = float(observer.column("timestamp")[-1])
+
+    observer = fault.run(controller.host, interrupt, index)
+    assert fault.code == 1
+    assert "it was interrupted" in fault.err
+    t = observer.column("timestamp")
+    after = t > fault.at + STOP_S
+    assert np.abs(observer.column("actual_qd"))[after].max() < STILL
+    assert fault.check_record().samples >= index - 5
+
+
+def test_a_protective_stop(controller: RunningController, fault: Fault) -> None:
+    def bump(_: Observer) -> None:
+        port = ScriptPort(controller.host)
+        port.send("sec bump():\n  protective_stop()\nend\n")
+        port.close()
+
+    observer = fault.run(controller.host, bump)
+    fault.check(observer, "safety_mode", 1, "safety mode became protective stop")
+    # And while it lasts, the preflight lets nothing move.
+    words = ["run", fault.design, "--on", f"ur://{controller.host}", "-o", fault.record, "--yes"]
+    assert main([str(word) for word in words]) == 1
+    with Observer(controller.host) as waiting:
+        unlock = fault.at + UNLOCK_S
+        waiting.wait_for(lambda package: waiting.number(package, "timestamp") > unlock)
+    board = Dashboard(controller.host)
+    assert board.ask("unlock protective stop") == "Protective stop releasing"
+    board.close()
+
+
+def test_the_controller_dies(fault: Fault) -> None:
+    with (
+        controller_process("ur5", host=free_host(), virtual_time=True) as running,
+        Observer(running.host) as observer,
+    ):
+
+        def kill() -> None:
+            observer.wait_for_index(200)
+            running.kill()
+
+        thread = threading.Thread(target=kill)
+        thread.start()
+        words = ["run", fault.design, "--on", f"ur://{running.host}", "-o", fault.record]
+        code = main([*map(str, words), "--yes"])
+        thread.join()
+    assert code == 1
+    record = fault.check_record()
+    assert "connection" in record.metadata.extra["aborted"]
+    assert record.samples >= 190
+
+
+def test_nobody_is_there(fault: Fault, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["run", fault.design, "--on", f"ur://{free_host()}", "-o", fault.record, "--yes"]
+    assert main([str(word) for word in words]) == 1
+    assert "no connection to the controller" in capsys.readouterr().err
+    assert not fault.record.exists()
+
+
+def test_somebody_else_than_a_robot_answers(fault: Fault) -> None:
+    host = free_host()
+    with socket.create_server((host, 30004)) as server:
+
+        def answer() -> None:
+            client, _ = server.accept()
+            client.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+            client.recv(100)
+            client.close()
+
+        thread = threading.Thread(target=answer)
+        thread.start()
+        words = ["run", fault.design, "--on", f"ur://{host}", "-o", fault.record, "--yes"]
+        assert main([str(word) for word in words]) == 1
+        thread.join()
