@@ -13,6 +13,9 @@ from typing import Any, NamedTuple
 from dynid.core.errors import InputError
 from dynid.core.optional import require
 
+DASK_TIMEOUT_S = 10.0
+"""A scheduler that does not answer by then is none."""
+
 
 class Workers(NamedTuple):
     """An executor and how many tasks it takes at a time."""
@@ -60,7 +63,7 @@ def workers(jobs: int, dask: str | None = None) -> Generator[Workers]:
 def _dask_workers(address: str) -> Generator[Workers]:
     distributed: Any = require("distributed", "dask")
     try:
-        client = distributed.Client(address, timeout="10s")
+        client = distributed.Client(address, timeout=DASK_TIMEOUT_S)
     except (OSError, ValueError) as error:
         raise InputError(
             "no Dask scheduler answers", where="--dask", value=address, limit=str(error) or None

@@ -160,7 +160,7 @@ class _Run:
     def start_here(self) -> None:
         number = self._next()
         evaluation, elsewhere = self.evaluation, self.search.evaluations
-        before = evaluation.evaluations
+        before, best_before = evaluation.evaluations, self.search.best
 
         def found(candidate: Candidate) -> None:
             self.search.evaluations = elsewhere + evaluation.evaluations - before
@@ -170,7 +170,8 @@ class _Run:
             evaluation, self.region, seed=self.seed, number=number, stop=self.over, found=found
         )
         self.search.evaluations = elsewhere
-        self._take(StartResult(number, best, evaluation.evaluations - before))
+        result = StartResult(number, best, evaluation.evaluations - before)
+        self._take(result, best_before)
 
     def collect(self, wait_s: float | None) -> None:
         """Take in what other processes finished; with no time to wait, wait for all of them."""
@@ -179,7 +180,7 @@ class _Run:
             for future in done:
                 number = self.pending.pop(future)
                 try:
-                    self._take(future.result())
+                    self._take(future.result(), self.search.best)
                 except (BrokenProcessPool, CancelledError):
                     # A worker that died takes its start with it; it is begun again here.
                     self.lost.append(number)
@@ -194,8 +195,7 @@ class _Run:
         self.begun += 1
         return self.begun
 
-    def _take(self, result: StartResult) -> None:
-        before = self.search.best
+    def _take(self, result: StartResult, before: Candidate | None) -> None:
         self.search.evaluations += result.evaluations
         self.search.starts += 1
         if result.best is not None:

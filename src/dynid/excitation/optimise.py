@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import Executor
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
+
+from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError, JobError
@@ -44,8 +47,11 @@ def by_gradient(
 ) -> Optimised:
     """Design by gradients from many starts; see `multistart`."""
     check_budget(effort.budget_s)
-    search = multistart(problem, effort, seed=seed, executor=executor, workers=workers, tell=tell)
-    return _finished(problem, search, effort.budget_s)
+    with one_thread():
+        search = multistart(
+            problem, effort, seed=seed, executor=executor, workers=workers, tell=tell
+        )
+        return _finished(problem, search, effort.budget_s)
 
 
 def by_genetic_algorithm(
@@ -70,6 +76,24 @@ def by_genetic_algorithm(
         if number < least:
             raise InputError("too small", where=name, value=number, limit=f"{least} or more")
     check_budget(budget_s)
+    with one_thread():
+        search = _evolved(problem, seed, population, generations, budget_s, tell)
+        return _finished(problem, search, budget_s)
+
+
+def one_thread() -> AbstractContextManager[object]:
+    """Matrices of 50 columns gain nothing from more threads, which only wait for each other."""
+    return threadpool_limits(limits=1, user_api="blas")
+
+
+def _evolved(
+    problem: ExcitationProblem,
+    seed: int,
+    population: int,
+    generations: int,
+    budget_s: float | None,
+    tell: Tell | None,
+) -> Search:
     evaluation = DesignEvaluation(problem)
     region = region_of(problem)
     evaluation.warm_up()
@@ -97,7 +121,7 @@ def by_genetic_algorithm(
         search.ended_by = "generations" if search.starts == generations else "budget"
     except KeyboardInterrupt:
         search.ended_by = "interrupt"
-    return _finished(problem, search, budget_s)
+    return search
 
 
 def check_budget(budget_s: float | None) -> None:

@@ -1,0 +1,177 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor, Future
+from concurrent.futures.process import BrokenProcessPool
+from typing import Any
+
+import numpy as np
+import pytest
+from design_arms import arm, problem
+
+from dynid.core.errors import InputError
+from dynid.excitation.evaluation import DesignEvaluation
+from dynid.excitation.executor import workers
+from dynid.excitation.genetic import evolve
+from dynid.excitation.gradient import judged
+from dynid.excitation.multistart import Effort, multistart, run_start
+from dynid.excitation.optimise import by_gradient
+from dynid.excitation.region import region_of
+from dynid.excitation.search import Search
+
+
+class Dying(Executor):
+    """Workers that die: each task, or the pool itself."""
+
+    def __init__(self, *, at_once: bool) -> None:
+        self.at_once = at_once
+        self.tasks = 0
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        self.tasks += 1
+        if self.at_once:
+            raise BrokenProcessPool("gone")
+        future: Future[Any] = Future()
+        future.set_exception(BrokenProcessPool("gone"))
+        return future
+
+
+class Immediate(Executor):
+    """Runs each task in the calling thread."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_result(fn(*args, **kwargs))
+        return future
+
+
+def best(search: Search) -> tuple[float, np.ndarray]:
+    assert search.best is not None
+    return search.best.objective, search.best.x
+
+
+def test_the_answer_does_not_depend_on_who_runs_the_starts() -> None:
+    asked, effort = problem(), Effort(starts=3)
+    alone = multistart(asked, effort, seed=1)
+    assert (alone.ended_by, alone.starts) == ("starts", 3)
+    with workers(2) as found:
+        assert found.executor is not None
+        beside = multistart(asked, effort, seed=1, executor=found.executor, workers=found.slots)
+    immediate = multistart(asked, effort, seed=1, executor=Immediate(), workers=2)
+    for other in (beside, immediate):
+        assert other.starts == 3
+        assert best(other)[0] == best(alone)[0]
+        np.testing.assert_array_equal(best(other)[1], best(alone)[1])
+    assert beside.evaluations == alone.evaluations
+    assert best(multistart(asked, effort, seed=2))[0] != best(alone)[0]
+
+
+@pytest.mark.parametrize("at_once", [False, True])
+def test_starts_of_dead_workers_are_run_here(at_once: bool) -> None:
+    asked, effort = problem(), Effort(starts=3)
+    dying = Dying(at_once=at_once)
+    search = multistart(asked, effort, seed=1, executor=dying, workers=1)
+    assert dying.tasks >= 1
+    assert search.starts == 3
+    assert best(search)[0] == best(multistart(asked, effort, seed=1))[0]
+
+
+def test_a_dask_cluster_takes_part() -> None:
+    distributed = pytest.importorskip("distributed")
+    options: dict[str, Any] = {"n_workers": 1, "threads_per_worker": 1, "processes": False}
+    with (
+        distributed.LocalCluster(
+            **options, dashboard_address="127.0.0.1:0", host="127.0.0.1"
+        ) as cluster,
+        workers(1, cluster.scheduler_address) as found,
+    ):
+        assert found.slots == 1
+        search = multistart(
+            problem(), Effort(starts=2), seed=1, executor=found.executor, workers=found.slots
+        )
+    assert best(search)[0] == best(multistart(problem(), Effort(starts=2), seed=1))[0]
+
+
+def test_interrupted_searches_keep_the_best_motion() -> None:
+    told: list[str] = []
+
+    def tell(words: str, share: float) -> None:
+        told.append(words)
+        if len(told) == 4:
+            raise KeyboardInterrupt
+
+    search = multistart(problem(), Effort(starts=5), seed=1, tell=tell)
+    assert search.ended_by == "interrupt"
+    assert len(told) == 4
+    assert search.best is not None
+    assert best(search)[0] == pytest.approx(np.log(search.history[-1].value))
+
+
+def test_no_patience_ends_a_search_that_does_not_get_better() -> None:
+    search = multistart(problem(), Effort(starts=50, patience=2), seed=1)
+    assert search.ended_by == "stagnation"
+    assert 3 <= search.starts < 50
+
+
+def test_the_history_only_gets_better() -> None:
+    search = multistart(problem(), Effort(starts=3), seed=5)
+    values = [entry.value for entry in search.history]
+    assert values == sorted(values, reverse=True)
+    counted = [entry.evaluations for entry in search.history]
+    assert counted == sorted(counted)
+    assert counted[0] > 0
+
+
+def test_gradients_beat_the_genetic_algorithm_with_as_many_evaluations() -> None:
+    asked = problem()
+    search = multistart(asked, Effort(starts=2), seed=0)
+    evaluation = DesignEvaluation(asked)
+    seen: list[float] = []
+
+    def judge(x: np.ndarray) -> Any:
+        candidate = judged(evaluation, x)
+        seen.append(candidate.objective)
+        return candidate
+
+    generations = 5
+    evolve(
+        judge, region_of(asked), population=search.evaluations // generations,
+        generations=generations, seed=0, full=True, stop=lambda: False,
+    )  # fmt: skip
+    assert len(seen) >= search.evaluations
+    assert best(search)[0] < min(seen) - 0.05
+
+
+def test_a_start_without_time_brings_nothing() -> None:
+    result = run_start(problem(), 0, 1, 0.0)
+    assert result.best is None
+    assert result.evaluations == 0
+
+
+def test_efforts_that_are_none_are_refused() -> None:
+    with pytest.raises(InputError, match="number of starts or a time budget"):
+        Effort()
+    for numbers in ({"starts": 0}, {"budget_s": -1.0}, {"budget_s": float("nan")}):
+        with pytest.raises(InputError, match="must be positive"):
+            Effort(**numbers)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="budget is too short"):
+        by_gradient(problem(), Effort(budget_s=1e-6), seed=0)
+    with pytest.raises(InputError, match="--jobs"), workers(0):
+        pass
+
+
+def test_no_scheduler_at_the_address(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("dynid.excitation.executor.DASK_TIMEOUT_S", 0.5)
+    with (
+        pytest.raises(InputError, match="no Dask scheduler answers"),
+        workers(1, "tcp://127.0.0.1:9"),
+    ):
+        pass
+
+
+def test_designs_are_certified() -> None:
+    done = by_gradient(problem(arm(torque=60.0), safe=True), Effort(starts=2), seed=0)
+    assert done.finished.certificate.feasible
+    assert done.finished.certificate.margins["torque"] is not None
+    assert done.search.best is not None
+    np.testing.assert_array_equal(done.finished.x, done.search.best.x)
