@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from scipy import ndimage
 from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial import cKDTree
 
@@ -29,7 +30,7 @@ ALLOWANCE = (0.020, 0.020, 0.020, 0.017, 0.015, 0.015, 0.015)
 """How far capsules may stick out of each link of a UR5 [m]."""
 SUNK = 0.06
 """How far capsules of the base may reach below it, into what it stands on [m]."""
-SPACING = 0.007
+SPACING = 0.003
 CANDIDATES = 2500
 
 
@@ -70,16 +71,20 @@ def split(faces: np.ndarray, longest: float) -> np.ndarray:
     return np.concatenate(done)
 
 
-def inside(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Whether the surface winds around points (Van Oosterom and Strackee's solid angle)."""
-    total = np.zeros(len(points))
-    for part in np.array_split(np.arange(len(faces)), max(1, len(faces) // 200)):
-        a, b, c = (faces[part, k][None] - points[:, None] for k in range(3))
-        la, lb, lc = (np.linalg.norm(x, axis=2) for x in (a, b, c))
-        top = np.einsum("ptk,ptk->pt", a, np.cross(b, c))
-        below = la * lb * lc + (a * b).sum(2) * lc + (b * c).sum(2) * la + (c * a).sum(2) * lb
-        total += 2 * np.arctan2(top, below).sum(axis=1)
-    return np.abs(total) > 2 * np.pi
+def depths(surface: cKDTree, grid: np.ndarray, spacing: float, sunk: bool) -> np.ndarray:
+    """How deep grid points lie in the solid [m], negative outside.
+
+    What cannot be reached from outside is solid, so the hollows of a mesh count as full.
+    """
+    wall = surface.query(grid.reshape(-1, 3))[0].reshape(grid.shape[:3]) < 0.8 * spacing
+    rooms, _ = ndimage.label(~wall)
+    outside = rooms == rooms[0, 0, -1]
+    if sunk:
+        # What stands below the mesh is solid too.
+        first = int(np.argmax((~outside).any(axis=(0, 1)))) + 1
+        outside[:, :, :first] = outside[:, :, first : first + 1]
+    # Walls reach 0.8 beyond the surface.
+    return np.where(outside, -spacing, (ndimage.distance_transform_edt(~outside) - 1.5) * spacing)
 
 
 def distances(points: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -92,22 +97,18 @@ def distances(points: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def fit(mesh: np.ndarray, allowance: float, sunk: float) -> list[tuple[np.ndarray, float]]:
     """Segments (2, 3) and radii that hold every triangle; they may be `sunk` below the mesh."""
     random = np.random.default_rng(0)
-    fine = split(mesh, 0.004).reshape(-1, 3)
-    bottom = mesh[..., 2].min()
-    surface = cKDTree(fine[fine[:, 2] > bottom + 0.003] if sunk else fine)
+    fine = split(mesh, 0.003).reshape(-1, 3)
+    surface = cKDTree(fine)
     # Long links get coarser steps.
     coarse = 1.0 if np.ptp(mesh.reshape(-1, 3), axis=0).max() < 0.25 else 1.5
     spacing = SPACING * coarse
     faces = split(mesh, 0.012 * coarse)
-    low, high = mesh.reshape(-1, 3).min(0) - spacing, mesh.reshape(-1, 3).max(0) + spacing
+    low, high = mesh.reshape(-1, 3).min(0) - 3 * spacing, mesh.reshape(-1, 3).max(0) + 3 * spacing
     low[2] -= sunk
     axes = [np.arange(x, y + spacing, spacing) for x, y in zip(low, high, strict=True)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+    depth = depths(surface, grid, spacing, sunk > 0).reshape(-1)
     points = grid.reshape(-1, 3)
-    depth = surface.query(points)[0]
-    lifted = np.where(points[:, 2] < bottom + 0.006, bottom + 0.006, points[:, 2])
-    within = inside(np.column_stack([points[:, :2], lifted]) if sunk else points, mesh)
-    depth = np.where(within, depth, -depth)
     field = RegularGridInterpolator(axes, depth.reshape(grid.shape[:3]), bounds_error=False,
                                     fill_value=-1.0)  # fmt: skip
     seeds = points[depth > 0.25 * spacing]

@@ -75,7 +75,7 @@ def robot_from_urdf(
     trunk = find_trunk(tree, where, tip=tip, locked=locked)
     if any(tree.joints[name].kind in ("floating", "planar") for name in _between(tree, trunk)):
         raise RobotError("a floating or planar joint within the arm", where=where)
-    poses, carriers = _place_links(tree, trunk)
+    poses, carriers = place_links(tree, trunk)
     joints = [tree.joints[name] for name in trunk.joints]
     notes = [*tree.notes, *trunk.notes]
     inertias = _merge(tree, trunk, poses, carriers, notes)
@@ -111,7 +111,7 @@ def _between(tree: UrdfTree, trunk: Trunk) -> list[str]:
     return names
 
 
-def _place_links(tree: UrdfTree, trunk: Trunk) -> tuple[dict[str, Array], dict[str, int]]:
+def place_links(tree: UrdfTree, trunk: Trunk) -> tuple[dict[str, Array], dict[str, int]]:
     """Every link's pose in the joint frame that carries it, and that joint (0 the base)."""
     below: dict[str, list[UrdfJoint]] = {}
     for joint in tree.joints.values():

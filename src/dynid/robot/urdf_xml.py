@@ -33,7 +33,7 @@ def parse_urdf(data: bytes, where: str) -> UrdfTree:
         RobotError: Anything that is not a URDF of one tree with sane numbers; the message
             names the element.
     """
-    root = _root(data, where)
+    root = parse_root(data, where)
     notes: list[str] = []
     links: dict[str, Array | None] = {}
     for element in root.iterfind("link"):
@@ -73,7 +73,12 @@ class _ShallowBuilder(ET.TreeBuilder):
         raise ET.ParseError("a URDF with a document type is refused")
 
 
-def _root(data: bytes, where: str) -> ET.Element:
+def parse_root(data: bytes, where: str) -> ET.Element:
+    """The outer element of URDF text, parsed with care.
+
+    Raises:
+        RobotError: Not XML, a xacro file, or no `robot` element.
+    """
     text = data.lstrip()
     if not text:
         raise RobotError("the file is empty", where=where)
