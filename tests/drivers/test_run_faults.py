@@ -30,6 +30,8 @@ from dynid.simulation.controller.process import RunningController, controller_pr
 STOP_S = 0.1
 """Controller time within which the robot must stop [s]."""
 CYCLE_S = 0.008
+UNREAD = 2
+"""Cycles by which virtual time may be ahead of what a client has read."""
 STILL = 0.01
 """Speed of a joint that stands still, sensor noise included [rad/s]."""
 REPEAT = 3
@@ -170,7 +172,7 @@ def test_ctrl_c_at_a_random_time(controller: RunningController, fault: Fault, se
         with observer.time_stands_still():
             os.kill(os.getpid(), signal.SIGINT)
             assert wish.wait(10.0)
-            fault.at = float(observer.column("timestamp")[-1])
+            fault.at = float(observer.column("timestamp")[-1]) + UNREAD * CYCLE_S
 
     observer = fault.run(controller.host, interrupt, index)
     assert fault.code == 1
