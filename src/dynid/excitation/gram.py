@@ -16,7 +16,7 @@ from dynid.core.arrays import Array
 from dynid.core.errors import InputError
 from dynid.excitation.gram_layout import fill_beside, gram_layout
 from dynid.reduction.base import BaseParametrization
-from dynid.regressor.adjoint import Gradient, pull_blocks
+from dynid.regressor.adjoint import Gradient, check_differentiable, pull_blocks
 from dynid.regressor.adjoint_regressor import regressor_pullback
 from dynid.regressor.inertial import inertial_rows
 from dynid.regressor.inertial_kernel import LANES
@@ -42,7 +42,8 @@ class GramKernel:
         coulomb_width: Width of the Coulomb step [rad/s or m/s]; None for the model's own.
 
     Raises:
-        InputError: A base of another model, noise that is not positive, or a width below 0.
+        InputError: A base of another model, columns without a derivative, noise that is not
+            positive, or a width below 0.
     """
 
     def __init__(
@@ -56,6 +57,7 @@ class GramKernel:
         n = model.robot.joints
         if base.model.names != model.names:
             raise InputError("the base parameters are those of another model")
+        check_differentiable(model)
         sigma = np.ones(n) if noise is None else np.asarray(noise, dtype=np.float64)
         if sigma.shape != (n,) or not (np.isfinite(sigma) & (sigma > 0)).all():
             raise InputError(
@@ -98,7 +100,8 @@ class GramKernel:
         state = self._state
         constants = self._model.constants
         self._turn = turns(state[0])
-        inertial_rows(constants, self._turn, *state, self._rows, self._layout.places)
+        places = self._layout.places
+        inertial_rows(constants, self._turn, state[0], state[1], state[2], self._rows, places)
         fill_beside(self._model, state[1], state[2], self._beside)
         with self._threads.limit(limits=1):  # pyright: ignore[reportUnknownMemberType]
             for j, panel in enumerate(self._layout.panels):
@@ -108,7 +111,7 @@ class GramKernel:
                 np.matmul(rows, rows.T, out=self._products[j])
                 self._products[j] *= self._weights[j]
         entries = np.bincount(self._entries, self._sums, minlength=self.rank**2)
-        return entries.reshape(self.rank, self.rank)
+        return np.asarray(entries, dtype=np.float64).reshape(self.rank, self.rank)
 
     def gram_and_pullback(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Pullback]:
         """G (b, b), and the function that differentiates tr(S G).

@@ -44,7 +44,7 @@ def torque_adjoint(
         Derivatives by q, dq and ddq, each (N, n).
 
     Raises:
-        InputError: Shapes that do not fit the model or each other.
+        InputError: Shapes that do not fit the model or each other, columns without a derivative.
     """
     n = model.robot.joints
     samples = len(q)
@@ -86,7 +86,7 @@ def regressor_adjoint(
         Derivatives by q, dq and ddq, each (N, n).
 
     Raises:
-        InputError: Shapes that do not fit the model or each other.
+        InputError: Shapes that do not fit the model or each other, columns without a derivative.
     """
     n = model.robot.joints
     samples = len(q)
@@ -112,8 +112,25 @@ def regressor_adjoint(
     return _by_sample(out, samples)
 
 
+def check_differentiable(model: InverseDynamicModel) -> None:
+    """Check that every column beside the inertial ones belongs to a block.
+
+    Raises:
+        InputError: Columns that no block differentiates, as friction that grows with the load.
+    """
+    n = 10 * model.robot.joints
+    known = n + sum(len(block.columns(model.robot)) for block in model.blocks)
+    if known != len(model.columns):
+        raise InputError(
+            "columns without a derivative",
+            value=model.names[known:],
+            next_step="Use a model without load-dependent friction.",
+        )
+
+
 def _state(model: InverseDynamicModel, q: Array, dq: Array, ddq: Array) -> Array:
     """(3, n, N) q, dq, ddq, at rest where samples are missing to fill the lanes."""
+    check_differentiable(model)
     n, samples = model.robot.joints, len(q)
     for name, array in (("q", q), ("dq", dq), ("ddq", ddq)):
         _check(name, array, (samples, n))

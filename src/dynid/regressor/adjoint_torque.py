@@ -17,21 +17,14 @@ from dynid.regressor.inertial_kernel import LANES
 from dynid.regressor.spatial import (
     dot,
     force_cross,
-    load,
     momentum,
     motion_cross,
-    place,
     plus,
     read,
-    save,
     to_child,
     to_parent,
     write,
 )
-
-# Rows of the working array: pose, velocity, acceleration, virtual velocity, their adjoints, state.
-POSE, VEL, ACC, VIR, VEL_BAR, ACC_BAR, VIR_BAR, STATE = 0, 12, 18, 24, 30, 36, 42, 48
-ROWS = 54
 
 
 @njit(cache=True, fastmath=True, boundscheck=False, error_model="numpy")
@@ -60,62 +53,61 @@ def torque_pullback(
         out: (3, n, N) gradient by q, dq, ddq, written over.
     """
     n, samples = multipliers.shape
-    work = np.empty((ROWS, LANES))
-    kept = np.empty((n, VEL_BAR, LANES))
+    pose = np.empty((n, 12, LANES))
+    vel = np.empty((n, 6, LANES))
+    acc = np.empty((n, 6, LANES))
+    vir = np.empty((n, 6, LANES))
+    adjoint = np.empty((3, 6, LANES))
     for block in range((samples + LANES - 1) // LANES):
         # The last lanes overlap the ones before: a few samples are written twice, alike.
         first = min(block * LANES, samples - LANES)
-        last = first + LANES
-        for r in range(6):
-            for x in range(LANES):
-                work[VEL + r, x] = 0.0
-                work[VIR + r, x] = 0.0
-                work[ACC + r, x] = 0.0 if r < 3 else -grav[r - 3]
         for i in range(n):
+            g = geom[i]
             s = (screw[i, 0], screw[i, 1], screw[i, 2], screw[i, 3], screw[i, 4], screw[i, 5])
-            q = state[0, i, first:last]
-            place(work, POSE, geom[i], turn[0, i, first:last], turn[1, i, first:last], q)
             for x in range(LANES):
-                work[STATE, x] = state[1, i, first + x]
-                work[STATE + 1, x] = state[2, i, first + x]
-                work[STATE + 2, x] = multipliers[i, first + x]
+                c, sn, qx = turn[0, i, first + x], turn[1, i, first + x], state[0, i, first + x]
+                for r in range(9):
+                    pose[i, r, x] = g[r] + g[9 + r] * c + g[18 + r] * sn
+                for r in range(3):
+                    pose[i, 9 + r, x] = g[27 + r] + g[30 + r] * c + g[33 + r] * sn + g[36 + r] * qx
             for x in range(LANES):
-                speed = work[STATE, x]
-                v = plus(to_child(work, POSE, x, read(work, VEL, x)), s, speed)
-                a = plus(to_child(work, POSE, x, read(work, ACC, x)), s, work[STATE + 1, x])
-                nu = plus(to_child(work, POSE, x, read(work, VIR, x)), s, work[STATE + 2, x])
-                write(work, VEL, x, v)
-                write(work, ACC, x, plus(a, motion_cross(v, s), speed))
-                write(work, VIR, x, nu)
-            save(work, POSE, kept[i])
-        work[VEL_BAR:STATE] = 0.0
-        for step in range(n):
-            i = n - 1 - step
+                v = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+                a = (0.0, 0.0, 0.0, -grav[0], -grav[1], -grav[2])
+                nu = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+                if i > 0:
+                    v = read(vel[i - 1], x)
+                    a = read(acc[i - 1], x)
+                    nu = read(vir[i - 1], x)
+                speed = state[1, i, first + x]
+                v = plus(to_child(pose[i], x, v), s, speed)
+                a = plus(to_child(pose[i], x, a), s, state[2, i, first + x])
+                a = plus(a, motion_cross(v, s), speed)
+                nu = plus(to_child(pose[i], x, nu), s, multipliers[i, first + x])
+                write(vel[i], x, v)
+                write(acc[i], x, a)
+                write(vir[i], x, nu)
+        adjoint[:] = 0.0
+        for k in range(n):
+            i = n - 1 - k
             link = links[i]
             s = (screw[i, 0], screw[i, 1], screw[i, 2], screw[i, 3], screw[i, 4], screw[i, 5])
-            load(kept[i], work, POSE)
             for x in range(LANES):
-                work[STATE, x] = state[1, i, first + x]
-            for x in range(LANES):
-                v, a, nu = read(work, VEL, x), read(work, ACC, x), read(work, VIR, x)
-                speed = work[STATE, x]
+                v, a, nu = read(vel[i], x), read(acc[i], x), read(vir[i], x)
+                speed = state[1, i, first + x]
                 p = momentum(link, v)
                 wrench = plus(momentum(link, a), force_cross(v, p), 1.0)
-                nu_bar = plus(read(work, VIR_BAR, x), wrench, 1.0)
-                a_bar = plus(read(work, ACC_BAR, x), momentum(link, nu), 1.0)
-                v_bar = plus(read(work, VEL_BAR, x), momentum(link, motion_cross(nu, v)), 1.0)
+                nu_bar = plus(read(adjoint[2], x), wrench, 1.0)
+                a_bar = plus(read(adjoint[1], x), momentum(link, nu), 1.0)
+                v_bar = plus(read(adjoint[0], x), momentum(link, motion_cross(nu, v)), 1.0)
                 v_bar = plus(v_bar, force_cross(nu, p), -1.0)
                 v_bar = plus(v_bar, force_cross(s, a_bar), speed)
                 turning = motion_cross(v, s)
+                out[1, i, first + x] = dot(s, v_bar) + dot(turning, a_bar)
+                out[2, i, first + x] = dot(s, a_bar)
                 carried = plus(a, turning, -speed)
                 twist = plus(force_cross(v, v_bar), force_cross(carried, a_bar), 1.0)
                 twist = plus(twist, force_cross(nu, nu_bar), 1.0)
-                work[STATE + 3, x] = -dot(s, twist)
-                work[STATE + 4, x] = dot(s, v_bar) + dot(turning, a_bar)
-                work[STATE + 5, x] = dot(s, a_bar)
-                write(work, VEL_BAR, x, to_parent(work, POSE, x, v_bar))
-                write(work, ACC_BAR, x, to_parent(work, POSE, x, a_bar))
-                write(work, VIR_BAR, x, to_parent(work, POSE, x, nu_bar))
-            for r in range(3):
-                for x in range(LANES):
-                    out[r, i, first + x] = work[STATE + 3 + r, x]
+                out[0, i, first + x] = -dot(s, twist)
+                write(adjoint[0], x, to_parent(pose[i], x, v_bar))
+                write(adjoint[1], x, to_parent(pose[i], x, a_bar))
+                write(adjoint[2], x, to_parent(pose[i], x, nu_bar))
