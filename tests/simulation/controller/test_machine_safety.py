@@ -7,7 +7,7 @@ import pytest
 from robots_for_simulation import HOME
 from scripts import said, ticks
 
-from dynid.core.errors import InputError
+from dynid.core.errors import InputError, JobError
 from dynid.simulation.controller.machine import ControllerMachine
 from dynid.simulation.controller.machine_safety import SafetyLimits
 from dynid.simulation.truth import SimulatedArm
@@ -156,6 +156,29 @@ def test_a_paused_program_is_fed_again_by_play(arm: SimulatedArm) -> None:
     machine.set_input("input_int_register_24", 1)
     machine.tick()
     assert machine.program_state == "PLAYING"
+
+
+def test_an_arm_that_runs_away_is_switched_off(
+    arm: SimulatedArm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    machine = ControllerMachine(arm, pose=START)
+    machine.run_script("sleep(10)")
+    machine.tick()
+
+    def run_away(setpoint: object) -> None:
+        raise JobError("the simulated arm ran away")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(machine.core.arm.plant, "tick", run_away)
+        machine.tick()
+    assert (machine.output("robot_mode"), machine.output("safety_mode")) == (3, 9)
+    assert not machine.program_running
+    assert not machine.power_on()
+    assert not machine.unlock_protective_stop()
+    assert machine.restart_safety()
+    assert machine.brake_release()
+    ticks(machine, 2.0)
+    assert machine.output("robot_mode") == 7
 
 
 def test_power_goes_step_by_step(arm: SimulatedArm) -> None:

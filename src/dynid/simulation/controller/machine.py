@@ -6,7 +6,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
-from dynid.core.errors import InputError
+from dynid.core.errors import InputError, JobError
 from dynid.simulation.controller.machine_arm import ControlledArm
 from dynid.simulation.controller.machine_core import Core, Message, Watchdog
 from dynid.simulation.controller.machine_guard import watch
@@ -86,7 +86,10 @@ class ControllerMachine:
         watch(core)
         if core.safety.stopped:
             self._programs.stop("")
-        core.arm.tick(powered=core.mode == RobotMode.RUNNING)
+        try:
+            core.arm.tick(powered=core.mode == RobotMode.RUNNING)
+        except JobError as error:
+            self._fail(str(error))
         core.history.appendleft(core.arm.state.q.tolist())
 
     def output(self, name: str) -> OutputValue:
@@ -152,6 +155,10 @@ class ControllerMachine:
             self.core.rest_brake()
         return unlocked
 
+    def restart_safety(self) -> bool:
+        """End a fault, with the power off; whether there was one."""
+        return self.core.safety.restart()
+
     def close_popup(self) -> None:
         """Close the program's message window."""
         self.core.blocking_popup = False
@@ -202,6 +209,13 @@ class ControllerMachine:
     def safety_mode(self) -> SafetyMode:
         """The safety mode."""
         return self.core.safety.mode
+
+    def _fail(self, reason: str) -> None:
+        """Switch off after what no real arm does, such as motion without bounds."""
+        self._programs.stop("")
+        self._power.off()
+        self.core.safety.fail(reason, self.core.now)
+        self.core.say(reason, "safety", 0, popup=True)
 
     def _guard_watchdogs(self) -> None:
         starved = self.core.starved() if self.core.playing else None

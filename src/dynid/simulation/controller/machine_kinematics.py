@@ -9,8 +9,8 @@ import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.core.errors import JobError
-from dynid.robot.kinematics import joint_poses
 from dynid.robot.model import RobotModel
+from dynid.simulation.controller.motion_chain import chain
 from dynid.simulation.controller.motion_poses import rotation_vector, to_pose
 
 _SMALL = 1e-12
@@ -29,30 +29,38 @@ class ToolKinematics:
 
     def __init__(self, robot: RobotModel) -> None:
         self._robot = robot
+        self._placements = np.ascontiguousarray(robot.placements)
+        self._axes = np.ascontiguousarray(robot.axes)
+        # Compiled now, not in the middle of a control cycle.
+        self._solve([0.0] * robot.joints, np.eye(4))
 
     def forward(self, q: Sequence[float], tcp: Array) -> Array:
         """(4, 4) the tool in the base frame at joint positions (n) [rad], tool in flange `tcp`."""
-        return joint_poses(self._robot, q)[-1] @ self._robot.flange @ tcp
+        return self._solve(q, tcp)[0]
 
     def jacobian(self, q: Sequence[float], tcp: Array) -> tuple[Array, Array]:
         """The tool in the base frame (4, 4), and its velocity per joint speed (6, n).
 
         Rows: linear velocity of the tool's point, angular velocity, both in the base frame.
         """
-        frames = joint_poses(self._robot, q)
-        tool = frames[-1] @ self._robot.flange @ tcp
-        axes = np.einsum("kij,kj->ki", frames[:, :3, :3], self._robot.axes)
-        arms = tool[:3, 3] - frames[:, :3, 3]
-        return tool, np.concatenate([np.cross(axes, arms).T, axes.T])
+        tool, jacobian, _ = self._solve(q, tcp)
+        return tool, jacobian
 
     def elbow(self, q: Sequence[float]) -> tuple[list[float], list[list[float]]]:
         """The elbow (3) in the base frame [m], and its velocity per joint speed (3, n)."""
-        frames = joint_poses(self._robot, q)
-        point = frames[_ELBOW, :3, 3]
-        axes = np.einsum("kij,kj->ki", frames[:, :3, :3], self._robot.axes)
-        columns = np.cross(axes, point - frames[:, :3, 3])
+        _, jacobian, origins = self._solve(q, np.eye(4))
+        point = origins[_ELBOW]
+        columns = np.cross(jacobian[3:].T, point - origins)
         columns[_ELBOW:] = 0.0
         return point.tolist(), columns.T.tolist()
+
+    def _solve(self, q: Sequence[float], tcp: Array) -> tuple[Array, Array, Array]:
+        n = len(self._axes)
+        tool, jacobian, origins = np.empty((4, 4)), np.empty((6, n)), np.empty((n, 3))
+        positions = np.array(q, dtype=np.float64)
+        tip = np.ascontiguousarray(self._robot.flange @ tcp)
+        chain(self._placements, self._axes, positions, tip, tool, jacobian, origins)
+        return tool, jacobian, origins
 
     def inverse(
         self,

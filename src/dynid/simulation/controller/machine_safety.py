@@ -109,6 +109,18 @@ class Safety:
         self.mode, self.reason, self.since = SafetyMode.PROTECTIVE_STOP, reason, now
         self.popup = True
 
+    def fail(self, reason: str, now: float) -> None:
+        """Enter the fault, which only a restart of the safety system ends."""
+        self.stop(reason, now)
+        self.mode = SafetyMode.FAULT
+
+    def restart(self) -> bool:
+        """End a fault; whether there was one."""
+        if self.mode != SafetyMode.FAULT:
+            return False
+        self.mode, self.popup = SafetyMode.NORMAL, False
+        return True
+
     def unlock(self, now: float) -> bool:
         """Leave the protective stop, if enough time has passed; says whether it did."""
         if self.mode != SafetyMode.PROTECTIVE_STOP:
