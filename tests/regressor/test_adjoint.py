@@ -208,3 +208,11 @@ def test_shapes_are_checked(name: str, change: dict[str, Floats]) -> None:
         torque_adjoint(model, **(arrays | change))
     with pytest.raises(InputError, match="weights does not fit"):
         regressor_adjoint(model, *(np.zeros((20, 4)),) * 3, np.zeros((52, 4, 19)))
+
+
+def test_columns_that_no_block_differentiates_are_refused() -> None:
+    model = InverseDynamicModel(robot=random_chain(seed=1, joints=3))
+    object.__setattr__(model, "columns", (*model.columns, model.columns[0]))
+    state = random_states(seed=1, samples=20, joints=3)
+    with pytest.raises(InputError, match="without a derivative"):
+        torque_adjoint(model, *state, np.zeros(40), np.zeros((20, 3)))
