@@ -88,10 +88,12 @@ def _controller(
     It listens on UR's own ports 29999 and 30001 to 30004 until Ctrl-C. With --json, one object
     on stdout tells when clients can connect.
     """
+    address = _address(host, expose=expose)
+    announced = None if software is None else _version(software)
+
     from dynid.cli.output import print_json
     from dynid.simulation.controller.serve import ControllerOptions, serve
 
-    address = _address(host, expose=expose)
     options = ControllerOptions(
         robot=robot,
         host=address,
@@ -100,7 +102,7 @@ def _controller(
         hold=hold,
         seed=seed,
         rate_hz=rate,
-        version=None if software is None else _version(software),
+        version=announced,
         truth=truth,
         report=report,
         parent=parent,

@@ -2,8 +2,8 @@
 
 Nobody looks at the wall clock; time goes as fast as the clients read:
 
-- a cycle begins once every client that has started RTDE has read all but the last package, so
-  that nobody misses one and nobody sees the robot more than two cycles late;
+- a cycle begins once every client that has started RTDE has read what it was sent but for the
+  last 24 ms, so that nobody misses a package or sees the robot late;
 - while a script is being compiled, time stands still;
 - an RTDE watchdog of a script starves when its time is over by both clocks: a client that
   writes often enough in real time is never too slow for virtual time;
@@ -21,6 +21,8 @@ from dynid.simulation.controller.unread import UnreadBytes
 
 STALLED_S = 10.0
 """How long a client may read nothing before it is given up [s]."""
+LEAD_S = 0.024
+"""How far the controller may be ahead of its slowest client [s of controller time]."""
 _ROUNDING = 1e-9
 _SOON, _LATER, _PATIENCE = 50e-6, 1e-3, 20
 
@@ -57,17 +59,23 @@ class VirtualPace:
         self._unread.close()
 
     def _behind(self, client: RtdeClient, now: float) -> bool:
-        """Whether a client has more than one package to read; one that does not is given up."""
-        connection, recipe = client.connection, client.session.outputs
-        package = HEADER.size + recipe.size if recipe is not None else 0
-        unread = self._unread.of(client.question)
-        if not connection.still_full() and unread <= package:
+        """Whether a client has too much left to read; one that never reads is given up."""
+        connection, unread = client.connection, self._unread.of(client.question)
+        if not connection.still_full() and unread <= self._allowed(client):
             return False
         known, since = self._stuck.get(client, (-1, now))
         self._stuck[client] = (unread, since if unread == known else now)
         if unread == known and now - since > STALLED_S:
             connection.lost = f"the client has read nothing for {STALLED_S:g} s"
         return not connection.lost
+
+    def _allowed(self, client: RtdeClient) -> int:
+        """Bytes that a client may have left to read when the next cycle begins."""
+        recipe = client.session.outputs
+        if recipe is None:
+            return 0
+        packages = round(LEAD_S / (self._machine.cycle * client.session.every)) - 1
+        return max(1, packages) * (HEADER.size + recipe.size)
 
     def _watchdogs(self, clients: Sequence[RtdeClient], now: float) -> float:
         """Seconds of real time that a watchdog still has, when its virtual time is over."""
