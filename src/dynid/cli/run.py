@@ -51,8 +51,14 @@ def _run(
         str,
         typer.Option(metavar="program|servoj", help="On the controller, or streamed by ur_rtde."),
     ] = "program",
+    robot: Annotated[
+        str | None, typer.Option(metavar="ROBOT", help="If the design's robot file has moved.")
+    ] = None,
     mount: Annotated[
-        str | None, typer.Option(metavar="floor|wall|ceiling|tilt:DEG", help="If not the file's.")
+        str | None, typer.Option(metavar="floor|wall|ceiling|tilt:DEG", help="If not the design's.")
+    ] = None,
+    scene: Annotated[
+        str | None, typer.Option(metavar="SCENE.json", help="Surroundings, if not the design's.")
     ] = None,
     payload: Annotated[
         str | None, typer.Option(metavar="KG[,X,Y,Z]", help="Mass [kg] and its centre [m].")
@@ -75,7 +81,9 @@ def _run(
         thermal=parse_thermal(thermal),
         seed=seed,
         method=method,
+        robot=robot,
         mount=mount,
+        scene=scene,
         payload=parse_payload(payload),
     )
     check_output(output, inputs=[design], suffix=".parquet")

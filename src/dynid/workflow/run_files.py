@@ -8,16 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core.errors import DynidError, InputError
+from dynid.core.errors import DynidError
 from dynid.core.provenance import file_hash
 from dynid.drivers.simulated import SimulatedDriver
 from dynid.drivers.watchdog import Abort
 from dynid.identification.estimate_file import write_json
 from dynid.recording.parquet import read_record, write_record
-from dynid.robot.load import load_robot
 from dynid.robot.model import RobotModel
-from dynid.trajectory.files import read_trajectory
 from dynid.trajectory.trajectory import Trajectory
+from dynid.workflow.design_files import read_design
+from dynid.workflow.design_limits import DesignLimits, given_limits
+from dynid.workflow.recordings import robot_reference
+from dynid.workflow.run_settings import RunSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,29 +32,33 @@ class LoadedDesign:
     """The robot it was made for, as mounted."""
     reference: str
     """Built-in name or path of that robot."""
+    limits: DesignLimits
+    """All that is safe, in the surroundings that it was made for."""
     sha256: str
     """Of the file."""
 
 
-def load_design(path: Path, mount: str | None = None) -> LoadedDesign:
+def load_design(path: Path, asked: RunSettings) -> LoadedDesign:
     """Read a design, or any trajectory file.
 
     Args:
         path: The file.
-        mount: The mounting, where it is not the robot's own.
+        asked: Another robot, mounting or scene than the design's.
 
     Raises:
         InputError: Not a design, or one for a robot that cannot be read.
     """
-    stored = read_trajectory(path)
-    try:
-        robot = load_robot(stored.robot, mount=mount)
-    except InputError as error:
-        raise InputError(
-            f"the robot of the design: {error.what}", where=str(path), value=stored.robot
-        ) from error
+    found = read_design(path, robot=asked.robot, mount=asked.mount)
+    limits = given_limits("safe", True, None if asked.scene is None else Path(asked.scene))
+    if asked.scene is None and found.limits is not None:
+        # A design for the paper's limits may still not run on a robot: safe ones hold there.
+        limits = replace(found.limits, preset="safe", collision=True)
     return LoadedDesign(
-        trajectory=stored.series, robot=robot, reference=stored.robot, sha256=file_hash(path)
+        trajectory=found.stored.trajectory,
+        robot=found.robot,
+        reference=found.stored.robot if asked.robot is None else robot_reference(asked.robot),
+        limits=limits,
+        sha256=file_hash(path),
     )
 
 

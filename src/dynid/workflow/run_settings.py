@@ -34,8 +34,12 @@ class RunSettings:
     """Seed of the simulated noise."""
     method: str = "program"
     """`program`: the controller evaluates the motion; `servoj`: set points are streamed."""
+    robot: str | None = None
+    """The robot, where the design's has moved."""
     mount: str | None = None
-    """Mounting, where it is not the robot's own."""
+    """Mounting, where it is not the design's."""
+    scene: str | None = None
+    """Scene file, where the surroundings are not the design's."""
     payload: Payload = field(default_factory=Payload)
     """What the robot carries."""
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
-from dynid.constraints.presets import safe_constraints
+from dynid.constraints.motion import MotionConstraints
 from dynid.core.errors import InputError, JobError
 from dynid.drivers.driver import Driver, Progress
 from dynid.drivers.simulated import SimulatedDriver
@@ -105,7 +105,7 @@ def run_design(
     """
     asked = settings or RunSettings()
     path = Path(output)
-    loaded = load_design(Path(design), asked.mount)
+    loaded = load_design(Path(design), asked)
     if on == SIMULATED:
         driver = _simulated(loaded, asked)
         plan = _plan(loaded, asked, RATE_HZ, warm_up_s=0.0)
@@ -114,7 +114,7 @@ def run_design(
         return _finished(result, path)
     state = inspect(_host(on))
     plan = _plan(loaded, asked, state.rate_hz, warm_up_s=asked.warm_up_s)
-    _make_sure(plan, state, confirm)
+    _make_sure(plan, state, loaded.limits.constraints(loaded.robot), confirm)
     if asked.method == "servoj":
         from dynid.drivers.ur.servoj import ServojDriver
 
@@ -146,14 +146,18 @@ def _plan(
     )
 
 
-def _make_sure(plan: ExperimentPlan, state: ControllerState, confirm: Confirm | None) -> None:
+def _make_sure(
+    plan: ExperimentPlan,
+    state: ControllerState,
+    constraints: MotionConstraints,
+    confirm: Confirm | None,
+) -> None:
     """Check the design, then the robot, then ask.
 
     Raises:
         InputError: A design that must not run, or nobody agrees.
         JobError: The robot is not ready.
     """
-    constraints = safe_constraints(plan.robot)
     certificate = check_design(plan, constraints)
     checks = check_robot(plan, state, constraints)
     require_ready(checks, state.host)
