@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from dynid.workflow.identify import Identification, identify
     from dynid.workflow.identify_settings import IdentifySettings
     from dynid.workflow.importing import ImportOptions, import_recording
+    from dynid.workflow.run_settings import RunSettings
+    from dynid.workflow.running import Run, run_design
     from dynid.workflow.simulating import simulate_recording
     from dynid.workflow.verdict import Verdict, verdict
 
@@ -77,6 +79,8 @@ __all__ = [
     "RecordWriter",
     "RobotError",
     "RobotModel",
+    "Run",
+    "RunSettings",
     "Samples",
     "ValidationResult",
     "Verdict",
@@ -97,6 +101,7 @@ __all__ = [
     "read_recording",
     "reduce_model",
     "robots",
+    "run_design",
     "simulate_recording",
     "validate",
     "verdict",
@@ -143,6 +148,8 @@ _HOME = {
     "workflow.identify": ("Identification", "identify"),
     "workflow.identify_settings": ("IdentifySettings",),
     "workflow.importing": ("ImportOptions", "import_recording"),
+    "workflow.run_settings": ("RunSettings",),
+    "workflow.running": ("Run", "run_design"),
     "workflow.simulating": ("simulate_recording",),
     "workflow.verdict": ("Verdict", "verdict"),
 }
