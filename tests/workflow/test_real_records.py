@@ -48,7 +48,7 @@ def ur10() -> tuple[ExperimentRecord, RobotModel]:
 
 
 @pytest.mark.parametrize("backwards", [False, True])
-@pytest.mark.parametrize(("preset", "limit"), [("paper", 0.160), ("best", 0.128)])
+@pytest.mark.parametrize(("preset", "limit"), [("paper", 0.160), ("best", 0.090)])
 def test_ur10_halves_predict_each_other(
     ur10: tuple[ExperimentRecord, RobotModel], preset: str, limit: float, backwards: bool
 ) -> None:

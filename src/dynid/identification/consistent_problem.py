@@ -10,7 +10,7 @@ from dynid.core.arrays import Array
 from dynid.regressor.model import InverseDynamicModel
 from dynid.robot.inertia import frame_map, to_pseudo_inertia
 
-NOT_NEGATIVE = ("Fc", "Fv", "Fr", "Im", "Fcm", "Fvm", "Imm")
+NOT_NEGATIVE = ("Fc", "Fv", "Fr", "Fl", "Im", "Fcm", "Fvm", "Imm")
 """Parameters that only take energy away, or store it."""
 BOUNDED_BY = {"Fca": "Fc", "Fva": "Fv", "Fs": "Fc"}
 """Added friction that must not outweigh its term: friction opposes motion both ways."""

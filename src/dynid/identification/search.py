@@ -15,8 +15,11 @@ from dynid.identification.crossvalidation import (
     accumulate_candidates,
 )
 from dynid.identification.least_squares import PRIOR_GAIN
+from dynid.identification.loading import load_size
 from dynid.reduction.base import reduce_model
+from dynid.regressor.blocks import smooth_sign
 from dynid.regressor.layout import friction_block
+from dynid.regressor.load import LoadFriction
 from dynid.regressor.model import InverseDynamicModel
 from dynid.regressor.terms import TERMS, FrictionTerms
 from dynid.robot.model import RobotModel
@@ -24,10 +27,11 @@ from dynid.signals.process import delayed, samples_from
 from dynid.signals.resample import UniformSignals
 from dynid.signals.samples import ProcessingSettings
 
+LOAD = "fl"
 WIDTHS = (0.001, 0.003, 0.01, 0.02, 0.04, 0.07, 0.12, 0.2)
 """Widths of the Coulomb step that are tried [rad/s]."""
-EXTRA_TERMS = ("fo", "fca", "fva", "fs", "fr")
-"""Terms that a joint may take beside the paper's."""
+EXTRA_TERMS = ("fo", "fca", "fva", "fs", "fr", LOAD)
+"""Terms that a joint may take beside the paper's; load-dependent friction has the step's width."""
 EXTRA_WIDTH = 0.01
 """Width inside candidate columns that have a step, until the joint's own is known [rad/s]."""
 PRIOR_GAINS = (PRIOR_GAIN, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
@@ -57,6 +61,7 @@ class Search:
         self, robot: RobotModel, frames: str, signals: UniformSignals, terms: FrictionTerms | None
     ) -> None:
         self.robot = robot
+        self.frames = frames
         self.signals = signals
         self.given = terms
         step = max(1.0 / signals.rate_hz, SHORTEST_DELAY_STEP_S)
@@ -97,7 +102,10 @@ class Search:
             delayed(self.signals.torque, rate, (delay,) * self.robot.joints, circular)[kept].T
             for delay in self.delays
         ]
-        own = np.stack([self._own_columns(column) for column in samples.dq.T])
+        load = np.zeros(samples.q.T.shape)
+        if LOAD in self.extras:
+            load = load_size(self.robot, self.frames, samples, EXTRA_WIDTH)
+        own = np.stack([self._own_columns(*both) for both in zip(samples.dq.T, load, strict=True)])
         result = accumulate_candidates(
             self.base,
             (samples.q, samples.dq, samples.ddq),
@@ -108,15 +116,18 @@ class Search:
         self._cache = (settings, result)
         return result
 
-    def _own_columns(self, dq: Array) -> Array:
-        """(c, N): one step a width for each stepped term, then the extra terms."""
+    def _own_columns(self, dq: Array, load: Array) -> Array:
+        """(c, N): one step a width for each stepped term, then the extra terms, load last."""
         stepped = [
             _term_column(term, dq, width, self.speed)
             for term, _ in self.stepped
             for width in WIDTHS
         ]
-        extra = [_term_column(term, dq, EXTRA_WIDTH, self.speed) for term in self.extras]
-        return np.array([*stepped, *extra])
+        extra = [
+            _term_column(term, dq, EXTRA_WIDTH, self.speed) for term in self.extras if term != LOAD
+        ]
+        loaded = [load * smooth_sign(dq, width) for width in WIDTHS if LOAD in self.extras]
+        return np.array([*stepped, *extra, *loaded])
 
     def variants(self, choices: tuple[JointChoice, ...]) -> tuple[Variant, ...]:
         """The candidate columns and torques that choices stand for."""
@@ -129,7 +140,11 @@ class Search:
             if joints is None or joint in joints
         ]
         first = len(self.stepped) * len(WIDTHS)
-        extras = [first + k for k in sorted(choice.terms)]
+        # The load's columns come last, one a width.
+        extras = [
+            first + k + (choice.width if self.extras[k] == LOAD else 0)
+            for k in sorted(choice.terms)
+        ]
         return Variant(columns=(*steps, *extras), torque=choice.delay)
 
     def score(
@@ -201,15 +216,20 @@ class Search:
     def friction(self, choices: tuple[JointChoice, ...]) -> FrictionTerms:
         """The friction terms of the choices."""
         given = dict((self.given or FrictionTerms()).terms)
+        load = None
         for k, term in enumerate(self.extras):
             joints = tuple(j for j, choice in enumerate(choices) if k in choice.terms)
-            if joints:
+            if joints and term == LOAD:
+                # What the load is, the fit will find.
+                load = LoadFriction(joints=joints, parameters=(0.0,) * (10 * self.robot.joints))
+            elif joints:
                 given[term] = joints if len(joints) < len(choices) else None
         widths = tuple(WIDTHS[choice.width] for choice in choices)
         return FrictionTerms(
             terms=tuple((term, given[term]) for term in TERMS if term in given),
             width=widths,
             stribeck_velocity=self.speed,
+            load=load,
         )
 
 

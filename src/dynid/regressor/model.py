@@ -8,7 +8,7 @@ import numpy as np
 
 from dynid.core.arrays import Array, read_only
 from dynid.core.errors import InputError
-from dynid.regressor.blocks import Column, ColumnBlock
+from dynid.regressor.blocks import Column, ColumnBlock, smooth_sign
 from dynid.regressor.coupling import coupled_motors
 from dynid.regressor.inertial import ChainConstants, chain_constants, inertial_columns
 from dynid.regressor.layout import column_blocks
@@ -58,6 +58,8 @@ class InverseDynamicModel:
             for name, unit in zip(INERTIAL, INERTIAL_UNITS, strict=True)
         )
         added = tuple(column for block in blocks for column in block.columns(robot))
+        if self.friction.load is not None:
+            added += tuple(Column(f"Fl{j + 1}", "1", j) for j in self.friction.load.joints)
         object.__setattr__(self, "frames", frames)
         object.__setattr__(self, "blocks", blocks)
         object.__setattr__(self, "columns", inertial + added)
@@ -105,6 +107,13 @@ class InverseDynamicModel:
             count = len(block.columns(robot))
             block.fill(robot, velocity, acceleration, out[first : first + count])
             first += count
+        load = self.friction.load
+        if load is not None:
+            carried = np.tensordot(np.array(load.parameters), out[: 10 * robot.joints], axes=1)
+            carried -= self.known_torque(q).T
+            direction = smooth_sign(velocity, self.friction.width)
+            for k, j in enumerate(load.joints):
+                out[first + k, j] = np.abs(carried[j]) * direction[j]
         return out
 
     def _check_shapes(self, q: Array, dq: Array, ddq: Array, out: Array | None) -> None:

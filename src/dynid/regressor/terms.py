@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 from dynid.core.errors import InputError
+from dynid.regressor.load import LoadFriction, load_from_json
 
 PAPER_WIDTH = 0.001
 """Width of the paper's Coulomb column tanh(dq / 0.001) [rad/s]."""
@@ -33,6 +34,8 @@ class FrictionTerms:
     """Width of the Coulomb step, for all or a joint [rad/s or m/s]; 0 gives the sign."""
     stribeck_velocity: float = STRIBECK_VELOCITY
     """For the term `fs` [rad/s or m/s]."""
+    load: LoadFriction | None = None
+    """Friction that grows with the load: found by an identification, not a word of `--terms`."""
 
     def __post_init__(self) -> None:
         words = [term for term, _ in self.terms]
@@ -67,6 +70,8 @@ class FrictionTerms:
                 value=highest + 1,
                 limit=joints,
             )
+        if self.load is not None:
+            self.load.check_joints(joints)
         if isinstance(self.width, tuple) and len(self.width) != joints:
             raise InputError("one Coulomb width a joint", value=len(self.width), limit=joints)
 
@@ -84,6 +89,7 @@ class FrictionTerms:
             "terms": self.describe(),
             "width": width,
             "stribeck_velocity": self.stribeck_velocity,
+            **({} if self.load is None else {"load": self.load.to_json()}),
         }
 
 
@@ -124,7 +130,7 @@ def terms_from_json(data: Mapping[str, Any]) -> FrictionTerms:
     """
     try:
         width = data["width"]
-        return parse_terms(
+        friction = parse_terms(
             str(data["terms"]),
             width=(
                 tuple(float(w) for w in cast("list[Any]", width))
@@ -133,6 +139,7 @@ def terms_from_json(data: Mapping[str, Any]) -> FrictionTerms:
             ),
             stribeck_velocity=float(data["stribeck_velocity"]),
         )
+        return replace(friction, load=load_from_json(data.get("load")))
     except (KeyError, TypeError, ValueError) as error:
         raise InputError("friction terms cannot be read", value=str(data)) from error
 

@@ -69,7 +69,7 @@ def _words(chosen: Selection) -> tuple[str, ...]:
         f"cut-off {settings.cutoff_hz:g} Hz",
         sources[settings.velocity],
         f"torque delays {delays}" + ("" if settings.delays_s is None else " ms"),
-        f"friction terms {chosen.friction.describe()}",
+        f"friction terms {_terms(chosen.friction)}",
         f"Coulomb widths {_row(widths)} rad/s",
         f"held-out RMS {_row(chosen.noise)} N.m",
     ]
@@ -78,6 +78,11 @@ def _words(chosen: Selection) -> tuple[str, ...]:
             -1, f"prior gain {chosen.prior_gain:g}, stronger for an ill-conditioned record"
         )
     return tuple(words)
+
+
+def _terms(friction: FrictionTerms) -> str:
+    load = friction.load
+    return friction.describe() + ("" if load is None else f",{load.describe()}")
 
 
 def _row(values: Iterable[float]) -> str:

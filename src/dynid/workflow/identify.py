@@ -15,6 +15,7 @@ from dynid.core.notices import Notice
 from dynid.core.provenance import provenance
 from dynid.identification.estimate import Estimate
 from dynid.identification.fitting import fit_estimate
+from dynid.identification.loading import with_load
 from dynid.identification.selection import Progress
 from dynid.recording.identity import identity
 from dynid.recording.record import ExperimentRecord
@@ -62,10 +63,10 @@ class Identification:
             "friction": estimate.model.friction.to_json(),
             "frames": estimate.model.frames,
             "parameters": estimate.parameter_table(),
-            "standard": estimate.standard_table(),
             "training": self.training.to_json(),
             "validation": None if self.validation is None else self.validation.to_json(),
             "warnings": [notice.to_json() for notice in self.warnings],
+            **({} if estimate.standard is None else {"standard": estimate.standard_table()}),
         }
 
 
@@ -137,9 +138,11 @@ def _identify(
         processing, friction = choice.processing, choice.friction
         prior_gain, words = choice.prior_gain, choice.words
     parts = [process(record, robot, processing) for record in records]
+    samples = parts[0] if len(parts) == 1 else joined(parts)
+    model = InverseDynamicModel(robot=robot, frames=settings.frames, friction=friction)
     estimate = fit_estimate(
-        InverseDynamicModel(robot=robot, frames=settings.frames, friction=friction),
-        parts[0] if len(parts) == 1 else joined(parts),
+        with_load(model, samples, prior_gain),
+        samples,
         chosen_estimator(settings, robot, prior_gain),
         record=records[0],
         settings=processing,
