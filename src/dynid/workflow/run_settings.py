@@ -17,7 +17,7 @@ class RunSettings:
     """How to run a design; what is None is not asked for.
 
     Raises:
-        InputError: An unknown method.
+        InputError: An unknown method, or a negative time.
     """
 
     repeat: int = 3
@@ -48,6 +48,8 @@ class RunSettings:
             raise InputError(
                 "unknown method", where="--method", value=self.method, limit=", ".join(METHODS)
             )
+        if not (math.isfinite(self.warm_up_s) and self.warm_up_s >= 0):
+            raise InputError("the time to warm up", where="--warm-up", value=self.warm_up_s)
 
 
 def parse_thermal(text: str) -> Thermal:

@@ -1,0 +1,239 @@
+"""`dynid run --on sim` and its Python twin: records, passes, stops, refusals."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import signal
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dynid.cli.app import main
+from dynid.core.errors import InputError, JobError
+from dynid.core.provenance import provenance
+from dynid.recording.parquet import read_record
+from dynid.robot.load import load_robot
+from dynid.trajectory.files import write_trajectory
+from dynid.trajectory.rest import rest_series
+from dynid.workflow.run_settings import RunSettings, parse_payload, parse_thermal
+from dynid.workflow.running import run_design
+
+UR5 = load_robot("ur5")
+PERIOD, CYCLES = 2.0, 250
+MIDDLE = np.array([0.1, -1.4, 0.3, -1.5, 0.2, 0.1])
+
+
+@pytest.fixture(scope="module")
+def design(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("design") / "design.json"
+    free = 0.05 * np.random.default_rng(0).normal(size=(6, 4))
+    series = rest_series(PERIOD, MIDDLE, free)
+    made = provenance(seed=0)
+    write_trajectory(path, series, robot="ur5", limits=UR5.limits, provenance=made)
+    return path
+
+
+def test_a_run_makes_a_record_that_says_where_it_comes_from(design: Path, tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    run = run_design(design, path, settings=RunSettings(repeat=2, seed=5))
+    data = run.to_json()
+    assert {name: data[name] for name in ("samples", "periods", "gaps", "aborted", "record")} == {
+        "samples": 2 * CYCLES,
+        "periods": 2,
+        "gaps": 0,
+        "aborted": False,
+        "record": str(path),
+    }
+    record = read_record(path)
+    assert record.metadata.robot == "ur5"
+    assert record.metadata.joint_names == UR5.joint_names
+    extra = record.metadata.extra
+    assert (extra["seed"], extra["periods"], float(extra["period_s"])) == ("5", "2", PERIOD)
+    assert len(extra["design_sha256"]) == 64
+    assert record.problems == ()
+    np.testing.assert_allclose(record.t, np.arange(2 * CYCLES) / 125.0, rtol=0, atol=1e-12)
+
+
+def test_the_truth_stands_beside_the_record_and_not_in_it(design: Path, tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    run_design(design, path, settings=RunSettings(repeat=1))
+    truth = json.loads((tmp_path / "run_truth.json").read_text())
+    assert np.shape(truth["links"]) == (6, 13)
+    assert len(truth["mean_degC"]) == 6
+    record = read_record(path)
+    text = str(record.metadata) + str(record.channels.keys())
+    assert "truth" not in text
+    assert "friction" not in text
+
+
+def test_thermal_states_show_in_the_record(design: Path, tmp_path: Path) -> None:
+    means: dict[str, float] = {}
+    for name, thermal in (("cold", "cold"), ("warm", "warm"), ("given", 30.0)):
+        path = tmp_path / f"{name}.parquet"
+        run_design(design, path, settings=RunSettings(repeat=1, thermal=thermal))
+        means[name] = float(read_record(path).signals["temperature"].mean())
+    assert means["cold"] == pytest.approx(24.0, abs=0.5)
+    assert means["given"] == pytest.approx(30.0, abs=0.5)
+    assert means["warm"] > 30.0
+    path = tmp_path / "after.parquet"
+    run_design(design, path, settings=RunSettings(repeat=1, warm_up_s=1800.0))
+    assert means["cold"] + 0.1 < read_record(path).signals["temperature"].mean()
+
+
+def test_slow_and_settling_passes_are_not_recorded(design: Path, tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    told: list[str] = []
+    run = run_design(
+        design,
+        path,
+        settings=RunSettings(repeat=2, settle=True, slow=0.5),
+        progress=lambda what, share: told.append(what),
+    )
+    assert run.result.outcome.samples == 2 * CYCLES
+    targets = read_record(path).signals["target_q"].reshape(2, CYCLES, 6)
+    np.testing.assert_allclose(targets[0], targets[1], rtol=0, atol=1e-12)
+    assert told
+
+
+def test_the_command_prints_its_keys(
+    design: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["run", design, "-o", tmp_path / "run.parquet", "--repeat", 1, "--json"]
+    assert main([str(word) for word in words]) == 0
+    captured = capsys.readouterr()
+    data = json.loads(captured.out)
+    assert {"samples", "periods", "gaps", "aborted", "record"} <= set(data)
+    assert captured.err == ""
+
+
+def test_ctrl_c_keeps_the_record(
+    design: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "run.parquet"
+    partial = tmp_path / "run.parquet.partial"
+    ended = threading.Event()
+
+    def interrupt() -> None:
+        # Rows reach the file in blocks: once it grows, the arm moves.
+        while not ended.is_set() and not (partial.exists() and partial.stat().st_size > 50_000):
+            ended.wait(0.001)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    code = main(["run", str(design), "-o", str(path), "--repeat", "100", "--json"])
+    ended.set()
+    thread.join()
+    captured = capsys.readouterr()
+    assert code == 1
+    assert "it was interrupted" in captured.err
+    data = json.loads(captured.out)
+    assert (data["aborted"], data["cause"]["code"]) == (True, "interrupted")
+    record = read_record(path)
+    assert record.samples == data["samples"]
+    assert 10 < record.samples < 100 * CYCLES
+    assert record.metadata.extra["aborted"] == "it was interrupted"
+    assert [notice.code for notice in record.problems] == ["truncated_file"]
+
+
+def test_a_full_disk_keeps_what_fitted(
+    design: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    path, room = tmp_path / "run.parquet", 150_000
+    write, written = os.write, [0]
+
+    def refuse(file: int, data: bytes) -> int:
+        if "run.parquet" in os.readlink(f"/proc/self/fd/{file}"):
+            written[0] += len(data)
+            if written[0] > room:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(file, data)
+
+    monkeypatch.setattr(os, "write", refuse)
+    code = main(["run", str(design), "-o", str(path), "--repeat", "5"])
+    monkeypatch.undo()
+    assert code == 1
+    message = capsys.readouterr().err
+    assert "No space left on device" in message
+    assert len(message.strip().splitlines()) == 1
+    record = read_record(path)
+    assert 100 < record.samples <= room / (8 * 50)
+
+
+def test_a_disk_that_refuses_the_end_loses_no_rows(
+    design: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "run.parquet"
+
+    def refuse(*_: object) -> None:
+        raise JobError("the recording cannot be written", value="No space left on device")
+
+    monkeypatch.setattr("dynid.recording.writer.write_record", refuse)
+    run = run_design(design, path, settings=RunSettings(repeat=1))
+    monkeypatch.undo()
+    assert run.abort is not None
+    assert run.abort.code == "recording"
+    with pytest.raises(JobError, match=r"No space left.*250 samples are kept"):
+        run.raise_if_aborted()
+    assert read_record(path).samples == CYCLES
+
+
+def test_bad_settings_are_refused(design: Path, tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    for settings in (
+        RunSettings(slow=2.0),
+        RunSettings(thermal="hot"),
+        RunSettings(mount="moon"),
+        RunSettings(robot="ur99"),
+    ):
+        with pytest.raises(InputError):
+            run_design(design, path, settings=settings)
+    for on in ("ur5", "ur://", "http://127.0.0.1", "ur://a/b"):
+        with pytest.raises(InputError, match="sim, ur://HOST"):
+            run_design(design, path, on=on)
+    with pytest.raises(InputError, match="--warm-up"):
+        RunSettings(warm_up_s=-1.0)
+    with pytest.raises(InputError, match="--method"):
+        RunSettings(method="magic")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("run", "DESIGN"),
+        ("run", "DESIGN", "-o", "OUT.csv"),
+        ("run", "DESIGN", "-o", "OUT", "--thermal", "tepid"),
+        ("run", "DESIGN", "-o", "OUT", "--payload", "heavy"),
+        ("run", "DESIGN", "-o", "OUT", "--repeat", "0"),
+        ("run", "missing.json", "-o", "OUT"),
+    ],
+)
+def test_bad_usage_is_one_line_and_exit_2(
+    design: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    words: tuple[str, ...],
+) -> None:
+    places = {"DESIGN": str(design), "OUT": str(tmp_path / "run.parquet")}
+    places["OUT.csv"] = str(tmp_path / "run.csv")
+    assert main([places.get(word, word) for word in words]) == 2
+    assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+def test_words_of_the_command_line() -> None:
+    assert parse_thermal("cold") == "cold"
+    assert parse_thermal("31.5") == 31.5
+    assert parse_payload(None).mass == 0.0
+    payload = parse_payload("1.5,0,0.01,0.05")
+    assert (payload.mass, payload.com) == (1.5, (0.0, 0.01, 0.05))
+    for text in ("-1", "1,2", "1,2,3,nan", "inf", ""):
+        with pytest.raises(InputError, match="payload"):
+            parse_payload(text)
