@@ -61,8 +61,7 @@ def main() -> int:
     n = model.robot.joints
     basis = harmonic_basis(np.arange(SAMPLES) * PERIOD / SAMPLES, PERIOD, HARMONICS)
     numbers = np.random.default_rng(0).normal(size=(2 * HARMONICS, n)) * 0.3
-    exact = GramKernel(model, base, coulomb_width=None)
-    smooth = GramKernel(model, base)
+    kernel = GramKernel(model, base, coulomb_width=None)
     theirs, _ = pinocchio_model(model.robot, "urdf")
     data = theirs.createData()
     # Their regressor is for parameters about the joint frames; ours for dh: one map a link.
@@ -106,13 +105,13 @@ def main() -> int:
 
     def gradient(criterion: Criterion) -> Callable[[], object]:
         def work() -> object:
-            gram, pullback = smooth.gram_and_pullback(*motion())
+            gram, pullback = kernel.gram_and_pullback(*motion())
             bars = pullback(criterion.objective_and_gradient(gram)[1])
             return sum(part.T @ bar for part, bar in zip(basis, bars, strict=True))
 
         return work
 
-    cond = value(exact, parse_criterion("cond"))
+    cond = value(kernel, parse_criterion("cond"))
     reference = "plain: pinocchio in a loop, numpy.linalg.cond"
     asked = "dynid: cond, as the genetic algorithm asks"
     works: dict[str, Callable[[], object]] = {
@@ -120,7 +119,7 @@ def main() -> int:
         asked: cond,
     }
     for name in CRITERIA:
-        works[f"dynid: {name}"] = value(smooth, parse_criterion(name))
+        works[f"dynid: {name}"] = value(kernel, parse_criterion(name))
         works[f"dynid: {name} and gradient"] = gradient(parse_criterion(name))
     times = fastest(works, {reference})
     here, there = cond(), plain()
