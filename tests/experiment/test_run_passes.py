@@ -1,0 +1,106 @@
+"""The order of passes, and what becomes of a stop or an error in each."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from dynid.core.errors import JobError
+from dynid.core.notices import Notice
+from dynid.drivers.driver import Driver, Execution, Outcome, Progress, Recorder, Source
+from dynid.drivers.watchdog import Abort
+from dynid.experiment.plan import ExperimentPlan
+from dynid.experiment.run import run
+from dynid.robot.load import load_robot
+from dynid.trajectory.rest import rest_series
+
+SERIES = rest_series(2.0, np.zeros(6), 0.05 * np.random.default_rng(0).normal(size=(6, 4)))
+PLAN = ExperimentPlan(
+    robot=load_robot("ur5"), trajectory=SERIES, slow=0.5, warm_up_s=3.0, periods=2
+)
+STOP = Abort("speed", "the speed slider was moved to 50 %")
+
+
+@dataclass
+class Scripted(Driver):
+    """Ends the executions as it is told, one after the other."""
+
+    ends: list[Abort | None]
+    seen: list[tuple[float, int, bool]] = field(default_factory=list)
+
+    @property
+    def source(self) -> Source:
+        return Source(quantities=("q",), format="test", origin="test")
+
+    def execute(
+        self,
+        execution: Execution,
+        recorder: Recorder | None,
+        *,
+        cancel: threading.Event | None = None,
+        progress: Progress | None = None,
+    ) -> Outcome:
+        self.seen.append((execution.trajectory.duration, execution.periods, recorder is not None))
+        abort = self.ends[len(self.seen) - 1]
+        return Outcome(samples=7, periods=0, gaps=0, abort=abort)
+
+
+@dataclass
+class Notes:
+    problems: list[Notice] = field(default_factory=list)
+    refuses: bool = False
+
+    def append(self, t, signals, channels=None) -> None:
+        raise AssertionError
+
+    def report(self, problem: Notice) -> None:
+        if self.refuses:
+            raise JobError("the disk is full")
+        self.problems.append(problem)
+
+
+def test_all_passes_run_and_the_last_is_recorded() -> None:
+    driver = Scripted([None, None, None])
+    result = run(PLAN, driver, lambda: nullcontext(Notes()))
+    assert driver.seen == [(4.0, 1, False), (2.0, 2, False), (2.0, 2, True)]
+    assert result.stopped_in is None
+    assert result.outcome.samples == 7
+
+
+@pytest.mark.parametrize(("before", "name"), [(0, "slow"), (1, "warm-up")])
+def test_a_stop_before_the_recording_ends_the_run(before: int, name: str) -> None:
+    driver = Scripted([*[None] * before, STOP])
+
+    def open_recorder() -> AbstractContextManager[Recorder]:
+        raise AssertionError("nothing is recorded")
+
+    result = run(PLAN, driver, open_recorder)
+    assert result.stopped_in == name
+    assert result.outcome.abort == STOP
+    assert result.outcome.samples == 0
+    assert len(driver.seen) == before + 1
+
+
+def test_a_stop_is_written_into_the_recording() -> None:
+    notes = Notes()
+    result = run(PLAN, Scripted([None, None, STOP]), lambda: nullcontext(notes))
+    assert result.stopped_in == "run"
+    assert [notice.code for notice in notes.problems] == ["truncated_file"]
+    assert "slider" in notes.problems[0].message
+
+
+def test_a_disk_that_refuses_the_note_hides_no_cause() -> None:
+    result = run(PLAN, Scripted([None, None, STOP]), lambda: nullcontext(Notes(refuses=True)))
+    assert result.outcome.abort == STOP
+
+
+def test_an_error_before_the_motion_stays_an_error() -> None:
+    def open_recorder() -> AbstractContextManager[Recorder]:
+        raise JobError("the recording cannot be started")
+
+    with pytest.raises(JobError, match="cannot be started"):
+        run(PLAN, Scripted([None, None, None]), open_recorder)
