@@ -8,11 +8,11 @@ import json
 import os
 import tempfile
 from collections.abc import Sequence
+from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from dynid import __version__
 from dynid.core.errors import JobError
 from dynid.core.optional import require
 from dynid.figures.canvas import script
@@ -47,7 +47,7 @@ def render(contents: ReportContents, sections: Sequence[Section] | None = None) 
         behaviour=_asset("page.js"),
         library=_packed(script()),
         themes=_script_safe(_json({"light": layout(), "dark": layout(dark=True)})),
-        version=__version__,
+        version=version("dynid"),
         viewport=WIDTHS,
     )
     return page
