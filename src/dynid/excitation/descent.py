@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core.arrays import Array
 from dynid.excitation.region import MotionRegion
@@ -19,6 +18,8 @@ SUFFICIENT = 1e-4
 """Share of the promised decrease that a step must bring (Armijo)."""
 SHRINK = 0.4
 TRIALS = 8
+RIDGES = (1e-13, 1e-10, 1e-7, 1e-4)
+"""Of the largest diagonal entry, tried in this order."""
 
 
 @dataclass(slots=True)
@@ -111,11 +112,17 @@ def _newton(curvature: Array, blocks: Array, slope: Array, *, fixed: bool) -> Ar
     if fixed:
         matrix[::width], matrix[:, ::width] = 0.0, 0.0
         matrix[range(0, len(matrix), width), range(0, len(matrix), width)] = 1.0
-    # Sums of positive definite matrices; the ridge covers the rounding of very flat directions.
-    matrix[np.diag_indices_from(matrix)] += 1e-12 * np.trace(matrix)
-    factor = linalg.cho_factor(matrix, check_finite=False)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
-    step = linalg.cho_solve(factor, -slope, check_finite=False)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType, reportUnknownArgumentType]
-    return np.asarray(step, dtype=np.float64)
+    # Sums of positive definite matrices, but for rounding where some directions are very flat.
+    diagonal = np.diag(matrix).copy()
+    for ridge in RIDGES:
+        np.fill_diagonal(matrix, diagonal + ridge * np.max(diagonal))
+        try:
+            factor = np.linalg.cholesky(matrix)
+        except np.linalg.LinAlgError:
+            continue
+        step = np.linalg.solve(factor.T, np.linalg.solve(factor, -slope))
+        return np.asarray(step, dtype=np.float64)
+    return -slope / np.maximum(diagonal, 1e-300)
 
 
 def _damped_update(curvature: Array, step: Array, change: Array) -> Array:

@@ -8,6 +8,7 @@ import signal
 from collections.abc import Generator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
+from multiprocessing.synchronize import Event
 from typing import Any, NamedTuple
 
 from dynid.core.errors import InputError
@@ -15,6 +16,8 @@ from dynid.core.optional import require
 
 DASK_TIMEOUT_S = 10.0
 """A scheduler that does not answer by then is none."""
+_enough: Event | None = None
+"""In a worker: set when the search is over."""
 
 
 class Workers(NamedTuple):
@@ -49,14 +52,22 @@ def workers(jobs: int, dask: str | None = None) -> Generator[Workers]:
         yield Workers(None, 0)
         return
     # Spawned, not forked: threads of BLAS and Numba do not survive a fork.
+    context = multiprocessing.get_context("spawn")
+    enough = context.Event()
     pool = ProcessPoolExecutor(
-        jobs - 1, mp_context=multiprocessing.get_context("spawn"), initializer=_begin_worker
+        jobs - 1, mp_context=context, initializer=_begin_worker, initargs=(enough,)
     )
     try:
         with _single_threaded():
             yield Workers(pool, jobs - 1)
     finally:
+        enough.set()
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+def told_to_stop() -> bool:
+    """In a worker: whether the search is over and its start no longer wanted."""
+    return _enough is not None and _enough.is_set()
 
 
 @contextmanager
@@ -93,6 +104,8 @@ def _single_threaded() -> Generator[None]:
                 os.environ[name] = value
 
 
-def _begin_worker() -> None:
+def _begin_worker(enough: Event) -> None:
+    global _enough
+    _enough = enough
     # Ctrl-C reaches the whole process group; the calling process decides what ends.
     signal.signal(signal.SIGINT, signal.SIG_IGN)

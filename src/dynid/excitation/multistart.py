@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from dynid.core.errors import InputError
 from dynid.excitation.candidate import Candidate
 from dynid.excitation.evaluation import DesignEvaluation
+from dynid.excitation.executor import told_to_stop
 from dynid.excitation.gradient import one_start
 from dynid.excitation.problem import ExcitationProblem
 from dynid.excitation.region import region_of
@@ -108,7 +109,7 @@ def run_start(
         region_of(problem),
         seed=seed,
         number=number,
-        stop=lambda: end is not None and time.monotonic() >= end,
+        stop=lambda: told_to_stop() or (end is not None and time.monotonic() >= end),
         found=lambda candidate: None,
     )
     return StartResult(number, best, evaluation.evaluations)

@@ -1,0 +1,281 @@
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from designed_arm import written_arm
+
+import dynid
+from dynid.cli.app import main
+from dynid.trajectory.families import FAMILY_NAMES
+
+QUICK = ("--harmonics", "3", "--period", "6", "--starts", "2", "--jobs", "1")
+BINDING = {
+    "condition_number", "scaled_condition_number", "log_det", "criterion", "method", "feasible",
+    "margins", "evaluations", "wall_s", "seed",
+}  # fmt: skip
+MARGINS = {
+    "position", "velocity", "acceleration", "torque", "tcp_speed", "self_collision_m",
+    "environment_m",
+}  # fmt: skip
+Run = Callable[..., tuple[int, dict[str, Any], str]]
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Run:
+    def call(*words: object) -> tuple[int, dict[str, Any], str]:
+        capsys.readouterr()
+        code = main([str(word) for word in words])
+        out, err = capsys.readouterr()
+        return code, json.loads(out) if out.startswith("{") else {}, err
+
+    return call
+
+
+def test_design_and_check_tell_the_same_story(run: Run, tmp_path: Path) -> None:
+    arm, file = written_arm(tmp_path), tmp_path / "design.json"
+    code, found, err = run("design", arm, "-o", file, *QUICK, "--json")
+    assert (code, err) == (0, "")
+    assert set(found) >= BINDING
+    assert set(found["margins"]) >= MARGINS
+    assert found["feasible"]
+    assert found["method"] == "gradient"
+    code, checked, _ = run("check", file, "--json")
+    assert code == 0
+    assert checked["margins"] == found["margins"]
+    assert checked["margins"]["torque"] > 0
+    assert checked["margins"]["self_collision_m"] > 0
+    assert checked["margins"]["environment_m"] is None
+
+    # The file alone gives the figures again: by numpy, from the trajectory in it.
+    stored = dynid.read_design(file)
+    times = np.arange(found["samples"]) / 125.0
+    motion = stored.stored.trajectory.evaluate(times)
+    base = dynid.reduce_model(dynid.InverseDynamicModel(robot=dynid.load_robot(arm)))
+    w = base.model.observation_matrix(motion.q, motion.dq, motion.ddq)[:, list(base.independent)]
+    assert found["condition_number"] == pytest.approx(np.linalg.cond(w), rel=1e-8)
+    unit = w / np.linalg.norm(w, axis=0)
+    assert found["scaled_condition_number"] == pytest.approx(np.linalg.cond(unit), rel=1e-8)
+    assert found["log_det"] == pytest.approx(np.linalg.slogdet(w.T @ w)[1], rel=1e-8)
+    ends = stored.stored.trajectory.evaluate([0.0, 6.0])
+    np.testing.assert_allclose(ends.dq, 0.0, atol=1e-12)
+    np.testing.assert_allclose(ends.ddq, 0.0, atol=1e-12)
+
+
+def test_a_seed_gives_the_same_file_again(run: Run, tmp_path: Path) -> None:
+    arm = written_arm(tmp_path)
+    for name, seed in (("a", 3), ("b", 3), ("c", 4)):
+        assert run("design", arm, "-o", tmp_path / f"{name}.json", *QUICK, "--seed", seed)[0] == 0
+    first, again, other = (
+        json.loads((tmp_path / f"{name}.json").read_text())["trajectory"] for name in "abc"
+    )
+    assert first == again
+    assert first != other
+
+
+def test_the_genetic_algorithm_with_the_paper_limits(run: Run, tmp_path: Path) -> None:
+    file = tmp_path / "ga.json"
+    words = ("--method", "ga", "--limits", "paper", "--population", "20", "--generations", "2")
+    code, found, _ = run("design", written_arm(tmp_path), "-o", file, *QUICK, *words, "--json")
+    assert code == 0
+    assert found["method"] == "ga"
+    assert found["margins"]["torque"] is None
+    assert found["evaluations"] == 20 + 2 * 19  # One survives each generation unchanged.
+    # What was made for the paper's limits is held to all of them, unless told otherwise.
+    code, strict, _ = run("check", file, "--json")
+    assert strict["designed_for"] == "paper"
+    assert code == (0 if strict["feasible"] else 1)
+    assert strict["margins"]["torque"] is not None
+    assert run("check", file, "--limits", "paper")[0] == 0
+
+
+@pytest.mark.parametrize("family", [name for name in FAMILY_NAMES if name != "poses"])
+def test_every_family_gives_a_feasible_design(run: Run, tmp_path: Path, family: str) -> None:
+    file = tmp_path / "design.json"
+    words = (*QUICK, "--starts", "1", "--trajectory", family)
+    code, found, _ = run("design", written_arm(tmp_path), "-o", file, *words, "--json")
+    assert code == 0
+    assert found["feasible"]
+    assert run("check", file)[0] == 0
+
+
+def test_motions_begin_at_the_pose_that_is_given(run: Run, tmp_path: Path) -> None:
+    arm, file = written_arm(tmp_path), tmp_path / "design.json"
+    words = (*QUICK, "--trajectory", "modified-fourier", "--start", "0.5,-1,1")
+    assert run("design", arm, "-o", file, *words)[0] == 0
+    motion = dynid.read_design(file).stored.trajectory.evaluate([0.0, 6.0])
+    np.testing.assert_allclose(motion.q, [[0.5, -1.0, 1.0]] * 2, atol=1e-9)
+
+
+def test_exports_stand_beside_the_design(run: Run, tmp_path: Path) -> None:
+    files = [tmp_path / name for name in ("d.json", "d.csv", "d.yaml")]
+    words = ("--csv", files[1], "--ros", files[2])
+    assert run("design", written_arm(tmp_path), "-o", files[0], *QUICK, *words)[0] == 0
+    table = np.loadtxt(files[1], delimiter=",", skiprows=1)
+    trajectory = dynid.read_design(files[0]).stored.trajectory
+    np.testing.assert_allclose(table[:, 1:4], trajectory.evaluate(table[:, 0]).q, atol=1e-12)
+    assert "joint_names" in files[2].read_text()
+
+
+def test_a_sequential_design_completes_what_is_recorded(tmp_path: Path) -> None:
+    robot = dynid.load_robot(written_arm(tmp_path))
+    first = dynid.DesignSettings(harmonics=3, period_s=6.0, starts=1, criterion="d-opt")
+    before = dynid.design(robot, first)
+    motion = before.trajectory.evaluate(np.arange(750) / 125.0)
+    record = dynid.ExperimentRecord(
+        t=motion.t,
+        signals={"q": motion.q, "qd": motion.dq, "effort": np.zeros_like(motion.q)},
+        metadata=dynid.RecordMetadata(robot="small", joint_names=robot.joint_names),
+    )
+    path = tmp_path / "before.parquet"
+    dynid.write_record(record, path)
+    alone, after = (
+        dynid.design(
+            robot,
+            dynid.DesignSettings(
+                harmonics=3, period_s=6.0, starts=2, criterion="a-opt", previous=previous
+            ),
+        )
+        for previous in ((), (str(path),))
+    )
+    assert after.feasible
+    assert str(path) in after.provenance.inputs
+    # Alone it is worse, as it must be: it spends itself on what the record lacks.
+    assert after.criteria["a-opt"] >= alone.criteria["a-opt"]
+
+
+def test_an_infeasible_design_is_named_as_such(run: Run, tmp_path: Path) -> None:
+    # The arm cannot even hold its own weight.
+    arm, file = written_arm(tmp_path, torque=0.5), tmp_path / "design.json"
+    code, found, err = run("design", arm, "-o", file, *QUICK, "--starts", "1", "--json")
+    assert code == 1
+    assert found["feasible"] is False
+    assert "NOT feasible: torque" in err
+    assert json.loads(file.read_text())["design"]["feasible"] is False
+    code, checked, _ = run("check", file, "--json")
+    assert code == 1
+    assert checked["broken"][0] == "torque"
+    assert checked["margins"]["torque"] < 0
+
+
+SCENES: dict[str, Any] = {
+    "enclosing": {"type": "box", "size": [4, 4, 4], "position": [0, 0, 0]},
+    "unknown": {"type": "cloud"},
+}
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--harmonics", "0"), "--harmonics"),
+        (("--harmonics", "1"), "--harmonics"),
+        (("--harmonics", "-3"), "--harmonics"),
+        (("--period", "0"), "--period"),
+        (("--period", "nan"), "--period"),
+        (("--criterion", "best"), "--criterion"),
+        (("--method", "luck"), "--method"),
+        (("--limits", "none"), "--limits"),
+        (("--trajectory", "spiral"), "--trajectory"),
+        (("--starts", "0"), "--starts"),
+        (("--budget", "0"), "--budget"),
+        (("--budget", "1e-7"), "--budget"),
+        (("--budget", "nan"), "--budget"),
+        (("--population", "1", "--method", "ga"), "--population"),
+        (("--scene", "enclosing.json"), "leaves the robot no room"),
+        (("--scene", "unknown.json"), "unknown shape"),
+        (("--scene", "missing.json"), "missing.json"),
+        (("--start", "0,0"), "--start|start pose"),
+        (("--start", "0,0,0"), "--trajectory"),
+        (("--start", "a,b,c", "--trajectory", "bspline"), "--start"),
+        (("--start", "0,9,0", "--trajectory", "bspline"), "start pose"),
+        (("--start", "0,1.3,2.5", "--trajectory", "bspline"), "start pose|collision"),
+        (("--noise", "1,1"), "noise"),
+        (("--noise", "1,0,1"), "noise"),
+        (("--terms", "magic"), "--terms"),
+        (("--frames", "polar"), "--frames"),
+        (("--mount", "moon"), "mounting"),
+        (("--previous", "missing.parquet"), "missing.parquet"),
+        (("--dask", "nowhere"), "--dask"),
+    ],
+)
+def test_bad_input_is_one_clear_message(
+    run: Run,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    words: tuple[str, ...],
+    told: str,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("dynid.excitation.executor.DASK_TIMEOUT_S", 0.5)
+    for name, shape in SCENES.items():
+        Path(f"{name}.json").write_text(json.dumps({"shapes": [shape]}))
+    base = () if "--starts" in words or "--budget" in words else ("--starts", "1")
+    code, _, err = run("design", written_arm(tmp_path), "-o", "d.json", *base, *words)
+    assert code == 2, err
+    assert err.count("\n") == 1
+    assert any(part in err for part in told.split("|")), err
+    assert not Path("d.json").exists()
+
+
+def test_contradictory_limits_are_named(run: Run, tmp_path: Path) -> None:
+    arm = written_arm(tmp_path, upper=-2.0)
+    code, _, err = run("design", arm, "-o", tmp_path / "d.json")
+    assert code == 2
+    assert "joint 2" in err
+    assert "no room" in err
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"kind": "dynid.trajectory", "version": 2}'])
+def test_check_refuses_what_is_no_design(run: Run, tmp_path: Path, text: str) -> None:
+    path = tmp_path / "broken.json"
+    path.write_text(text)
+    code, _, err = run("check", path)
+    assert code == 2
+    assert "broken.json" in err
+
+
+def test_ctrl_c_writes_the_best_design_so_far(tmp_path: Path) -> None:
+    file = tmp_path / "design.json"
+    script = """
+import sys
+from dynid.workflow import designing
+from dynid.cli.app import main
+# A line on stdout with every better motion: when to interrupt.
+real = designing.design
+def design(*words, **options):
+    options["progress"] = lambda what, share: print(what, flush=True)
+    return real(*words, **options)
+designing.design = design
+sys.exit(main(sys.argv[1:]))
+"""
+    words = ("design", written_arm(tmp_path), "-o", file, "--jobs", "2", "--budget", "120")
+    process = subprocess.Popen(
+        [sys.executable, "-c", script, *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+    )
+    assert process.stdout is not None
+    for _ in range(3):
+        assert "cond" in process.stdout.readline()
+    # The whole group, as a terminal does.
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "interrupted; the best design so far is in" in err
+    design = json.loads(file.read_text())["design"]
+    assert design["interrupted"]
+    assert design["ended_by"] == "interrupt"
+    assert design["feasible"]
+    assert "interrupted: the best so far" in out
+    assert "Traceback" not in err
