@@ -92,6 +92,7 @@ def _bodies(
         spheres=read_only(np.array([_around(capsules, k) for k in range(robot.joints + 1)])),
         shapes=read_only(packed(shapes)),
         pairs=np.array(pairs, dtype=np.intp).reshape(-1, 2),
+        overlap=read_only(np.array([_overlap(robot, capsules, pair) for pair in pairs])),
         meetings=np.array(meetings, dtype=np.intp).reshape(-1, 2),
     )
 
@@ -107,6 +108,15 @@ def _around(capsules: tuple[Capsule, ...], link: int) -> Array:
     centre = (low + high) / 2
     reach = np.linalg.norm(corners - centre, axis=1) + radii
     return np.array([*centre, float(reach.max())])
+
+
+def _overlap(robot: RobotModel, capsules: tuple[Capsule, ...], pair: tuple[int, int]) -> float:
+    two = [capsules[k] for k in pair]
+    # What the flange carries is not in the robot's file.
+    if any(all(item is not one for one in robot.capsules) for item in two):
+        return 0.0
+    known = {row[:2]: row[2] for row in robot.overlap}
+    return known.get((two[0].link, two[1].link), 0.0)
 
 
 def _poses(settings: ConstraintSettings) -> Array:

@@ -44,6 +44,8 @@ class Bodies:
     """(S, 16) packed shapes."""
     pairs: Indices
     """(P, 2) capsules that must not meet, the one of the inner link first, group by group."""
+    overlap: Array
+    """(P) how far the capsules of a pair may overlap before the links touch [m]."""
     meetings: Indices
     """(E, 2) capsule and shape that must not meet, group by group."""
 
@@ -54,8 +56,9 @@ class Bodies:
             q: (N, n) positions [rad or m].
 
         Returns:
-            (N, P) between capsules and (N, E) from capsules to shapes [m]. Capsules that
-            intersect deeper than to their middle lines keep their least value.
+            (N, P) between capsules, their overlap added, and (N, E) from capsules to shapes
+            [m]. Capsules that intersect deeper than to their middle lines keep their least
+            value.
         """
         own = np.empty((len(q), len(self.pairs)))
         around = np.empty((len(q), len(self.meetings)))
@@ -66,6 +69,7 @@ class Bodies:
             self.radius,
             self.shapes,
             self.pairs,
+            self.overlap,
             self.meetings,
             samples_of(q),
             own,
@@ -98,6 +102,7 @@ class Bodies:
             self.spheres,
             self.shapes,
             self.meetings if around else self.pairs,
+            np.zeros(len(self.meetings)) if around else np.array(self.overlap),
             groups,
             around,
             samples_of(q),
@@ -128,6 +133,7 @@ class Bodies:
             self.spheres,
             self.shapes,
             self.pairs,
+            self.overlap,
             self._groups(False),
             self.meetings,
             self._groups(True),

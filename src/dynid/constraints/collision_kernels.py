@@ -41,6 +41,7 @@ def all_distances(
     radius: Array,
     shapes: Array,
     pairs: Indices,
+    overlap: Array,
     meetings: Indices,
     q: Array,
     own: Array,
@@ -55,7 +56,7 @@ def all_distances(
         for p in range(len(pairs)):
             a, b = pairs[p]
             far = closest_on_segments(placed[a, 0], placed[a, 1], placed[b, 0], placed[b, 1])[0]
-            own[k, p] = far - radius[a] - radius[b]
+            own[k, p] = far - radius[a] - radius[b] + overlap[p]
         for p in range(len(meetings)):
             a, s = meetings[p]
             far = segment_to_shape(shapes[s], placed[a, 0], placed[a, 1], slope)[0]
@@ -93,6 +94,7 @@ def nearest(
     spheres: Array,
     shapes: Array,
     pairs: Indices,
+    overlap: Array,
     groups: Indices,
     around: bool,
     q: Array,
@@ -110,6 +112,7 @@ def nearest(
         spheres: (n + 1, 4).
         shapes: (S, 16).
         pairs: (P, 2) pairs of capsules, or of capsule and shape if `around`.
+        overlap: (P) added to the distances [m].
         groups: (G, 4) two links, or link and shape; first and last + 1 of its pairs.
         around: Whether pairs are with shapes.
         q: (N, n) positions.
@@ -140,7 +143,7 @@ def nearest(
                     far = closest_on_segments(
                         placed[a, 0], placed[a, 1], placed[b, 0], placed[b, 1]
                     )[0]
-                    far -= radius[a] + radius[b]
+                    far -= radius[a] + radius[b] - overlap[p]
                 if far < least:
                     least, index = far, p
                 low = min(low, far - off)
@@ -179,6 +182,7 @@ def shortfalls(
     spheres: Array,
     shapes: Array,
     pairs: Indices,
+    overlap: Array,
     pair_groups: Indices,
     meetings: Indices,
     meeting_groups: Indices,
@@ -211,7 +215,7 @@ def shortfalls(
                 continue
             for p in range(pair_groups[g, 2], pair_groups[g, 3]):
                 a, b = pairs[p]
-                touch = float(radius[a] + radius[b] + own)
+                touch = float(radius[a] + radius[b] + own - overlap[p])
                 room, apart = touch + half[a] + half[b], 0.0
                 for r in range(3):
                     middle = placed[a, 0, r] + placed[a, 1, r] - placed[b, 0, r] - placed[b, 1, r]

@@ -64,6 +64,8 @@ class RobotModel:
     """Self-collision shapes."""
     apart: tuple[tuple[int, int], ...] = ()
     """Pairs of links (0 the base) that cannot meet, whatever their capsules say."""
+    overlap: tuple[tuple[int, int, float], ...] = ()
+    """Two links, and how far their capsules may overlap before the links touch [m]."""
     safety: SafetyLimits = field(default_factory=SafetyLimits)
     """Limits of the whole arm, as its controller watches them."""
     locked: Mapping[str, float] = field(default_factory=dict[str, float])
@@ -110,8 +112,9 @@ class RobotModel:
             raise RobotError("a counterbalance acts on no joint of this robot", where=self.name)
         if any(item.link > n for item in self.capsules):
             raise RobotError("a capsule is fixed in no link of this robot", where=self.name)
-        if any(not 0 <= link <= n for pair in self.apart for link in pair):
-            raise RobotError("links that stay apart are not of this robot", where=self.name)
+        named = [*self.apart, *(row[:2] for row in self.overlap)]
+        if any(not 0 <= link <= n for pair in named for link in pair):
+            raise RobotError("pairs of links that are not of this robot", where=self.name)
         if self.safety.elbow > n:
             raise RobotError("the elbow is no joint of this robot", where=self.name)
 

@@ -14,6 +14,7 @@
     [[counterbalance]] joint, outer, inner, rest_length, offset, piston_area, gas_work, gas_volume
     [[capsule]] name, link, frames, start, end, radius            link: `base` or a joint
     [collision] apart                          pairs of links that cannot meet
+        overlap, overlap_by                    pairs whose capsules may overlap, and how far
 
 Units are SI; nan stands for an unknown number, and what is not published is left out. Every
 table takes `source` and `KEY_source`. Keys that are not listed here are errors.

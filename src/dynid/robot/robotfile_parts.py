@@ -137,14 +137,27 @@ def read_capsules(values: object, robot: RobotModel) -> Part:
 
 
 def read_collision(values: object, robot: RobotModel) -> Part:
-    """The table `collision`: `apart`, pairs of links that cannot meet."""
-    table = Table(values, "", "collision", ("apart",))
+    """The table `collision`: pairs of links that cannot meet, or whose capsules may overlap."""
+    table = Table(values, "", "collision", ("apart", "overlap", "overlap_by"))
     links = ("base", *robot.joint_names)
-    found: list[tuple[int, int]] = []
-    for pair in table.pairs("apart", links):
-        first, second = sorted(links.index(name) for name in pair)
-        found.append((first, second))
-    return {"apart": tuple(found)}, table.sources("collision")
+    found: dict[str, Any] = {}
+    if "apart" in table:
+        found["apart"] = tuple(_sorted_pair(links, pair) for pair in table.pairs("apart", links))
+    if "overlap" in table:
+        pairs = table.pairs("overlap", links)
+        lengths = table.numbers("overlap_by", len(pairs)).tolist()
+        if not all(0 <= length < 1 for length in lengths):
+            raise RobotError("'overlap_by' is out of range", value=lengths, limit="0 to 1 m")
+        found["overlap"] = tuple(
+            (*_sorted_pair(links, pair), length)
+            for pair, length in zip(pairs, lengths, strict=True)
+        )
+    return found, table.sources("collision")
+
+
+def _sorted_pair(links: tuple[str, ...], pair: tuple[str, str]) -> tuple[int, int]:
+    first, second = sorted(links.index(name) for name in pair)
+    return first, second
 
 
 def _frames(table: Table, robot: RobotModel) -> Array:

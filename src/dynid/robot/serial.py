@@ -56,6 +56,7 @@ def robot_to_json(robot: RobotModel) -> dict[str, Any]:
             for item in robot.capsules
         ],
         "apart": [list(pair) for pair in robot.apart],
+        "overlap": [list(row) for row in robot.overlap],
         "safety": {key: _null(value) for key, value in asdict(robot.safety).items()},
         "locked": dict(robot.locked),
         "notes": list(robot.notes),
@@ -96,7 +97,8 @@ def robot_from_json(data: Mapping[str, Any]) -> RobotModel:
             flange=_array(data["flange"]),
             counterbalances=tuple(Counterbalance(**spring) for spring in data["counterbalances"]),
             capsules=tuple(Capsule(**item) for item in data["capsules"]),
-            # Files of the first versions know neither of these two.
+            # Files of the first versions know none of these three.
+            overlap=tuple((int(a), int(b), float(c)) for a, b, c in data.get("overlap", [])),
             apart=tuple((int(a), int(b)) for a, b in data.get("apart", [])),
             safety=_safety(data.get("safety", {})),
             locked={str(k): float(v) for k, v in data["locked"].items()},
