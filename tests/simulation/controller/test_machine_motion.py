@@ -1,5 +1,7 @@
 """Motions of the machine against their own words and an independent kinematics."""
 
+import math
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -11,13 +13,17 @@ from scripts import finish, said, ticks
 from dynid.core.arrays import Array
 from dynid.simulation.controller.machine import ControllerMachine
 from dynid.simulation.controller.machine_kinematics import ToolKinematics
+from dynid.simulation.controller.machine_safety import SafetyLimits
 from dynid.simulation.controller.motion_poses import to_matrix, to_pose
 from dynid.simulation.controller.motion_profile import trapezoid
 from dynid.simulation.truth import SimulatedArm
+from dynid.trajectory.fourier import FourierSeries
+from dynid.trajectory.urscript import UrProgramOptions, ur_program
 
 START = HOME.tolist()
 RESTING = 1e-4
 """Speeds below which a target stands [rad/s]."""
+UNBOUND = SafetyLimits(tool_speed=math.inf, momentum=math.inf, power=math.inf)
 TOOL = [0.01, -0.02, 0.1, 0.3, -0.2, 0.1]
 
 
@@ -132,6 +138,31 @@ def test_our_own_program_repeats_its_period_exactly(machine: ControllerMachine) 
     assert index.tolist() == list(range(1000)), "every index once"
     assert np.abs(target[500:750] - target[750:1000]).max() < 1e-12
     assert np.ptp(target[:, 0]) > 0.19
+
+
+def test_the_program_of_a_fourier_series_runs_sample_by_sample(
+    arm: SimulatedArm, motion: FourierSeries
+) -> None:
+    program = ur_program(motion, UrProgramOptions(repeats=2, settle=1, dwell=0.1))
+    machine = ControllerMachine(arm, pose=START, safety=UNBOUND)
+    machine.run_script(program.text)
+    index, setpoints, targets = [], [], []
+    while machine.program_running or not index:
+        machine.set_input("input_int_register_24", len(index))
+        machine.tick()
+        index.append(machine.output("output_int_register_24"))
+        setpoints.append(machine.core.arm.setpoint)
+        targets.append(machine.output("target_q"))
+    assert machine.output("safety_mode") == 1, said(machine)
+    assert machine.output("output_int_register_25") == 2
+    first = index.index(0)
+    n = program.cycles
+    assert index[first : first + 3 * n] == list(range(3 * n)), "every sample once, in order"
+    commanded = np.array(setpoints[first : first + n])
+    expected = motion.evaluate(np.arange(n) * machine.cycle).q
+    assert np.abs(commanded - expected).max() < 1e-9
+    target = np.array(targets[first : first + 3 * n])
+    assert np.abs(target[n : 2 * n] - target[2 * n :]).max() < 1e-12
 
 
 def test_servoj_over_several_cycles_is_a_straight_line(machine: ControllerMachine) -> None:

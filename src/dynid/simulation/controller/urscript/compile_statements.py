@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import accumulate
 from typing import Any
 
 from dynid.simulation.controller.urscript.access import store
@@ -130,26 +131,31 @@ def _if(scope: Scope, statement: If, in_loop: bool) -> Code:
         for condition, body in statement.branches
     ]
     otherwise = block(scope, statement.otherwise, in_loop=in_loop)
-    weight = sum(condition.weight for condition, _ in branches)
-    parts = [(condition.run, body.run) for condition, body in branches]
+    # A chain of conditions costs what is looked at, not all of it.
+    costs = list(accumulate(condition.weight for condition, _ in branches))
+    parts = [(cost, ask.run, body.run) for cost, (ask, body) in zip(costs, branches, strict=True)]
+    whole = costs[-1]
     last = otherwise.run
     if not otherwise.slow and not any(ask.slow or body.slow for ask, body in branches):
 
         def at_once(x: Execution, v: Frame) -> Any:
-            for condition, body in parts:
+            for cost, condition, body in parts:
                 if truth(condition(x, v)):
+                    x.left -= cost
                     return body(x, v)
+            x.left -= whole
             return last(x, v)
 
-        return Code(at_once, False, weight)
+        return Code(at_once, False, 1)
 
     def waiting(x: Execution, v: Frame) -> Routine:
         for ask, body in branches:
+            x.left -= ask.weight
             if truth((yield from ask.wait(x, v)) if ask.slow else ask.run(x, v)):
                 return (yield from body.wait(x, v)) if body.slow else body.run(x, v)
         return (yield from otherwise.wait(x, v)) if otherwise.slow else last(x, v)
 
-    return Code(waiting, True, weight)
+    return Code(waiting, True, 1)
 
 
 def _while(scope: Scope, statement: While) -> Code:
