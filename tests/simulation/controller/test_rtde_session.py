@@ -2,6 +2,7 @@
 
 import struct
 
+import numpy as np
 import pytest
 
 from dynid.protocol import rtde
@@ -206,3 +207,20 @@ def test_every_input_of_the_guide_can_be_written(machine, session):
         zero = Recipe((name,), (field.type,), number).packet([0] * field.type.count)
         assert session.receive(zero) == b"", name
     machine.tick()
+
+
+@pytest.mark.parametrize("number", [float("nan"), float("inf"), -float("inf"), 1e300, -1.0])
+def test_no_number_in_an_input_breaks_the_controller(machine, session, number):
+    machine.run_script("def p():\n while True:\n servoj([0,-1.57,0,-1.57,0,0])\n end\nend\n")
+    for name, field in INPUTS.items():
+        recipe_number, _ = inputs(session, [name])
+        recipe = Recipe((name,), (field.type,), recipe_number)
+        extreme = number if field.type.code == "d" else 255 if field.type.code in "BI" else -1
+        session.receive(recipe.packet([extreme] * field.type.count))
+    for _ in range(20):
+        machine.tick()
+    packer = Packer(machine)
+    for name in ("speed_scaling", "target_q", "actual_q", "standard_analog_output0"):
+        outputs(session, [name])
+        values = session.outputs.unpack(packer.package(session.outputs)[3:])
+        assert np.isfinite(values[name]).all(), name

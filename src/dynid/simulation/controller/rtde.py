@@ -166,8 +166,13 @@ class RtdeSession:
         number = payload[0] if payload else 0
         if not 1 <= number <= len(self._inputs):
             return self._complain(f"there is no input recipe {number}")
+        recipe = self._inputs[number - 1]
         try:
-            for name, value in self._inputs[number - 1].unpack(payload).items():
+            # More than the recipe is no mistake: ur_rtde's getForwardKinematics(q, tcp) does so.
+            for name, value in recipe.unpack(payload[: recipe.size]).items():
+                # A register may hold what a program wants; a speed slider may not.
+                if value != value and "register" not in name:
+                    return self._complain(f"{name} is not a number")
                 self._machine.set_input(name, value)
         except DynidError as error:
             return self._complain(str(error))

@@ -1,0 +1,121 @@
+"""The simulated controller before a recorder: packages missed, step sizes, lateness, speed-up.
+
+60 s at 125 Hz (UR5) and at 500 Hz (UR5e) in real time while a program moves the arm, then the
+same in virtual time. Asked: no missing timestamp, steps exactly 8 and 2 ms, virtual time at
+least five times as fast as real time, end to end. Run it on an idle machine.
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from dynid.protocol import rtde
+from dynid.protocol.framing import Framer, Kind
+from dynid.protocol.recipe import Recipe
+from dynid.simulation.controller.process import RunningController, controller_process
+
+SECONDS = 60.0
+ASKED_SPEED_UP = 5.0
+STEP_ERROR = 1e-12
+FIELDS = (
+    "timestamp target_q target_qd target_qdd target_current target_moment actual_q actual_qd "
+    "actual_current joint_control_output joint_temperatures speed_scaling target_speed_fraction "
+    "robot_mode safety_mode safety_status_bits runtime_state actual_momentum output_int_register_24"
+)
+PROGRAM = """def swing():
+  k = 0
+  while True:
+    s = 0.4 * (1 - cos(k * {step}))
+    write_output_integer_register(24, k)
+    servoj([s, -1.5707963 + 0.5 * s, s, -1.5707963, s, s], t={cycle}, lookahead_time=0.03, gain=500)
+    k = k + 1
+  end
+end
+"""
+
+
+def record(controller: RunningController, seconds: float) -> tuple[np.ndarray, float]:
+    """Every package of a time, and how long that took by the wall clock [s]."""
+    cycle = 1 / controller.rate_hz
+    framer, packets = Framer(), []
+    with socket.create_connection((controller.host, controller.ports["rtde"])) as sock:
+
+        def reply(kind: Kind) -> bytes:
+            while True:
+                while not packets:
+                    packets.extend(framer.feed(sock.recv(1 << 16)))
+                found, payload = packets.pop(0)
+                if found == kind:
+                    return payload
+
+        sock.sendall(rtde.request_protocol(2))
+        reply(Kind.REQUEST_PROTOCOL_VERSION)
+        names = FIELDS.split()
+        sock.sendall(rtde.request_outputs(names, controller.rate_hz))
+        number, types = rtde.read_setup_answer(
+            Kind.SETUP_OUTPUTS, reply(Kind.SETUP_OUTPUTS), protocol=2
+        )
+        recipe = Recipe.of(names, types, number)
+        with socket.create_connection((controller.host, controller.ports["secondary"])) as script:
+            script.sendall(PROGRAM.format(step=2.0 * cycle, cycle=cycle).encode())
+        sock.sendall(rtde.request_start())
+        reply(Kind.START)
+        begin = time.perf_counter()
+        rows = [reply(Kind.DATA_PACKAGE) for _ in range(round(seconds / cycle) + 1)]
+        return recipe.table(rows), time.perf_counter() - begin
+
+
+def measure(robot: str, *, virtual: bool) -> dict[str, float]:
+    """The figures of one run."""
+    with tempfile.TemporaryDirectory() as folder:
+        report = Path(folder) / "report.json"
+        with controller_process(robot, virtual_time=virtual, report=report) as controller:
+            rows, wall = record(controller, SECONDS)
+            controller.end()
+            cycle = 1 / controller.rate_hz
+        kept = json.loads(report.read_text())
+    steps = np.diff(rows["timestamp"])
+    moving = rows["output_int_register_24"]
+    return {
+        "rate": 1 / cycle,
+        "rows": len(rows),
+        "missing": float(np.sum(np.round(steps / cycle) - 1)),
+        "step_error": float(np.max(np.abs(steps - cycle))),
+        "moving": float(np.mean(moving > 0)),
+        "speed": float(rows["timestamp"][-1] - rows["timestamp"][0]) / wall,
+        **{share: value for share, value in kept["late_us"].items() if not virtual},
+    }
+
+
+def main() -> int:
+    """Print the tables; 1 if an asked figure is missed."""
+    failed = False
+    for robot in ("ur5", "ur5e"):
+        for virtual in (False, True):
+            found = measure(robot, virtual=virtual)
+            clock = "virtual" if virtual else "real"
+            print(
+                f"{robot:5} {clock:8} {found['rate']:4.0f} Hz: {found['rows']} packages, "
+                f"{found['missing']:.0f} missing, steps off by {found['step_error']:.1e} s, "
+                f"{100 * found['moving']:.1f} % under the program, {found['speed']:.2f} x real time"
+            )
+            if not virtual:
+                late = ", ".join(
+                    f"{share} {found[share]:.0f}" for share in found if share[0] == "p"
+                )
+                print(f"      cycles late by [us]: {late}")
+            failed |= found["missing"] != 0 or found["step_error"] > STEP_ERROR
+            failed |= virtual and found["speed"] < ASKED_SPEED_UP
+    print("asked: none missing, steps exact, virtual time at least", f"{ASKED_SPEED_UP:g} x")
+    return int(failed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
