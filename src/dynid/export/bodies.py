@@ -14,6 +14,8 @@ from dynid.robot.inertia import to_pseudo_inertia
 MOTOR_SYMBOLS = ("Im", "Imm")
 _OTHER = 1e-6
 """Curvature of the parameters without a prior, so that a Newton step is defined."""
+_POSSIBLE = 1e-5
+"""Share of its prior that a body may lack before it counts as impossible: the solver's digits."""
 _POSES = 50
 _SEED = 0
 
@@ -108,24 +110,37 @@ class Bodies:
         curvature[self.motors, self.motors] += 1.0 / np.square(motor)
         return total, gradient, curvature
 
-    def shortfall(self, values: Array) -> float:
-        """The share of the prior that must be added before all bodies can exist, if positive."""
-        return float(self._shortfalls(values).max())
+    def shortfalls(self, values: Array) -> Array:
+        """(n + k) the share of its prior that each link, then motor, lacks to be possible.
 
-    def worst(self, values: Array) -> str:
-        """The body that is farthest from possible, in words."""
-        short = self._shortfalls(values)
-        k = int(np.argmax(short))
-        if k < self.links:
-            return f"link {k + 1}"
-        return f"motor inertia {self.names[self.motors[k - self.links]]}"
-
-    def _shortfalls(self, values: Array) -> Array:
+        Negative where it is possible.
+        """
         roots = np.linalg.inv(np.linalg.cholesky(self.pseudo_inertias(self.prior)))
         white = roots @ self.pseudo_inertias(values) @ roots.transpose(0, 2, 1)
         links = np.asarray(-np.linalg.eigvalsh(white)[:, 0], dtype=np.float64)
         motors = -values[self.motors] / self.prior[self.motors]
         return np.concatenate([links, motors])
+
+    def prior_by_body(self) -> Array:
+        """(p, n + k) a column a link, then a motor: the prior of that one alone."""
+        columns = np.zeros((len(self.prior), self.links + len(self.motors)))
+        for i in range(self.links):
+            mine = slice(10 * i, 10 * i + 10)
+            columns[mine, i] = self.prior[mine]
+        columns[self.motors, self.links + np.arange(len(self.motors))] = self.prior[self.motors]
+        return columns
+
+    def impossible(self, values: Array) -> str:
+        """The links and motors that cannot exist, in words; empty if all can."""
+        short = self.shortfalls(values) > _POSSIBLE
+        links = [str(i + 1) for i in range(self.links) if short[i]]
+        motors = [
+            self.names[p] for k, p in enumerate(self.motors.tolist()) if short[self.links + k]
+        ]
+        words = [f"link {', '.join(links)}"] if links else []
+        if motors:
+            words.append(f"motor inertia {', '.join(motors)}")
+        return " and ".join(words)
 
 
 def _driven(model: InverseDynamicModel, prior: Array) -> Array:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynid.core.arrays import Array
+from dynid.core.linalg import upper_triangle
 from dynid.export.bodies import Bodies
 from dynid.identification.estimate import Estimate
 from dynid.identification.prior import inertial_prior
@@ -25,12 +26,17 @@ _DIVERGENCE = (
     "the bodies nearest to the robot's published ones (log-det divergence) of all with the "
     "identified base parameters"
 )
-_LEAST_SQUARES = (
-    "the parameters nearest to the robot's published ones of all with the identified base "
-    "parameters; no bodies that can exist have these base parameters"
+_CONSISTENT = "those of the physically consistent estimate"
+_IMPOSSIBLE = (
+    "the parameters nearest to possible bodies of all with the identified base parameters, "
+    "which no bodies that can exist have"
 )
 _STEPS = 200
 _DECREMENT = 1e-10
+_DIGITS = 1e-13
+"""Share of the objective below which a gain is rounding."""
+_DECADES = 7.0
+"""After so many the first phase knows to a millionth of the prior whether there are bodies."""
 _SHORTEST = 1e-12
 _INSIDE = 1e-9
 """Share of the prior by which a body is inside those that can exist."""
@@ -46,7 +52,7 @@ class Completion:
     physical: bool
     """Whether every link is a body that can exist and no motor inertia is negative."""
     worst: str
-    """The link or motor that is farthest from possible, in words; empty if all are possible."""
+    """The links and motors that cannot exist, in words; empty if all can."""
     origin: str
     """How they were found, in words."""
 
@@ -54,24 +60,26 @@ class Completion:
 def complete(estimate: Estimate) -> Completion:
     """The standard parameters of an estimate that are nearest to the prior.
 
-    Where no possible bodies have these torques, those nearest to the prior in its own metric;
-    `physical` says so.
+    Physically consistent estimates carry theirs. Where no possible bodies have these torques,
+    the parameters that lack the least of the prior's bodies; `physical` says so.
 
     Args:
         estimate: The estimate.
     """
     model = estimate.model
-    prior = inertial_prior(model.robot, model.frames).parameters
+    bodies = Bodies.of(model, inertial_prior(model.robot, model.frames).parameters)
+    if estimate.standard is not None:
+        values = np.array(estimate.standard.values)
+        worst = bodies.impossible(values)
+        return Completion(values=values, physical=not worst, worst=worst, origin=_CONSISTENT)
     start = np.asarray(estimate.standard_parameters(), dtype=np.float64)
     unseen = null_space(model)
-    bodies = Bodies.of(model, prior)
     nearest = unseen @ _nearest(bodies, start, unseen)
-    z = _possible(bodies, start + nearest, unseen)
-    if z is None:
-        values = start + nearest
-        return Completion(
-            values=values, physical=False, worst=bodies.worst(values), origin=_LEAST_SQUARES
-        )
+    z, possible = _possible(bodies, start + nearest, unseen)
+    if not possible:
+        values = start + nearest + unseen @ z
+        worst = bodies.impossible(values) or "one of the links, barely,"
+        return Completion(values=values, physical=False, worst=worst, origin=_IMPOSSIBLE)
     z = _minimise(bodies, start + nearest, unseen, z)
     values = start + nearest + unseen @ z
     return Completion(values=values, physical=True, worst="", origin=_DIVERGENCE)
@@ -83,7 +91,7 @@ def null_space(model: InverseDynamicModel) -> Array:
     w = model.observation_matrix(*random_states(model.robot, rows, _SEED))
     norms = np.linalg.norm(w, axis=0)
     scale = np.where(norms > 0, norms, 1.0)
-    _, singular, right = np.linalg.svd(w / scale, full_matrices=False)
+    _, singular, right = np.linalg.svd(upper_triangle(w / scale))
     unseen = np.asarray(right[singular <= NULL * singular[0]].T, dtype=np.float64)
     return unseen / scale[:, None]
 
@@ -97,54 +105,80 @@ def _nearest(bodies: Bodies, start: Array, unseen: Array) -> Array:
     return _least_squares(root @ unseen, root @ (bodies.prior - start))
 
 
-def _possible(bodies: Bodies, start: Array, unseen: Array) -> Array | None:
-    """Coordinates (k) where every body can exist, or None if there are none.
+def _possible(bodies: Bodies, start: Array, unseen: Array) -> tuple[Array, bool]:
+    """Coordinates (k) where every body can exist, or as many as can, and whether it is all.
 
-    The first phase of an interior point method: how much of the prior must be added to every
-    body before it can exist, made as small as it gets.
+    The first phase of an interior point method: how much of its prior must be added to each body
+    before it can exist, the sum made as small as it gets. As sums of sizes do, it leaves few
+    bodies lacking, those whom the data contradict.
     """
-    need = bodies.shortfall(start)
+    lacking = bodies.shortfalls(start)
     z: Array = np.zeros(len(unseen.T))
-    if need < 0.0:
-        return z
-    wide = np.column_stack([unseen, bodies.prior])
-    z = np.append(z, 1.1 * need + 1e-3)
-    for weight in 10.0 ** np.arange(0.0, 10.0):
-        z = _minimise(bodies, start, wide, z, weight)
-        if bodies.shortfall(start + unseen @ z[:-1]) < -_INSIDE:
-            return z[:-1]
-    return None
+    if (lacking < 0.0).all():
+        return z, True
+    wide = np.column_stack([unseen, bodies.prior_by_body()])
+    z = np.append(z, np.maximum(1.1 * lacking, 0.0) + 1e-3)
+    for weight in 10.0 ** np.arange(0.0, _DECADES):
+        z = _minimise(bodies, start, wide, z, slacks=len(lacking), weight=weight)
+        found = z[: -len(lacking)]
+        if (bodies.shortfalls(start + unseen @ found) < -_INSIDE).all():
+            return found, True
+    return z[: -len(lacking)], False
 
 
 def _minimise(
-    bodies: Bodies, start: Array, directions: Array, z: Array, weight: float = 0.0
+    bodies: Bodies,
+    start: Array,
+    directions: Array,
+    z: Array,
+    slacks: int = 0,
+    weight: float = 0.0,
 ) -> Array:
-    """Coordinates (k) that minimise the divergence plus `weight` times the last of them.
+    """Coordinates (k) that minimise the divergence plus `weight` times the positive slacks.
 
     Newton's method with a line search; the divergence is self-concordant, so it converges from
     every point where it is finite.
+
+    Args:
+        bodies: The divergence.
+        start: (p) parameters at z = 0.
+        directions: (p, k) columns, those of the slacks last.
+        z: (k) where to begin; the divergence is finite there.
+        slacks: How many of the last coordinates must stay positive.
+        weight: What they cost.
     """
-    slope = np.zeros(len(z))
-    slope[-1:] = weight
-    value, gradient, curvature = bodies.divergence(start + directions @ z)
+    first = len(z) - slacks
+    value, down, matrix = _objective(bodies, start, directions, z, first, weight)
     for _ in range(_STEPS):
-        down = directions.T @ gradient + slope
-        matrix = directions.T @ curvature @ directions
         step = -_least_squares(matrix, down)
-        gain = -float(down @ step)
-        if gain < _DECREMENT:
+        gain, here, length = -float(down @ step), value, 1.0
+        if gain < max(_DECREMENT, _DIGITS * abs(here)):
             break
-        here, length = value + float(slope @ z), 1.0
         while length > _SHORTEST:
             trial = z + length * step
-            value, gradient, curvature = bodies.divergence(start + directions @ trial)
-            if value + float(slope @ trial) <= here - 0.1 * length * gain:
+            value, down, matrix = _objective(bodies, start, directions, trial, first, weight)
+            if value <= here - 0.1 * length * gain:
                 break
             length *= 0.5
         else:
             break
         z = trial
     return z
+
+
+def _objective(
+    bodies: Bodies, start: Array, directions: Array, z: Array, first: int, weight: float
+) -> tuple[float, Array, Array]:
+    """Divergence, cost and logarithmic barrier of the slacks z[first:], with two derivatives."""
+    slack = z[first:]
+    if (slack <= 0.0).any():
+        return float("inf"), np.zeros(len(z)), np.eye(len(z))
+    value, gradient, curvature = bodies.divergence(start + directions @ z)
+    down, matrix = directions.T @ gradient, directions.T @ curvature @ directions
+    down[first:] += weight - 1.0 / slack
+    places = np.arange(first, len(z))
+    matrix[places, places] += 1.0 / np.square(slack)
+    return value + weight * float(slack.sum()) - float(np.log(slack).sum()), down, matrix
 
 
 def _least_squares(matrix: Array, right: Array) -> Array:

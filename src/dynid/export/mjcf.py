@@ -8,7 +8,7 @@ import numpy as np
 
 from dynid.core.errors import JobError
 from dynid.export.model import ExportModel
-from dynid.export.robot_xml import Body, attribute, bodies, comment, left_out, numbers
+from dynid.export.robot_xml import ADVICE, Body, attribute, bodies, comment, left_out, numbers
 from dynid.export.rotations import quaternion
 
 HELD = ("Fc", "Fv", "Im")
@@ -27,8 +27,8 @@ def mjcf_text(model: ExportModel, note: str = "") -> str:
     """
     if not model.physical:
         raise JobError(
-            f"not physical: {model.worst} is no body that can exist, and MuJoCo refuses it",
-            next_step="Identify with --estimator sdp, or export to json, c or python.",
+            f"not physical: {model.worst} cannot exist, and MuJoCo refuses it",
+            next_step=ADVICE,
         )
     for symbol, word in (("Fc", "Coulomb friction"), ("Fv", "viscous friction")):
         low = int(np.argmin(model.terms[symbol]))
@@ -36,7 +36,7 @@ def mjcf_text(model: ExportModel, note: str = "") -> str:
             raise JobError(
                 f"not physical: the {word} of joint {low + 1} is negative",
                 value=float(model.terms[symbol][low]),
-                next_step="Identify with --estimator sdp, or export to json, c or python.",
+                next_step=ADVICE,
             )
     robot = model.robot
     missing = left_out(model, HELD)

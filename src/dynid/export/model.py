@@ -51,7 +51,7 @@ class ExportModel:
     physical: bool = True
     """Whether every link is a body that can exist and no motor inertia is negative."""
     worst: str = ""
-    """The link or motor that is farthest from possible; empty if all are possible."""
+    """The links and motors that cannot exist, in words; empty if all can."""
     origin: str = ""
     """How the standard parameters were found, in words."""
 

@@ -13,6 +13,7 @@ from dynid.core.errors import JobError
 from dynid.export.model import ExportModel
 from dynid.robot.inertia import tensor
 
+ADVICE = "Identify with --estimator sdp, or export to json, c or python."
 _LONG = {
     "Im": "motor inertias",
     "Fo": "friction offsets",
@@ -42,13 +43,18 @@ def bodies(model: ExportModel) -> list[Body]:
     """The links, base to tip.
 
     Raises:
-        JobError: A link without mass, which has no centre of mass.
+        JobError: A link whose mass is not positive, which has no centre of mass that loaders
+            take.
     """
     found: list[Body] = []
     for i, row in enumerate(model.inertials):
         mass = float(row[0])
-        if not abs(mass) > 0.0:
-            raise JobError(f"link {i + 1} has no mass, so no centre of mass", value=mass)
+        if not mass > 0.0:
+            raise JobError(
+                f"not physical: the mass of link {i + 1} is not positive, and loaders refuse it",
+                value=mass,
+                next_step=ADVICE,
+            )
         centre = row[1:4] / mass
         steiner = mass * ((centre @ centre) * np.eye(3) - np.outer(centre, centre))
         found.append(Body(mass=mass, centre=centre, central=tensor(row) - steiner))

@@ -63,8 +63,8 @@ def _warnings(written: ExportedFile) -> tuple[Notice, ...]:
     return (
         Notice(
             "not_physical",
-            f"no bodies that can exist have the identified base parameters ({model.worst} is the"
-            " farthest from one): torques are right, but single masses and inertias mean"
-            " nothing and simulators may refuse them; --estimator sdp finds consistent ones",
+            f"no bodies that can exist have the identified base parameters ({model.worst}):"
+            " torques are right, but single masses and inertias mean nothing and simulators may"
+            " refuse them; --estimator sdp finds consistent ones",
         ),
     )

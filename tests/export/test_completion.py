@@ -1,0 +1,148 @@
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from known_exports import estimate_of, mixed_chain, parameters_of
+
+from dynid.core.errors import JobError
+from dynid.export.bodies import Bodies
+from dynid.export.completion import complete, null_space
+from dynid.export.writing import write_model
+from dynid.identification.estimate import StandardParameters
+from dynid.identification.prior import inertial_prior
+from dynid.reduction.sampling import random_states
+from dynid.robot.inertia import to_pseudo_inertia
+from dynid.robot.load import load_robot
+
+UR5 = load_robot("ur5")
+# Torques of two sets of standard parameters that are the same to motion [N.m].
+SAME = 1e-9
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=8, deadline=None)
+def test_possible_bodies_are_found_where_there_are_some(seed: int) -> None:
+    """Noise-free base parameters of possible bodies have a possible completion."""
+    robot = mixed_chain() if seed % 2 else UR5
+    truth = parameters_of(robot, seed)
+    estimate = estimate_of(robot, truth)
+    found = complete(estimate)
+    assert found.physical
+    assert found.worst == ""
+    states = random_states(robot, 40, seed)
+    ours = estimate.model.inverse_dynamics(*states, truth)
+    theirs = estimate.model.inverse_dynamics(*states, found.values)
+    np.testing.assert_allclose(theirs, ours, rtol=0, atol=SAME * max(1.0, np.abs(ours).max()))
+    links = to_pseudo_inertia(found.values[: 10 * robot.joints].reshape(-1, 10))
+    assert (np.linalg.eigvalsh(links) > 0).all()
+    assert (found.values[-robot.joints :] > 0).all()
+
+
+def test_the_prior_comes_back_where_it_is_the_truth() -> None:
+    """Data that confirm the prior leave it as it is, also where they say nothing."""
+    model = estimate_of(UR5, parameters_of(UR5)).model
+    prior = Bodies.of(model, inertial_prior(UR5, model.frames).parameters).prior
+    found = complete(estimate_of(UR5, prior))
+    np.testing.assert_allclose(found.values, prior, rtol=1e-6, atol=1e-7)
+
+
+def test_it_is_the_nearest_of_all() -> None:
+    """No step that motion does not show comes nearer to the prior."""
+    estimate = estimate_of(UR5, parameters_of(UR5, 3))
+    bodies = Bodies.of(estimate.model, inertial_prior(UR5, estimate.model.frames).parameters)
+    found, unseen = complete(estimate), null_space(estimate.model)
+    best = bodies.divergence(found.values)[0]
+    random = np.random.default_rng(0)
+    for size in (1e-3, 1e-2, 0.1):
+        for _ in range(20):
+            step = unseen @ random.normal(size=unseen.shape[1])
+            assert bodies.divergence(found.values + size * step)[0] >= best - 1e-9
+
+
+def test_derivatives_of_the_divergence() -> None:
+    model = estimate_of(UR5, parameters_of(UR5)).model
+    bodies = Bodies.of(model, inertial_prior(UR5, model.frames).parameters)
+    values, step = parameters_of(UR5, 5), 1e-6
+    _, gradient, curvature = bodies.divergence(values)
+    for k in (0, 5, 13, 26, 44, 59, 62, 72, 77):
+        move = np.zeros(len(values))
+        move[k] = step
+        before, after = bodies.divergence(values - move), bodies.divergence(values + move)
+        slope = (after[0] - before[0]) / (2 * step)
+        assert slope == pytest.approx(gradient[k], rel=1e-5, abs=1e-4 * np.abs(gradient).max())
+        numeric = (after[1] - before[1]) / (2 * step)
+        scale = np.abs(curvature[k]).max()
+        np.testing.assert_allclose(curvature[k], numeric, rtol=0, atol=1e-5 * max(scale, 1.0))
+
+
+def test_unseen_directions_are_unseen_and_all_of_them() -> None:
+    for robot, rank in ((UR5, 52), (load_robot("ur5", mount="tilt:45"), 54)):
+        model = estimate_of(robot, parameters_of(robot)).model
+        unseen = null_space(model)
+        assert unseen.shape == (78, 78 - rank)
+        w = model.observation_matrix(*random_states(robot, 50, 9))
+        assert np.abs(w @ unseen).max() < 1e-9 * np.abs(unseen).max() * np.abs(w).max()
+
+
+def test_impossible_base_parameters_are_said_to_be(tmp_path: Path) -> None:
+    truth = parameters_of(UR5, 2)
+    # Motor 4 stands alone: no link can make up for a negative inertia.
+    truth[75] = -0.2
+    impossible = estimate_of(UR5, truth)
+    found = complete(impossible)
+    assert not found.physical
+    assert found.worst == "motor inertia Im4"
+    states = random_states(UR5, 40, 1)
+    np.testing.assert_allclose(
+        impossible.model.inverse_dynamics(*states, found.values),
+        impossible.model.inverse_dynamics(*states, truth),
+        rtol=0,
+        atol=1e-7,
+    )
+    with pytest.raises(JobError, match="not physical: motor inertia Im4") as caught:
+        write_model(impossible, "mjcf", tmp_path / "arm.xml")
+    assert "sdp" in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+    for to in ("urdf", "json", "c", "python"):
+        done = write_model(impossible, to, tmp_path / "arm")
+        assert done.verified.passed
+        assert not done.model.physical
+
+
+def test_negative_friction_is_refused_by_mujoco_and_by_us(tmp_path: Path) -> None:
+    truth = parameters_of(UR5, 2)
+    truth[61] = -0.5
+    with pytest.raises(JobError, match="Coulomb friction of joint 2 is negative"):
+        write_model(estimate_of(UR5, truth), "mjcf", tmp_path / "arm.xml")
+
+
+def test_a_link_that_cannot_be_is_named() -> None:
+    truth = parameters_of(UR5, 2)
+    # An inertia about x far below what its own first moments ask for.
+    estimate = estimate_of(UR5, truth)
+    values = estimate.values.copy()
+    values[[k for k, name in enumerate(estimate.names) if name == "Jxx4"]] -= 50.0
+    found = complete(replace(estimate, values=values))
+    assert not found.physical
+    assert found.worst.startswith("link 4")
+
+
+def test_consistent_estimates_keep_their_parameters(tmp_path: Path) -> None:
+    truth = parameters_of(UR5, 4)
+    estimate = estimate_of(UR5, truth)
+    p = len(truth)
+    consistent = StandardParameters(
+        values=truth,
+        std=np.ones(p),
+        prior_share=np.zeros(p),
+        prior=np.full(p, np.nan),
+        origins=("data",) * p,
+    )
+    found = complete(replace(estimate, standard=consistent))
+    np.testing.assert_array_equal(found.values, truth)
+    assert found.physical
+    done = write_model(replace(estimate, standard=consistent), "mjcf", tmp_path / "arm.xml")
+    assert done.verified.passed

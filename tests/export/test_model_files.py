@@ -1,0 +1,170 @@
+import ast
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from known_exports import EVERY_TERM, estimate_of, heavy_arm, mixed_chain, parameters_of
+
+from dynid.cli.app import main
+from dynid.core.errors import InputError
+from dynid.export.c_code import c_code, c_prefix, number
+from dynid.export.json_model import model_from_json, model_to_json
+from dynid.export.model import ExportModel, export_model
+from dynid.export.python_code import python_code
+from dynid.export.writing import FORMATS
+from dynid.identification.estimate_file import write_estimate
+from dynid.robot.load import load_robot
+
+UR5 = load_robot("ur5")
+
+
+@pytest.fixture(scope="module")
+def heavy() -> ExportModel:
+    robot = heavy_arm()
+    return export_model(estimate_of(robot, parameters_of(robot, 1, EVERY_TERM), EVERY_TERM))
+
+
+def test_json_comes_back_as_it_was(heavy: ExportModel) -> None:
+    back = model_from_json(json.loads(json.dumps(model_to_json(heavy), allow_nan=False)))
+    for name in ("inertials", "width", "shares"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(heavy, name))
+    for symbol, values in heavy.terms.items():
+        np.testing.assert_array_equal(back.terms[symbol], values)
+    for name in ("motors", "physical", "worst", "origin", "stribeck_velocity", "springs"):
+        assert getattr(back, name) == getattr(heavy, name)
+    assert back.robot.joint_names == heavy.robot.joint_names
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda d: d.update(format="dynid-estimate"),
+        lambda d: d.update(version=2),
+        lambda d: d.pop("robot"),
+        lambda d: d["links"].pop(),
+        lambda d: d["links"][0].pop("Jyz"),
+        lambda d: d["links"][0].update(m="heavy"),
+        lambda d: d["links"][0].update(m=float("inf")),
+        lambda d: d["terms"].update(Fx=[0.0] * 6),
+        lambda d: d["terms"].update(Fc=[0.0] * 5),
+        lambda d: d.update(coulomb_width=[1.0]),
+        lambda d: d.update(coupled_motors=[{}]),
+        lambda d: d.update(stribeck_velocity=None),
+    ],
+)
+def test_damaged_models_are_refused(
+    heavy: ExportModel, change: Callable[[dict[str, Any]], object]
+) -> None:
+    document = json.loads(json.dumps(model_to_json(heavy)))
+    change(document)
+    with pytest.raises(InputError):
+        model_from_json(document)
+
+
+@pytest.mark.parametrize(
+    ("name", "prefix"),
+    [
+        ("ur5", "ur5"),
+        ("KR 300 R2500/Ultra", "kr_300_r2500_ultra"),
+        ("7dof", "robot_7dof"),
+        ("_x", "x"),
+        ("", "robot"),
+        ("Größe*/", "gr_e"),
+    ],
+)
+def test_prefixes_are_identifiers(name: str, prefix: str) -> None:
+    assert c_prefix(name) == prefix
+    assert prefix.isidentifier()
+
+
+def test_numbers_read_back_exactly() -> None:
+    for value in (0.0, -0.0, 1.0, -3.0, 1e300, 1e-300, 0.1 + 0.2, 5e-324, 123456789.0):
+        assert float(number(value)) == value
+        assert any(mark in number(value) for mark in ".e")
+
+
+def test_names_cannot_break_out_of_comments_and_strings(heavy: ExportModel) -> None:
+    evil = '*/ int x; /* """ \\ \n import os @ $ <a> &'
+    robot = replace(heavy.robot, name=evil, joint_names=tuple(f"{evil}{k}" for k in range(6)))
+    model = replace(heavy, robot=robot)
+    header = c_code(model, evil)
+    assert header.count("*/ int x") == 0
+    tree = ast.parse(python_code(model, evil))
+    found = [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
+    assert [ast.unparse(node) for node in found] == ["import numpy as np"]
+
+
+@pytest.fixture(scope="module")
+def estimate_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("estimates") / "ur5.json"
+    write_estimate(estimate_of(UR5, parameters_of(UR5, 0)), path)
+    return path
+
+
+@pytest.mark.parametrize("to", FORMATS)
+def test_the_command_writes_and_verifies(
+    to: str, estimate_path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "model"
+    assert main(["export", str(estimate_path), "--to", to, "-o", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["file"] == str(out)
+    assert 0.0 <= told["verified"]["max_torque_difference"] < (1e-6 if to == "mjcf" else 1e-9)
+    assert told["verified"]["states"] == 200
+    assert told["physical"] is True
+    assert told["warnings"] == []
+    assert out.stat().st_size > 1000
+
+
+def test_the_command_says_what_is_not_physical(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    parameters = parameters_of(UR5, 0)
+    parameters[75] = -0.2
+    path, out = tmp_path / "e.json", tmp_path / "model"
+    write_estimate(estimate_of(UR5, parameters), path)
+    assert main(["export", str(path), "--to", "urdf", "-o", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [warning["code"] for warning in told["warnings"]] == ["not_physical"]
+    assert told["left_out"] == ["motor inertias"]
+    assert main(["export", str(path), "--to", "mjcf", "-o", str(out)]) == 1
+    assert "not physical" in capsys.readouterr().err
+
+
+def test_the_command_refuses_bad_usage(
+    estimate_path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = str(tmp_path / "model")
+    given = str(estimate_path)
+    for words in (
+        ["export", given, "--to", "sdf", "-o", out],
+        ["export", given, "-o", out],
+        ["export", given, "--to", "c"],
+        ["export", given, "--to", "c", "-o", given],
+        ["export", given, "--to", "c", "-o", str(tmp_path / "none" / "x.h")],
+        ["export", str(tmp_path / "none.json"), "--to", "c", "-o", out],
+    ):
+        assert main(words) == 2, words
+        assert capsys.readouterr().err.strip()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_people_read_what_was_done(
+    estimate_path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "arm.urdf"
+    assert main(["export", str(estimate_path), "--to", "urdf", "-o", str(out)]) == 0
+    text = capsys.readouterr().out
+    assert "Verified with pinocchio" in text
+    assert "Without a place in urdf: motor inertias." in text
+
+
+def test_a_sliding_chain_has_its_header(tmp_path: Path) -> None:
+    model = export_model(estimate_of(mixed_chain(), parameters_of(mixed_chain(), 0)))
+    text = c_code(model)
+    assert "MIXED_CHAIN_CO_4_JOINTS 4" in text
+    assert text.count("*/ 4") == 0
