@@ -40,8 +40,9 @@ def capsule_in_coal(start: np.ndarray, end: np.ndarray, radius: float) -> tuple[
 def test_distances_between_capsules_are_those_of_coal(seed: int) -> None:
     robot = random_arm(5, seed)
     settings = ConstraintSettings(bounds=usable_bounds(robot.limits))
-    bodies = MotionConstraints(robot, settings).bodies
+    bodies = MotionConstraints(robot, settings).surroundings
     assert bodies is not None
+    bodies = bodies.bodies
     apart = 0
     for q in np.random.default_rng(seed).uniform(-2, 2, (10, 5)):
         own, _ = bodies.distances(q[None])
@@ -84,10 +85,12 @@ def test_parallel_crossing_and_degenerate_segments() -> None:
         replace(arm, capsules=(*fixed.values(), replace(item, link=2))),
         ConstraintSettings(bounds=usable_bounds(robot.limits)),
     )
-    assert judge.bodies is not None
+    assert judge.surroundings is not None
     count = len(fixed)
     pairs = np.array([[0, k] for k in range(1, count)] + [[4, 4]])
-    own, _ = replace(judge.bodies, pairs=pairs).distances(np.zeros((1, 2)))
+    own, _ = replace(
+        judge.surroundings.bodies, pairs=pairs, overlap=np.zeros(len(pairs))
+    ).distances(np.zeros((1, 2)))
     np.testing.assert_allclose(own[0], [0.3, 0.8, -0.2, 0.8, -0.2], atol=1e-12)
 
 
@@ -126,8 +129,9 @@ def test_distances_to_shapes_are_those_of_coal(kind: str) -> None:
     scene = scene_from_json(JsonFields({"shapes": [fields]}))
     bodies = MotionConstraints(
         robot, ConstraintSettings(bounds=usable_bounds(robot.limits), scene=scene)
-    ).bodies
+    ).surroundings
     assert bodies is not None
+    bodies = bodies.bodies
     apart = 0
     for q in np.random.default_rng(0).uniform(-2, 2, (20, 4)):
         _, around = bodies.distances(q[None])
@@ -162,8 +166,9 @@ def test_depth_within_a_box_is_the_way_to_its_nearest_face() -> None:
     )
     bodies = MotionConstraints(
         arm, ConstraintSettings(bounds=usable_bounds(arm.limits), scene=scene)
-    ).bodies
+    ).surroundings
     assert bodies is not None
+    bodies = bodies.bodies
     shapes = np.array(bodies.shapes)
     shapes[0, 10:13] = [0.4, 0, 0]
     _, around = replace(bodies, shapes=shapes).distances(np.zeros((1, 2)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from dynid.constraints.arm import arm_geometry
@@ -13,15 +15,32 @@ from dynid.core.errors import InputError
 from dynid.robot.capsule import Capsule
 from dynid.robot.model import RobotModel
 
-_POSES = 256
+_POSES = 1000
 _NEAR = 2
-"""Links this far apart may always be close together by construction."""
+"""Links this far apart, or from the base, may always be close together by construction."""
+_FEW_JOINTS = 3
+"""Poses tried cover what this many joints do."""
+_TOUCHING = 0.0
+_FAR = 0.03
+"""Pairs that keep this distance in all poses tried are left to the certificate [m]."""
 
 
-def bodies_of(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Surroundings:
+    """The bodies to judge."""
+
+    bodies: Bodies
+    """Every pair, for the certificate."""
+    likely: Bodies
+    """Without the pairs of near links that no pose tried brings together, for a search."""
+    names: dict[str, list[str]]
+    """Kind of distance to the names of its pairs."""
+
+
+def surroundings_of(
     robot: RobotModel, settings: ConstraintSettings, notes: list[str]
-) -> tuple[Bodies | None, tuple[list[str], list[str]]]:
-    """The bodies and the names of their pairs; None where nothing is to be judged.
+) -> Surroundings | None:
+    """The bodies, and the names of their pairs; None where nothing is to be judged.
 
     Neighbouring links are not judged, nor links that the robot says stay apart (what the flange
     carries is judged against those), nor is the base against the scene it stands on. Pairs
@@ -45,7 +64,7 @@ def bodies_of(
             next_step="Add [[capsule]] tables to a robot file, or leave the scene out.",
         )
     if not capsules:
-        return None, ([], [])
+        return None
     # By link: pairs of two links then stand together, as the kernels want them.
     own_count = len(robot.capsules)
     order = sorted(range(len(capsules)), key=lambda k: capsules[k].link)
@@ -65,16 +84,22 @@ def bodies_of(
     ]
     meetings = [(a, s) for members in of_link[1:] for s in range(len(shapes)) for a in members]
     every = _bodies(robot, capsules, shapes, pairs, meetings)
-    own, around = every.distances(_poses(settings))
+    poses = _poses(settings)
+    own, around = every.distances(poses)
     pairs = _free(pairs, own, capsules, settings.self_clearance, notes)
     meetings = _reachable(meetings, around, capsules, shapes, settings.clearance, notes)
     if not pairs and not meetings:
-        return None, ([], [])
-    names = (
-        [f"{capsules[a].name} - {capsules[b].name}" for a, b in pairs],
-        [f"{capsules[a].name} - {shapes[s].name}" for a, s in meetings],
-    )
-    return _bodies(robot, capsules, shapes, pairs, meetings), names
+        return None
+    names = {
+        "self_collision": [f"{capsules[a].name} - {capsules[b].name}" for a, b in pairs],
+        "environment": [f"{capsules[a].name} - {shapes[s].name}" for a, s in meetings],
+    }
+    bodies = _bodies(robot, capsules, shapes, pairs, meetings)
+    links = bodies.link[bodies.pairs]
+    met = bodies.distances(poses)[0].min(axis=0, initial=np.inf) < _FAR
+    met |= links[:, 1] - links[:, 0] > _FEW_JOINTS
+    likely = replace(bodies, pairs=bodies.pairs[met], overlap=read_only(bodies.overlap[met]))
+    return Surroundings(bodies=bodies, likely=likely, names=names)
 
 
 def _bodies(
@@ -92,7 +117,7 @@ def _bodies(
         spheres=read_only(np.array([_around(capsules, k) for k in range(robot.joints + 1)])),
         shapes=read_only(packed(shapes)),
         pairs=np.array(pairs, dtype=np.intp).reshape(-1, 2),
-        overlap=read_only(np.array([_overlap(robot, capsules, pair) for pair in pairs])),
+        overlap=read_only(_overlaps(robot, capsules, pairs)),
         meetings=np.array(meetings, dtype=np.intp).reshape(-1, 2),
     )
 
@@ -110,13 +135,18 @@ def _around(capsules: tuple[Capsule, ...], link: int) -> Array:
     return np.array([*centre, float(reach.max())])
 
 
-def _overlap(robot: RobotModel, capsules: tuple[Capsule, ...], pair: tuple[int, int]) -> float:
-    two = [capsules[k] for k in pair]
-    # What the flange carries is not in the robot's file.
-    if any(all(item is not one for one in robot.capsules) for item in two):
-        return 0.0
+def _overlaps(
+    robot: RobotModel, capsules: tuple[Capsule, ...], pairs: list[tuple[int, int]]
+) -> Array:
+    """(P) what the robot's file allows; what the flange carries may not overlap."""
     known = {row[:2]: row[2] for row in robot.overlap}
-    return known.get((two[0].link, two[1].link), 0.0)
+    own = {id(item) for item in robot.capsules}
+    found = np.zeros(len(pairs))
+    for k, (a, b) in enumerate(pairs):
+        inner, outer = capsules[a], capsules[b]
+        if id(inner) in own and id(outer) in own:
+            found[k] = known.get((inner.link, outer.link), 0.0)
+    return found
 
 
 def _poses(settings: ConstraintSettings) -> Array:
@@ -166,8 +196,10 @@ def _reachable(
                 next_step="Shapes are solid and stand in the robot's base frame; build a cell"
                 " from walls.",
             )
-        if float(far.max()) < clearance and float(np.ptp(far)) < 1e-6:
-            notes.append(f"{name} and '{shape}' keep {float(far.max()):.3f} m: not judged")
+        least = float(far.min())
+        if capsules[a].link <= _NEAR and _TOUCHING < least < clearance:
+            # Such as the shoulder of an arm that stands on the floor.
+            notes.append(f"{name} and '{shape}' keep {least:.3f} m in every pose: not judged")
         else:
             kept.append((a, s))
     return kept

@@ -20,7 +20,7 @@ from dynid.constraints.kinematic import bound_ratios
 from dynid.constraints.motion import MotionConstraints
 from dynid.constraints.search import Least, least_value
 from dynid.constraints.speed import MovingPoints
-from dynid.constraints.usage import DISTANCES, Worst, margins_of
+from dynid.constraints.usage import Worst, margins_of
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError
 from dynid.trajectory.trajectory import Trajectory
@@ -105,10 +105,11 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
         )
         worst[kind] = _settled(worst[kind], found, limit * (1.0 - found.value))
         proven += [kind] if ends.proven else []
-    for kind, names in zip(DISTANCES, constraints.names, strict=True):
-        bodies = constraints.bodies
-        if bodies is None or not names:
+    around = constraints.surroundings
+    for kind, names in ({} if around is None else around.names).items():
+        if around is None or not names:
             continue
+        bodies = around.bodies
         found = least_value(
             lambda t, half, b=bodies, e=kind == "environment": _apart(
                 b, e, trajectory, ends, travel, t, half

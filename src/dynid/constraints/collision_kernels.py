@@ -196,7 +196,7 @@ def shortfalls(
     turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
     placed, way = np.empty((len(link), 2, 3)), np.empty(3)
     force, moment, centres = np.empty((n + 1, 3)), np.empty((n + 1, 3)), np.empty((n + 1, 3))
-    half = np.empty(len(link))
+    half, middles = np.empty(len(link)), np.empty((len(link), 3))
     for c in range(len(link)):
         square = 0.0
         for r in range(3):
@@ -207,6 +207,8 @@ def shortfalls(
         _place(joints, link, ends, q[k], turn, origin, axis, placed)
         for i in range(n + 1):
             place_point(turn[i], origin[i], spheres[i, :3], centres[i])
+        for c in range(len(link)):
+            middles[c, 0], middles[c, 1], middles[c, 2] = _along(placed[c], 0.5)
         force[:] = 0.0
         moment[:] = 0.0
         before = total
@@ -216,11 +218,11 @@ def shortfalls(
             for p in range(pair_groups[g, 2], pair_groups[g, 3]):
                 a, b = pairs[p]
                 touch = float(radius[a] + radius[b] + own - overlap[p])
-                room, apart = touch + half[a] + half[b], 0.0
-                for r in range(3):
-                    middle = placed[a, 0, r] + placed[a, 1, r] - placed[b, 0, r] - placed[b, 1, r]
-                    apart += 0.25 * middle * middle
-                if apart >= room * room:
+                room = touch + half[a] + half[b]
+                x0 = middles[a, 0] - middles[b, 0]
+                x1 = middles[a, 1] - middles[b, 1]
+                x2 = middles[a, 2] - middles[b, 2]
+                if x0 * x0 + x1 * x1 + x2 * x2 >= room * room:
                     continue
                 far, s, t = closest_on_segments(
                     placed[a, 0], placed[a, 1], placed[b, 0], placed[b, 1]
@@ -243,7 +245,7 @@ def shortfalls(
             for p in range(meeting_groups[g, 2], meeting_groups[g, 3]):
                 a, b = meetings[p]
                 touch = float(radius[a] + around)
-                x0, x1, x2 = _along(placed[a], 0.5)
+                x0, x1, x2 = middles[a, 0], middles[a, 1], middles[a, 2]
                 if signed_distance(shapes[b], x0, x1, x2, way) >= touch + half[a]:
                     continue
                 far, t = segment_to_shape(shapes[b], placed[a, 0], placed[a, 1], way)

@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from dynid.constraints.bodies import bodies_of
-from dynid.constraints.collision import Bodies
+from dynid.constraints.bodies import surroundings_of
 from dynid.constraints.dynamic import TorqueJudge
 from dynid.constraints.kinematic import bound_ratios, bound_violation
 from dynid.constraints.points import judged_points
@@ -40,9 +39,7 @@ class MotionConstraints:
         self.robot = robot
         self.settings = settings
         notes: list[str] = []
-        self.bodies: Bodies | None
-        self.names: tuple[list[str], list[str]]
-        self.bodies, self.names = bodies_of(robot, settings, notes)
+        self.surroundings = surroundings_of(robot, settings, notes)
         self.torque = _torque_judge(robot, settings, notes)
         self.points: dict[str, tuple[MovingPoints, float]] = judged_points(robot, settings, notes)
         self.notes = tuple(notes)
@@ -88,10 +85,10 @@ class MotionConstraints:
                 worst["power"] = _over(power, self.torque.power, times)
         for kind, (points, limit) in self.points.items():
             worst[kind] = _over(points.norms(q, dq), limit, times)
-        if self.bodies is not None:
-            for kind, names in zip(DISTANCES, self.names, strict=True):
+        if self.surroundings is not None:
+            for kind, names in self.surroundings.names.items():
                 if names:
-                    found = self.bodies.nearest(q, around=kind == "environment")
+                    found = self.surroundings.bodies.nearest(q, around=kind == "environment")
                     k = int(np.argmin(found.distance))
                     least = float(found.distance[k])
                     worst[kind] = Worst(
@@ -133,9 +130,9 @@ class MotionConstraints:
             more, a, b = points.violation(q, dq, share * limit)
             total += more
             q_bar, dq_bar = q_bar + a, dq_bar + b
-        if self.bodies is not None:
+        if self.surroundings is not None:
             own, around = ((1.0 + tighten) * x for x in self.settings.clearances.values())
-            more, a = self.bodies.violation(q, own, around)
+            more, a = self.surroundings.likely.violation(q, own, around)
             total += more
             q_bar = q_bar + a
         return total, q_bar, dq_bar, ddq_bar
