@@ -135,7 +135,9 @@ class Bodies:
         short = self.shortfalls(values) > _POSSIBLE
         links = [str(i + 1) for i in range(self.links) if short[i]]
         motors = [
-            self.names[p] for k, p in enumerate(self.motors.tolist()) if short[self.links + k]
+            self.names[int(self.motors[k])]
+            for k in range(len(self.motors))
+            if short[self.links + k]
         ]
         words = [f"link {', '.join(links)}"] if links else []
         if motors:
