@@ -98,6 +98,16 @@ def test_masked_outputs(arm: SimulatedArm) -> None:
     assert machine.output("actual_digital_output_bits") & 0xFF == 0b100
 
 
+@pytest.mark.parametrize("name", ["speed_slider", "standard_analog_output"])
+def test_numbers_that_are_none_change_nothing(arm: SimulatedArm, name: str) -> None:
+    machine = ControllerMachine(arm, pose=START)
+    machine.set_input(f"{name}_mask", 1)
+    machine.set_input(f"{name}_fraction" if name == "speed_slider" else f"{name}_0", np.nan)
+    machine.tick()
+    assert machine.output("target_speed_fraction") == 1.0
+    assert machine.output("standard_analog_output0") == 0.0
+
+
 @pytest.mark.parametrize("rate_hz", [125.0, 500.0])
 def test_timestamps_are_whole_cycles(arm: SimulatedArm, rate_hz: float) -> None:
     machine = ControllerMachine(arm, pose=START, rate_hz=rate_hz)

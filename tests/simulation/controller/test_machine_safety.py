@@ -172,6 +172,7 @@ def test_an_arm_that_runs_away_is_switched_off(
         patched.setattr(machine.core.arm.plant, "tick", run_away)
         machine.tick()
     assert (machine.output("robot_mode"), machine.output("safety_mode")) == (3, 9)
+    assert machine.output("safety_status_bits") == 1 << 9 | 1 << 10
     assert not machine.program_running
     assert not machine.power_on()
     assert not machine.unlock_protective_stop()

@@ -185,6 +185,17 @@ def test_what_is_not_simulated_says_so(mailbox: Mailbox) -> None:
     assert any("teach_mode is not simulated" in text for text in said(mailbox.machine))
 
 
+def test_direct_torque_lasts_a_cycle_and_says_that_it_does_nothing(arm: SimulatedArm) -> None:
+    machine = ControllerMachine(arm, rate_hz=500.0, version=(5, 26, 0, 0), pose=GOAL)
+    machine.run_script(control_script((5, 26)))
+    box = Mailbox(machine)
+    box.wait(READY, 0.1)
+    for _ in range(5):
+        box.stream(66, [0.0] * 18)
+    assert machine.program_running, said(machine)
+    assert any("direct_torque is not simulated" in text for text in said(machine))
+
+
 def test_a_starved_watchdog_stops_the_program_and_the_arm(mailbox: Mailbox) -> None:
     machine = mailbox.machine
     mailbox.send(35, [10.0])

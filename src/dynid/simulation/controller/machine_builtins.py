@@ -33,19 +33,27 @@ _MOTION_WEIGHT = 200
 _LONGEST_SLEEP_S = 1e6
 
 
+def _blend(core: Core, r: Value) -> None:
+    if number(r) > 0:
+        core.lacks("a blend radius (the arm stops at the waypoint)")
+
+
 def _movej(
     core: Core, q: Value, a: Value = 1.4, v: Value = 1.05, t: Value = 0, r: Value = 0
 ) -> Motion:
+    _blend(core, r)
     yield from move_joints(core, goal_joints(core, q), number(a), number(v), number(t))
 
 
 def _movel(
     core: Core, pose: Value, a: Value = 1.2, v: Value = 0.25, t: Value = 0, r: Value = 0
 ) -> Motion:
+    _blend(core, r)
     yield from move_tool(core, pose, number(a), number(v), number(t))
 
 
 def _movep(core: Core, pose: Value, a: Value = 1.2, v: Value = 0.25, r: Value = 0) -> Motion:
+    _blend(core, r)
     yield from move_tool(core, pose, number(a), number(v), 0.0)
 
 
@@ -86,6 +94,14 @@ def _stopl(core: Core, a: Value, aRot: Value = 0) -> Motion:
     yield from stop_tool(core, number(a))
 
 
+def _direct_torque(
+    core: Core, torque: Value, viscous_scale: Value = None, coulomb_scale: Value = None
+) -> Generator[None, None, None]:
+    # It lasts a cycle on the robot, and ur_rtde's script counts on that.
+    core.lacks("direct_torque")
+    yield
+
+
 def _sync(core: Core) -> Generator[None, None, None]:
     yield
 
@@ -119,6 +135,7 @@ _MOTIONS: dict[str, Any] = {
     "speedl": _speedl,
     "stopj": _stopj,
     "stopl": _stopl,
+    "direct_torque": _direct_torque,
     "sync": _sync,
     "sleep": _sleep,
 }
@@ -136,7 +153,6 @@ _NOT_SIMULATED: dict[str, tuple[bool | int, int]] = {
     "tool_contact": (0, 1),
     "ft_rtde_input_enable": (True, 4),
     "enable_external_ft_sensor": (True, 4),
-    "direct_torque": (True, 3),
     "socket_open": (False, 3),
     "socket_close": (False, 1),
     "set_conveyor_tick_count": (True, 2),
@@ -152,7 +168,6 @@ _NOT_SIMULATED: dict[str, tuple[bool | int, int]] = {
 _NAMED_ARGUMENTS: dict[str, tuple[str, ...]] = {
     "freedrive_mode": ("freeAxes", "feature"),
     "tool_contact": ("direction",),
-    "direct_torque": ("torque", "viscous_scale", "coulomb_scale"),
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 from dynid.core.errors import InputError
@@ -59,16 +60,17 @@ class Inputs:
         if not self._waiting:
             return
         waiting, core, signals = self._waiting, self._core, self._core.signals
-        if waiting.get("speed_slider_mask") and "speed_slider_fraction" in waiting:
-            core.speed_fraction = min(max(waiting["speed_slider_fraction"], 0.0), 1.0)
+        fraction = waiting.get("speed_slider_fraction", math.nan)
+        if waiting.get("speed_slider_mask") and math.isfinite(fraction):
+            core.speed_fraction = min(max(fraction, 0.0), 1.0)
         for name, shift in _MASKED:
             mask = int(waiting.get(f"{name}_mask", 0))
             if mask:
                 signals.masked(mask, int(waiting.get(name, 0)), shift)
         mask = int(waiting.get("standard_analog_output_mask", 0))
         for k in range(2):
-            if mask >> k & 1:
-                share = waiting.get(f"standard_analog_output_{k}", 0.0)
+            share = waiting.get(f"standard_analog_output_{k}", 0.0)
+            if mask >> k & 1 and math.isfinite(share):
                 signals.analog_out[k] = min(max(share, 0.0), 1.0)
         if mask:
             kinds = int(waiting.get("standard_analog_output_type", 0)) & mask

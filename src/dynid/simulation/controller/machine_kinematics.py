@@ -82,7 +82,8 @@ class ToolKinematics:
         start = np.array(near, dtype=np.float64)
         limits = self._robot.limits
         generator = np.random.default_rng(0)
-        for attempt in range(_RESTARTS):
+        attempts = _RESTARTS if np.isfinite(goal).all() else 0
+        for attempt in range(attempts):
             q = start if attempt == 0 else start + generator.normal(0.0, 0.7, len(start))
             found = self._descend(goal, q.copy(), tcp, position_error, orientation_error)
             if found is not None and not (

@@ -1,4 +1,8 @@
-"""The RTDE outputs of the simulated controller, by name."""
+"""The RTDE outputs of the simulated controller, by name.
+
+Supply voltages, the tool's electronics, Euromap signals and the execution time of the controller
+have no physics here: they are constants. Nothing touches the arm, so forces at the tool are zero.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +20,8 @@ OutputValue = bool | int | float | list[int] | list[float]
 _Reader = Callable[[Core], OutputValue]
 
 _BUS, _IDLE_CURRENT = 48.0, 0.4
-_JOINT_MODE = {RobotMode.POWER_OFF: 239, RobotMode.POWER_ON: 248, RobotMode.IDLE: 252}
-_RUNNING_JOINT = 253
+_JOINT_MODE = {RobotMode.POWER_OFF: 239, RobotMode.POWER_ON: 247, RobotMode.IDLE: 255}
+_RUNNING_JOINT, _IDLE_TOOL = 253, 255
 _REFERENCE_DEGC = 26.0
 
 
@@ -180,7 +184,7 @@ READERS: dict[str, _Reader] = {
     "euromap67_output_bits": _constant(0),
     "euromap67_24V_voltage": _constant(0.0),
     "euromap67_24V_current": _constant(0.0),
-    "tool_mode": lambda core: _RUNNING_JOINT if core.mode == RobotMode.RUNNING else 239,
+    "tool_mode": lambda core: _RUNNING_JOINT if core.mode == RobotMode.RUNNING else _IDLE_TOOL,
     "tool_analog_input_types": _constant(0),
     "tool_analog_input0": _constant(0.0),
     "tool_analog_input1": _constant(0.0),

@@ -35,7 +35,18 @@ class RobotMode(IntEnum):
 
 
 _STOPPED_DUE_TO_SAFETY = 1 << 10
-_BITS = {SafetyMode.NORMAL: 0, SafetyMode.REDUCED: 1, SafetyMode.PROTECTIVE_STOP: 2}
+_EMERGENCY = 1 << 7
+_BITS = {
+    SafetyMode.NORMAL: 1 << 0,
+    SafetyMode.REDUCED: 1 << 1,
+    SafetyMode.PROTECTIVE_STOP: 1 << 2,
+    SafetyMode.RECOVERY: 1 << 3,
+    SafetyMode.SAFEGUARD_STOP: 1 << 4,
+    SafetyMode.SYSTEM_EMERGENCY_STOP: 1 << 5 | _EMERGENCY,
+    SafetyMode.ROBOT_EMERGENCY_STOP: 1 << 6 | _EMERGENCY,
+    SafetyMode.VIOLATION: 1 << 8,
+    SafetyMode.FAULT: 1 << 9,
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,7 +102,7 @@ class Safety:
     def bits(self) -> int:
         """The RTDE variable `safety_status_bits`."""
         stopped = self.mode not in (SafetyMode.NORMAL, SafetyMode.REDUCED)
-        bit = 1 << _BITS.get(self.mode, int(self.mode) - 1)
+        bit = _BITS[self.mode]
         return bit | _STOPPED_DUE_TO_SAFETY if stopped else bit
 
     @property
