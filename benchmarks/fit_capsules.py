@@ -94,13 +94,15 @@ def distances(points: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.linalg.norm(points - a - t[:, None] * way, axis=1)
 
 
-def fit(mesh: np.ndarray, allowance: float, sunk: float) -> list[tuple[np.ndarray, float]]:
+def fit(
+    mesh: np.ndarray, allowance: float, sunk: float, rough: float
+) -> list[tuple[np.ndarray, float]]:
     """Segments (2, 3) and radii that hold every triangle; they may be `sunk` below the mesh."""
     random = np.random.default_rng(0)
     fine = split(mesh, 0.003).reshape(-1, 3)
     surface = cKDTree(fine)
     # Long links get coarser steps.
-    coarse = 1.0 if np.ptp(mesh.reshape(-1, 3), axis=0).max() < 0.25 else 1.5
+    coarse = rough if np.ptp(mesh.reshape(-1, 3), axis=0).max() < 0.25 else 1.5 * rough
     spacing = SPACING * coarse
     faces = split(mesh, 0.012 * coarse)
     low, high = mesh.reshape(-1, 3).min(0) - 3 * spacing, mesh.reshape(-1, 3).max(0) + 3 * spacing
@@ -117,8 +119,8 @@ def fit(mesh: np.ndarray, allowance: float, sunk: float) -> list[tuple[np.ndarra
     area = np.linalg.norm(np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0]), axis=1)
     chosen: list[tuple[np.ndarray, float]] = []
     open_ = np.ones(len(faces), dtype=bool)
-    ends = seeds[random.integers(len(seeds), size=(CANDIDATES, 2))]
-    ends[: CANDIDATES // 6, 1] = ends[: CANDIDATES // 6, 0]
+    ends = seeds[random.integers(len(seeds), size=(int(CANDIDATES / rough), 2))]
+    ends[::6, 1] = ends[::6, 0]
     steps = np.linspace(0, 1, 13)[:, None]
 
     def width(ends: np.ndarray) -> np.ndarray:
@@ -148,7 +150,7 @@ def fit(mesh: np.ndarray, allowance: float, sunk: float) -> list[tuple[np.ndarra
             step = 0.012
             for _ in range(8):
                 # Climb from the best candidate.
-                near = segment + step * random.standard_normal((30, 2, 3))
+                near = segment + step * random.standard_normal((int(30 / rough), 2, 3))
                 better = False
                 for one, wide in zip(near, width(near) + extra, strict=True):
                     if wide > extra:
@@ -186,12 +188,13 @@ def main() -> None:
     parser.add_argument("robot")
     parser.add_argument("--margin", type=float, default=0.001, help="wider than the mesh [m]")
     parser.add_argument("--scale", type=float, default=1.0, help="of the allowances")
+    parser.add_argument("--rough", type=float, default=1.0, help="coarser steps")
     parser.add_argument("--links", type=int, nargs="*", default=range(7), help="0 the base")
     given = parser.parse_args()
     for k, (mesh, allowance) in enumerate(zip(triangles(given.robot), ALLOWANCE, strict=True)):
         if k not in given.links:
             continue
-        shapes = fit(mesh, allowance * given.scale, 0.0 if k else SUNK)
+        shapes = fit(mesh, allowance * given.scale, 0.0 if k else SUNK, given.rough)
         print(f"{LINKS[k]}: {len(shapes)}", file=sys.stderr, flush=True)
         for j, (ends, radius) in enumerate(shapes):
             # Rounded to 0.1 mm; the radius pays for it.

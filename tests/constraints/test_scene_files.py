@@ -107,7 +107,7 @@ def test_a_payload_is_carried_along() -> None:
     before, after = (
         judge.usage(home[None], rest, rest).distance("environment") for judge in (free, loaded)
     )
-    assert after < before - 0.5
+    assert after < before - 0.1
 
 
 def test_contradictory_limits_are_refused() -> None:

@@ -44,7 +44,7 @@ def safe_constraints(
     *,
     collision: bool = True,
     acceleration: ArrayLike | None = None,
-    clearance: float = 0.02,
+    clearance: float = 0.01,
 ) -> MotionConstraints:
     """Everything that is known of the robot, and its surroundings.
 

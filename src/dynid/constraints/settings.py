@@ -35,9 +35,9 @@ class ConstraintSettings:
     self_collision: bool = True
     scene: Scene | None = None
     """What stands around the robot and what it carries; None for nothing."""
-    clearance: float = 0.02
+    clearance: float = 0.01
     """Smallest distance to the scene that counts as safe [m]."""
-    self_clearance: float = 0.002
+    self_clearance: float = 0.001
     """The same between bodies of the arm, whose places are known better [m]."""
     torque_uncertainty: float = 0.15
     """Share by which the prior model may underestimate a torque."""
