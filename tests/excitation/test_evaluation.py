@@ -37,7 +37,7 @@ def test_search_has_the_gradient_of_its_value(criterion: str, safe: bool) -> Non
     x = lively(evaluation)
     goal = smoothed(evaluation.problem.criterion, 4.0)
     assert evaluation.constrained is safe
-    assert (evaluation.violation(x) > 0) is safe
+    assert (evaluation.search_violation(x, 0.02) > 0) is safe
 
     def value(numbers: Floats) -> float:
         return evaluation.search(numbers, criterion=goal, penalty=10.0, tighten=0.02)[0]

@@ -78,11 +78,15 @@ def test_starts_of_dead_workers_are_run_here(at_once: bool) -> None:
 
 def test_a_dask_cluster_takes_part() -> None:
     distributed = pytest.importorskip("distributed")
-    options: dict[str, Any] = {"n_workers": 1, "threads_per_worker": 1, "processes": False}
+    options: dict[str, Any] = {
+        "n_workers": 1,
+        "threads_per_worker": 1,
+        "processes": False,
+        "protocol": "tcp://",
+        "host": "127.0.0.1",
+    }
     with (
-        distributed.LocalCluster(
-            **options, dashboard_address="127.0.0.1:0", host="127.0.0.1"
-        ) as cluster,
+        distributed.LocalCluster(**options, dashboard_address=None) as cluster,
         workers(1, cluster.scheduler_address) as found,
     ):
         assert found.slots == 1
@@ -143,7 +147,7 @@ def test_gradients_beat_the_genetic_algorithm_with_as_many_evaluations() -> None
 
 
 def test_a_start_without_time_brings_nothing() -> None:
-    result = run_start(problem(), 0, 1, 0.0)
+    result = run_start(problem(), "a", 0, 1, 0.0)
     assert result.best is None
     assert result.evaluations == 0
 

@@ -7,9 +7,6 @@ from dataclasses import dataclass
 
 from dynid.core.arrays import Array
 
-TOLERABLE = 1e-4
-"""A violation on the search grid that tightened limits are made for: it counts as none."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
@@ -20,13 +17,12 @@ class Candidate:
     objective: float
     """The criterion as optimisers see it, on the full grid."""
     violation: float
-    """How much the tightened limits are broken on the search grid; 0 where they are not."""
+    """How much limits are broken at the samples that were looked at; 0 where they are not."""
 
     @property
     def key(self) -> tuple[float, float]:
         """For comparison, smaller is better: feasible first, then the criterion."""
-        broken = self.violation if self.violation > TOLERABLE else 0.0
-        return (broken, self.objective)
+        return (self.violation, self.objective)
 
 
 Stop = Callable[[], bool]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -17,6 +19,12 @@ SEARCH_PER_NUMBER = 12
 """Samples of the search grid for each free number of a joint (24 a harmonic)."""
 SEARCH_RATE_HZ = 12.0
 """Its least rate: sines of joint angles at full speed turn faster than any harmonic."""
+CAUTION = 0.002
+"""Added to clearances in the search: bodies come nearer between its samples [m]."""
+DENSE_RATE_HZ = 50.0
+"""Samples a second at which a candidate's limits are looked at."""
+DENSE_TIGHTEN = 0.003
+"""Share by which limits shrink there."""
 
 
 class MotionGrid:
@@ -72,12 +80,29 @@ class DesignEvaluation:
         self._smooth = GramKernel(
             model, problem.base, noise=problem.noise, coulomb_width=DESIGN_WIDTH
         )
-        self.constraints = MotionConstraints(model.robot, problem.constraints)
-        judge = self.constraints
-        self.constrained = (
-            bool(judge.points) or judge.torque is not None or judge.bodies is not None
+        held = problem.constraints
+        self._cautious = MotionConstraints(
+            model.robot,
+            replace(
+                held,
+                clearance=held.clearance + CAUTION,
+                self_clearance=held.self_clearance + CAUTION,
+            ),
         )
+        others = (self._cautious.torque, self._cautious.surroundings)
+        self.constrained = bool(self._cautious.points) or any(o is not None for o in others)
         """Whether anything beside position, velocity and acceleration is held."""
+
+    @cached_property
+    def constraints(self) -> MotionConstraints:
+        """The judge of the limits as they are."""
+        return MotionConstraints(self.problem.base.model.robot, self.problem.constraints)
+
+    @cached_property
+    def _dense(self) -> MotionGrid:
+        duration = self.problem.family.duration
+        count = math.ceil(DENSE_RATE_HZ * duration)
+        return MotionGrid(self.problem, np.arange(count, dtype=np.float64) * (duration / count))
 
     def warm_up(self) -> None:
         """Load, and on the first use on a machine compile, every kernel that a search needs."""
@@ -99,11 +124,18 @@ class DesignEvaluation:
         """The Gram matrix (b, b) on the full grid."""
         return self._kernel.gram(*self._full.motion(x))
 
-    def violation(self, x: Array, tighten: float = 0.0) -> float:
-        """How much limits are broken on the search grid; 0 where nothing is."""
+    def violation(self, x: Array) -> float:
+        """How much limits are broken on a dense grid; 0 where nothing is."""
         if not self.constrained:
             return 0.0
-        return self.constraints.violation(*self._search.motion(x), tighten=tighten)[0]
+        motion = self._dense.motion(x)
+        return self.constraints.violation(*motion, tighten=DENSE_TIGHTEN)[0]
+
+    def search_violation(self, x: Array, tighten: float) -> float:
+        """How much tightened limits and larger clearances are broken on the search grid."""
+        if not self.constrained:
+            return 0.0
+        return self._cautious.violation(*self._search.motion(x), tighten=tighten)[0]
 
     def search(
         self, x: Array, *, criterion: Criterion, penalty: float = 0.0, tighten: float = 0.0
@@ -124,7 +156,7 @@ class DesignEvaluation:
             return math.inf, np.zeros_like(x)
         gradient = self._search.pulled_back(*pullback(slope * self._share))
         if penalty > 0.0 and self.constrained:
-            broken, *bars = self.constraints.violation(*motion, tighten=tighten)
+            broken, *bars = self._cautious.violation(*motion, tighten=tighten)
             value += penalty * broken
             gradient += penalty * self._search.pulled_back(*bars)
         return value, gradient

@@ -62,7 +62,7 @@ def one_start(
     stop: Stop,
     found: Found,
 ) -> Candidate | None:
-    """Random motions, and the best of them improved.
+    """Random motions, and the best of them improved; a little violation can be descended from.
 
     Args:
         evaluation: Judges motions.
@@ -76,19 +76,21 @@ def one_start(
         The best candidate; None if there was no time for a single motion.
     """
     random = np.random.default_rng([seed, number])
-    best: Candidate | None = None
+    best: Array | None = None
+    least = math.inf
     for _ in range(BATCH):
         if stop():
             break
         fill = float(random.uniform(*FILLS)) if evaluation.constrained else FILLS[1]
         x = random_numbers(region, 1, random, fill=fill)[0]
-        drawn = judged(evaluation, x)
-        if best is None or rank(drawn) < rank(best):
-            best = drawn
+        value = evaluation.value(x) + evaluation.search_violation(x, TIGHTEN)
+        if best is None or value < least:
+            best, least = x, value
     if best is None:
         return None
-    found(best)
-    return improve(evaluation, region, best, stop=stop, found=found)
+    drawn = judged(evaluation, best)
+    found(drawn)
+    return improve(evaluation, region, drawn, stop=stop, found=found)
 
 
 def improve(
@@ -133,7 +135,7 @@ def improve(
             tolerance=IDLE,
             stop=stop,
         )
-        reached = judged(evaluation, state.x, tighten)
+        reached = judged(evaluation, state.x)
         if reached.key < best.key:
             best = reached
         found(reached)
@@ -142,12 +144,6 @@ def improve(
     return best
 
 
-def judged(evaluation: DesignEvaluation, x: Array, tighten: float = TIGHTEN) -> Candidate:
+def judged(evaluation: DesignEvaluation, x: Array) -> Candidate:
     """A motion as a candidate."""
-    return Candidate(x=x, objective=evaluation.value(x), violation=evaluation.violation(x, tighten))
-
-
-def rank(candidate: Candidate) -> float:
-    """How good a start is: a little violation costs little, for it can be descended from."""
-    value = candidate.objective + candidate.violation
-    return value if not math.isnan(value) else math.inf
+    return Candidate(x=x, objective=evaluation.value(x), violation=evaluation.violation(x))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from uuid import uuid4
 
 from dynid.core.errors import InputError
 from dynid.excitation.candidate import Candidate
@@ -15,6 +17,16 @@ from dynid.excitation.gradient import one_start
 from dynid.excitation.problem import ExcitationProblem
 from dynid.excitation.region import region_of
 from dynid.excitation.search import Search, Tell
+
+
+class _Built(threading.local):
+    """In a worker's thread: the last search's name and what was built for it."""
+
+    token = ""
+    evaluation: DesignEvaluation | None = None
+
+
+_built = _Built()
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,18 +104,22 @@ def multistart(
 
 
 def run_start(
-    problem: ExcitationProblem, seed: int, number: int, time_left_s: float | None
+    problem: ExcitationProblem, token: str, seed: int, number: int, time_left_s: float | None
 ) -> StartResult:
     """One start in another process.
 
     Args:
         problem: What to design.
+        token: Name of the search: what its first start built serves its next ones.
         seed: Seed of the search.
         number: Which start.
         time_left_s: Time that it may take [s].
     """
     end = None if time_left_s is None else time.monotonic() + time_left_s
-    evaluation = DesignEvaluation(problem)
+    if _built.evaluation is None or _built.token != token:
+        _built.token, _built.evaluation = token, DesignEvaluation(problem)
+    evaluation = _built.evaluation
+    before = evaluation.evaluations
     best = one_start(
         evaluation,
         region_of(problem),
@@ -112,7 +128,7 @@ def run_start(
         stop=lambda: told_to_stop() or (end is not None and time.monotonic() >= end),
         found=lambda candidate: None,
     )
-    return StartResult(number, best, evaluation.evaluations)
+    return StartResult(number, best, evaluation.evaluations - before)
 
 
 class _Run:
@@ -130,6 +146,7 @@ class _Run:
         self.pending: dict[Future[StartResult], int] = {}
         self.lost: list[int] = []
         self.begun = 0
+        self.token = uuid4().hex
         self.idle = 0
 
     def over(self) -> bool:
@@ -152,7 +169,7 @@ class _Run:
         left = None if budget is None else budget - self.search.wall_s
         number = self._next()
         try:
-            future = executor.submit(run_start, self.problem, self.seed, number, left)
+            future = executor.submit(run_start, self.problem, self.token, self.seed, number, left)
         except BaseException:
             self.lost.append(number)
             raise

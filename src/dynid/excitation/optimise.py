@@ -15,7 +15,7 @@ from dynid.excitation.candidate import Candidate
 from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.finishing import Finished, finish
 from dynid.excitation.genetic import elite_count, evolve
-from dynid.excitation.gradient import judged
+from dynid.excitation.gradient import TIGHTEN
 from dynid.excitation.multistart import Effort, multistart
 from dynid.excitation.problem import ExcitationProblem
 from dynid.excitation.region import region_of
@@ -101,7 +101,8 @@ def _evolved(
     total = population + generations * (population - elite_count(population))
 
     def judge(x: Array) -> Candidate:
-        candidate = judged(evaluation, x)
+        broken = evaluation.search_violation(x, TIGHTEN)
+        candidate = Candidate(x=x, objective=evaluation.value(x), violation=broken)
         search.evaluations = evaluation.evaluations
         search.add(candidate, evaluation.evaluations)
         if tell is not None:

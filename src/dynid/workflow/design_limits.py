@@ -14,6 +14,10 @@ from dynid.core.errors import InputError
 from dynid.robot.model import RobotModel
 from dynid.trajectory.json_fields import JsonFields, load_object
 
+CLEARANCE = 0.01
+"""Kept to the scene [m]. An arm that stands on its table has no more under its shoulder: the UR5
+keeps 13 mm there whatever it does."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignLimits:
@@ -36,7 +40,7 @@ class DesignLimits:
         """
         if self.preset == "paper":
             return paper_constraints(robot)
-        return safe_constraints(robot, self._scene(), collision=self.collision)
+        return safe_constraints(robot, self._scene(), collision=self.collision, clearance=CLEARANCE)
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
