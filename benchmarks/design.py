@@ -67,11 +67,9 @@ def plain_seconds(problem: ExcitationProblem) -> float:
     random = np.random.default_rng(0)
     region = region_of(problem)
     numbers = random_numbers(region, PLAIN_MOTIONS, random, fill=1.0)
-    motions = [
-        problem.family.trajectory(x[:, 0], x[:, 1:]).evaluate(problem.times) for x in numbers
-    ]
     began = time.process_time()
-    for motion in motions:
+    for x in numbers:
+        motion = problem.family.trajectory(x[:, 0], x[:, 1:]).evaluate(problem.times)
         w = np.zeros((len(motion.t), n, 13 * n))
         for k in range(len(motion.t)):
             w[k, :, : 10 * n] = pin.computeJointTorqueRegressor(

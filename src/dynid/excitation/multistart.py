@@ -18,6 +18,9 @@ from dynid.excitation.problem import ExcitationProblem
 from dynid.excitation.region import region_of
 from dynid.excitation.search import Search, Tell
 
+GRACE_S = 0.5
+"""What workers may take after the deadline to tell what they have [s]."""
+
 
 class _Built(threading.local):
     """In a worker's thread: the last search's name and what was built for it."""
@@ -95,7 +98,7 @@ def multistart(
             if run.more():
                 run.start_here()
             run.collect(wait_s=0.0)
-        run.collect(wait_s=None)
+        run.finish()
     except KeyboardInterrupt:
         run.search.ended_by = "interrupt"
         for future in run.pending:
@@ -104,7 +107,7 @@ def multistart(
 
 
 def run_start(
-    problem: ExcitationProblem, token: str, seed: int, number: int, time_left_s: float | None
+    problem: ExcitationProblem, token: str, seed: int, number: int, deadline: float | None
 ) -> StartResult:
     """One start in another process.
 
@@ -113,9 +116,8 @@ def run_start(
         token: Name of the search: what its first start built serves its next ones.
         seed: Seed of the search.
         number: Which start.
-        time_left_s: Time that it may take [s].
+        deadline: When to stop, by the machine's clock (`time.time`); None for never.
     """
-    end = None if time_left_s is None else time.monotonic() + time_left_s
     if _built.evaluation is None or _built.token != token:
         _built.token, _built.evaluation = token, DesignEvaluation(problem)
     evaluation = _built.evaluation
@@ -125,7 +127,7 @@ def run_start(
         region_of(problem),
         seed=seed,
         number=number,
-        stop=lambda: told_to_stop() or (end is not None and time.monotonic() >= end),
+        stop=lambda: told_to_stop() or (deadline is not None and time.time() >= deadline),
         found=lambda candidate: None,
     )
     return StartResult(number, best, evaluation.evaluations - before)
@@ -166,10 +168,13 @@ class _Run:
 
     def submit(self, executor: Executor) -> None:
         budget = self.effort.budget_s
-        left = None if budget is None else budget - self.search.wall_s
+        # Not the time left: a worker may need seconds before it begins.
+        deadline = None if budget is None else time.time() + budget - self.search.wall_s
         number = self._next()
         try:
-            future = executor.submit(run_start, self.problem, self.token, self.seed, number, left)
+            future = executor.submit(
+                run_start, self.problem, self.token, self.seed, number, deadline
+            )
         except BaseException:
             self.lost.append(number)
             raise
@@ -192,19 +197,27 @@ class _Run:
         self._take(result, best_before)
 
     def collect(self, wait_s: float | None) -> None:
-        """Take in what other processes finished; with no time to wait, wait for all of them."""
+        """Take in what other processes finished, waiting for the first so long."""
+        done, _ = wait(self.pending, timeout=wait_s, return_when=FIRST_COMPLETED)
+        for future in done:
+            number = self.pending.pop(future)
+            try:
+                self._take(future.result(), self.search.best)
+            except (BrokenProcessPool, CancelledError):
+                # A worker that died takes its start with it; it is begun again here.
+                self.lost.append(number)
+
+    def finish(self) -> None:
+        """Take in the rest; where the time is up, what comes in a moment."""
+        budget = self.effort.budget_s
         while self.pending:
-            done, _ = wait(self.pending, timeout=wait_s, return_when=FIRST_COMPLETED)
-            for future in done:
-                number = self.pending.pop(future)
-                try:
-                    self._take(future.result(), self.search.best)
-                except (BrokenProcessPool, CancelledError):
-                    # A worker that died takes its start with it; it is begun again here.
-                    self.lost.append(number)
-            if not done and wait_s is not None:
-                return
-        while self.lost and wait_s is None and not self.over():
+            left = None if budget is None else budget + GRACE_S - self.search.wall_s
+            if left is not None and left <= 0:
+                break
+            self.collect(left)
+        for future in self.pending:
+            future.cancel()
+        while self.lost and not self.over():
             self.start_here()
 
     def _next(self) -> int:

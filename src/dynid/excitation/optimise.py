@@ -137,9 +137,10 @@ def check_budget(budget_s: float | None) -> None:
 
 def _finished(problem: ExcitationProblem, search: Search, budget_s: float | None) -> Optimised:
     best = search.best
-    if best is None or search.evaluations < LEAST_MOTIONS:
-        if search.ended_by == "interrupt":
-            raise KeyboardInterrupt
+    if best is None and search.ended_by == "interrupt":
+        raise KeyboardInterrupt
+    hasty = search.ended_by == "budget" and search.evaluations < LEAST_MOTIONS
+    if best is None or hasty:
         raise InputError(
             "the time budget is too short to look at a few motions",
             where="--budget",

@@ -15,7 +15,7 @@ from dynid.trajectory.families import FAMILY_NAMES
 DEFAULT_CRITERION = "cond"
 DEFAULT_STARTS = 16
 """Of the gradient method, where neither starts nor a budget are given."""
-DEFAULT_BUDGET_S = 12.0
+DEFAULT_BUDGET_S = 10.0
 """[s] Time after which the default number of starts is cut short."""
 PATIENCE = 60
 """Starts without a better motion that end a search with a budget."""
