@@ -12,7 +12,21 @@ import numpy as np
 
 import dynid
 
-COMMANDS = ("robots", "analyze", "import", "identify", "validate", "demo")
+COMMANDS = (
+    "robots",
+    "analyze",
+    "design",
+    "check",
+    "controller",
+    "run",
+    "import",
+    "identify",
+    "validate",
+    "compare",
+    "export",
+    "report",
+    "demo",
+)
 
 
 @dataclass(frozen=True)

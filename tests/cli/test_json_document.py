@@ -8,6 +8,9 @@ from pathlib import Path
 from cli_runs import COMMANDS, Recordings, Run
 
 import dynid
+from dynid.core.provenance import provenance
+from dynid.simulation.controller.process import controller_process
+from dynid.trajectory.files import write_trajectory
 
 TEXT = (Path(__file__).parents[2] / "docs" / "json.md").read_text()
 METRICS = set(re.findall(r"`(\w+)`", TEXT.split("**METRICS**:")[1].split("Lists")[0]))
@@ -41,6 +44,37 @@ def test_identify_and_validate(run: Run, recordings: Recordings) -> None:
     assert set(data["training"]) >= METRICS
 
 
+def test_design_check_and_run(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "design.json"
+    words = ("--limits", "paper", "--method", "ga", "--population", "20", "--generations", "1")
+    data = run("design", "ur5", "-o", path, *words, "--json").json()
+    assert set(data) == keys_of("design")
+    found = run("check", path, "--limits", "paper", "--json").json()
+    assert set(found) == keys_of("check")
+    motion = dynid.random_excitation(dynid.load_robot("ur5").limits, seed=3, margin=0.3)
+    slow = tmp_path / "slow.json"
+    made = provenance(seed=3)
+    limits = dynid.load_robot("ur5").limits
+    write_trajectory(slow, motion, robot="ur5", limits=limits, provenance=made)
+    ran = run("run", slow, "--on", "sim", "-o", tmp_path / "r.parquet", "--repeat", "1", "--json")
+    assert set(ran.json()) == keys_of("run")
+
+
+def test_controller(tmp_path: Path) -> None:
+    with controller_process("ur5", virtual_time=True) as controller:
+        assert {"host", "ports", "rate_hz", "version"} <= keys_of("controller")
+        assert controller.ports["rtde"] == 30004
+
+
+def test_compare_export_and_report(run: Run, recordings: Recordings, tmp_path: Path) -> None:
+    estimate = recordings.estimate
+    assert set(run("compare", estimate, estimate, "--json").json()) == keys_of("compare")
+    words = ("export", estimate, "--to", "json", "-o", tmp_path / "model.json", "--json")
+    assert set(run(*words).json()) == keys_of("export")
+    words = ("report", estimate.parent, "-o", tmp_path / "report.html", "--json")
+    assert set(run(*words).json()) == keys_of("report")
+
+
 def test_demo(run: Run, tmp_path: Path) -> None:
     folder = tmp_path / "new" / "demo"
     data = run("demo", "-o", folder, "--quick", "--json").json()
@@ -52,6 +86,6 @@ def test_demo(run: Run, tmp_path: Path) -> None:
     assert error["preset_best"] < error["preset_paper"] < 5
     assert table["e_N on the other motion"]["paper"] == 0.0550
     assert {Path(path).name for path in data["files"]} == {p.name for p in folder.iterdir()}
-    record = dynid.read_record(folder / "identification.parquet")
+    record = dynid.read_record(folder / "cold_identification.parquet")
     assert "current" in record.signals
     assert "effort" not in record.signals

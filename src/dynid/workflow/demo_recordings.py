@@ -66,6 +66,8 @@ def make_recordings(robot: str, folder: Path, quick: bool, tell: Progress) -> Re
         )
         path = folder / f"{name}.json"
         designs.append(design(robot, settings, output=path))
+        if designs[-1].interrupted:
+            raise KeyboardInterrupt
         if not designs[-1].feasible:
             raise JobError("the search found no motion within the limits", where=str(path))
         files.append(path)
