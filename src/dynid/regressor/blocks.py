@@ -73,8 +73,9 @@ class JointColumns(ColumnBlock):
 
     def columns(self, robot: RobotModel) -> tuple[Column, ...]:
         """See `ColumnBlock`."""
+        slides = robot.prismatic
         return tuple(
-            Column(f"{self.symbol}{j + 1}", unit(self.power, robot.prismatic[j]), j)
+            Column(f"{self.symbol}{j + 1}", unit(self.power, slides[j]), j)
             for j in self._rows(robot)
         )
 
