@@ -108,10 +108,10 @@ def random_designs(
     robot: RobotModel, constraints: MotionConstraints, count: int, seed: int
 ) -> list[FourierSeries]:
     """Random series within the joint limits; every other one shrunk until the judge is content."""
-    home = np.array([0.0, -1.2, 0.9, -1.2, -1.57, 0.0])
+    home = np.array([0.0, -1.2, 0.9, 0.0, -1.57, 0.0])
     found = []
     for k in range(count):
-        size = 0.3 + 0.5 * ((k // 2) % 5) / 4
+        size = (0.5 if k % 2 else 0.8) + 0.2 * ((k // 2) % 5) / 4
         series = random_excitation(robot.limits, seed=seed + k, margin=0.9, offset=home)
         a, b = series.a * size, series.b * size
         while k % 2 and size > 1e-3:

@@ -88,7 +88,7 @@ def test_a_scene_that_encloses_the_robot_is_refused() -> None:
 
 def test_the_floor_that_the_robot_stands_on_is_allowed() -> None:
     judge = safe_constraints(load_robot("ur5"), scene({"type": "floor", "height": 0.0}))
-    home = np.array([0.0, -1.2, 0.9, -1.2, -1.57, 0.0])
+    home = np.array([0.0, -1.2, 0.9, 0.0, -1.57, 0.0])
     judge.check_pose(home)
     with pytest.raises(InputError, match=r"floor.*start pose is in collision"):
         judge.check_pose(np.array([0.0, 0.6, 0.0, 0.0, 0.0, 0.0]))
@@ -98,11 +98,11 @@ def test_the_floor_that_the_robot_stands_on_is_allowed() -> None:
 
 def test_a_payload_is_carried_along() -> None:
     robot = load_robot("ur5")
-    home = np.array([0.0, -1.2, 0.9, -1.2, -1.57, 0.0])
+    home = np.array([0.0, -1.2, 0.9, 0.0, -1.57, 0.0])
     floor = {"type": "floor", "height": -0.2}
     free = safe_constraints(robot, scene(floor))
-    rod = {"type": "cylinder", "radius": 0.02, "length": 0.6, "position": [0, 0, 0.31]}
-    loaded = safe_constraints(robot, scene(floor, payload=[rod]))
+    ball = {"type": "sphere", "radius": 0.7, "position": [0, 0, 0]}
+    loaded = safe_constraints(robot, scene(floor, payload=[ball]))
     rest = np.zeros((1, 6))
     before, after = (
         judge.usage(home[None], rest, rest).distance("environment") for judge in (free, loaded)

@@ -64,5 +64,5 @@ def test_the_library_knows_safety_limits_and_shapes(name: str) -> None:
     assert (robot.safety.tcp_speed, robot.safety.momentum, robot.safety.power) == (1.5, 25.0, 300.0)
     assert robot.safety.elbow == 3
     assert {item.link for item in robot.capsules} == set(range(7))
-    for group in ("safety:", "collision:", "capsule:"):
+    for group in ("safety:", "collision overlap:", "capsule:"):
         assert group in robot.source

@@ -27,7 +27,7 @@ from dynid.trajectory.trajectory import Trajectory
 
 ROUNDING = 1e-9
 """A limit that is met exactly may be missed by rounding."""
-_DISTANCE_WITHIN = 5e-4
+_DISTANCE_WITHIN = 1e-4
 _RATIO_WITHIN = 2e-3
 _INTERVALS_HZ = 50.0
 
