@@ -22,6 +22,7 @@ from dynid.cli import (
     report,
     robots,
     run,
+    studio,
     validate,
 )
 from dynid.cli.failures import exit_code_of, guard_streams
@@ -74,6 +75,7 @@ def build() -> typer.Typer:
         compare,
         export,
         report,
+        studio,
         demo,
     ):
         module.register(app)

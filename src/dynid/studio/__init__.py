@@ -1,0 +1,1 @@
+"""A local page: the arm in 3D, design, live run, results."""

@@ -1,0 +1,162 @@
+"""The process of a long job: `python -m dynid.studio.child`, started by `supervisor`.
+
+Designs and runs live here and not in the page's process: a page that draws, or hangs, takes no
+time from a recording.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TextIO
+
+from dynid.core.errors import DynidError, InputError
+from dynid.studio.jobs import Job, job_from_line, line, parse
+
+_TELL_S = 0.1
+"""Progress is told at most this often [s]."""
+
+
+class Line:
+    """What the process says and hears.
+
+    Args:
+        out: Where messages go.
+        heard: Where messages come from, the job's line already read.
+    """
+
+    def __init__(self, out: TextIO, heard: TextIO) -> None:
+        self._out, self._heard = out, heard
+        self._lock = threading.Lock()
+        self._answers: queue.Queue[str | None] = queue.Queue()
+        self._told = 0.0
+
+    def listen(self) -> None:
+        """Hear answers and stops from now on, in a thread of its own."""
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def say(self, message: dict[str, Any]) -> None:
+        """Send a message; a page that is gone hears nothing."""
+        with self._lock:
+            try:
+                self._out.write(line(message))
+                self._out.flush()
+            except (BrokenPipeError, ValueError):
+                # The end of stdin stops the job; here there is nobody to tell.
+                return
+
+    def progress(self, what: str, share: float) -> None:
+        """Tell how far the job is, not more often than a page can show."""
+        now = time.monotonic()
+        if now - self._told >= _TELL_S or share >= 1.0:
+            self._told = now
+            self.say({"progress": what, "share": share})
+
+    def ask(self, what: str, word: str) -> None:
+        """Let the person at the page type a word before anything moves.
+
+        Raises:
+            InputError: Nobody is there, or another word was typed.
+        """
+        self.say({"ask": what, "word": word})
+        answer = self._answers.get()
+        if answer != word:
+            raise InputError("the motion was not confirmed", value=answer or "", limit=word)
+
+    def _listen(self) -> None:
+        for text in self._heard:
+            try:
+                message = parse(text)
+            except InputError:
+                # What cannot be understood may have been a stop.
+                break
+            if "answer" not in message:
+                break
+            self._answers.put(str(message["answer"]))
+        self._answers.put(None)
+        # The same wish as Ctrl-C: drivers and searches know how to end in good order.
+        os.kill(os.getpid(), signal.SIGINT)
+
+
+def main() -> int:
+    """Do the job that stdin names; 0, or the exit code of its error."""
+    # Libraries that print must not break into the lines of messages.
+    out = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    talk = Line(out, sys.stdin)
+    try:
+        job = job_from_line(sys.stdin.readline())
+        talk.listen()
+        result = _DO[job.kind](job, talk)
+    except DynidError as error:
+        talk.say({"error": str(error)})
+        return error.exit_code
+    except KeyboardInterrupt:
+        talk.say({"error": "stopped before there was a result"})
+        return 130
+    talk.say({"result": result})
+    return 0
+
+
+def _design(job: Job, talk: Line) -> dict[str, Any]:
+    from dynid.workflow.design_settings import DesignSettings
+    from dynid.workflow.designing import design
+
+    settings = DesignSettings(**job.options)
+    found = design(job.source, settings, output=job.output, progress=talk.progress)
+    return found.to_json()
+
+
+def _run(job: Job, talk: Line) -> dict[str, Any]:
+    from dynid.experiment.interrupts import stop_on_signals
+    from dynid.workflow.run_settings import RunSettings
+    from dynid.workflow.running import run_design
+
+    settings = RunSettings(**job.options)
+    with stop_on_signals() as cancel:
+        result = run_design(
+            job.source,
+            job.output,
+            on=job.target,
+            settings=settings,
+            confirm=talk.ask,
+            cancel=cancel,
+            progress=talk.progress,
+        )
+    return result.to_json()
+
+
+def _identify(job: Job, talk: Line) -> dict[str, Any]:
+    from dynid.workflow.identify_settings import IdentifySettings
+    from dynid.workflow.identifying import identify_files
+    from dynid.workflow.verdict import verdict
+
+    options = dict(job.options)
+    validation, robot = options.pop("validate", None), options.pop("robot", None)
+    result = identify_files(
+        [job.source],
+        job.output,
+        robot=robot,
+        settings=IdentifySettings(**options),
+        validation=None if validation is None else Path(validation),
+        progress=talk.progress,
+    )
+    judged = verdict(result)
+    return {"level": judged.level, "headline": judged.headline, "file": job.output}
+
+
+_DO: dict[str, Callable[[Job, Line], dict[str, Any]]] = {
+    "design": _design,
+    "run": _run,
+    "identify": _identify,
+}
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,176 @@
+"""What `dynid studio PATH` shows: a robot, a design, or all that lies in a directory."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, cast
+
+from dynid.core.errors import DynidError, InputError
+from dynid.identification.estimate_file import FORMAT
+from dynid.recording.parquet import read_record
+from dynid.robot.load import load_robot
+from dynid.robot.model import RobotModel
+from dynid.studio.motions import Playable, PlayedRecord, PlayedTrajectory
+from dynid.workflow.design_files import read_design
+from dynid.workflow.design_limits import DesignLimits
+
+DEFAULT_ROBOT = "ur5"
+MAX_JSON = 64 << 20
+_SCENE_KEYS = frozenset({"shapes", "payload"})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OpenMotion:
+    """A motion that can be played, and the file it is from."""
+
+    motion: Playable
+    path: Path
+    design: bool
+    """Whether the file can be run and certified; else it is a recording."""
+    limits: DesignLimits | None = None
+    """What it was designed for."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Opened:
+    """What the studio starts with."""
+
+    robot: RobotModel
+    reference: str
+    """Built-in name or path of the robot."""
+    folder: Path
+    """Where the studio reads and writes."""
+    motions: tuple[OpenMotion, ...] = ()
+    estimates: tuple[Path, ...] = ()
+    scene: Mapping[str, Any] | None = None
+    """What stands around the robot: the design's, or the scene file's."""
+    scene_file: str = ""
+    skipped: tuple[tuple[str, str], ...] = field(default=())
+    """Files that could not be used, and why."""
+
+
+def open_path(path: str | None, *, robot: str | None = None) -> Opened:
+    """Open a robot, a design, a recording or a directory.
+
+    Args:
+        path: A built-in name, a robot file, a design, a recording or a directory; None for the
+            current directory.
+        robot: The robot, where the files do not say or it has moved.
+
+    Raises:
+        InputError: Nothing that can be shown is there.
+    """
+    given = Path(path) if path is not None else Path()
+    if given.is_dir():
+        return _directory(given, robot)
+    if given.is_file() and given.suffix.lower() in (".json", ".parquet"):
+        return _files([given], given.parent, robot, strict=True)
+    name = str(path)
+    return Opened(
+        robot=load_robot(name),
+        reference=str(Path(name).resolve()) if given.is_file() else name,
+        folder=given.parent if given.is_file() else Path(),
+    )
+
+
+def open_motion(path: Path, robot: str | None = None) -> OpenMotion:
+    """A design or a recording as a motion to play.
+
+    Raises:
+        InputError: It is neither.
+    """
+    if path.suffix.lower() == ".parquet":
+        return OpenMotion(
+            motion=PlayedRecord(path.name, read_record(path)), path=path, design=False
+        )
+    stored = read_design(path, robot=robot)
+    motion = PlayedTrajectory(path.name, stored.stored.trajectory)
+    return OpenMotion(motion=motion, path=path, design=True, limits=stored.limits)
+
+
+def kind_of(path: Path) -> str:
+    """What a JSON file holds: `design`, `estimate`, `scene`, or nothing of ours."""
+    try:
+        if path.stat().st_size > MAX_JSON:
+            return ""
+        document: object = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return ""
+    if not isinstance(document, dict):
+        return ""
+    fields = cast("dict[str, object]", document)
+    if fields.get("format") == FORMAT:
+        return "estimate"
+    if str(fields.get("kind", "")).startswith("dynid."):
+        return "design"
+    return "scene" if fields and set(fields) <= _SCENE_KEYS else ""
+
+
+def _directory(folder: Path, robot: str | None) -> Opened:
+    found = sorted(folder.glob("*.json")) + sorted(folder.glob("*.parquet"))
+    return _files(found, folder, robot, strict=False)
+
+
+def _files(paths: list[Path], folder: Path, robot: str | None, *, strict: bool) -> Opened:
+    motions: list[OpenMotion] = []
+    estimates: list[Path] = []
+    skipped: list[tuple[str, str]] = []
+    scene: Mapping[str, Any] | None = None
+    scene_file = ""
+    model, reference = None, robot or ""
+    for path in paths:
+        kind = "recording" if path.suffix.lower() == ".parquet" else kind_of(path)
+        try:
+            if kind == "estimate":
+                estimates.append(path)
+            elif kind == "scene" and scene is None:
+                scene = json.loads(path.read_text(encoding="utf-8"))
+                scene_file = str(path)
+            elif kind in ("design", "recording"):
+                opened, name = open_motion(path, robot), robot or _robot_name(path, kind)
+                if model is None:
+                    model, reference = _robot_of(path, kind, name), name
+                motions.append(opened)
+            elif strict:
+                raise InputError("neither a design nor a recording", where=str(path))
+        except DynidError as error:
+            if strict:
+                raise
+            skipped.append((path.name, str(error)))
+    if model is None:
+        reference = robot or DEFAULT_ROBOT
+        model = load_robot(reference)
+    kept: list[OpenMotion] = []
+    for item in motions:
+        joints = len(item.motion.at(0.0)[0])
+        if joints == model.joints:
+            kept.append(item)
+        else:
+            skipped.append((item.path.name, f"{joints} joints, not {model.joints}"))
+    limits = next((item.limits for item in kept if item.limits and item.limits.scene), None)
+    if limits is not None and scene is None:
+        scene, scene_file = limits.scene, limits.scene_file
+    return Opened(
+        robot=model,
+        reference=reference,
+        folder=folder,
+        motions=tuple(kept),
+        estimates=tuple(estimates),
+        scene=scene,
+        scene_file=scene_file,
+        skipped=tuple(skipped),
+    )
+
+
+def _robot_name(path: Path, kind: str) -> str:
+    if kind == "recording":
+        return read_record(path).metadata.robot or DEFAULT_ROBOT
+    return read_design(path).stored.robot
+
+
+def _robot_of(path: Path, kind: str, name: str) -> RobotModel:
+    # A design says how its robot is mounted.
+    return load_robot(name) if kind == "recording" else read_design(path, robot=name).robot

@@ -1,0 +1,227 @@
+"""A scene that is being edited: the shapes of a scene file, one by one."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dynid.constraints.scene import Scene, scene_from_json
+from dynid.constraints.shapes import Shape
+from dynid.core.arrays import Array
+from dynid.core.errors import InputError
+from dynid.export.rotations import roll_pitch_yaw
+from dynid.identification.estimate_file import write_json
+from dynid.robot.transforms import from_xyz_rpy, translation
+from dynid.trajectory.json_fields import JsonFields, load_object
+
+KINDS = ("box", "cylinder", "sphere", "table", "floor", "wall")
+"""What can be added."""
+DIMENSIONS = {
+    "box": ("size x", "size y", "size z"),
+    "cylinder": ("radius", "length"),
+    "sphere": ("radius",),
+    "table": ("size x", "size y", "thickness"),
+    "floor": (),
+    "wall": (),
+}
+"""The sizes of each kind [m]."""
+_NEW: dict[str, dict[str, Any]] = {
+    "box": {"size": [0.2, 0.2, 0.2], "position": [0.7, 0.0, 0.1]},
+    "cylinder": {"radius": 0.1, "length": 0.3, "position": [0.7, 0.0, 0.15]},
+    "sphere": {"radius": 0.1, "position": [0.7, 0.0, 0.1]},
+    "table": {"size": [0.8, 0.8], "position": [0.7, 0.0, 0.0], "thickness": 0.05},
+    "floor": {"height": -0.05},
+    "wall": {"point": [-0.9, 0.0, 0.0], "normal": [1.0, 0.0, 0.0]},
+}
+_THICKNESS = 0.05
+"""Of a table whose file does not say [m]."""
+_DIGITS = 4
+"""Of what is written: a tenth of a millimetre."""
+
+
+class SceneEditor:
+    """The shapes of a scene by number; numbers are never used again.
+
+    What the flange carries (`payload`) is kept as it is.
+
+    Args:
+        document: A scene file's content; None for an empty scene.
+
+    Raises:
+        InputError: The document is no scene.
+    """
+
+    def __init__(self, document: Mapping[str, Any] | None = None) -> None:
+        given = copy.deepcopy(dict(document or {"shapes": []}))
+        scene_from_json(JsonFields(given))
+        shapes: list[dict[str, Any]] = given.get("shapes", [])
+        self._items = dict(enumerate(shapes, start=1))
+        self._payload: list[Any] = given.get("payload", [])
+        self._next = len(self._items) + 1
+        self.changes = 0
+        """How often the scene has been changed."""
+
+    @property
+    def items(self) -> dict[int, dict[str, Any]]:
+        """Number to shape, as the file has it; copies."""
+        return copy.deepcopy(self._items)
+
+    def add(self, kind: str) -> int:
+        """Add a shape of a usual size within reach; its number.
+
+        Raises:
+            InputError: An unknown kind.
+        """
+        if kind not in _NEW:
+            raise InputError("unknown shape", value=kind, limit=", ".join(KINDS))
+        number = self._next
+        self._items[number] = {"type": kind, "name": f"{kind} {number}"} | copy.deepcopy(_NEW[kind])
+        self._next += 1
+        self.changes += 1
+        return number
+
+    def remove(self, number: int) -> None:
+        """Take a shape away.
+
+        Raises:
+            InputError: There is no such shape.
+        """
+        self._item(number)
+        del self._items[number]
+        self.changes += 1
+
+    def label(self, number: int) -> str:
+        """What a shape is called."""
+        item = self._item(number)
+        return str(item.get("name") or f"{item['type']} {number}")
+
+    def shape(self, number: int) -> Shape:
+        """A shape as the judge sees it."""
+        return scene_from_json(JsonFields({"shapes": [self._item(number)]})).shapes[0]
+
+    def pose(self, number: int) -> Array:
+        """(4, 4) where a shape is held: its middle; a table's top, a floor's or wall's surface."""
+        item, pose = self._item(number), np.array(self.shape(number).pose)
+        if item["type"] == "table":
+            return pose @ translation(0.0, 0.0, float(item.get("thickness", _THICKNESS)) / 2)
+        return pose
+
+    def place(self, number: int, pose: Array) -> None:
+        """Move a shape; a floor only goes up and down, a sphere does not turn.
+
+        Args:
+            number: The shape.
+            pose: (4, 4) where it is held now [m].
+        """
+        item = self._item(number)
+        position = _rounded(pose[:3, 3])
+        kind = item["type"]
+        if kind == "floor":
+            item["height"] = position[2]
+        elif kind == "wall":
+            item["point"], item["normal"] = position, _rounded(pose[:3, 2])
+        else:
+            item["position"] = position
+            if kind != "sphere":
+                item["rpy"] = _rounded(roll_pitch_yaw(pose[:3, :3]))
+        self.changes += 1
+
+    def sizes(self, number: int) -> dict[str, float]:
+        """The sizes that a shape has, by the names of `DIMENSIONS` [m]."""
+        item = self._item(number)
+        found: dict[str, float] = {}
+        for name in DIMENSIONS[item["type"]]:
+            word, _, axis = name.partition(" ")
+            default = 0.05 if word == "thickness" else None
+            found[name] = float(
+                item["size"]["xyz".index(axis)] if axis else item.get(word, default)
+            )
+        return found
+
+    def resize(self, number: int, name: str, value: float) -> None:
+        """Change one size.
+
+        Args:
+            number: The shape.
+            name: One of its `DIMENSIONS`.
+            value: [m]
+
+        Raises:
+            InputError: No such size, or one that makes no solid.
+        """
+        item = self._item(number)
+        if name not in DIMENSIONS[item["type"]]:
+            raise InputError("no such size", where=self.label(number), value=name)
+        before = copy.deepcopy(item)
+        word, _, axis = name.partition(" ")
+        if axis:
+            item["size"]["xyz".index(axis)] = float(value)
+        else:
+            item[word] = float(value)
+        try:
+            self.shape(number)
+        except InputError:
+            self._items[number] = before
+            raise
+        self.changes += 1
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of a scene file."""
+        document: dict[str, Any] = {"shapes": list(self.items.values())}
+        return document | ({"payload": copy.deepcopy(self._payload)} if self._payload else {})
+
+    def scene(self) -> Scene:
+        """The scene as the judge sees it."""
+        return scene_from_json(JsonFields(self.to_json()))
+
+    def save(self, path: Path) -> None:
+        """Write the scene file; it appears whole or not at all.
+
+        Raises:
+            InputError: It cannot be written.
+        """
+        write_json(self.to_json(), path)
+
+    def _item(self, number: int) -> dict[str, Any]:
+        if number not in self._items:
+            raise InputError("there is no such shape any more", value=number)
+        return self._items[number]
+
+
+def open_scene(path: Path) -> SceneEditor:
+    """Edit a scene file.
+
+    Raises:
+        InputError: It cannot be read, or is no scene.
+    """
+    return SceneEditor(load_object(path).values)
+
+
+def pose_of(position: Any, wxyz: Any) -> Array:
+    """(4, 4) from a place (3) [m] and a quaternion (4) of any length.
+
+    Raises:
+        InputError: Numbers that are not finite, or a quaternion of no length.
+    """
+    quaternion = np.asarray(wxyz, dtype=np.float64)
+    size = float(np.linalg.norm(quaternion))
+    place = np.asarray(position, dtype=np.float64)
+    if not (np.isfinite(place).all() and np.isfinite(size) and size > 0):
+        raise InputError("this is no pose", value=place.tolist())
+    w, x, y, z = quaternion / size
+    pose = from_xyz_rpy(place.tolist(), [0.0, 0.0, 0.0])
+    pose[:3, :3] = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return pose
+
+
+def _rounded(values: Any) -> list[float]:
+    # Adding zero turns -0.0 into 0.0.
+    return [round(float(value), _DIGITS) + 0.0 for value in values]

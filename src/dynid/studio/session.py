@@ -1,0 +1,257 @@
+"""What the page is about, without the page: robot, motions, scene, limits, one job at a time."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dynid.constraints.certificate import Certificate, certify
+from dynid.constraints.motion import MotionConstraints
+from dynid.constraints.presets import safe_constraints
+from dynid.core.arrays import Array
+from dynid.core.errors import DynidError, InputError
+from dynid.studio.jobs import Job
+from dynid.studio.live import Instant, at_rest, instant
+from dynid.studio.motions import REST, Held, Playable, PlayedTrajectory
+from dynid.studio.opening import Opened, OpenMotion, open_motion
+from dynid.studio.player import Player
+from dynid.studio.scene_editing import SceneEditor
+from dynid.studio.supervisor import Supervisor
+
+SCENE_FILE = "scene.json"
+JOB_SCENE = "studio_scene.json"
+"""Where designs and runs find the scene of the page."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """The certificate of a motion in a scene."""
+
+    certificate: Certificate | None = None
+    error: str = ""
+    motion: str = ""
+    changes: int = 0
+    """How often the scene had been changed."""
+
+
+class Session:
+    """All that several visitors of the page share.
+
+    Args:
+        opened: What the studio starts with.
+
+    Raises:
+        InputError: A scene that is none.
+    """
+
+    def __init__(self, opened: Opened) -> None:
+        self.robot, self.reference, self.folder = opened.robot, opened.reference, opened.folder
+        self.estimates = list(opened.estimates)
+        self.motions: dict[str, OpenMotion] = {item.motion.name: item for item in opened.motions}
+        self.lock = threading.RLock()
+        """Held by whoever reads or changes more than one thing."""
+        self.editor = SceneEditor(opened.scene)
+        self.scene_name = Path(opened.scene_file).name if opened.scene_file else SCENE_FILE
+        self.scene_error = ""
+        self.constraints: MotionConstraints | None = None
+        self.verdict = Verdict()
+        self.job: Supervisor | None = None
+        self.motion: Playable = Held(_middle(opened))
+        self.player = Player(1.0)
+        self._live: Array | None = None
+        self._judged = -1
+        self.judge()
+        if self.motions:
+            self.choose(next(iter(self.motions)))
+
+    def judge(self) -> None:
+        """Take the scene as it is now; what is wrong with it is in `scene_error`."""
+        with self.lock:
+            if self._judged == self.editor.changes and self.constraints is not None:
+                return
+            self._judged = self.editor.changes
+            try:
+                self.constraints = safe_constraints(self.robot, self.editor.scene())
+                self.scene_error = ""
+            except InputError as error:
+                self.scene_error = str(error)
+                try:
+                    self.constraints = safe_constraints(self.robot)
+                except InputError:
+                    # Not even the robot alone can be judged; the page still shows it.
+                    self.constraints = None
+
+    def choose(self, name: str) -> None:
+        """Play another motion, from its start, paused.
+
+        Raises:
+            InputError: There is no such motion.
+        """
+        with self.lock:
+            if name == REST:
+                self.motion = Held(self.now().q)
+            elif name in self.motions:
+                self.motion = self.motions[name].motion
+            else:
+                raise InputError("no such motion", value=name)
+            old = self.player
+            self.player = Player(self.motion.duration, loop=old.loop, speed=old.speed)
+
+    def open(self, path: Path) -> str:
+        """Open a file that a job has made, and choose it; its name."""
+        found = open_motion(path)
+        with self.lock:
+            self.motions[found.motion.name] = found
+            self.choose(found.motion.name)
+        return found.motion.name
+
+    def hold(self, q: Array) -> None:
+        """Hold a pose (n) by hand [rad or m]."""
+        with self.lock:
+            self.motion = Held(np.asarray(q, dtype=np.float64))
+            self.player = Player(1.0, loop=self.player.loop, speed=self.player.speed)
+
+    def follow(self, q: Array | None) -> None:
+        """Show a pose (n) that a running robot has; None to show the motion again."""
+        with self.lock:
+            self._live = q
+
+    @property
+    def following(self) -> bool:
+        """Whether a running robot is shown."""
+        return self._live is not None
+
+    def now(self, clock: float | None = None) -> Now:
+        """Where the shown motion is.
+
+        Args:
+            clock: The time [s]; None for that of `time.monotonic`.
+        """
+        at = time.monotonic() if clock is None else clock
+        with self.lock:
+            place = self.player.place(at)
+            if self._live is not None:
+                rest = np.zeros(len(self._live))
+                return Now(place=place, q=self._live, dq=rest, ddq=rest)
+            q, dq, ddq = self.motion.at(place)
+        return Now(place=place, q=q, dq=dq, ddq=ddq)
+
+    def look(self, now: Now) -> Instant:
+        """The limits and the nearest bodies now."""
+        constraints = self.constraints
+        if constraints is None:
+            return at_rest(self.robot, now.q)
+        return instant(constraints, now.q, now.dq, now.ddq)
+
+    def certify(self) -> Verdict:
+        """Judge the whole motion in the scene; the verdict is kept."""
+        with self.lock:
+            motion, constraints, changes = self.motion, self.constraints, self.editor.changes
+        try:
+            if not isinstance(motion, PlayedTrajectory):
+                raise InputError("only a design can be certified", value=motion.name)
+            if constraints is None or self.scene_error:
+                raise InputError(self.scene_error or "the robot's limits contradict each other")
+            found = Verdict(
+                certificate=certify(motion.trajectory, constraints),
+                motion=motion.name,
+                changes=changes,
+            )
+        except DynidError as error:
+            found = Verdict(error=str(error), motion=motion.name, changes=changes)
+        self.verdict = found
+        return found
+
+    @property
+    def stale(self) -> bool:
+        """Whether the scene has changed since the verdict."""
+        return self.verdict.changes != self.editor.changes
+
+    def place_for(self, name: str, suffix: str) -> Path:
+        """A file in the studio's folder: a name typed into a page chooses no other place.
+
+        Raises:
+            InputError: More than a name, or another ending.
+        """
+        given = Path(name)
+        odd = name.startswith(".") or any(not c.isprintable() or c in "/\\" for c in name)
+        if odd or given.name != name or len(name) > 120 or given.suffix.lower() != suffix:
+            raise InputError(
+                "a file name without a directory is needed", value=name, limit=f"*{suffix}"
+            )
+        return self.folder / name
+
+    def save_scene(self, name: str) -> Path:
+        """Write the scene into the studio's folder; where it is.
+
+        Raises:
+            InputError: No name for a file, a scene without room, or it cannot be written.
+        """
+        path = self.place_for(name, ".json")
+        with self.lock:
+            self.judge()
+            if self.scene_error:
+                raise InputError(self.scene_error)
+            self.editor.save(path)
+            self.scene_name = name
+        return path
+
+    def scene_for_jobs(self) -> str | None:
+        """The scene as a file for a job; None where the page's scene is an empty one."""
+        with self.lock:
+            document = self.editor.to_json()
+            if not document["shapes"] and "payload" not in document and not self.editor.changes:
+                return None
+            self.judge()
+            if self.scene_error:
+                raise InputError(self.scene_error)
+            # Not the person's own file: an edit on the page is kept there only when asked to.
+            path = self.folder / JOB_SCENE
+            self.editor.save(path)
+            return str(path)
+
+    def start(self, job: Job) -> Supervisor:
+        """Start a job.
+
+        Raises:
+            InputError: Another one is still there.
+            JobError: It cannot be started.
+        """
+        with self.lock:
+            if self.job is not None and not self.job.state.ended:
+                raise InputError("another job is still running", value=self.job.job.kind)
+            self.job = Supervisor(job)
+            return self.job
+
+    def close(self) -> None:
+        """Stop what still runs; a robot comes to rest first."""
+        if self.job is not None:
+            self.job.close()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Now:
+    """Where a motion is."""
+
+    place: float
+    """[s]"""
+    q: Array
+    """(n) [rad or m]"""
+    dq: Array
+    """(n)"""
+    ddq: Array
+    """(n)"""
+
+
+def _middle(opened: Opened) -> Array:
+    """A pose in the middle of the limits, 0 where they are not finite; a UR stands upright."""
+    limits = opened.robot.limits
+    middle = (limits.lower + limits.upper) / 2
+    pose = np.where(np.isfinite(middle), middle, 0.0)
+    if opened.robot.name.startswith("ur") and len(pose) == 6 and not pose.any():
+        pose[1] = pose[3] = -np.pi / 2
+    return pose
