@@ -35,7 +35,7 @@ HOST = "127.0.1.77"
 
 def motion():
     free = 0.05 * np.random.default_rng(0).normal(size=(6, 8))
-    return rest_series(10.0, np.array([0.1, -1.4, 0.3, -1.5, 0.2, 0.1]), free)
+    return rest_series(10.0, np.array([0.1, -1.4, 0.3, -2.1, 0.2, 0.1]), free)
 
 
 def record(driver, plan: ExperimentPlan, path: Path) -> ExperimentRecord:

@@ -18,7 +18,7 @@ from dynid.trajectory.rest import rest_series
 
 PERIOD, RATE = 2.0, 125.0
 CYCLES = 250
-MIDDLE = np.array([0.1, -1.4, 0.3, -1.5, 0.2, 0.1])
+MIDDLE = np.array([0.1, -1.4, 0.3, -2.1, 0.2, 0.1])
 
 
 @cache

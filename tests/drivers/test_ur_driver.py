@@ -125,6 +125,20 @@ def test_a_stop_is_wished_and_the_robot_stands_still(controller: RunningControll
     assert np.abs(recorder.array("target_qd")[-1]).max() < STILL
 
 
+def test_a_wish_from_before_keeps_the_robot_from_moving(controller: RunningController) -> None:
+    cancel = threading.Event()
+    cancel.set()
+    with Observer(controller.host) as observer:
+        for driver in (UrDriver, ServojDriver):
+            outcome = driver(inspect(controller.host)).execute(
+                gentle_execution(), ListRecorder(), cancel=cancel
+            )
+            assert outcome.abort is not None
+            assert outcome.abort.code == "interrupted"
+            assert outcome.samples == 0
+        assert np.abs(observer.column("target_qd")).max() < STILL
+
+
 def test_another_run_follows_a_stop(controller: RunningController) -> None:
     outcome = UrDriver(inspect(controller.host)).execute(gentle_execution(), ListRecorder())
     assert outcome.abort is None

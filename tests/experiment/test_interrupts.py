@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from dynid.experiment.interrupts import stop_on_signals
+from dynid.experiment.interrupts import interruptible, stop_on_signals
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -41,3 +41,12 @@ def test_in_another_thread_the_event_is_the_callers() -> None:
     thread.start()
     thread.join()
     assert seen == [True]
+
+
+def test_a_question_can_be_left_by_ctrl_c() -> None:
+    with stop_on_signals() as event:
+        with pytest.raises(KeyboardInterrupt), interruptible():
+            os.kill(os.getpid(), signal.SIGINT)
+        assert not event.is_set()
+        os.kill(os.getpid(), signal.SIGINT)
+        assert event.wait(1.0)

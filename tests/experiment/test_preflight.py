@@ -16,7 +16,7 @@ from dynid.robot.load import load_robot
 from dynid.trajectory.rest import rest_series
 
 UR5 = load_robot("ur5")
-MIDDLE = np.array([0.1, -1.4, 0.3, -1.5, 0.2, 0.1])
+MIDDLE = np.array([0.1, -1.4, 0.3, -2.1, 0.2, 0.1])
 SERIES = rest_series(2.0, MIDDLE, 0.05 * np.random.default_rng(0).normal(size=(6, 4)))
 CONSTRAINTS = safe_constraints(UR5)
 PLAN = ExperimentPlan(robot=UR5, trajectory=SERIES)

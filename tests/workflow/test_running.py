@@ -24,7 +24,7 @@ from dynid.workflow.running import run_design
 
 UR5 = load_robot("ur5")
 PERIOD, CYCLES = 2.0, 250
-MIDDLE = np.array([0.1, -1.4, 0.3, -1.5, 0.2, 0.1])
+MIDDLE = np.array([0.1, -1.4, 0.3, -2.1, 0.2, 0.1])
 
 
 @pytest.fixture(scope="module")

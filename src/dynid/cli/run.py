@@ -112,11 +112,13 @@ def _ask(what: str, word: str) -> None:
     """
     from dynid.cli.output import console
     from dynid.core.errors import InputError
+    from dynid.experiment.interrupts import interruptible
 
     if not sys.stdin.isatty():
         raise InputError("nobody is there to confirm the motion", next_step="Pass --yes.")
     console(stderr=True).print(what)
-    typed = typer.prompt(f"Type {word} to move the robot", default="", err=True)
+    with interruptible():
+        typed = typer.prompt(f"Type {word} to move the robot", default="", err=True)
     if typed.strip() != word:
         raise InputError("the motion was not confirmed", value=typed.strip(), limit=word)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from dynid.core.errors import DynidError, InputError
 from dynid.drivers.driver import Driver, Execution, Outcome, Progress, Recorder, Source
-from dynid.drivers.watchdog import Abort, Cycle, Watchdog
+from dynid.drivers.watchdog import INTERRUPTED, Abort, Cycle, Watchdog
 from dynid.recording.record import ExperimentRecord
 
 _LIVE = ("robot_mode", "safety_mode", "runtime_state", "speed_scaling", "target_speed_fraction")
@@ -63,7 +63,7 @@ class ReplayDriver(Driver):
             except DynidError as error:
                 abort = abort or Abort("recording", str(error))
             if abort is None and cancel is not None and cancel.is_set():
-                abort = Abort("interrupted", "it was interrupted")
+                abort = INTERRUPTED
             if abort is not None or watchdog.finished:
                 break
             if progress is not None:

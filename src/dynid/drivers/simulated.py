@@ -10,7 +10,7 @@ import numpy as np
 from dynid.core.arrays import Array
 from dynid.core.errors import DynidError, InputError
 from dynid.drivers.driver import Driver, Execution, Outcome, Progress, Recorder, Source
-from dynid.drivers.watchdog import Abort, Cycle, Watchdog
+from dynid.drivers.watchdog import INTERRUPTED, Abort, Cycle, Watchdog
 from dynid.simulation.plant import Plant
 from dynid.simulation.state import PlantState
 from dynid.simulation.thermal import Thermal
@@ -99,7 +99,7 @@ class SimulatedDriver(Driver):
             if recorder is not None and k >= execution.first_recorded:
                 block.append(state)
             if abort is None and cancel is not None and cancel.is_set():
-                abort = Abort("interrupted", "it was interrupted")
+                abort = INTERRUPTED
             if abort is None and len(block) < _BLOCK and k + 1 < execution.total:
                 continue
             if recorder is not None:

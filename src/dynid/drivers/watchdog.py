@@ -29,6 +29,10 @@ class Abort:
     """What happened, in words, with its numbers."""
 
 
+INTERRUPTED = Abort("interrupted", "it was interrupted")
+"""Somebody wished it."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchLimits:
     """Where the joints may be during a motion; all arrays (n).

@@ -58,6 +58,7 @@ class UrDriver(Driver):
     ) -> Outcome:
         """See `Driver.execute`."""
         check_rate(execution, self.state)
+        wish = cancel or threading.Event()
         options = UrProgramOptions(
             rate_hz=execution.rate_hz,
             repeats=execution.periods,
@@ -77,9 +78,10 @@ class UrDriver(Driver):
                     Watchdog(execution.limits, execution.rate_hz, execution.total),
                     _Program(layout, feed, port),
                     halt=lambda: halt(port),
-                    cancel=cancel or threading.Event(),
+                    cancel=wish,
                 )
-                port.send(program.text)
+                if not wish.is_set():
+                    port.send(program.text)
                 pump.start()
                 return Intake(execution, layout, recorder, progress).take(pump)
             finally:

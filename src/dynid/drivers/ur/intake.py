@@ -9,7 +9,7 @@ from dynid.drivers.ur.pump import Pump
 from dynid.drivers.watchdog import Abort
 from dynid.protocol.recipe import Numbers
 
-_LOOK_S = 0.05
+_LOOK_S = 0.02
 _TELL_EVERY = 25
 
 
@@ -39,14 +39,10 @@ class Intake:
     def take(self, pump: Pump) -> Outcome:
         """Record until the pump has ended; whatever goes wrong here stops the robot."""
         try:
-            while True:
-                pump.arrived.wait(_LOOK_S)
-                pump.arrived.clear()
-                # Asked before the rows: what came before the end must not be left behind.
-                ended = pump.ended
+            # A look now and then: waking for every package would cost more than to record it.
+            while not pump.over.wait(_LOOK_S):
                 self._empty(pump)
-                if ended:
-                    break
+            self._empty(pump)
         except BaseException:
             pump.stop(Abort("interrupted", "the program that records ended"))
             raise

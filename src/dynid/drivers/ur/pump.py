@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from typing import Protocol
 
 from dynid.core.errors import JobError
 from dynid.drivers.ur.layout import Layout
 from dynid.drivers.ur.link import Disconnected, RtdeLink
-from dynid.drivers.watchdog import Abort, Cycle, Watchdog
+from dynid.drivers.watchdog import INTERRUPTED, Abort, Cycle, Watchdog
 from dynid.protocol.modes import RuntimeState
 from dynid.protocol.recipe import Numbers
 
@@ -22,6 +24,7 @@ BACKLOG_S = 2.0
 STOP_S = 3.0
 """Controller time after a stop for which packages are still read [s]."""
 _STILL = 1e-9
+_PRIORITY = 10
 
 
 class Refused(JobError):
@@ -75,15 +78,13 @@ class Pump(threading.Thread):
         super().__init__(name="dynid-rtde", daemon=True)
         self.rows: deque[Numbers] = deque()
         """Packages since the first set point, oldest first."""
-        self.arrived = threading.Event()
-        """Set when there is something new."""
-        self.ended = False
-        """Whether no more packages will come."""
+        self.over = threading.Event()
+        """Set when no more packages will come."""
         self.abort: Abort | None = None
         """Why the motion was ended early."""
         self._link, self._layout, self._watchdog = link, layout, watchdog
         self._conversation, self._halt, self._cancel = conversation, halt, cancel
-        self._begun = False
+        self._begun = self._ended = False
         self._refused: Abort | None = None
         self._backlog = round(BACKLOG_S * link.rate_hz)
         self._patience = round(START_S * link.rate_hz)
@@ -106,20 +107,19 @@ class Pump(threading.Thread):
 
     def run(self) -> None:
         """See `threading.Thread`."""
+        _hurry()
         try:
-            while not self.ended:
+            while not self._ended:
                 for numbers in self._link.packages():
                     self._take(numbers)
-                    if self.ended:
+                    if self._ended:
                         break
-                self.arrived.set()
         except Disconnected as error:
             self.stop(Abort("connection", str(error)))
         except JobError as error:
             self.stop(Abort("connection", f"the controller sends what cannot be read: {error}"))
         finally:
-            self.ended = True
-            self.arrived.set()
+            self.over.set()
 
     def _take(self, numbers: Numbers) -> None:
         cycle = self._layout.cycle(numbers)
@@ -134,9 +134,9 @@ class Pump(threading.Thread):
             self._after -= 1
             speed = max(map(abs, numbers[self._layout.places["target_qd"]]))
             still = speed < _STILL and cycle.runtime_state != RuntimeState.PLAYING
-            self.ended = still or self._after <= 0
+            self._ended = still or self._after <= 0
         elif self._watchdog.finished:
-            self.ended = self._conversation.over(cycle, numbers)
+            self._ended = self._conversation.over(cycle, numbers)
 
     def _answer(self, cycle: Cycle, numbers: Numbers) -> None:
         try:
@@ -148,7 +148,7 @@ class Pump(threading.Thread):
         if words is not None:
             self._link.write(words)
         if self._cancel.is_set():
-            self.stop(Abort("interrupted", "it was interrupted"))
+            self.stop(INTERRUPTED)
         elif self._begun:
             if abort := self._watchdog.see(cycle) or self._refused:
                 self.stop(abort)
@@ -157,3 +157,9 @@ class Pump(threading.Thread):
             if self._patience <= 0:
                 what = f"the program did not start within {START_S:g} s of robot time"
                 self.stop(Abort("start", what))
+
+
+def _hurry() -> None:
+    """Let this thread go before others, where the system allows it: the robot waits for it."""
+    with suppress(OSError, AttributeError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY))

@@ -21,7 +21,7 @@ from dynid.drivers.ur.layout import FEED, Layout, recorded_names
 from dynid.drivers.ur.link import RtdeLink
 from dynid.drivers.ur.pump import Pump, Refused
 from dynid.drivers.ur.state import ControllerState
-from dynid.drivers.watchdog import Abort, Cycle, Watchdog
+from dynid.drivers.watchdog import INTERRUPTED, Abort, Cycle, Watchdog
 from dynid.protocol.modes import RuntimeState
 from dynid.protocol.recipe import Numbers, Recipe
 
@@ -65,6 +65,8 @@ class ServojDriver(Driver):
         """See `Driver.execute`."""
         check_rate(execution, self.state)
         setpoints, wish = execution.setpoints(), cancel or threading.Event()
+        if wish.is_set():
+            return Outcome(samples=0, periods=0, gaps=0, abort=INTERRUPTED)
         control = self._control(self.state.host)
         try:
             abort = _approach(control, setpoints[0], wish)
@@ -153,7 +155,7 @@ def _approach(control: Any, start: Array, cancel: threading.Event) -> Abort | No
     while control.getAsyncOperationProgress() >= 0:
         if cancel.wait(_LOOK_S):
             control.stopJ(STOP_DECELERATION)
-            return Abort("interrupted", "it was interrupted")
+            return INTERRUPTED
         if not control.isProgramRunning():
             return Abort("program", "the program of ur_rtde ended on the way to the start")
     return None
