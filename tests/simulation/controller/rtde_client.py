@@ -105,6 +105,10 @@ def ask_dashboard(host, *commands):
 def send_script(host, text, port=30002):
     with socket.create_connection((host, port), timeout=TIMEOUT_S) as sock:
         sock.sendall(text.encode())
+        sock.shutdown(socket.SHUT_WR)
+        # To close with something unread would break the connection and lose the text.
+        while sock.recv(65536):
+            pass
 
 
 def wait_for(condition, what):

@@ -184,3 +184,8 @@ def test_a_flood_of_programs(host, good):
         sock.sendall(b"textmsg(1)\n" * 2000)
     wait_for(lambda: "too many are waiting" in host.said(), "programs are refused")
     assert ask_dashboard(host.host, "robotmode") == ["Robotmode: RUNNING"]
+
+
+def test_a_program_cut_off_is_told(host, good):
+    send_script(host.host, "def half():\n  x = 1\n")
+    wait_for(lambda: "in the middle of a program" in host.said(), "the regret")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from dynid.protocol import rtde
 from dynid.simulation.controller.clients import Client, RtdeClient, ScriptClient
@@ -25,10 +25,13 @@ class Broadcast:
 
     Args:
         machine: The controller behind.
+        together_s: Data packages of this much controller time leave at once [s]; in virtual
+            time, to wake a client for each costs more than to simulate it.
     """
 
-    def __init__(self, machine: ControllerMachine) -> None:
+    def __init__(self, machine: ControllerMachine, together_s: float = 0.0) -> None:
         self._machine, self._packer = machine, Packer(machine)
+        self._together = together_s / machine.cycle
         self._states = 0
 
     def greet(self, client: Client) -> None:
@@ -39,14 +42,14 @@ class Broadcast:
         else:
             client.connection.send(client.greeting)
 
-    def cycle(self, clients: Iterable[Client]) -> None:
+    def cycle(self, clients: Iterable[Client], messages: Sequence[Message]) -> None:
         """After a control cycle.
 
         Args:
             clients: Everybody.
+            messages: What the machine has said in it.
         """
         machine = self._machine
-        messages = _drained(machine)
         self._packer.next_cycle()
         # Ten states a second, also where 10 Hz is no whole number of cycles.
         states = int(machine.core.cycles * machine.cycle * _STATES_HZ + 1e-9)
@@ -66,7 +69,7 @@ class Broadcast:
                         packed[realtime] = (realtime_state if realtime else robot_state)(machine)
                     client.connection.offer(packed[realtime])
 
-    def _tell(self, client: RtdeClient, messages: list[Message]) -> None:
+    def _tell(self, client: RtdeClient, messages: Sequence[Message]) -> None:
         session = client.session
         if not session.streaming:
             return
@@ -75,11 +78,5 @@ class Broadcast:
                 client.connection.offer(session.text(message.text, message.source, message.level))
         recipe = session.outputs
         if recipe is not None and self._machine.core.cycles % session.every == 0:
-            client.connection.offer(self._packer.package(recipe))
-
-
-def _drained(machine: ControllerMachine) -> list[Message]:
-    messages: list[Message] = []
-    while machine.messages:
-        messages.append(machine.messages.popleft())
-    return messages
+            together = int(self._together / session.every + 1e-9)
+            client.connection.offer(self._packer.package(recipe), together)

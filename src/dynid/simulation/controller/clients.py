@@ -27,6 +27,8 @@ class Client(ABC):
 
     def __init__(self, connection: Connection, port: int) -> None:
         self.connection, self.port = connection, port
+        self.regret = ""
+        """What went wrong for it though nobody sent it away."""
 
     @property
     def greeting(self) -> bytes:
@@ -151,7 +153,11 @@ class ScriptClient(Client):
             try:
                 self._run(self._reader.finish())
             except DynidError as error:
-                self.connection.lost = str(error)
+                self.regret = str(error)
+        if self.connection.gone and self._reader.unfinished:
+            # Closing a socket with something to read in it breaks the connection: what was
+            # sent and not yet read is lost.
+            self.regret = f"{self.connection.lost} in the middle of a program; it is not run"
 
     def take(self, data: bytes) -> None:
         """Collect text, and run what is whole."""

@@ -32,6 +32,7 @@ class Connection:
         self.skipped = 0
         """Packages that it was too slow for."""
         self._waiting = bytearray()
+        self._gathered, self._count = bytearray(), 0
         self._full_since = 0.0
         self._gone = False
 
@@ -71,22 +72,36 @@ class Connection:
 
     def send(self, data: bytes) -> None:
         """Send, and keep what the socket does not take."""
-        if self.lost or not data:
+        if self.lost or not (data or self._gathered):
             return
-        self._waiting += data
+        self._waiting += self._gathered + data
+        self._gathered.clear()
+        self._count = 0
         self.flush()
         if len(self._waiting) > _REPLIES:
             self.lost = "the client does not read what it is sent"
 
-    def offer(self, package: bytes) -> bool:
-        """Send the newest of a stream, or skip it when the last has not left yet."""
+    def offer(self, package: bytes, together: int = 1) -> bool:
+        """Send the newest of a stream, or skip it when the last has not left yet.
+
+        Args:
+            package: What to send.
+            together: How many leave at once.
+        """
         if self._waiting:
             self.flush()
         if self._waiting or self.lost:
             self.skipped += 1
             return False
-        self.send(package)
+        self._gathered += package
+        self._count += 1
+        if self._count >= together:
+            self.release()
         return True
+
+    def release(self) -> None:
+        """Send what was gathered."""
+        self.send(b"")
 
     def flush(self) -> None:
         """Send what waits, as far as the socket takes it."""

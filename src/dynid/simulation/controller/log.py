@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from typing import TextIO
 
-_PER_SECOND = 20
+_PER_SECOND = 100
+_SAME_PER_SECOND = 3
 
 
 class Log:
-    """Writes lines; what comes too fast is counted, not written.
+    """Writes lines; what comes too fast, or again and again, is counted, not written.
 
     Args:
         stream: Where the lines go.
@@ -18,7 +20,8 @@ class Log:
 
     def __init__(self, stream: TextIO, name: str) -> None:
         self._stream, self._name = stream, name
-        self._second, self._lines, self._dropped = 0, 0, 0
+        self._second, self._dropped = 0, 0
+        self._written: Counter[str] = Counter()
 
     def say(self, words: str) -> None:
         """Write a line."""
@@ -26,12 +29,13 @@ class Log:
         if second != self._second:
             if self._dropped:
                 self._write(f"{self._dropped} more lines were not printed")
-            self._second, self._lines, self._dropped = second, 0, 0
-        self._lines += 1
-        if self._lines > _PER_SECOND:
+            self._second, self._dropped = second, 0
+            self._written.clear()
+        if self._written[words] >= _SAME_PER_SECOND or self._written.total() >= _PER_SECOND:
             self._dropped += 1
-        else:
-            self._write(words)
+            return
+        self._written[words] += 1
+        self._write(words)
 
     def _write(self, words: str) -> None:
         line = " ".join(words.split())

@@ -91,6 +91,11 @@ class ScriptReader:
         """The client has left: what it sent last needs no line end."""
         return self.feed(b"\n")
 
+    @property
+    def unfinished(self) -> bool:
+        """Whether there is code that is no whole program yet."""
+        return self._has_code
+
     def close(self) -> None:
         """Give the memory back."""
         self._pool.take(-len(self._text))

@@ -23,9 +23,10 @@ from dynid.simulation.controller.dashboard import DashboardSession
 from dynid.simulation.controller.doors import Door, open_doors, place_for_another
 from dynid.simulation.controller.log import Log
 from dynid.simulation.controller.machine import ControllerMachine
+from dynid.simulation.controller.machine_core import Message
 from dynid.simulation.controller.rtde import Owners, RtdeSession
 from dynid.simulation.controller.script_text import Pool, ScriptReader
-from dynid.simulation.controller.virtual import VirtualPace
+from dynid.simulation.controller.virtual import TOGETHER_S, VirtualPace
 
 _EVENTS = 4
 _IDLE_S = 0.5
@@ -73,7 +74,7 @@ class ControllerServer:
         self._rtde: list[RtdeClient] = []
         self._owners, self._pool = Owners(), Pool()
         self._compiler = ScriptCompiler(machine.compile)
-        self._broadcast = Broadcast(machine)
+        self._broadcast = Broadcast(machine, TOGETHER_S if settings.virtual else 0.0)
         self._virtual = VirtualPace(machine) if settings.virtual else None
         self._held = settings.hold
         for fd in (*self._doors, self._compiler.signal.fileno()):
@@ -91,6 +92,8 @@ class ControllerServer:
             now = time.monotonic()
             wait = self._wait(now)
             if wait > 0:
+                for client in self._rtde:
+                    client.connection.release()
                 select.select([self._epoll], [], [], min(wait, _IDLE_S))
             self._serve()
             if wait <= 0:
@@ -140,7 +143,16 @@ class ControllerServer:
         else:
             self.pace.restart(now)
         self._machine.tick()
-        self._broadcast.cycle(self._clients.values())
+        self._broadcast.cycle(self._clients.values(), self._news())
+
+    def _news(self) -> list[Message]:
+        """What the machine has said; people read it too."""
+        messages: list[Message] = []
+        while self._machine.messages:
+            message = self._machine.messages.popleft()
+            messages.append(message)
+            self._log.say(f"{message.source}: {message.text}")
+        return messages
 
     def _sweep(self, now: float) -> None:
         """Part with everybody whose connection is over."""
@@ -168,7 +180,6 @@ class ControllerServer:
 
     def _complain(self, words: str) -> None:
         self._machine.core.say(words, "controller", rtde.Level.ERROR)
-        self._log.say(words)
 
     def _welcome(self, door: Door) -> None:
         accepted = door.accept()
@@ -210,6 +221,8 @@ class ControllerServer:
             self._rtde.remove(client)
         if connection.skipped and client.port == rtde.PORT:
             self._log.say(f"{connection.peer} was too slow for {connection.skipped} packages")
+        if client.regret:
+            self._log.say(f"{connection.peer} on port {client.port}: {client.regret}")
         if connection.gone or isinstance(client, LeavingClient):
             self._close(client)
             return

@@ -23,6 +23,8 @@ STALLED_S = 10.0
 """How long a client may read nothing before it is given up [s]."""
 LEAD_S = 0.024
 """How far the controller may be ahead of its slowest client [s of controller time]."""
+TOGETHER_S = 0.012
+"""Packages of this much controller time are sent at once [s]."""
 _ROUNDING = 1e-9
 _SOON, _LATER, _PATIENCE = 50e-6, 1e-3, 20
 
@@ -74,7 +76,8 @@ class VirtualPace:
         recipe = client.session.outputs
         if recipe is None:
             return 0
-        packages = round(LEAD_S / (self._machine.cycle * client.session.every)) - 1
+        ahead = LEAD_S - TOGETHER_S
+        packages = round(ahead / (self._machine.cycle * client.session.every))
         return max(1, packages) * (HEADER.size + recipe.size)
 
     def _watchdogs(self, clients: Sequence[RtdeClient], now: float) -> float:
