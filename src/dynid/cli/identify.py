@@ -32,7 +32,7 @@ def _identify(
     ] = None,
     robot: RobotOption = None,
     estimator: Annotated[
-        str | None, typer.Option(metavar="ols|wls|irls|sdp", help="Default: as the preset says.")
+        str | None, typer.Option(metavar="ols|wls|irls|tls|iv|ml|didim|sdp|bayes|rls", help="Default: as the preset says.")
     ] = None,
     terms: Annotated[
         str | None,

@@ -47,6 +47,8 @@ class Fit:
     """(n, N) further weights of single rows, for robust estimators."""
     standard: StandardFit | None = None
     """Standard parameters, from estimators that find them."""
+    prior_precision: Array | None = None
+    """(r, r) precision of a Gaussian prior that is part of the information."""
     choices: tuple[str, ...] = ()
     """What the estimator chose by itself, in words."""
 

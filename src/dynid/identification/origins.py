@@ -9,9 +9,8 @@ from dynid.core.linalg import inverse_upper, upper_triangle
 from dynid.identification.consistent_conic import ConsistentSolution
 from dynid.identification.consistent_problem import ConsistentProblem
 from dynid.identification.least_squares import StandardFit
+from dynid.identification.prior import ORTHONORMAL
 from dynid.robot.inertia import from_pseudo_inertia, to_pseudo_inertia
-
-_ROWS, _COLUMNS = np.tril_indices(4)
 
 
 def standard_fit(
@@ -38,8 +37,8 @@ def standard_fit(
     priors = np.linalg.cholesky(to_pseudo_inertia(problem.prior))
     for i, (body, before) in enumerate(zip(roots, priors, strict=True)):
         here = slice(10 * i, 10 * i + 10)
-        turn[here, here] = from_pseudo_inertia(body @ _ORTHONORMAL @ body.T).T
-        known[here, here] = from_pseudo_inertia(before @ _ORTHONORMAL @ before.T).T
+        turn[here, here] = from_pseudo_inertia(body @ ORTHONORMAL @ body.T).T
+        known[here, here] = from_pseudo_inertia(before @ ORTHONORMAL @ before.T).T
     slack = np.maximum(problem.constraints @ values - problem.floor, 1e-12)
     stiff = np.sqrt(solution.multipliers / slack)
     rows = np.vstack(
@@ -67,15 +66,3 @@ def standard_fit(
         prior_share=np.minimum(share, 1.0),
         prior=np.concatenate([problem.prior.ravel(), np.full(len(values) - inertial, np.nan)]),
     )
-
-
-def _orthonormal() -> Array:
-    """(10, 4, 4) symmetric matrices, orthonormal by the trace of products."""
-    basis = np.zeros((10, 4, 4))
-    count = np.arange(10)
-    basis[count, _ROWS, _COLUMNS] = np.where(_ROWS == _COLUMNS, 1.0, np.sqrt(0.5))
-    basis[count, _COLUMNS, _ROWS] = basis[count, _ROWS, _COLUMNS]
-    return basis
-
-
-_ORTHONORMAL = _orthonormal()

@@ -92,3 +92,17 @@ def _completed(known: Array, end: Array, thick: float) -> tuple[Array, list[str]
     pseudo[:3, 3] = pseudo[3, :3] = first
     pseudo[3, 3] = mass
     return from_pseudo_inertia(pseudo), words
+
+
+def _orthonormal() -> Array:
+    basis = np.zeros((10, 4, 4))
+    rows, columns = np.tril_indices(4)
+    count = np.arange(10)
+    basis[count, rows, columns] = np.where(rows == columns, 1.0, np.sqrt(0.5))
+    basis[count, columns, rows] = basis[count, rows, columns]
+    return basis
+
+
+ORTHONORMAL = _orthonormal()
+"""(10, 4, 4) symmetric matrices, orthonormal by the trace of products: with J = L L', the moves
+L E L' are the units of the pseudo-inertias' own metric at J."""

@@ -53,6 +53,8 @@ def hac_covariance(fit: Fit, problem: IdentificationProblem) -> Array:
     freedom = samples / max(samples - problem.base.rank / len(fit.noise), 1.0)
     short = 1.0 / max(1.0 - 2.0 * lag / samples, 0.5)
     covariance *= freedom * short
+    if fit.prior_precision is not None:
+        covariance += bread @ fit.prior_precision @ bread
     # Sums over few independent stretches fall short: never below the parametric answers.
     floor = np.diag(naive_covariance(fit))
     if autocorrelation(residual, 1).max() > MODEL_CORRELATION and fit.row_weights is None:

@@ -1,0 +1,162 @@
+"""Maximum likelihood with noise in positions as well as in torques."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.core.linalg import inverse_upper, upper_triangle
+from dynid.identification.least_squares import Estimator, Fit, WeightedLeastSquares
+from dynid.identification.position_noise import MotionNoise, motion_noise
+from dynid.identification.problem import IdentificationProblem
+from dynid.regressor.model import InverseDynamicModel
+
+MOST_ROWS = 1200
+"""Instants that are looked at; longer records are thinned evenly."""
+TORQUE_SHARE = 0.05
+"""Least share of a joint's residual variance that counts as torque noise."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MaximumLikelihood(Estimator):
+    """Minimises sum_t log det S_t(p) + e_t' S_t(p)^-1 e_t (Olsen, Swevers and Verdonck 2002).
+
+    S_t = S_torque + D_t S_motion D_t', D_t the derivative of the model's torque by q, dq, ddq:
+    where the motion's noise comes through strongly, a sample counts less, for all joints
+    together. Torque noise comes from the scatter between periods where there are periods.
+    """
+
+    noise: MotionNoise | None = None
+    """Noise of the motion; None to read it off the motion's spectrum."""
+    prior_gain: float | None = None
+    """See `WeightedLeastSquares`, where it starts."""
+
+    @property
+    def name(self) -> str:
+        """See `Estimator`."""
+        return "ml"
+
+    def fit(self, problem: IdentificationProblem) -> Fit:
+        """See `Estimator`."""
+        from scipy.optimize import (  # pyright: ignore[reportMissingTypeStubs]
+            minimize,  # pyright: ignore[reportUnknownVariableType]
+        )
+
+        start = WeightedLeastSquares(prior_gain=self.prior_gain).fit(problem)
+        likelihood = Likelihood.of(problem, start, self.noise or motion_noise(problem.samples))
+        turn = inverse_upper(start.information)
+
+        def cost(step: Array) -> tuple[float, Array]:
+            value, slope = likelihood.cost(start.values + turn @ step)
+            return value, turn.T @ slope
+
+        found = minimize(  # pyright: ignore[reportUnknownVariableType]
+            cost,
+            np.zeros(len(start.values)),
+            jac=True,
+            method="L-BFGS-B",
+            options={"maxiter": 200, "maxcor": 30, "ftol": 1e-12, "gtol": 1e-6},
+        )
+        values = start.values + turn @ np.asarray(found.x, dtype=np.float64)  # pyright: ignore[reportUnknownMemberType, reportUnknownArgumentType]
+        residual = problem.residual(values)
+        return replace(
+            start,
+            values=values,
+            noise=residual.std(axis=1),
+            information=likelihood.information(values),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Likelihood:
+    """Minus twice the log likelihood of base parameters, and its gradient."""
+
+    columns: Array
+    """(r, n, N)"""
+    slopes: Array
+    """(r, n, 3n, N) derivatives of the columns by q, dq, ddq."""
+    torque: Array
+    """(n, N) [N.m or N]"""
+    torque_noise: Array
+    """(n) variance of the torques."""
+    motion_covariance: Array
+    """(3n, 3n) of q, dq, ddq at one instant."""
+    share: float
+    """Instants of the record for one that is looked at."""
+
+    @staticmethod
+    def of(problem: IdentificationProblem, start: Fit, noise: MotionNoise) -> Likelihood:
+        """The likelihood of a problem.
+
+        Args:
+            problem: The problem.
+            start: A least-squares fit, whose residuals bound the torque noise.
+            noise: Noise of the motion.
+        """
+        samples, base = problem.samples, problem.base
+        pick = np.linspace(0, samples.count - 1, min(MOST_ROWS, samples.count)).astype(int)
+        columns = list(base.independent)
+        motion = tuple(x[pick] for x in (samples.q, samples.dq, samples.ddq))
+        covariance = noise.covariance()
+        slopes = _slopes(base.model, motion, columns, noise.steps())
+        through = np.einsum("r,rjkt->jkt", start.values, slopes)
+        passed = np.einsum("jkt,kl,jlt->j", through, covariance, through) / len(pick)
+        given = samples.noise
+        seen = np.square(start.noise) * samples.block
+        variance = np.square(given) if given is not None else seen - passed
+        return Likelihood(
+            columns=base.model.stack(*motion)[columns],
+            slopes=slopes,
+            torque=(samples.tau[pick] + base.model.known_torque(motion[0])).T,
+            torque_noise=np.maximum(variance, TORQUE_SHARE * seen),
+            motion_covariance=covariance,
+            share=samples.count / len(pick),
+        )
+
+    def cost(self, values: Array) -> tuple[float, Array]:
+        """Minus twice the log likelihood of base parameters (r), and its gradient (r)."""
+        through, weight, error = self._parts(values)
+        pulled = np.einsum("tij,jt->it", weight, error)
+        value = float((error * pulled).sum() - np.linalg.slogdet(weight)[1].sum())
+        gradient = -2.0 * np.einsum("rjt,jt->r", self.columns, pulled, optimize=True)
+        # d S = 2 sym(D_k C D'): its trace with S^-1 - u u'.
+        spread = np.einsum("jkt,kl->jlt", through, self.motion_covariance)
+        inner = weight.transpose(1, 2, 0) - pulled[:, None] * pulled[None]
+        bars = np.einsum("ijt,jlt->ilt", inner, spread)
+        gradient += 2.0 * np.einsum("rjkt,jkt->r", self.slopes, bars, optimize=True)
+        return value, gradient
+
+    def information(self, values: Array) -> Array:
+        """(r, r) triangular root of the Fisher information of the whole record."""
+        _, weight, _ = self._parts(values)
+        roots = np.linalg.cholesky(weight)
+        rows = np.einsum("tij,rit->tjr", roots, self.columns).reshape(-1, len(values))
+        return np.sqrt(self.share) * upper_triangle(np.asarray(rows, dtype=np.float64))
+
+    def _parts(self, values: Array) -> tuple[Array, Array, Array]:
+        """D (n, 3n, N), the inverse covariances (N, n, n) and the errors (n, N)."""
+        through = np.tensordot(values, self.slopes, axes=1)
+        spread = np.einsum("jkt,kl->jlt", through, self.motion_covariance)
+        covariance = np.einsum("ikt,jkt->tij", spread, through) + np.diag(self.torque_noise)
+        weight = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
+        return through, weight, self.torque - np.tensordot(values, self.columns, axes=1)
+
+
+def _slopes(
+    model: InverseDynamicModel, motion: tuple[Array, ...], columns: list[int], steps: Array
+) -> Array:
+    """(r, n, 3n, N) differences of the columns over the noise's own size (3, n)."""
+    joints = model.robot.joints
+    out = np.empty((len(columns), joints, 3 * joints, len(motion[0])))
+    for kind in range(3):
+        for j in range(joints):
+            step = steps[kind, j]
+            ends: list[Array] = []
+            for sign in (1.0, -1.0):
+                moved = [x.copy() for x in motion]
+                moved[kind][:, j] += sign * step
+                ends.append(model.stack(moved[0], moved[1], moved[2])[columns])
+            out[:, :, kind * joints + j] = (ends[0] - ends[1]) / (2 * step)
+    return out

@@ -1,0 +1,316 @@
+"""TLS, IV, ML, DIDIM, Bayesian and recursive estimators against plain formulas and the truth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from known_robot import oracle, recording, torques, ur5
+
+from dynid.core.errors import InputError
+from dynid.identification.accumulate import joint_factors
+from dynid.identification.bayesian import BayesianRegression, base_prior, posterior
+from dynid.identification.closed_loop import ClosedLoop
+from dynid.identification.conditioning import base_mapping, observation_root
+from dynid.identification.instrumental import (
+    InstrumentalVariables,
+    OutputError,
+    solve_instrumental,
+)
+from dynid.identification.least_squares import OrdinaryLeastSquares, WeightedLeastSquares
+from dynid.identification.likelihood import Likelihood, MaximumLikelihood
+from dynid.identification.position_noise import motion_noise
+from dynid.identification.prior import InertialPrior, inertial_prior
+from dynid.identification.problem import IdentificationProblem
+from dynid.identification.recursive import RecursiveEstimate, RecursiveLeastSquares
+from dynid.identification.smoothing import smooth_motion
+from dynid.identification.statistics import hac_covariance, naive_covariance
+from dynid.identification.total_least_squares import TotalLeastSquares, solve_total
+from dynid.reduction.base import reduce_model
+from dynid.regressor.model import InverseDynamicModel
+from dynid.robot.inertia import from_pseudo_inertia, is_physical, to_pseudo_inertia
+from dynid.signals.process import process
+from dynid.signals.samples import ProcessingSettings
+from dynid.trajectory.random_excitation import random_excitation
+from dynid.workflow.identify import identify
+from dynid.workflow.identify_settings import ESTIMATORS, IdentifySettings
+
+REFERENCE = 1e-6
+"""Against another solver of the same equations, relative."""
+
+
+def problem_of(
+    seed: int = 0, cutoff: float = 15.0, seconds: float = 10.0, **noise: float
+) -> IdentificationProblem:
+    samples = process(
+        recording(seed, seconds=seconds, **noise),  # pyright: ignore
+        ur5(),
+        ProcessingSettings(cutoff_hz=cutoff),
+    )
+    return IdentificationProblem(
+        base=reduce_model(InverseDynamicModel(robot=ur5())), samples=samples
+    )
+
+
+@pytest.fixture(scope="module")
+def problem() -> IdentificationProblem:
+    return problem_of()
+
+
+@pytest.fixture(scope="module")
+def truth(problem: IdentificationProblem) -> np.ndarray:
+    return problem.base.from_standard(oracle()[1])
+
+
+def dense(problem: IdentificationProblem, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    samples, model = problem.samples, problem.base.model
+    w = model.observation_matrix(samples.q, samples.dq, samples.ddq)
+    rows = np.repeat(weights, samples.count)
+    return w[:, list(problem.base.independent)] * rows[:, None], samples.tau.T.ravel() * rows
+
+
+def test_total_least_squares_is_the_nearest_consistent_system() -> None:
+    generator = np.random.default_rng(0)
+    exact = generator.normal(size=(60, 4))
+    augmented = np.column_stack([exact, exact @ [1.0, -2.0, 0.5, 3.0]])
+    augmented += 0.1 * generator.normal(size=augmented.shape)
+    scaled = augmented / np.linalg.norm(augmented, axis=0)
+    u, s, vt = np.linalg.svd(scaled, full_matrices=False)
+    nearest = (u * [*s[:-1], 0.0]) @ vt * np.linalg.norm(augmented, axis=0)
+    found = solve_total(augmented)
+    np.testing.assert_allclose(nearest[:, :4] @ found, nearest[:, 4], rtol=0, atol=1e-9)
+
+
+def test_total_least_squares_on_a_robot(problem: IdentificationProblem) -> None:
+    fit = TotalLeastSquares().fit(problem)
+    a, b = dense(problem, fit.weights)
+    np.testing.assert_allclose(
+        fit.values,
+        solve_total(np.column_stack([a, b])),
+        rtol=0,
+        atol=1e-6 * np.abs(fit.values).max(),
+    )
+
+
+def test_recursive_equals_batch(problem: IdentificationProblem) -> None:
+    fit = RecursiveLeastSquares().fit(problem)
+    a, b = dense(problem, fit.weights)
+    reference = np.linalg.lstsq(a, b, rcond=None)[0]
+    deviation = np.sqrt(np.diag(naive_covariance(fit)))
+    assert (np.abs(fit.values - reference) / deviation).max() < REFERENCE
+
+
+def test_recursive_forgets_as_it_is_told() -> None:
+    generator = np.random.default_rng(1)
+    a, b = generator.normal(size=(50, 3)), generator.normal(size=50)
+    running = RecursiveEstimate(3, forgetting=0.9)
+    for row, value in zip(a, b, strict=True):
+        running.update(row[None], np.array([value]))
+    weights = 0.9 ** np.arange(49, -1, -1)
+    gram = (a * weights[:, None]).T @ a
+    np.testing.assert_allclose(
+        running.values, np.linalg.solve(gram, (a * weights[:, None]).T @ b), rtol=REFERENCE
+    )
+    np.testing.assert_allclose(running.covariance, np.linalg.inv(gram), rtol=REFERENCE)
+
+
+def test_recursive_knows_nothing_before_the_first_row() -> None:
+    running = RecursiveEstimate(2)
+    running.update(np.array([[1.0, 0.0]]), np.array([3.0]))
+    assert running.values[0] == pytest.approx(3.0)
+    assert running.values[1] == pytest.approx(0.0, abs=1e-6)
+    for wrong in (0.0, 1.5):
+        with pytest.raises(InputError, match="forgetting"):
+            RecursiveEstimate(2, forgetting=wrong)
+    with pytest.raises(InputError, match="do not fit"):
+        running.update(np.zeros((1, 3)), np.zeros(1))
+
+
+def test_the_posterior_is_bayes_rule(problem: IdentificationProblem) -> None:
+    weights = np.full(6, 0.5)
+    prior = inertial_prior(ur5(), "dh")
+    factors = joint_factors(problem)
+    mean, root = base_prior(problem, prior, 0.3, factors, weights)
+    values, information = posterior(factors, weights, mean, root)
+    a, b = dense(problem, weights)
+    precision = root.T @ root
+    total = a.T @ a + precision
+    scale = 1 / np.sqrt(np.diag(total))
+    reference = scale * np.linalg.solve(
+        total * np.outer(scale, scale), scale * (a.T @ b + precision @ mean)
+    )
+    deviation = np.sqrt(np.diag(np.linalg.inv(total)))
+    assert (np.abs(values - reference) / deviation).max() < REFERENCE
+    np.testing.assert_allclose(
+        information.T @ information, total, rtol=1e-8, atol=1e-8 * total.max()
+    )
+
+
+def test_the_prior_has_the_spread_it_says(problem: IdentificationProblem) -> None:
+    prior = inertial_prior(ur5(), "dh")
+    factors = joint_factors(problem)
+    mean, root = base_prior(problem, prior, 0.2, factors, np.ones(6))
+    covariance = np.linalg.inv(root.T @ root)
+    # Random bodies near the prior, by their own metric, seen through the base parameters.
+    generator = np.random.default_rng(0)
+    roots = np.linalg.cholesky(to_pseudo_inertia(prior.parameters))
+    draws: list[np.ndarray] = []
+    mapping = base_mapping(problem.base)[:, :60]
+    for _ in range(4000):
+        move = generator.normal(size=(6, 4, 4))
+        move = np.tril(move, -1) * np.sqrt(0.5)
+        move = move + move.transpose(0, 2, 1)
+        move[:, range(4), range(4)] = generator.normal(size=(6, 4))
+        bodies = roots @ (np.eye(4) + 0.2 * move) @ roots.transpose(0, 2, 1)
+        draws.append(mapping @ from_pseudo_inertia(bodies).ravel())
+    seen = [k for k, c in enumerate(problem.base.independent) if c < 60]
+    spread = np.std(draws, axis=0)[seen]
+    expected = np.sqrt(np.diag(covariance))[seen]
+    # Motor inertias have a prior of their own: leave out what they are regrouped into.
+    alone = ~base_mapping(problem.base)[seen][:, 60:].any(axis=1)
+    assert alone.sum() > 25
+    np.testing.assert_allclose(spread[alone], expected[alone], rtol=0.06, atol=0)
+    off = np.abs(np.mean(draws, axis=0)[seen] - mean[seen])[alone] / expected[alone]
+    assert off.max() < 5 / np.sqrt(len(draws))
+
+
+def test_a_bayesian_fit_is_honest(truth: np.ndarray) -> None:
+    found: list[np.ndarray] = []
+    generator = np.random.default_rng(0)
+    roots = np.linalg.cholesky(to_pseudo_inertia(oracle()[1][:60].reshape(6, 10)))
+    for seed in range(3):
+        problem = problem_of(seed, noise=2.0, correlation=0.8)
+        # CAD is off by 20 %, the prior says 30 %.
+        half = 0.1 * generator.normal(size=(6, 4, 4))
+        move = np.eye(4) + half + half.transpose(0, 2, 1)
+        cad = from_pseudo_inertia(roots @ move @ roots.transpose(0, 2, 1))
+        assert all(is_physical(row) for row in cad)
+        fit = BayesianRegression(prior=InertialPrior(parameters=cad), relative=0.3).fit(problem)
+        deviation = np.sqrt(np.diag(hac_covariance(fit, problem)))
+        found.append((fit.values - truth) / deviation)
+    share = np.mean(np.abs(found) < 1.96)
+    assert share > 0.9
+
+
+def test_little_data_leaves_the_prior(problem: IdentificationProblem) -> None:
+    prior = inertial_prior(ur5(), "dh")
+    factors = joint_factors(problem)
+    mean, root = base_prior(problem, prior, 0.3, factors, np.ones(6))
+    values, _ = posterior(factors * 1e-9, np.ones(6), mean, root)
+    np.testing.assert_allclose(values, mean, rtol=0, atol=1e-6 * np.abs(mean).max())
+
+
+def test_instruments_solve_their_equations(problem: IdentificationProblem) -> None:
+    smooth, _ = smooth_motion(problem.samples)
+    weights = np.linspace(0.4, 2.0, 6)
+    values, information = solve_instrumental(problem, replace(problem, samples=smooth), weights)
+    w, y = dense(problem, weights)
+    z, _ = dense(replace(problem, samples=smooth), weights)
+    reference = np.linalg.solve(z.T @ w, z.T @ y)
+    deviation = np.sqrt(np.diag(np.linalg.inv(w.T @ w)))
+    assert (np.abs(values - reference) / deviation).max() < REFERENCE
+    expected = w.T @ z @ np.linalg.solve(z.T @ z, z.T @ w)
+    np.testing.assert_allclose(
+        information.T @ information, expected, rtol=0, atol=1e-6 * np.abs(expected).max()
+    )
+
+
+def test_own_columns_as_instruments_are_least_squares(problem: IdentificationProblem) -> None:
+    values, _ = solve_instrumental(problem, problem, np.ones(6))
+    plain = OrdinaryLeastSquares().fit(problem)
+    deviation = np.sqrt(np.diag(naive_covariance(plain)))
+    assert (np.abs(values - plain.values) / deviation).max() < REFERENCE
+
+
+def test_the_simulated_arm_follows_and_obeys_its_own_dynamics() -> None:
+    series = random_excitation(ur5().limits, seed=3, period=10.0, acceleration=5.5 * np.pi)
+    t = np.arange(1250) / 125
+    motion = series.evaluate(t)
+    samples = process(recording(3, noise=0.0), ur5(), ProcessingSettings(cutoff_hz=40.0))
+    reference = replace(
+        samples, t=t, q=motion.q, dq=motion.dq, ddq=motion.ddq, tau=torques(series, t)
+    )
+    model = InverseDynamicModel(robot=ur5())
+    simulated = ClosedLoop(model=model, parameters=oracle()[1]).simulate(reference)
+    assert np.abs(simulated.q - reference.q).max() < 2e-3
+    # pinocchio agrees that these torques make these accelerations.
+    torque = model.inverse_dynamics(simulated.q, simulated.dq, simulated.ddq, oracle()[1])
+    error = torque - torques(series, t)
+    assert np.sqrt(np.mean(np.square(error))) < 0.03 * np.sqrt(np.mean(np.square(torque)))
+
+
+def bias(
+    problems: list[IdentificationProblem], values: list[np.ndarray], truth: np.ndarray
+) -> float:
+    """Size in torque of the mean error: what noise in the motion does to every estimate."""
+    mean = np.mean(values, axis=0) - truth
+    return float(np.linalg.norm(observation_root(problems[0]) @ mean))
+
+
+def test_noise_in_the_motion_does_not_bias_iv_and_didim(truth: np.ndarray) -> None:
+    # Four times the position noise of a good encoder, and a filter that lets it through.
+    problems = [problem_of(seed, 50.0, position_noise=1e-4) for seed in range(2)]
+    by_ols, by_iv, by_didim = (
+        bias(problems, [estimator.fit(p).values for p in problems], truth)
+        for estimator in (OrdinaryLeastSquares(), InstrumentalVariables(), OutputError())
+    )
+    assert by_iv <= by_ols / 3
+    assert by_didim <= by_ols / 3
+
+
+def test_the_noise_of_the_motion_is_seen() -> None:
+    level = 1e-4
+    samples = problem_of(0, 30.0, position_noise=level).samples
+    noise = motion_noise(samples)
+    # White noise of 125 samples a second spreads over 62.5 Hz.
+    np.testing.assert_allclose(noise.density, level**2 / 62.5, rtol=0.35)
+    assert noise.covariance().shape == (18, 18)
+    assert np.linalg.eigvalsh(noise.covariance()).min() > -1e-12
+
+
+def test_the_likelihood_has_its_gradient(problem: IdentificationProblem) -> None:
+    noisy = problem_of(0, 30.0, position_noise=5e-5)
+    start = WeightedLeastSquares().fit(noisy)
+    likelihood = Likelihood.of(noisy, start, motion_noise(noisy.samples))
+    generator = np.random.default_rng(0)
+    deviation = np.sqrt(np.diag(naive_covariance(start)))
+    for _ in range(3):
+        direction = generator.normal(size=len(start.values)) * deviation
+        ends = [likelihood.cost(start.values + s * 1e-3 * direction)[0] for s in (1, -1)]
+        slope = likelihood.cost(start.values)[1] @ direction
+        assert (ends[0] - ends[1]) / 2e-3 == pytest.approx(slope, rel=1e-5, abs=1e-5)
+
+
+def test_without_noise_in_the_motion_likelihood_is_weighted_least_squares(
+    problem: IdentificationProblem,
+) -> None:
+    silent = replace(motion_noise(problem.samples), density=np.zeros(6))
+    fit = MaximumLikelihood(noise=silent).fit(problem)
+    pick = np.linspace(0, problem.samples.count - 1, min(1200, problem.samples.count)).astype(int)
+    start = WeightedLeastSquares().fit(problem)
+    a, b = dense(problem, 1 / start.noise)
+    rows = (np.arange(6)[:, None] * problem.samples.count + pick).ravel()
+    reference = np.linalg.lstsq(a[rows], b[rows], rcond=None)[0]
+    deviation = np.sqrt(np.diag(naive_covariance(start)))
+    assert (np.abs(fit.values - reference) / deviation).max() < 1e-4
+
+
+def test_likelihood_beats_least_squares_on_noisy_motions(truth: np.ndarray) -> None:
+    problems = [problem_of(seed, 50.0, 20.0, position_noise=2e-5) for seed in range(2)]
+    by_ols, by_ml = (
+        bias(problems, [estimator.fit(p).values for p in problems], truth)
+        for estimator in (OrdinaryLeastSquares(), MaximumLikelihood())
+    )
+    assert by_ml < 0.8 * by_ols
+
+
+@pytest.mark.parametrize("word", ESTIMATORS)
+def test_every_estimator_gives_a_whole_result(word: str) -> None:
+    settings = IdentifySettings(preset="paper", estimator=word, cutoff_hz=10.0)
+    result = identify(recording(0), ur5(), settings, validation=recording(1))
+    assert result.estimate.estimator == word
+    assert np.isfinite(result.estimate.std).all()
+    assert result.validation is not None
+    # Total least squares presumes errors that robots do not have, and shows it.
+    assert result.validation.metrics.r2.min() > (0.4 if word == "tls" else 0.9)
