@@ -2,7 +2,7 @@
 
 The paper's problem: UR5, dh frames, paper's columns and limits, 10 s, 5 harmonics, 1250 samples.
 Everything runs after one another in this process, but for the last row's workers; times are CPU
-time of this process where two sides are compared, and wall time where a budget is asked for.
+time of this process where two sides are compared, the fastest round of each, and wall time where a budget is asked for.
 Needs pinocchio: pip install 'dynid[dev]'. Options: --seeds N (10), --quick.
 """
 
@@ -85,16 +85,18 @@ def plain_seconds(problem: ExcitationProblem) -> float:
 
 def genetic_rows(problem: ExcitationProblem, seeds: int) -> tuple[list[Row], float, float]:
     """The rows, and wall and CPU time of one run."""
-    plain = plain_seconds(problem)
-    conds, walls, cpus, counts = [], [], [], []
+    plains, conds, walls, cpus, counts = [], [], [], [], []
     for seed in range(seeds):
+        # Turn by turn, so that both sides meet the same load of the machine.
+        plains.append(plain_seconds(problem))
         began = time.process_time()
         found = by_genetic_algorithm(problem, seed=seed)
         cpus.append(time.process_time() - began)
         walls.append(found.wall_s)
         counts.append(found.evaluations)
         conds.append(float(np.exp(found.search.candidates[0][0].objective)))
-    ratio = plain * counts[0] / np.median(cpus)
+    plain, ours = min(plains), min(cpus)
+    ratio = plain * counts[0] / ours
     spread = f"cond {min(conds):.1f} to {max(conds):.1f}, {counts[0]} motions"
     return (
         [
@@ -103,13 +105,13 @@ def genetic_rows(problem: ExcitationProblem, seeds: int) -> tuple[list[Row], flo
             ),
             Row(
                 "GA, time of a run against the plain way",
-                f"{np.median(cpus):.2f} s against {plain * counts[0]:.1f} s: 1/{ratio:.1f}",
+                f"{ours:.2f} s against {plain * counts[0]:.1f} s: 1/{ratio:.1f}",
                 "<= 1/10",
                 ratio >= 10,
             ),
         ],
         float(np.median(walls)),
-        float(np.median(cpus)),
+        float(ours),
     )
 
 
