@@ -89,6 +89,8 @@ def measure(robot: str, *, virtual: bool) -> dict[str, float]:
         "missing": float(np.sum(np.round(steps / cycle) - 1)),
         "step_error": float(np.max(np.abs(steps - cycle))),
         "moving": float(np.mean(moving > 0)),
+        # The controller works alone in this sense: what an idle machine could reach.
+        "by_cpu": kept["controller_s"] / kept["cpu_s"],
         "speed": float(rows["timestamp"][-1] - rows["timestamp"][0]) / wall,
         **{share: value for share, value in kept["late_us"].items() if not virtual},
     }
@@ -104,7 +106,8 @@ def main() -> int:
             print(
                 f"{robot:5} {clock:8} {found['rate']:4.0f} Hz: {found['rows']} packages, "
                 f"{found['missing']:.0f} missing, steps off by {found['step_error']:.1e} s, "
-                f"{100 * found['moving']:.1f} % under the program, {found['speed']:.2f} x real time"
+                f"{100 * found['moving']:.1f} % under the program, {found['speed']:.2f} x real "
+                f"({found['by_cpu']:.1f} x by the controller's CPU time)"
             )
             if not virtual:
                 late = ", ".join(

@@ -125,10 +125,11 @@ def serve(
         if options.truth is not None:
             _write(options.truth, _truth(machine, about) | {"start_degC": start})
         ready(about)
-        begun = time.monotonic()
+        begun, worked = time.monotonic(), time.process_time()
         server.run(stopped)
         if options.report is not None:
-            _write(options.report, _report(server, machine, time.monotonic() - begun))
+            spent = {"wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - worked}
+            _write(options.report, _report(server, machine) | spent)
         log.say(f"stopped by {stopped.why} after {machine.core.cycles} cycles")
     finally:
         server.close()
@@ -170,14 +171,13 @@ def _truth(machine: ControllerMachine, about: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _report(server: ControllerServer, machine: ControllerMachine, seconds: float) -> dict[str, Any]:
+def _report(server: ControllerServer, machine: ControllerMachine) -> dict[str, Any]:
     cycles = machine.core.cycles
     shares = (50.0, 99.0, 99.9, 100.0)
     late = server.pace.lateness_us(*shares)
     return {
         "cycles": cycles,
         "controller_s": cycles * machine.cycle,
-        "wall_s": seconds,
         "late_us": {f"p{share:g}": value for share, value in zip(shares, late, strict=True)},
         "slips": server.pace.slips,
     }
