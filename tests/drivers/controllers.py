@@ -103,12 +103,18 @@ class Observer:
     def index(self, package: Numbers) -> int:
         return int(self.layout.number(package, "output_int_register_24"))
 
-    def column(self, name: str) -> Array:
+    def columns(self, *names: str) -> tuple[Array, ...]:
+        """Variables of all packages until now, each (N) or (N, 6)."""
         with self._news:
             rows = list(self.packages)
-        place = self.layout.places[name]
-        found = np.array([row[place] for row in rows], dtype=float)
-        return found[:, 0] if found.shape[1] == 1 else found
+        tables = [
+            np.array([row[self.layout.places[name]] for row in rows], dtype=float) for name in names
+        ]
+        return tuple(table[:, 0] if table.shape[1] == 1 else table for table in tables)
+
+    def column(self, name: str) -> Array:
+        """One variable of all packages until now."""
+        return self.columns(name)[0]
 
     def close(self) -> None:
         self._stop.set()

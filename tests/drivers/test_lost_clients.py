@@ -60,9 +60,9 @@ def check_stop(observer: Observer) -> None:
     observer.wait_for(lambda package: observer.number(package, "runtime_state") == 1)
     end = float(observer.column("timestamp")[-1]) + 3 * STOP_S
     observer.wait_for(lambda package: observer.number(package, "timestamp") > end)
-    t, playing = observer.column("timestamp"), observer.column("runtime_state") == 2
+    t, state, qd = observer.columns("timestamp", "runtime_state", "actual_qd")
+    playing, speed = state == 2, np.abs(qd).max(axis=1)
     stopped = float(t[playing][-1]) + CYCLE_S
-    speed = np.abs(observer.column("actual_qd")).max(axis=1)
     assert speed[playing][-20:].max() > STILL, "it moved when the program ended"
     assert float(t[speed >= STILL][-1]) + CYCLE_S - stopped <= STOP_S
 
@@ -82,8 +82,8 @@ def test_the_client_is_killed(controller: RunningController, tmp_path: Path) -> 
         process.wait()
         at = float(observer.column("timestamp")[-1])
         check_stop(observer)
-        t, playing = observer.column("timestamp"), observer.column("runtime_state") == 2
-        assert float(t[playing][-1]) - at <= 1.0 / WATCHDOG_HZ + 2 * CYCLE_S
+        t, state = observer.columns("timestamp", "runtime_state")
+        assert float(t[state == 2][-1]) - at <= 1.0 / WATCHDOG_HZ + 2 * CYCLE_S
     assert not (tmp_path / "run.parquet").exists()
     check_record(tmp_path)
 
@@ -190,8 +190,8 @@ def test_ctrl_c_in_the_terminal(controller: RunningController, tmp_path: Path) -
         os.kill(process.pid, signal.SIGINT)
         check_stop(observer)
         _, said = process.communicate(timeout=30)
-        speed = np.abs(observer.column("actual_qd")).max(axis=1)
-        stood = float(observer.column("timestamp")[speed >= STILL][-1]) + CYCLE_S
+        t, qd = observer.columns("timestamp", "actual_qd")
+        stood = float(t[np.abs(qd).max(axis=1) >= STILL][-1]) + CYCLE_S
     assert process.returncode == 1
     assert "it was interrupted" in said
     assert stood - at <= 2 * STOP_S, "wall time of the signal included"

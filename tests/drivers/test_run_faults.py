@@ -84,8 +84,8 @@ class Fault:
 
     def stopped_after(self, observer: Observer) -> float:
         """Controller time from the fault until the simulated robot stood still for good [s]."""
-        t = observer.column("timestamp")
-        speed = np.abs(observer.column("actual_qd")).max(axis=1)
+        t, qd = observer.columns("timestamp", "actual_qd")
+        speed = np.abs(qd).max(axis=1)
         assert speed[-1] < STILL
         assert speed[t <= self.at][-50:].max() > STILL, "it moved when the fault came"
         return float(t[speed >= STILL][-1]) + CYCLE_S - self.at
@@ -101,7 +101,7 @@ class Fault:
 
     def check(self, observer: Observer, name: str, normal: float, *words: str) -> None:
         """All that a fault must end in, from the cycle on in which a variable leaves its norm."""
-        t, value = observer.column("timestamp"), observer.column(name)
+        t, value = observer.columns("timestamp", name)
         self.at = float(t[(t >= self.at) & (value != normal)][0])
         assert self.code == 1
         for word in words:
