@@ -6,6 +6,7 @@ its client.
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import select
@@ -25,6 +26,7 @@ from dynid.core.errors import JobError
 READY_S = 60.0
 """How long a controller may take until clients can connect [s]."""
 _END_S = 5.0
+_COUNT = itertools.count()
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +65,17 @@ class RunningController:
         return self.process.wait()
 
 
+def own_address() -> str:
+    """A loopback address for one more controller of this process: UR's ports cannot be moved."""
+    pid, count = os.getpid(), next(_COUNT)
+    return f"127.{1 + (pid >> 8) % 250}.{pid % 256}.{1 + count % 250}"
+
+
 @contextmanager
 def controller_process(
     robot: str | Path = "ur5",
     *,
-    host: str = "127.0.0.1",
+    host: str | None = None,
     thermal: str | float = "cold",
     virtual_time: bool = False,
     hold: bool = False,
@@ -83,7 +91,7 @@ def controller_process(
 
     Args:
         robot: Built-in name, URDF or robot file.
-        host: Loopback address; every controller needs its own.
+        host: Loopback address; None: one that no other process of this kind uses.
         thermal: `cold`, `warm` or the joint temperatures at the start [degC].
         virtual_time: Whether time goes as fast as the clients read.
         hold: Whether time stands still until the first client has started RTDE.
@@ -98,7 +106,7 @@ def controller_process(
     """
     options: dict[str, object | None] = {
         "--robot": robot,
-        "--host": host,
+        "--host": own_address() if host is None else host,
         "--thermal": thermal,
         "--seed": seed,
         "--rate": rate_hz,
