@@ -2,7 +2,8 @@
 
 The paper's problem: UR5, dh frames, paper's columns and limits, 10 s, 5 harmonics, 1250 samples.
 Everything runs after one another in this process, but for the last row's workers; times are CPU
-time of this process where two sides are compared, the fastest round of each, and wall time where a budget is asked for.
+time of this process where two sides are compared, the fastest round of each, and wall time where
+a budget is asked for.
 Needs pinocchio: pip install 'dynid[dev]'. Options: --seeds N (10), --quick.
 """
 
@@ -32,8 +33,9 @@ from dynid.robot.load import load_robot
 from dynid.trajectory.fourier_family import FourierFamily
 from regressor import pinocchio_model
 
-PLAIN_MOTIONS = 60
-"""Motions that the plain way evaluates; its time is scaled up to the genetic algorithm's."""
+PLAIN_MOTIONS = 180
+"""Motions that the plain way evaluates, which takes as long as a genetic run; its time is scaled up
+to as many motions."""
 SCENE = """{"shapes": [{"type": "floor", "height": -0.75},
  {"type": "table", "size": [1.2, 0.8], "position": [0, 0, 0]}]}"""
 
