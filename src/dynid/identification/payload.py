@@ -1,0 +1,171 @@
+"""The payload of a robot, from runs with and without it.
+
+Runs without the payload pin the arm; in runs with it the columns of the last link appear once
+more, for the payload alone (Khalil, Gautier, Lemoine 2007). What both runs get wrong alike is
+in the arm's parameters of both, and leaves the payload alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dynid.core.arrays import Array, frozen
+from dynid.core.notices import Notice
+from dynid.identification.payload_consistent import nearest_body
+from dynid.identification.shared import PAYLOAD, SharedProblem
+from dynid.identification.shared_fit import SharedFit
+from dynid.robot.inertia import PARAMETERS, frame_map, tensor
+
+NORMAL_95 = 1.959964
+"""Half a 95 % interval, in standard deviations."""
+UNITS = ("kg", *("kg.m",) * 3, *("kg.m^2",) * 6)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Payload:
+    """A payload that can exist, with its uncertainty, in the flange frame.
+
+    Raises:
+        InputError: Shapes that disagree.
+    """
+
+    parameters: Array
+    """(10) m, mx, my, mz, Jxx, Jyy, Jzz, Jyz, Jxz, Jxy about the flange, of the nearest body
+    that can exist."""
+    free: Array
+    """(10) the same by least squares alone."""
+    covariance: Array
+    """(10, 10) of `free`; the body's own is no larger."""
+    noise: Array
+    """(R, n) residual standard deviations of the records, unloaded first [N.m or N]."""
+    samples: int
+    """Rows a joint, all records."""
+    warnings: tuple[Notice, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, shape in (
+            ("parameters", (10,)),
+            ("free", (10,)),
+            ("covariance", (10, 10)),
+            ("noise", (None, None)),
+        ):
+            object.__setattr__(self, name, frozen(getattr(self, name), shape=shape, name=name))
+
+    @property
+    def mass(self) -> float:
+        """Mass [kg]."""
+        return float(self.parameters[0])
+
+    @property
+    def mass_std(self) -> float:
+        """Standard deviation of the mass [kg]."""
+        return float(np.sqrt(self.covariance[0, 0]))
+
+    @property
+    def centre(self) -> Array:
+        """(3) centre of mass in the flange frame [m]."""
+        return self.parameters[1:4] / max(self.mass, 1e-12)
+
+    @property
+    def centre_std(self) -> Array:
+        """(3) its standard deviations [m]."""
+        slope = np.zeros((3, 10))
+        mass = max(self.mass, 1e-12)
+        slope[:, 0] = -self.centre / mass
+        slope[:, 1:4] = np.eye(3) / mass
+        return np.sqrt(np.diag(slope @ self.covariance @ slope.T))
+
+    @property
+    def inertia(self) -> Array:
+        """(3, 3) tensor about the centre of mass, along the flange's axes [kg.m^2]."""
+        lever = self.centre
+        steiner = lever @ lever * np.eye(3) - np.outer(lever, lever)
+        return tensor(self.parameters) - self.mass * steiner
+
+    @property
+    def std(self) -> Array:
+        """(10) standard deviations of `parameters`."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object; intervals hold with 95 %."""
+        half, half_centre = NORMAL_95 * self.mass_std, NORMAL_95 * self.centre_std
+        return {
+            "frame": "flange",
+            "mass": self.mass,
+            "mass_std": self.mass_std,
+            "mass_interval": [self.mass - half, self.mass + half],
+            "centre": self.centre.tolist(),
+            "centre_std": self.centre_std.tolist(),
+            "centre_interval": np.stack(
+                [self.centre - half_centre, self.centre + half_centre], axis=1
+            ).tolist(),
+            "inertia_about_centre": self.inertia.tolist(),
+            "parameters": [
+                {
+                    "name": name,
+                    "unit": unit,
+                    "value": float(self.parameters[k]),
+                    "std": float(self.std[k]),
+                    "least_squares": float(self.free[k]),
+                }
+                for k, (name, unit) in enumerate(zip(PARAMETERS, UNITS, strict=True))
+            ],
+            "noise": self.noise.tolist(),
+            "samples": self.samples,
+            "warnings": [notice.to_json() for notice in self.warnings],
+        }
+
+
+def payload_of(problem: SharedProblem, fit: SharedFit) -> Payload:
+    """The payload of a fit, moved to the flange and made a body that can exist.
+
+    Args:
+        problem: Records, some of them loaded.
+        fit: Their fit.
+    """
+    model = problem.problems[0].base.model
+    robot = model.robot
+    link_in_flange = np.linalg.inv(robot.flange) @ robot.parameter_frames[model.frames][-1]
+    turn = frame_map(np.asarray(link_in_flange, dtype=np.float64))
+    free = turn @ fit.solution.shared[-PAYLOAD:]
+    covariance = turn @ fit.covariance[-PAYLOAD:, -PAYLOAD:] @ turn.T
+    covariance = (covariance + covariance.T) / 2
+    body = nearest_body(free, covariance)
+    return Payload(
+        parameters=body,
+        free=free,
+        covariance=covariance,
+        noise=fit.noise,
+        samples=sum(item.blocks for item in problem.problems),
+        warnings=_findings(free, body, covariance),
+    )
+
+
+def _findings(free: Array, body: Array, covariance: Array) -> tuple[Notice, ...]:
+    notices: list[Notice] = []
+    spread = float(np.sqrt(covariance[0, 0]))
+    if free[0] < NORMAL_95 * spread:
+        notices.append(
+            Notice(
+                "low_excitation",
+                f"a payload of {free[0]:.3g} kg +- {NORMAL_95 * spread:.2g} kg cannot be told "
+                "from none",
+            )
+        )
+    gap = body - free
+    distance = float(gap @ np.linalg.solve(covariance, gap))
+    # Chi-square with ten degrees of freedom passes 29.6 once in a thousand times.
+    if distance > 29.6:
+        notices.append(
+            Notice(
+                "not_physical",
+                "no body that can exist comes near the least-squares answer (distance "
+                f"{np.sqrt(distance):.1f} standard deviations): the runs differ in more than "
+                "the payload",
+            )
+        )
+    return tuple(notices)

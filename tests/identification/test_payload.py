@@ -1,0 +1,165 @@
+"""Payloads of the simulated arm, and the nearest body against a conic solver."""
+
+from __future__ import annotations
+
+import clarabel
+import numpy as np
+import pytest
+from scipy import sparse
+
+from dynid.core.arrays import Array
+from dynid.core.errors import InputError
+from dynid.identification.payload import NORMAL_95, Payload
+from dynid.identification.payload_consistent import nearest_body
+from dynid.recording.record import ExperimentRecord
+from dynid.robot.inertia import from_pseudo_inertia, is_physical, to_pseudo_inertia
+from dynid.robot.load import load_robot
+from dynid.simulation.inertia import cylinder, link_parameters
+from dynid.simulation.library import simulated_arm
+from dynid.simulation.payload import with_payload
+from dynid.simulation.run import simulate
+from dynid.trajectory.fourier import FourierSeries
+from dynid.trajectory.random_excitation import random_excitation
+from dynid.workflow.payload import identify_payload
+from dynid.workflow.simulating import record_of
+
+MASS, CENTRE = 0.02, 0.005
+"""Asked: relative error of the mass, error of the centre [m]."""
+SOLVERS_AGREE = 1e-5
+"""What Clarabel reaches here; the conditions of optimality are the sharp check."""
+KKT = 1e-7
+BASIS = to_pseudo_inertia(np.eye(10))
+ROBOT = load_robot("ur5")
+CASES = ((0.5, (0.0, 0.02, 0.04)), (2.0, (-0.05, 0.03, 0.08)), (5.0, (0.04, -0.02, 0.1)))
+
+
+def motion(seed: int) -> FourierSeries:
+    return random_excitation(ROBOT.limits, seed=seed, margin=0.6, acceleration=8.0)
+
+
+def recorded(seed: int, payload: tuple[float, Array, Array] | None) -> ExperimentRecord:
+    arm = simulated_arm(ROBOT)
+    if payload is not None:
+        arm = with_payload(arm, *payload)
+    noise = seed if payload is None else seed + 1000
+    return record_of(simulate(arm, motion(seed), seed=noise))
+
+
+def body(mass: float, centre: tuple[float, ...]) -> tuple[float, Array, Array]:
+    return mass, np.array(centre), cylinder(mass, 0.04, 0.1, 2)
+
+
+@pytest.mark.parametrize(("mass", "centre"), CASES)
+def test_payload_of_the_simulated_arm(mass: float, centre: tuple[float, ...]) -> None:
+    truth = body(mass, centre)
+    seed = round(10 * mass)
+    found = identify_payload(recorded(seed, None), recorded(seed, truth), ROBOT)
+    assert abs(found.mass / mass - 1) < MASS
+    assert np.abs(found.centre - centre).max() < CENTRE
+    # Four numbers: one outside 1.96 deviations is no surprise, one outside three is.
+    assert abs(found.mass - mass) < 3 * found.mass_std
+    assert (np.abs(found.centre - centre) < 3 * found.centre_std).all()
+    spread = np.abs(found.free - link_parameters(*truth)) / found.std
+    assert (spread < NORMAL_95).sum() >= 8
+    assert is_physical(found.parameters)
+    assert not found.warnings
+    # Intervals that say something: not wider than what is asked.
+    assert NORMAL_95 * found.mass_std < 3 * MASS * max(mass, 1.0)
+    data = found.to_json()
+    assert data["mass_interval"][0] < data["mass"] < data["mass_interval"][1]
+
+
+def test_a_bias_that_both_runs_share_cancels() -> None:
+    """A torque of the pose, as of a cable, three times what the payload weighs on the wrist."""
+    truth = body(1.0, (0.01, 0.02, 0.05))
+    runs = [recorded(4, None), recorded(4, truth)]
+    plain = identify_payload(*runs, ROBOT)
+    gain = ROBOT.drives.gain
+
+    def biased(record: ExperimentRecord) -> ExperimentRecord:
+        q = np.asarray(runs[0].signals["q"])
+        torque = 6.0 * np.sin(2 * q + 0.3) + 4.0 * np.cos(3 * q)
+        signals = dict(record.signals)
+        signals["current"] = record.signals["current"] + torque / gain
+        return ExperimentRecord(t=record.t, signals=signals)
+
+    with_bias = identify_payload(biased(runs[0]), biased(runs[1]), ROBOT)
+    assert abs(with_bias.mass - 1.0) < MASS
+    assert np.abs(with_bias.centre - truth[1]).max() < CENTRE
+    # In the loaded run alone the bias is not shared, and must show.
+    alone = identify_payload(runs[0], biased(runs[1]), ROBOT)
+    assert abs(alone.mass - 1.0) > 3 * abs(with_bias.mass - plain.mass)
+
+
+def test_nothing_on_the_flange_is_told_from_nothing() -> None:
+    empty = record_of(simulate(simulated_arm(ROBOT), motion(5), seed=77))
+    found = identify_payload(recorded(5, None), empty, ROBOT)
+    assert abs(found.free[0]) < 3 * found.mass_std
+    assert "low_excitation" in [notice.code for notice in found.warnings]
+
+
+def test_both_kinds_of_runs_are_needed() -> None:
+    with pytest.raises(InputError, match="with and without"):
+        identify_payload([], [], ROBOT)
+
+
+def conic(free: Array, covariance: Array) -> Array:
+    """The same problem by Clarabel, from its own formulation."""
+    white = np.linalg.inv(np.linalg.cholesky(covariance))
+    order = [(a, b) for b in range(4) for a in range(b + 1)]
+    rows = np.array([[m[a, b] * (1 if a == b else np.sqrt(2)) for m in BASIS] for a, b in order])
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
+    solver = clarabel.DefaultSolver(
+        sparse.csc_matrix(np.triu(white.T @ white)),
+        -white.T @ white @ free,
+        sparse.csc_matrix(-rows),
+        np.zeros(10),
+        [clarabel.PSDTriangleConeT(4)],
+        settings,
+    )
+    solution = solver.solve()
+    assert str(solution.status) == "Solved"
+    return np.array(solution.x)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_nearest_body_is_the_conic_answer(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    root = generator.normal(size=(4, 4))
+    truth = from_pseudo_inertia(root @ root.T)
+    spread = generator.normal(size=(10, 10)) * 0.7
+    covariance = spread @ spread.T + 0.5 * np.eye(10)
+    free = truth + np.linalg.cholesky(covariance) @ generator.normal(size=10)
+    found = nearest_body(free, covariance)
+    assert np.linalg.eigvalsh(to_pseudo_inertia(found))[0] > -1e-9
+    if is_physical(free, 0.0):
+        np.testing.assert_array_equal(found, free)
+        return
+    # Optimal: the gradient as a functional of J is not negative, and zero along J.
+    gradient = np.linalg.solve(covariance, found - free)
+    pairing = np.array([[np.sum(a * b) for a in BASIS] for b in BASIS])
+    functional = np.tensordot(np.linalg.solve(pairing, gradient), BASIS, axes=1)
+    assert np.linalg.eigvalsh(functional)[0] > -KKT
+    assert abs(np.sum(functional * to_pseudo_inertia(found))) < KKT
+    expected = conic(free, covariance)
+    np.testing.assert_allclose(found, expected, atol=SOLVERS_AGREE * np.abs(expected).max())
+
+
+def test_deviations_of_the_centre_are_those_of_draws() -> None:
+    generator = np.random.default_rng(0)
+    parameters = link_parameters(*body(2.0, (0.03, -0.02, 0.07)))
+    root = generator.normal(size=(10, 10)) * 0.003
+    payload = Payload(
+        parameters=parameters,
+        free=parameters,
+        covariance=root @ root.T,
+        noise=np.ones((2, 6)),
+        samples=100,
+    )
+    draws = parameters + generator.normal(size=(20000, 10)) @ root.T
+    np.testing.assert_allclose(
+        payload.centre_std, (draws[:, 1:4] / draws[:, :1]).std(axis=0), rtol=0.05
+    )
+    np.testing.assert_allclose(payload.inertia, cylinder(2.0, 0.04, 0.1, 2), atol=1e-12)
