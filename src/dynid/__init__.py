@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from dynid.trajectory.fourier import FourierSeries
     from dynid.trajectory.random_excitation import random_excitation
     from dynid.validation.comparison import ParameterComparison, compare
+    from dynid.validation.observer import MomentumObserver, contact_thresholds
     from dynid.validation.prediction import ValidationResult, validate
     from dynid.workflow.analyze import Analysis, analyze
     from dynid.workflow.checking import Check, check
@@ -71,6 +72,7 @@ __all__ = [
     "InverseDynamicModel",
     "JobError",
     "MissingExtraError",
+    "MomentumObserver",
     "Notice",
     "ParameterComparison",
     "ProcessingSettings",
@@ -88,6 +90,7 @@ __all__ = [
     "analyze",
     "check",
     "compare",
+    "contact_thresholds",
     "design",
     "identify",
     "import_recording",
@@ -139,6 +142,7 @@ _HOME = {
     "trajectory.fourier": ("FourierSeries",),
     "trajectory.random_excitation": ("random_excitation",),
     "validation.comparison": ("ParameterComparison", "compare"),
+    "validation.observer": ("MomentumObserver", "contact_thresholds"),
     "validation.prediction": ("ValidationResult", "validate"),
     "workflow.analyze": ("Analysis", "analyze"),
     "workflow.checking": ("Check", "check"),

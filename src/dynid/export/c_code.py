@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from dynid.core.arrays import Array
-from dynid.export.c_template import BODY, RIGID
+from dynid.export.c_template import BODY, OBSERVER, RIGID
 from dynid.export.chain import joint_turns
 from dynid.export.model import ExportModel
 
@@ -23,7 +23,7 @@ def c_code(model: ExportModel, comment: str = "") -> str:
     lines = [
         f"/* Dynamics of {_safe(model.robot.name)}, {model.joints} joints, as identified by dynid.",
         *(f"   {_safe(line)}" for line in comment.splitlines()),
-        "   C99; no allocation, no state; SI units (rad, m, s, N.m, N, kg). Joints:",
+        "   C99; no allocation, no hidden state; SI units (rad, m, s, N.m, N, kg). Joints:",
         f"   {', '.join(_safe(name) for name in model.robot.joint_names)}. */",
         "#ifndef $_DYNAMICS_H",
         "#define $_DYNAMICS_H",
@@ -38,6 +38,7 @@ def c_code(model: ExportModel, comment: str = "") -> str:
         *_known(model),
         *_friction(model),
         BODY,
+        OBSERVER,
         "#endif",
         "",
     ]

@@ -206,3 +206,38 @@ static inline void @_momentum(const double q[$_JOINTS], const double dq[$_JOINTS
     @_add_motors(dq, p);
 }
 """
+
+OBSERVER = """
+/* Momentum observer: external joint torques, low-passed. Begin with all bytes zero, then call
+   step once a cycle with what was measured; the residual [N.m, N] stands in the struct. */
+typedef struct {
+    double start[$_JOINTS], integral[$_JOINTS], push[$_JOINTS], residual[$_JOINTS];
+    int running;
+} @_observer;
+
+/* bandwidth [1/s]: larger is faster and noisier; dt [s] since the step before. */
+static inline void @_observer_step(@_observer *o, double bandwidth, double dt,
+                                   const double q[$_JOINTS], const double dq[$_JOINTS],
+                                   const double torque[$_JOINTS])
+{
+    double own[$_JOINTS], slope[$_JOINTS], weight[$_JOINTS], rubbing[$_JOINTS];
+    int i;
+    @_momentum(q, dq, own, slope);
+    @_gravity(q, weight);
+    @_friction(dq, rubbing);
+    for (i = 0; i < $_JOINTS; ++i) {
+        const double push = torque[i] - weight[i] - rubbing[i] + slope[i];
+        if (o->running) {
+            o->integral[i] += dt * (push + o->push[i]) / 2.0;
+            o->residual[i] = bandwidth * (own[i] - o->start[i] - o->integral[i])
+                             / (1.0 + bandwidth * dt);
+            o->integral[i] += dt * o->residual[i];
+        } else {
+            o->start[i] = own[i];
+            o->integral[i] = o->residual[i] = 0.0;
+        }
+        o->push[i] = push;
+    }
+    o->running = 1;
+}
+"""

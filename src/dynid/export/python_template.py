@@ -94,6 +94,38 @@ def momentum(q, dq):
     return own + motor_torque(dq), slope
 
 
+class Observer:
+    """External joint torques from motor torques and speeds, low-passed (momentum observer).
+
+    Call `step` once a cycle with what was measured; it returns the residual [N.m, N], shape (n).
+    A contact is where a residual leaves what free motion shows.
+    """
+
+    def __init__(self, bandwidth=50.0):
+        """`bandwidth` [1/s]: larger is faster and noisier."""
+        self.bandwidth = bandwidth
+        self.reset()
+
+    def reset(self):
+        """Forget everything; the next step is the first."""
+        self.start = None
+        self.integral, self.residual = np.zeros(JOINTS), np.zeros(JOINTS)
+
+    def step(self, dt, q, dq, torque):
+        """The residual now, `dt` [s] after the step before."""
+        own, slope = momentum(q, dq)
+        push = np.asarray(torque, dtype=float) - gravity(q) - friction(dq) + slope
+        if self.start is None:
+            self.start, self.push = own, push
+            return self.residual
+        self.integral = self.integral + dt * (push + self.push) / 2.0
+        gap = own - self.start - self.integral
+        self.residual = self.bandwidth * gap / (1.0 + self.bandwidth * dt)
+        self.integral = self.integral + dt * self.residual
+        self.push = push
+        return self.residual
+
+
 def rigid_body(q, dq, ddq, gravity=GRAVITY):
     """Torques of the links alone, recursive Newton-Euler in the joint frames."""
     q, dq, ddq = (np.asarray(x, dtype=float) for x in (q, dq, ddq))

@@ -1,0 +1,210 @@
+"""External torques from the generalised momentum, without accelerations or force sensors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dynid.core.arrays import Array, Mask, frozen, read_only
+from dynid.core.errors import InputError
+from dynid.identification.estimate import Estimate
+from dynid.recording.record import ExperimentRecord
+from dynid.regressor.adjoint import torque_adjoint
+from dynid.regressor.model import InverseDynamicModel
+from dynid.regressor.terms import FrictionTerms
+from dynid.signals.torque import measured_torque
+
+BANDWIDTH = 50.0
+"""Of the residual [1/s]: a step of torque is seen to 92 % after 50 ms."""
+SPEEDS = (0.0, 0.05, 0.1, 0.2, 0.5)
+"""Speeds at which thresholds change [rad/s or m/s]."""
+MEMORY = 8
+"""Samples: three time constants of the residual at 125 Hz."""
+QUANTILE = 0.9999
+MARGIN = 2.0
+"""Thresholds over the quantile: what ten minutes bring that one record did not."""
+_LEAST_SAMPLES = 100
+_LEAST_NOISE = 3.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactThresholds:
+    """Residuals beyond which a joint is touched, learned from free motion.
+
+    Near standstill stiction and the reversal of friction hide several N.m that a moving joint
+    shows at once, so the thresholds depend on the speed.
+    """
+
+    speeds: Array
+    """(b) speeds from which each row holds, the first one 0 [rad/s or m/s]."""
+    limits: Array
+    """(b, n) thresholds, never rising with the speed [N.m or N]."""
+    samples: int
+    """N, samples of free motion they come from."""
+
+    def contacts(self, residual: Array, dq: Array) -> Mask:
+        """(N, n) whether a joint is touched, for residuals and velocities (N, n) in a row."""
+        row = np.searchsorted(self.speeds, recent_speed(dq), side="right") - 1
+        return np.abs(residual) > self.limits[row, np.arange(self.limits.shape[1])]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MomentumObserver:
+    """Residual r = K (p(t) - p(0) - integral of tau - friction - g + C' dq + r), p = M dq.
+
+    The external joint torque, low-passed with bandwidth K (De Luca and Mattone 2005). C' dq is
+    the derivative of the kinetic energy by q.
+
+    Raises:
+        InputError: A bandwidth that is not positive.
+    """
+
+    estimate: Estimate
+    bandwidth: float = BANDWIDTH
+    """K [1/s]"""
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.bandwidth) and self.bandwidth > 0):
+            raise InputError("the observer's bandwidth must be positive", value=self.bandwidth)
+
+    def momentum(self, q: Array, dq: Array) -> tuple[Array, Array]:
+        """Momentum p and C' dq, each (N, n), at q and dq (N, n)."""
+        rigid, parameters = _rigid(self.estimate)
+        still = np.zeros_like(q)
+        weight = rigid.inverse_dynamics(q, still, still, parameters)
+        own = rigid.inverse_dynamics(q, still, dq, parameters) - weight
+        # The derivative of dq' M dq by q, less that of dq' g, which comes along with it.
+        pushed, *_ = torque_adjoint(rigid, q, still, dq, parameters, dq)
+        resting, *_ = torque_adjoint(rigid, q, still, still, parameters, dq)
+        return own, (pushed - resting) / 2.0
+
+    def residuals(self, t: ArrayLike, q: ArrayLike, dq: ArrayLike, torque: ArrayLike) -> Array:
+        """External joint torques (N, n) [N.m or N], zero at the first sample.
+
+        Args:
+            t: (N) increasing times [s].
+            q: (N, n) positions [rad or m].
+            dq: (N, n) velocities.
+            torque: (N, n) motor torques, joint side [N.m or N].
+
+        Raises:
+            InputError: Shapes that disagree, numbers that are not finite, times that do not
+                increase.
+        """
+        times = frozen(t, shape=(None,), name="t")
+        shape = (len(times), self.estimate.model.robot.joints)
+        place, speed, effort = (
+            frozen(x, shape=shape, name=name)
+            for x, name in ((q, "q"), (dq, "dq"), (torque, "torque"))
+        )
+        steps = np.diff(times)
+        if len(times) < 2 or (steps <= 0).any():
+            raise InputError("the times of an observer must increase", value=len(times))
+        own, slope = self.momentum(place, speed)
+        still = np.zeros(shape)
+        rigid, parameters = _rigid(self.estimate)
+        coriolis = rigid.inverse_dynamics(place, speed, still, parameters)
+        coriolis = coriolis - rigid.inverse_dynamics(place, still, still, parameters)
+        # Everything but acceleration, less Coriolis torques: gravity and friction.
+        drag = self.estimate.predict(place, speed, still) - coriolis
+        push = effort - drag + slope
+        residual, integral = np.zeros(shape), np.zeros(shape[1])
+        for k, step in enumerate(steps, start=1):
+            integral = integral + step * (push[k] + push[k - 1]) / 2.0
+            gap = own[k] - own[0] - integral
+            residual[k] = self.bandwidth * gap / (1.0 + self.bandwidth * step)
+            integral = integral + step * residual[k]
+        return read_only(residual)
+
+    def of_record(self, record: ExperimentRecord) -> tuple[Array, Array]:
+        """Residuals and velocities, each (N, n), of a recording as it would be seen live.
+
+        Nothing is filtered and nothing from later is used. Without recorded velocities they are
+        differences of positions, which makes the residual noisy.
+
+        Args:
+            record: The recording.
+
+        Raises:
+            InputError: The recording does not fit the robot, or has no torque.
+        """
+        torque = measured_torque(record, self.estimate.model.robot)
+        q = record.signals["q"]
+        dq = record.signals.get("qd")
+        if dq is None:
+            dq = np.gradient(q, record.t, axis=0)
+        return self.residuals(record.t, q, dq, torque), np.asarray(dq)
+
+
+def contact_thresholds(
+    residuals: Sequence[Array],
+    velocities: Sequence[Array],
+    *,
+    noise: ArrayLike = 0.0,
+    quantile: float = QUANTILE,
+    margin: float = MARGIN,
+) -> ContactThresholds:
+    """Thresholds from the residuals of free motion that was not identified from.
+
+    Args:
+        residuals: One (N, n) a recording, from `MomentumObserver`.
+        velocities: One (N, n) a recording.
+        noise: (n) `Estimate.noise` [N.m or N]: no threshold is below three of it, however well
+            this motion was predicted.
+        quantile: Of the residuals' size that must stay below, before the margin.
+        margin: Factor on it.
+
+    Raises:
+        InputError: Too few samples, a quantile outside (0, 1), a margin below 1.
+    """
+    if not (0.0 < quantile < 1.0 and margin >= 1.0):
+        raise InputError("quantile in (0, 1) and margin of at least 1", value=(quantile, margin))
+    size = np.abs(np.vstack(list(residuals)))
+    speed = np.vstack([recent_speed(one) for one in velocities])
+    if len(size) < _LEAST_SAMPLES or size.shape != speed.shape:
+        raise InputError("samples of free motion", value=size.shape, limit=_LEAST_SAMPLES)
+    limits = np.empty((len(SPEEDS), size.shape[1]))
+    for joint in range(size.shape[1]):
+        for row, slowest in enumerate(SPEEDS):
+            fastest = SPEEDS[row + 1] if row + 1 < len(SPEEDS) else np.inf
+            chosen = (speed[:, joint] >= slowest) & (speed[:, joint] < fastest)
+            if np.count_nonzero(chosen) < _LEAST_SAMPLES:
+                # A speed that hardly came up is judged by all that is not faster, or by all.
+                chosen = speed[:, joint] < fastest
+            if np.count_nonzero(chosen) < _LEAST_SAMPLES:
+                chosen = np.ones(len(size), dtype=np.bool_)
+            limits[row, joint] = margin * np.quantile(size[chosen, joint], quantile)
+    limits = np.maximum(limits, _LEAST_NOISE * np.asarray(noise, dtype=np.float64))
+    falling = np.maximum.accumulate(limits[::-1])[::-1]
+    return ContactThresholds(
+        speeds=read_only(np.array(SPEEDS)), limits=read_only(falling), samples=len(size)
+    )
+
+
+def recent_speed(dq: Array) -> Array:
+    """(N, n) the slowest that each joint was in the last `MEMORY` samples, for dq (N, n).
+
+    A residual remembers: after a reversal it still holds what friction did in it.
+    """
+    size = np.abs(dq)
+    before = np.vstack([np.full((MEMORY - 1, size.shape[1]), np.inf), size])
+    return np.lib.stride_tricks.sliding_window_view(before, MEMORY, axis=0).min(axis=-1)
+
+
+def _rigid(estimate: Estimate) -> tuple[InverseDynamicModel, Array]:
+    """The links and motors alone, and their parameters."""
+    model = estimate.model
+    rigid = InverseDynamicModel(
+        robot=model.robot,
+        frames=model.frames,
+        friction=FrictionTerms(terms=(("im", None),), width=1.0),
+    )
+    known = dict(zip(model.names, estimate.standard_parameters(), strict=True))
+    kept = np.array(
+        [0.0 if name.startswith(("Fcm", "Fvm")) else known.get(name, 0.0) for name in rigid.names]
+    )
+    return rigid, kept

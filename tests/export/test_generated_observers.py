@@ -1,0 +1,77 @@
+"""The observers of the generated files are the library's."""
+
+import runpy
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from known_exports import EVERY_TERM, estimate_of, heavy_arm, mixed_chain, parameters_of
+
+from dynid.core.arrays import Array
+from dynid.export.load_code import C_FLAGS, c_compiler
+from dynid.export.writing import write_model
+from dynid.identification.estimate import Estimate
+from dynid.validation.observer import MomentumObserver
+
+SAME = 1e-9
+PROGRAM = """
+#include <stdio.h>
+#include "arm.h"
+
+int main(void)
+{
+    static ur5_observer observer;
+    double x[19];
+    int i;
+    for (;;) {
+        for (i = 0; i < 19; ++i)
+            if (scanf("%lf", &x[i]) != 1) return 0;
+        ur5_observer_step(&observer, 40.0, x[0], x + 1, x + 7, x + 13);
+        for (i = 0; i < 6; ++i) printf("%.17g ", observer.residual[i]);
+        printf("\\n");
+    }
+}
+"""
+
+
+def motion(joints: int) -> tuple[Array, Array, Array, Array]:
+    t = np.arange(400) / 125.0
+    turn = np.linspace(0.5, 2.0, joints)
+    q, dq = np.sin(np.outer(t, turn)), turn * np.cos(np.outer(t, turn))
+    return t, q, dq, np.random.default_rng(0).normal(size=q.shape)
+
+
+@pytest.fixture(scope="module")
+def heavy() -> Estimate:
+    robot = heavy_arm()
+    return estimate_of(robot, parameters_of(robot, 1, EVERY_TERM), EVERY_TERM)
+
+
+def test_python_observer_is_the_librarys(heavy: Estimate, tmp_path: Path) -> None:
+    sliding = estimate_of(mixed_chain(), parameters_of(mixed_chain(), 1))
+    for estimate in (heavy, sliding):
+        t, q, dq, torque = motion(estimate.model.robot.joints)
+        write_model(estimate, "python", tmp_path / "arm.py")
+        observer = runpy.run_path(str(tmp_path / "arm.py"))["Observer"](bandwidth=40.0)
+        got = [observer.step(1 / 125.0, *state) for state in zip(q, dq, torque, strict=True)]
+        expected = MomentumObserver(estimate=estimate, bandwidth=40.0).residuals(t, q, dq, torque)
+        np.testing.assert_allclose(got, expected, rtol=0, atol=SAME)
+
+
+@pytest.mark.skipif(c_compiler() is None, reason="no C compiler")
+def test_c_observer_is_the_librarys(heavy: Estimate, tmp_path: Path) -> None:
+    t, q, dq, torque = motion(6)
+    write_model(heavy, "c", tmp_path / "arm.h")
+    (tmp_path / "main.c").write_text(PROGRAM)
+    program = tmp_path / "main"
+    compiler = shutil.which(c_compiler() or "cc") or "cc"
+    source = str(tmp_path / "main.c")
+    subprocess.run([compiler, *C_FLAGS, source, "-o", str(program), "-lm"], check=True)
+    rows = np.column_stack([np.append(0.0, np.diff(t)), q, dq, torque]).tolist()
+    given = "\n".join(" ".join(map(repr, row)) for row in rows)
+    done = subprocess.run([str(program)], input=given, capture_output=True, text=True, check=True)
+    got = np.array([line.split() for line in done.stdout.splitlines()], dtype=float)
+    expected = MomentumObserver(estimate=heavy, bandwidth=40.0).residuals(t, q, dq, torque)
+    np.testing.assert_allclose(got, expected, rtol=0, atol=SAME)

@@ -1,0 +1,170 @@
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import dynid
+from dynid.core.arrays import Array
+from dynid.core.errors import InputError
+from dynid.identification.estimate import Estimate
+from dynid.simulation.library import simulated_arm
+from dynid.simulation.plant import Plant
+from dynid.validation.observer import ContactThresholds, MomentumObserver, contact_thresholds
+
+RATE = 125.0
+CONTACT = 15.0
+WITHIN_S = 0.05
+SETTLED = 20
+"""Cycles after which the observer has forgotten its start."""
+FIRST = 500
+"""Cycle at which the contact begins."""
+
+
+@pytest.fixture(scope="module")
+def estimate() -> Estimate:
+    robot = dynid.load_robot("ur5")
+    motion = dynid.random_excitation(robot.limits, seed=1)
+    record = dynid.simulate_recording(robot, motion, seed=1, periods=2, thermal="warm")
+    return dynid.identify([record], robot, dynid.IdentifySettings(preset="paper")).estimate
+
+
+def touched(seed: int, joint: int | None, cycles: int = 750) -> tuple[Array, Array, Array, Array]:
+    """The simulated arm in motion, from `FIRST` on with a torque on one joint."""
+    robot = dynid.load_robot("ur5")
+    arm = simulated_arm(robot)
+    plant = Plant(arm, rate_hz=RATE, thermal="warm")
+    motion = dynid.random_excitation(robot.limits, seed=seed).evaluate(np.arange(cycles) / RATE)
+    plant.reset(motion.q[0])
+    states = []
+    for k, setpoint in enumerate(motion.q):
+        if joint is not None and k == FIRST:
+            plant._joint[1, joint] = CONTACT
+        states.append(plant.tick(setpoint))
+    random = np.random.default_rng(seed)
+    q, dq, torque = (np.array([getattr(s, name) for s in states]) for name in ("q", "dq", "torque"))
+    dq = arm.truth.sensors.read("velocity", dq, random)
+    current = arm.truth.sensors.read("current", torque / arm.truth.gain, random)
+    return motion.t, q, dq, current * arm.truth.gain
+
+
+@pytest.fixture(scope="module")
+def thresholds(estimate: Estimate) -> ContactThresholds:
+    observer = MomentumObserver(estimate=estimate)
+    free = [touched(seed, None, 1250) for seed in range(100, 112)]
+    return contact_thresholds(
+        [observer.residuals(*run)[SETTLED:] for run in free],
+        [run[2][SETTLED:] for run in free],
+        noise=estimate.noise,
+    )
+
+
+@pytest.mark.parametrize("joint", [0, 1, 2, 3, 5])
+def test_a_contact_is_found_in_time_and_nothing_before(
+    estimate: Estimate, thresholds: ContactThresholds, joint: int
+) -> None:
+    t, q, dq, torque = touched(20 + joint, joint, cycles=600)
+    residual = MomentumObserver(estimate=estimate).residuals(t, q, dq, torque)
+    alarm = thresholds.contacts(residual, dq)
+    assert not alarm[SETTLED:FIRST].any()
+    found = np.flatnonzero(alarm[FIRST:].any(axis=1))
+    assert len(found)
+    assert (found[0] + 1) / RATE <= WITHIN_S
+
+
+def test_the_residual_is_the_external_torque(estimate: Estimate) -> None:
+    t, q, dq, torque = touched(5, 1)
+    residual = MomentumObserver(estimate=estimate).residuals(t, q, dq, torque)
+    after = residual[FIRST + 50 :, 1].mean() - residual[FIRST - 200 : FIRST, 1].mean()
+    assert after == pytest.approx(CONTACT, abs=3.0)
+
+
+@given(st.integers(0, 1000))
+@settings(max_examples=10, deadline=None)
+def test_momentum_is_pinocchios(estimate: Estimate, seed: int) -> None:
+    """p = M dq and C' dq, by pinocchio's Coriolis matrix of the same links."""
+    model, robot = estimate.model, estimate.model.robot
+    frames = robot.parameter_frames[model.frames]
+    known = pin.Model()
+    parent, matrices = 0, []
+    for k in range(6):
+        joint = pin.JointModelRevoluteUnaligned(robot.axes[k])
+        parent = known.addJoint(parent, joint, pin.SE3(robot.placements[k]), f"j{k}")
+        matrices.append((parent, pin.SE3(frames[k])))
+    random = np.random.default_rng(seed)
+    q, dq = random.uniform(-3, 3, (2, 1, 6))
+    # Bodies of random mass, in an estimate of their own.
+    bodies = [
+        pin.Inertia(
+            random.uniform(0.5, 5),
+            random.uniform(-0.2, 0.2, 3),
+            np.diag(random.uniform(0.1, 0.2, 3)),
+        )
+        for _ in range(6)
+    ]
+    standard = np.zeros(len(model.columns))
+    for k, (body, (where, frame)) in enumerate(zip(bodies, matrices, strict=True)):
+        known.appendBodyToJoint(where, body, frame)
+        ten = body.toDynamicParameters()
+        standard[10 * k : 10 * k + 10] = ten[[0, 1, 2, 3, 4, 6, 9, 8, 7, 5]]
+    base = dynid.reduce_model(model)
+    own, slope = MomentumObserver(
+        estimate=replace(
+            estimate,
+            values=base.from_standard(standard),
+            independent=base.independent,
+            expressions=base.expressions,
+            covariance=np.eye(base.rank),
+            naive_std=np.ones(base.rank),
+            essential=(),
+            standard=None,
+        )
+    ).momentum(q, dq)
+    data = known.createData()
+    mass = pin.crba(known, data, q[0])
+    mass = np.triu(mass) + np.triu(mass, 1).T
+    coriolis = pin.computeCoriolisMatrix(known, data, q[0], dq[0])
+    np.testing.assert_allclose(own[0], mass @ dq[0], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(slope[0], coriolis.T @ dq[0], rtol=0, atol=1e-10)
+
+
+def test_thresholds_learn_from_each_speed_apart() -> None:
+    random = np.random.default_rng(0)
+    residual = random.normal(size=(4000, 2))
+    speed = np.ones((4000, 2))
+    speed[:2000, 0] = 0.0
+    residual[:2000, 0] *= 10.0
+    found = contact_thresholds([residual], [speed], quantile=0.99, margin=2.0)
+    assert found.samples == 4000
+    slow, fast = (2 * np.quantile(np.abs(part[:, 0]), 0.99) for part in np.split(residual, 2))
+    assert found.limits[0, 0] == pytest.approx(slow, rel=0.01)
+    assert found.limits[-1, 0] == pytest.approx(fast, rel=0.01)
+    assert (np.diff(found.limits, axis=0) <= 0).all()
+    floor = contact_thresholds([residual], [speed], noise=[30.0, 0.1], quantile=0.99, margin=2.0)
+    assert floor.limits[-1, 0] == 90.0
+    np.testing.assert_array_equal(floor.limits[:, 1], found.limits[:, 1])
+    # Joint 2 never stood: its thresholds are those of all its samples.
+    assert len(set(found.limits[:, 1])) == 1
+    seen = found.contacts(np.array([[15.0, 0.0], [15.0, 15.0]]), np.array([[0.0, 1], [-0.6, 1]]))
+    # Joint 1 has rested a moment ago: the residual may still hold what stiction did.
+    np.testing.assert_array_equal(seen, [[False, False], [False, True]])
+    assert found.contacts(np.array([[15.0, 0.0]]), np.array([[-0.6, 1.0]]))[0, 0]
+
+
+def test_refuses_nonsense(estimate: Estimate) -> None:
+    for bandwidth in (0.0, -1.0, float("nan")):
+        with pytest.raises(InputError, match="bandwidth"):
+            MomentumObserver(estimate=estimate, bandwidth=bandwidth)
+    observer, zero = MomentumObserver(estimate=estimate), np.zeros((3, 6))
+    with pytest.raises(InputError, match="increase"):
+        observer.residuals([0.0, 0.1, 0.1], zero, zero, zero)
+    with pytest.raises(InputError, match="wrong shape"):
+        observer.residuals([0.0, 0.1, 0.2], zero, zero, zero[:2])
+    with pytest.raises(InputError, match="not finite"):
+        observer.residuals([0.0, 0.1, 0.2], zero, zero, np.full((3, 6), np.nan))
+    with pytest.raises(InputError, match="samples of free motion"):
+        contact_thresholds([zero], [zero])
+    with pytest.raises(InputError, match="quantile"):
+        contact_thresholds([zero], [zero], quantile=1.0)
