@@ -3,6 +3,8 @@ import pytest
 from urscript_player import play
 
 from dynid.core.errors import InputError
+from dynid.simulation.controller.machine_builtins import BUILTINS
+from dynid.simulation.controller.urscript.program import compile_script
 from dynid.trajectory.families import FAMILY_NAMES, motion_family
 from dynid.trajectory.fourier import FourierSeries
 from dynid.trajectory.fourier_quintic import FourierQuintic
@@ -90,6 +92,12 @@ def test_pieces_are_the_trajectory(name: str) -> None:
         np.testing.assert_allclose(q, expected, rtol=0, atol=SAME)
         start += piece.duration
     assert start == pytest.approx(EVERY[name].duration, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_the_simulated_controller_takes_it(name: str) -> None:
+    program = ur_program(EVERY[name], comment="robot: ur5")
+    assert compile_script(program.text, BUILTINS).name == "dynid_excitation"
 
 
 def test_what_the_program_does_besides() -> None:

@@ -42,11 +42,6 @@ class StoredTrajectory:
     extra: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """What else its writer put into the file, by key."""
 
-    @property
-    def series(self) -> Trajectory:
-        """The motion."""
-        return self.trajectory
-
 
 def write_trajectory(
     path: Path,
