@@ -14,7 +14,7 @@ from threadpoolctl import ThreadpoolController  # pyright: ignore[reportMissingT
 
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError
-from dynid.excitation.gram_layout import fill_beside, gram_layout
+from dynid.excitation.gram_layout import beside_counts, fill_beside, gram_layout
 from dynid.reduction.base import BaseParametrization
 from dynid.regressor.adjoint import Gradient, check_differentiable, pull_blocks
 from dynid.regressor.adjoint_regressor import regressor_pullback
@@ -79,6 +79,7 @@ class GramKernel:
         self._threads = ThreadpoolController()
         self._samples = -1
         self._calls = 0
+        self._counts = beside_counts(self._model)
 
     @property
     def rank(self) -> int:
@@ -102,7 +103,7 @@ class GramKernel:
         self._turn = turns(state[0])
         places = self._layout.places
         inertial_rows(constants, self._turn, state[0], state[1], state[2], self._rows, places)
-        fill_beside(self._model, state[1], state[2], self._beside)
+        fill_beside(self._model, state[1], state[2], self._beside, self._counts)
         with self._threads.limit(limits=1):  # pyright: ignore[reportUnknownMemberType]
             for j, panel in enumerate(self._layout.panels):
                 rows = self._rows[panel.rows, : self._samples]

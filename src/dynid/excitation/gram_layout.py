@@ -84,10 +84,28 @@ def acting_joints(model: InverseDynamicModel) -> Array:
     return np.asarray((out != 0).any(axis=2), dtype=np.float64)
 
 
-def fill_beside(model: InverseDynamicModel, dq: Array, ddq: Array, out: Array) -> None:
-    """Write the columns beside the inertial ones for dq, ddq (n, N) into out (p - 10 n, n, N)."""
+def beside_counts(model: InverseDynamicModel) -> tuple[int, ...]:
+    """Number of columns of each block beside the inertial ones."""
+    return tuple(len(block.columns(model.robot)) for block in model.blocks)
+
+
+def fill_beside(
+    model: InverseDynamicModel,
+    dq: Array,
+    ddq: Array,
+    out: Array,
+    counts: tuple[int, ...] | None = None,
+) -> None:
+    """Write the columns beside the inertial ones for dq, ddq (n, N) into out (p - 10 n, n, N).
+
+    Args:
+        model: The model.
+        dq: (n, N) velocities.
+        ddq: (n, N) accelerations.
+        out: (p - 10 n, n, N) to be written.
+        counts: `beside_counts(model)`, where it is at hand: asking costs as much as filling.
+    """
     first = 0
-    for block in model.blocks:
-        count = len(block.columns(model.robot))
+    for block, count in zip(model.blocks, counts or beside_counts(model), strict=True):
         block.fill(model.robot, dq, ddq, out[first : first + count])
         first += count
