@@ -24,6 +24,7 @@ from dynid.identification.position_noise import motion_noise
 from dynid.identification.prior import InertialPrior, inertial_prior
 from dynid.identification.problem import IdentificationProblem
 from dynid.identification.recursive import RecursiveEstimate, RecursiveLeastSquares
+from dynid.identification.registry import ESTIMATORS
 from dynid.identification.smoothing import smooth_motion
 from dynid.identification.statistics import hac_covariance, naive_covariance
 from dynid.identification.total_least_squares import TotalLeastSquares, solve_total
@@ -34,7 +35,7 @@ from dynid.signals.process import process
 from dynid.signals.samples import ProcessingSettings
 from dynid.trajectory.random_excitation import random_excitation
 from dynid.workflow.identify import identify
-from dynid.workflow.identify_settings import ESTIMATORS, IdentifySettings
+from dynid.workflow.identify_settings import IdentifySettings
 
 REFERENCE = 1e-6
 """Against another solver of the same equations, relative."""

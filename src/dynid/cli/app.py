@@ -11,6 +11,7 @@ import typer
 from dynid import __version__
 from dynid.cli import (
     analyze,
+    bench,
     check,
     compare,
     controller,
@@ -73,6 +74,7 @@ def build() -> typer.Typer:
         identify,
         validate,
         compare,
+        bench,
         export,
         report,
         studio,

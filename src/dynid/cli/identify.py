@@ -32,7 +32,11 @@ def _identify(
     ] = None,
     robot: RobotOption = None,
     estimator: Annotated[
-        str | None, typer.Option(metavar="ols|wls|irls|tls|iv|ml|didim|sdp|bayes|rls", help="Default: as the preset says.")
+        str | None,
+        typer.Option(
+            metavar="ols|wls|irls|tls|iv|ml|didim|sdp|bayes|rls",
+            help="Default: as the preset says. sdp: bodies that can exist.",
+        ),
     ] = None,
     terms: Annotated[
         str | None,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core.arrays import Array
+from dynid.core.errors import JobError
 from dynid.identification.smoothing import segments
 from dynid.regressor.model import InverseDynamicModel
 from dynid.signals.samples import Samples
@@ -21,6 +22,8 @@ STRETCH_S = 0.4
 SETTLE_S = 0.3
 """Run-in of each stretch, from the reference state."""
 LARGEST_STEP_S = 0.004
+RUNAWAY = 3.0
+"""This far beside its reference, the arm is out of control [rad or m]."""
 NUDGE = 1e-4
 """Speed by which friction's slope is measured [rad/s or m/s]."""
 
@@ -35,13 +38,18 @@ class ClosedLoop:
 
     model: InverseDynamicModel
     parameters: Array
-    """(p) standard parameters."""
+    """(p) standard parameters of the arm."""
+    servo: Array | None = None
+    """(p) what the servo believes of them; None for the truth."""
 
     def simulate(self, reference: Samples) -> Samples:
         """Positions, velocities, accelerations of the simulated arm at the samples' times.
 
         Args:
             reference: A smooth motion; gaps in time part its records.
+
+        Raises:
+            JobError: The arm runs away.
         """
         rate = reference.rate_hz
         steps = max(1, int(np.ceil(1.0 / (rate * LARGEST_STEP_S))))
@@ -73,6 +81,12 @@ class ClosedLoop:
                 ddq = self._acceleration(aim, q, dq, 1.0 / (rate * steps))
                 q = q + dq / (rate * steps) + ddq / (2 * (rate * steps) ** 2)
                 dq = dq + ddq / (rate * steps)
+                if not np.abs(q - aim[0]).max() < RUNAWAY:
+                    raise JobError(
+                        "the simulated arm runs away: its model or its servo's is not physical",
+                        value=f"{np.abs(q - aim[0]).max():.3g} rad or m beside its reference",
+                        next_step="Use --estimator sdp, or record a better motion.",
+                    )
         return replace(reference, q=out[0], dq=out[1], ddq=out[2])
 
     def _acceleration(
@@ -94,14 +108,24 @@ class ClosedLoop:
         torque = self.model.inverse_dynamics(*states, self.parameters)
         count = len(q)
         bias, nudged, planned, gravity = (torque[k * count : (k + 1) * count] for k in range(4))
-        mass = torque[4 * count :].reshape(joints, count, joints).transpose(1, 2, 0)
-        mass = _positive(mass - gravity[:, :, None])
+        mass = believed = _mass(torque[3 * count :], gravity)
+        if self.servo is not None:
+            torque = self.model.inverse_dynamics(*states, self.servo)
+            planned, gravity = torque[2 * count : 3 * count], torque[3 * count : 4 * count]
+            believed = _mass(torque[3 * count :], gravity)
         slope = np.maximum((nudged - bias) / NUDGE, 0.0)
         # The servo's torque is mass times wanted plus the planned bias.
         implicit = mass + step * slope[:, :, None] * np.eye(joints)
-        push = np.einsum("bij,bj->bi", mass, wanted) + planned - bias
+        push = np.einsum("bij,bj->bi", believed, wanted) + planned - bias
         found = np.asarray(np.linalg.solve(implicit, push[:, :, None]), dtype=np.float64)
         return found[:, :, 0]
+
+
+def _mass(torque: Array, gravity: Array) -> Array:
+    """(B, n, n) mass matrices from the torques at rest and at each unit acceleration."""
+    count, joints = gravity.shape
+    units = torque[count:].reshape(joints, count, joints).transpose(1, 2, 0)
+    return _positive(units - gravity[:, :, None])
 
 
 def _positive(mass: Array) -> Array:

@@ -56,14 +56,14 @@ def motion_noise(samples: Samples) -> MotionNoise:
     ddq = samples.ddq[part]
     taper = np.hanning(len(ddq))
     spectrum = np.abs(np.fft.rfft(ddq * taper[:, None], axis=0)) ** 2
-    density = 2 * spectrum / (rate * np.square(taper).sum())
+    power = 2 * spectrum / (rate * np.square(taper).sum())
     frequency = np.fft.rfftfreq(len(ddq), 1 / rate)
     lower = 2 * smooth_cutoff(samples.q[part], rate)
     band = (frequency > lower) & (frequency < UPPER_SHARE * samples.cutoff_hz)
     if band.sum() < 5:
         # No room above the motion: nothing to be seen there.
-        return MotionNoise(density=np.zeros(ddq.shape[1]), cutoff_hz=samples.cutoff_hz)
-    level = density[band] / (2 * np.pi * frequency[band, None]) ** 4
+        return MotionNoise(density=np.zeros(samples.joints), cutoff_hz=samples.cutoff_hz)
+    level = power[band] / (2 * np.pi * frequency[band, None]) ** 4
     # A periodogram's median lies below its mean by log 2.
     return MotionNoise(
         density=np.asarray(np.median(level, axis=0), dtype=np.float64) / np.log(2.0),

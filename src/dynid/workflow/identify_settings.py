@@ -2,30 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from dynid.core.errors import InputError
-from dynid.identification.bayesian import BayesianRegression
-from dynid.identification.instrumental import InstrumentalVariables, OutputError
-from dynid.identification.least_squares import (
-    Estimator,
-    OrdinaryLeastSquares,
-    WeightedLeastSquares,
-)
-from dynid.identification.likelihood import MaximumLikelihood
-from dynid.identification.physical import PhysicallyConsistent
-from dynid.identification.recursive import RecursiveLeastSquares
-from dynid.identification.robust import HuberRegression
-from dynid.identification.total_least_squares import TotalLeastSquares
+from dynid.identification.least_squares import Estimator, WeightedLeastSquares
+from dynid.identification.registry import ESTIMATORS, estimator_of
 from dynid.regressor.terms import FrictionTerms
 from dynid.robot.model import RobotModel
 
 PRESETS = ("best", "paper")
-ESTIMATORS = ("ols", "wls", "irls", "tls", "iv", "ml", "didim", "sdp", "bayes", "rls")
 WEIGHTINGS = ("joint", "size")
 
 
@@ -80,21 +68,8 @@ def chosen_estimator(
         InputError: Weighting by joint size without torque limits.
     """
     word = settings.estimator or ("ols" if settings.preset == "paper" else "wls")
-    if word == "ols":
-        return OrdinaryLeastSquares()
-    if word == "irls":
-        return HuberRegression(prior_gain=prior)
-    simple: dict[str, Callable[[], Estimator]] = {
-        "tls": TotalLeastSquares,
-        "iv": lambda: InstrumentalVariables(prior_gain=prior),
-        "ml": lambda: MaximumLikelihood(prior_gain=prior),
-        "didim": lambda: OutputError(prior_gain=prior),
-        "sdp": lambda: PhysicallyConsistent(prior_gain=prior),
-        "bayes": BayesianRegression,
-        "rls": RecursiveLeastSquares,
-    }
-    if word in simple:
-        return simple[word]()
+    if word != "wls":
+        return estimator_of(word, prior)
     groups = None
     if settings.weighting == "size":
         torque = robot.limits.torque

@@ -1,0 +1,176 @@
+"""Every estimator on the same noisy records of an arm that is known: BIRDy's figures of merit.
+
+Leboutet et al. (2021) compare estimators by the relative distance of the parameters, the error
+of the predicted torque, the tracking error of the arm under a controller that uses them, and
+the time.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
+
+from dynid.bench.known_arm import KnownArm, known_arm
+from dynid.core.arrays import Array
+from dynid.core.errors import DynidError, InputError, JobError
+from dynid.identification.closed_loop import ClosedLoop
+from dynid.identification.problem import IdentificationProblem
+from dynid.identification.registry import ESTIMATORS, estimator_of
+from dynid.signals.samples import Samples
+
+SCENARIOS = (("well filtered", 1.0, 5.0), ("noise x4", 4.0, 5.0), ("badly filtered", 4.0, 60.0))
+"""Name, factor on the noise, cut-off [Hz]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """One estimator on one record."""
+
+    estimator: str
+    scenario: str
+    seed: int
+    d_beta: float
+    """(2 / r) sum |b - b_true| / (|b| + |b_true|): 0 to 2."""
+    d_tau_percent: float
+    """Mean over time of ||torque error|| / ||torque|| on another motion [%]."""
+    d_q_percent: float
+    """The same for positions of the true arm under computed torque with the estimate [%]."""
+    seconds: float
+    """CPU time of the fit [s]."""
+    failure: str = ""
+    """Why there is no result."""
+
+
+def compare_estimators(
+    estimators: Sequence[str] = ESTIMATORS,
+    seeds: Sequence[int] = (0, 1, 2),
+    *,
+    progress: Callable[[str, float], None] | None = None,
+) -> tuple[Trial, ...]:
+    """Run every estimator on every scenario and seed.
+
+    Args:
+        estimators: Words of `--estimator`.
+        seeds: Of trajectories and noise.
+        progress: Told what is running and how far it is (0 to 1).
+
+    Raises:
+        InputError: No seeds, no estimators, or an unknown one.
+        MissingExtraError: MuJoCo is not installed.
+    """
+    if not estimators or not seeds:
+        raise InputError("needs at least one estimator and one seed")
+    unknown = set(estimators) - set(ESTIMATORS)
+    if unknown:
+        raise InputError("unknown estimator", value=sorted(unknown), limit=", ".join(ESTIMATORS))
+    trials: list[Trial] = []
+    total = len(seeds) * len(SCENARIOS) * len(estimators)
+    with threadpool_limits(limits=1, user_api="blas"):
+        for seed in seeds:
+            arm = known_arm(seed)
+            for scenario, noise, cutoff in SCENARIOS:
+                problem = arm.problem(noise, cutoff, seed)
+                for word in estimators:
+                    if progress is not None:
+                        progress(f"{word}, {scenario}, seed {seed}", len(trials) / total)
+                    trials.append(_trial(arm, problem, word, scenario, seed))
+    return tuple(trials)
+
+
+def summary(trials: Sequence[Trial]) -> list[dict[str, Any]]:
+    """Mean over the seeds for each estimator and scenario, failures counted."""
+    rows: list[dict[str, Any]] = []
+    for word, scenario in dict.fromkeys((t.estimator, t.scenario) for t in trials):
+        same = [t for t in trials if (t.estimator, t.scenario) == (word, scenario)]
+        good = [t for t in same if not t.failure]
+        row: dict[str, Any] = {"estimator": word, "scenario": scenario}
+        for name in ("d_beta", "d_tau_percent", "d_q_percent", "seconds"):
+            values = [float(getattr(t, name)) for t in good]
+            row[name] = float(np.mean(values)) if values else float("nan")
+        rows.append({**row, "seeds": len(same), "failures": len(same) - len(good)})
+    return rows
+
+
+def to_json(trials: Sequence[Trial]) -> dict[str, Any]:
+    """The table and all trials."""
+    return {"table": summary(trials), "trials": [asdict(t) for t in trials]}
+
+
+def _trial(
+    arm: KnownArm, problem: IdentificationProblem, word: str, scenario: str, seed: int
+) -> Trial:
+    started = time.process_time()
+    try:
+        fit = estimator_of(word).fit(problem)
+    except DynidError as error:
+        nan = float("nan")
+        return Trial(
+            estimator=word,
+            scenario=scenario,
+            seed=seed,
+            d_beta=nan,
+            d_tau_percent=nan,
+            d_q_percent=nan,
+            seconds=time.process_time() - started,
+            failure=str(error),
+        )
+    seconds = time.process_time() - started
+    truth = problem.base.from_standard(arm.parameters)
+    parameters = np.zeros(len(arm.model.columns))
+    parameters[list(problem.base.independent)] = fit.values
+    other = arm.validation.truth
+    # Against the true model at the same states: recorded torques are held between cycles.
+    exact, predicted = (
+        arm.model.inverse_dynamics(other.q, other.dq, other.ddq, p)
+        for p in (arm.parameters, parameters)
+    )
+    return Trial(
+        estimator=word,
+        scenario=scenario,
+        seed=seed,
+        d_beta=parameter_distance(fit.values, truth),
+        d_tau_percent=relative_error(predicted, exact),
+        d_q_percent=tracking_error(arm, parameters),
+        seconds=seconds,
+    )
+
+
+def parameter_distance(values: Array, truth: Array) -> float:
+    """BIRDy's distance of parameters, 0 (equal) to 2 (opposite)."""
+    size = np.maximum(np.abs(values) + np.abs(truth), 1e-300)
+    return float(2.0 * np.sum(np.abs(values - truth) / size) / len(truth))
+
+
+def relative_error(values: Array, truth: Array) -> float:
+    """100 times the mean over time of ||values - truth|| / ||truth||, both (N, n) [%]."""
+    error = np.sqrt(np.square(values - truth).sum(axis=1))
+    size = np.sqrt(np.square(truth).sum(axis=1))
+    return float(100.0 * np.mean(error / np.maximum(size, 1e-12)))
+
+
+def tracking_error(arm: KnownArm, parameters: Array) -> float:
+    """Position error [%] of the true arm under computed torque with estimated parameters (p).
+
+    Infinite where the arm runs away.
+    """
+    run = arm.validation
+    aim = run.truth
+    reference = Samples(
+        t=run.t,
+        q=aim.q,
+        dq=aim.dq,
+        ddq=aim.ddq,
+        tau=aim.torque,
+        rate_hz=run.rate_hz,
+        cutoff_hz=run.rate_hz / 4,
+    )
+    loop = ClosedLoop(model=arm.model, parameters=arm.parameters, servo=parameters)
+    try:
+        return relative_error(loop.simulate(reference).q, aim.q)
+    except JobError:
+        return float("inf")

@@ -1,0 +1,84 @@
+"""The table of estimators: its figures of merit by hand, and what must come out of it."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from dynid.bench.estimators import (
+    compare_estimators,
+    parameter_distance,
+    relative_error,
+    summary,
+    to_json,
+    tracking_error,
+)
+from dynid.bench.known_arm import KnownArm, known_arm
+from dynid.cli.app import main
+from dynid.core.errors import InputError
+from dynid.identification.least_squares import WeightedLeastSquares
+
+
+@pytest.fixture(scope="module")
+def arm() -> KnownArm:
+    return known_arm(0)
+
+
+def test_figures_of_merit_by_hand() -> None:
+    assert parameter_distance(np.array([1.0, 2.0]), np.array([1.0, 2.0])) == 0.0
+    assert parameter_distance(np.array([1.0, 0.0]), np.array([-1.0, 0.0])) == pytest.approx(1.0)
+    assert parameter_distance(np.array([3.0]), np.array([1.0])) == pytest.approx(1.0)
+    truth = np.array([[3.0, 4.0], [0.0, 2.0]])
+    assert relative_error(truth + np.array([[0.0, 0.5], [0.2, 0.0]]), truth) == pytest.approx(10.0)
+
+
+def test_the_arm_obeys_the_model_that_is_fitted(arm: KnownArm) -> None:
+    # MuJoCo made these torques: the regressor explains them with the true parameters, but for
+    # the torque that is held between two control cycles.
+    truth = arm.run.truth
+    predicted = arm.model.inverse_dynamics(truth.q, truth.dq, truth.ddq, arm.parameters)
+    assert relative_error(predicted, truth.torque) < 2.0
+
+
+def test_noise_is_what_was_asked(arm: KnownArm) -> None:
+    low, high = (
+        WeightedLeastSquares().fit(arm.problem(noise, 5.0, 0)).noise for noise in (1.0, 4.0)
+    )
+    np.testing.assert_allclose(high / low, 4.0, rtol=0.15, atol=0)
+
+
+def test_the_truth_tracks_and_a_wrong_model_does_not(arm: KnownArm) -> None:
+    right = tracking_error(arm, arm.parameters)
+    assert right < 0.05
+    assert tracking_error(arm, 0.7 * arm.parameters) > 10 * right
+    assert tracking_error(arm, -arm.parameters) == float("inf")
+
+
+def test_instruments_and_output_error_win_where_the_filter_is_bad() -> None:
+    trials = compare_estimators(("ols", "iv", "didim"), (0,))
+    table = {(r["estimator"], r["scenario"]): r for r in summary(trials)}
+    assert len(table) == 9
+    for figure in ("d_tau_percent", "d_q_percent"):
+        ols = table["ols", "badly filtered"][figure]
+        assert table["iv", "badly filtered"][figure] < ols / 3
+        assert table["didim", "badly filtered"][figure] < ols / 3
+    assert table["ols", "well filtered"]["d_tau_percent"] < 3.0
+
+
+def test_unknown_words_are_refused() -> None:
+    for words, seeds in ((("olss",), (0,)), ((), (0,)), (("ols",), ())):
+        with pytest.raises(InputError):
+            compare_estimators(words, seeds)
+
+
+def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "estimators", "--only", "wls", "--seeds", "1", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert {row["estimator"] for row in data["table"]} == {"wls"}
+    assert len(data["trials"]) == 3
+    assert set(data) == set(to_json(()))
+    assert main(["bench", "estimators", "--only", "nope"]) == 2
+    assert main(["bench", "estimators", "--only", "wls", "--seeds", "1"]) == 0
+    assert "badly filtered" in capsys.readouterr().out
