@@ -13,7 +13,7 @@ import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import SplitResult, parse_qs, urlsplit
 
 from dynid.core.errors import InputError
 
@@ -91,14 +91,14 @@ def rule(door: Door, port: int, path: str, headers: Mapping[str, str]) -> Ruling
     """
     host = headers.get("host", "")
     origin = headers.get("origin")
-    if origin is not None and urlsplit(origin).netloc != host:
+    if origin is not None and _parts(origin).netloc != host:
         return Ruling(403, "a page of another site asked")
     if door.loopback and not _names_this_machine(host):
         return Ruling(403, "the address is not one of this machine")
     if door.token is None:
         return Ruling(200)
     name = cookie_name(port)
-    given = parse_qs(urlsplit(path).query).get("token", [""])[0]
+    given = parse_qs(_parts(path).query).get("token", [""])[0]
     if _same(given, door.token):
         if headers.get("upgrade", "").lower() == "websocket":
             return Ruling(200)
@@ -113,13 +113,21 @@ def cookie_name(port: int) -> str:
     return f"dynid_studio_{port}"
 
 
+def _parts(address: str) -> SplitResult:
+    try:
+        return urlsplit(address)
+    except ValueError:
+        # Nonsense is nobody's address.
+        return SplitResult("", "", "", "", "")
+
+
 def _hard_to_guess(token: str) -> bool:
     allowed = all(c.isascii() and (c.isalnum() or c in "-_") for c in token)
     return allowed and len(token) >= SHORTEST_TOKEN
 
 
 def _names_this_machine(host: str) -> bool:
-    name = urlsplit(f"//{host}").hostname or ""
+    name = _parts(f"//{host}").hostname or ""
     if name == "localhost":
         return True
     try:

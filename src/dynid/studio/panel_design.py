@@ -10,6 +10,7 @@ import numpy as np
 from dynid.core.errors import DynidError
 from dynid.excitation.criteria import CRITERIA
 from dynid.studio import text
+from dynid.studio.files import file_in
 from dynid.studio.job_view import JobView
 from dynid.studio.jobs import Job
 
@@ -85,7 +86,7 @@ class DesignPanel:
     def _start(self) -> None:
         session = self._session
         try:
-            output = session.place_for(self.name.value, ".json")
+            output = file_in(session.folder, self.name.value, ".json")
             options: dict[str, Any] = {
                 "criterion": self.criterion.value,
                 "period_s": float(self.period.value),

@@ -68,9 +68,22 @@ class MotionPanel:
             self._written = clock
             self._now.content = text.nearest(instant.near) + text.margins(instant.worst)
 
+    def judge(self) -> None:
+        """Certify the motion that is chosen, if it is a design."""
+        self.certify.disabled = True
+        try:
+            if self._session.certifiable:
+                self._session.certify()
+        finally:
+            self.certify.disabled = not self._session.certifiable
+        self.show_certificate()
+
     def show_certificate(self) -> None:
         """Show the verdict that the session has."""
         found = self._session.verdict
+        if not self._session.certifiable or found.motion != self._session.motion.name:
+            self._certificate.content = text.certificate(None)
+            return
         self._certificate.content = text.certificate(
             found.certificate, stale=self._session.stale, error=found.error
         )
@@ -88,6 +101,7 @@ class MotionPanel:
                     self.refresh()
                     return
                 self.time.max = self._end()
+                self.judge()
 
         @self.play.on_click
         def _(_event: object) -> None:
@@ -127,12 +141,7 @@ class MotionPanel:
 
         @self.certify.on_click
         def _(_event: object) -> None:
-            self.certify.disabled = True
-            try:
-                session.certify()
-            finally:
-                self.certify.disabled = False
-            self.show_certificate()
+            self.judge()
 
     def _sliders(self) -> list[viser.GuiSliderHandle[float]]:
         robot = self._session.robot

@@ -11,6 +11,7 @@ from dynid.core.errors import DynidError
 from dynid.figures import parameters, torque
 from dynid.figures.theme import paint
 from dynid.studio import text
+from dynid.studio.files import file_in
 from dynid.studio.job_view import JobView
 from dynid.studio.jobs import Job
 from dynid.workflow.reporting import report
@@ -123,7 +124,7 @@ class ResultsPanel:
         @self.view.start.on_click
         def _(_event: object) -> None:
             try:
-                output = session.place_for(self.name.value, ".json")
+                output = file_in(session.folder, self.name.value, ".json")
                 chosen = session.motions.get(self.record.value)
                 if chosen is None:
                     self.view.say("choose a recording; make one in the tab Run", text.BAD)

@@ -11,6 +11,7 @@ import numpy as np
 from dynid.core.errors import DynidError, InputError
 from dynid.figures.theme import colour
 from dynid.studio import text
+from dynid.studio.files import file_in
 from dynid.studio.job_view import JobView
 from dynid.studio.jobs import Job
 from dynid.studio.tail import Tail, TailReader
@@ -134,7 +135,7 @@ class RunPanel:
         chosen = session.motions.get(session.motion.name)
         if chosen is None or not chosen.design:
             raise InputError("choose a design in the tab Motion first", value=session.motion.name)
-        output = session.place_for(self.name.value, ".parquet")
+        output = file_in(session.folder, self.name.value, ".parquet")
         return Job(
             kind="run",
             source=str(chosen.path),

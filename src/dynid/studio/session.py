@@ -14,6 +14,7 @@ from dynid.constraints.motion import MotionConstraints
 from dynid.constraints.presets import safe_constraints
 from dynid.core.arrays import Array
 from dynid.core.errors import DynidError, InputError
+from dynid.studio.files import file_in
 from dynid.studio.jobs import Job
 from dynid.studio.live import Instant, at_rest, instant
 from dynid.studio.motions import REST, Held, Playable, PlayedTrajectory
@@ -167,23 +168,14 @@ class Session:
         return found
 
     @property
+    def certifiable(self) -> bool:
+        """Whether a design is shown."""
+        return isinstance(self.motion, PlayedTrajectory)
+
+    @property
     def stale(self) -> bool:
         """Whether the scene has changed since the verdict."""
         return self.verdict.changes != self.editor.changes
-
-    def place_for(self, name: str, suffix: str) -> Path:
-        """A file in the studio's folder: a name typed into a page chooses no other place.
-
-        Raises:
-            InputError: More than a name, or another ending.
-        """
-        given = Path(name)
-        odd = name.startswith(".") or any(not c.isprintable() or c in "/\\" for c in name)
-        if odd or given.name != name or len(name) > 120 or given.suffix.lower() != suffix:
-            raise InputError(
-                "a file name without a directory is needed", value=name, limit=f"*{suffix}"
-            )
-        return self.folder / name
 
     def save_scene(self, name: str) -> Path:
         """Write the scene into the studio's folder; where it is.
@@ -191,7 +183,7 @@ class Session:
         Raises:
             InputError: No name for a file, a scene without room, or it cannot be written.
         """
-        path = self.place_for(name, ".json")
+        path = file_in(self.folder, name, ".json")
         with self.lock:
             self.judge()
             if self.scene_error:

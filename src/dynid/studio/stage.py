@@ -49,7 +49,7 @@ class Stage:
         down = robot.gravity / (float(np.linalg.norm(robot.gravity)) or 1.0)
         up = -down if down.any() else np.array([0.0, 0.0, 1.0])
         self._scene.set_up_direction((float(up[0]), float(up[1]), float(up[2])))
-        eye = 1.6 * size * np.array([1.0, -1.0, 0.7])
+        eye = size * np.array([1.1, -1.1, 0.8])
         server.initial_camera.position = (float(eye[0]), float(eye[1]), float(eye[2]))
         server.initial_camera.look_at = (0.0, 0.0, 0.3 * size)
         self._scene.add_grid("/grid", width=4 * size, height=4 * size, cell_size=0.1)
@@ -105,7 +105,7 @@ class Stage:
         way.points = np.array([[item.start, item.end]], dtype=np.float32)
         way.colors = np.array([[colour, colour]], dtype=np.uint8)
         label.position = _three((item.start + item.end) / 2)
-        label.text = f"{plain(item.names)} {1000 * item.distance:.0f} mm"
+        label.text = f"{1000 * item.distance:.0f} mm: {plain(item.names)}"
 
     def draw_scene(self, editor: SceneEditor, chosen: int | None) -> None:
         """Draw all shapes anew, the chosen one in another colour."""

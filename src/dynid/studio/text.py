@@ -69,8 +69,8 @@ def nearest(found: Iterable[Near]) -> str:
     """The nearest bodies in words."""
     return "".join(
         line(
-            f"{WORDS[item.kind]}: {plain(item.names)} {1000 * item.distance:.0f} mm"
-            f" (at least {1000 * item.clearance:.0f} mm)",
+            f"nearest {WORDS[item.kind]}: {1000 * item.distance:.0f} mm, {plain(item.names)}"
+            f" (at least {1000 * item.clearance:g} mm)",
             BAD if item.distance < item.clearance else INK,
         )
         for item in found

@@ -1,0 +1,179 @@
+from __future__ import annotations
+
+import json
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gentle import CYCLES, write_motion
+
+from dynid.core.errors import InputError
+from dynid.recording.parquet import read_record
+from dynid.recording.record import ExperimentRecord
+from dynid.simulation.controller.process import controller_process, own_address
+from dynid.studio.jobs import Job, job_from_line, job_to_line
+from dynid.studio.supervisor import JobState, Supervisor, criterion_in
+from dynid.studio.tail import TailReader, tail_of
+from dynid.workflow.checking import check
+
+PATIENCE = 60.0
+"""What nobody waits for unless something is broken [s]."""
+
+
+@pytest.fixture(scope="module")
+def motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_motion(tmp_path_factory.mktemp("jobs") / "motion.json")
+
+
+def until(job: Supervisor, reached: Callable[[JobState], bool]) -> JobState:
+    """Wait for a state; an end is one too."""
+    deadline = time.monotonic() + PATIENCE
+    pause = threading.Event()
+    while not reached(job.state) and not job.state.ended:
+        assert time.monotonic() < deadline, job.state
+        pause.wait(0.01)
+    return job.state
+
+
+def run_job(motion: Path, output: Path, target: str = "sim", **options: object) -> Job:
+    return Job(kind="run", source=str(motion), output=str(output), options=options, target=target)
+
+
+def test_a_job_survives_its_line() -> None:
+    job = Job(kind="run", source="名/前.json", output="a\nb", options={"repeat": 3, "slow": None})
+    assert job_to_line(job).count("\n") == 1
+    assert job_from_line(job_to_line(job)) == job
+    for text in ("", "[]", "{}", '{"kind": "rm"}', "not json"):
+        with pytest.raises(InputError):
+            job_from_line(text)
+
+
+def test_a_run_in_its_own_process_records_every_sample(motion: Path, tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    job = Supervisor(run_job(motion, path, repeat=2))
+    state = job.wait(PATIENCE)
+    assert (state.ended, state.error, state.share) == (True, None, 1.0)
+    assert state.result is not None
+    assert (state.result["samples"], state.result["gaps"]) == (2 * CYCLES, 0)
+    record = read_record(path)
+    np.testing.assert_array_equal(record.channels["index"], np.arange(2 * CYCLES))
+
+
+def test_stop_stops_the_robot_and_keeps_what_was_recorded(motion: Path, tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    job = Supervisor(run_job(motion, path, repeat=1000))
+    reader = TailReader(path)
+    until(job, lambda state: state.share > 0)
+    # The live signals come from the file, while the other process writes it.
+    deadline, tail = time.monotonic() + PATIENCE, None
+    while tail is None and time.monotonic() < deadline:
+        tail = reader.read(time.monotonic())
+    assert tail is not None
+    assert tail.signals["q"].shape == (len(tail.t), 6)
+    job.stop()
+    state = job.wait(PATIENCE)
+    assert state.result is not None
+    assert state.result["cause"]["code"] == "interrupted"
+    record = read_record(path)
+    assert tail.samples <= record.samples == state.result["samples"] < 1000 * CYCLES
+    assert record.metadata.extra["abort"] == "interrupted"
+
+
+def test_a_page_that_is_gone_is_a_stop(motion: Path, tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    job = Supervisor(run_job(motion, path, repeat=1000))
+    until(job, lambda state: state.share > 0)
+    stdin = job._process.stdin
+    assert stdin is not None
+    stdin.close()
+    state = job.wait(PATIENCE)
+    assert state.result is not None
+    assert state.result["cause"]["code"] == "interrupted"
+    assert read_record(path).samples == state.result["samples"]
+
+
+def test_errors_arrive_as_sentences(motion: Path, tmp_path: Path) -> None:
+    missing = Supervisor(run_job(tmp_path / "none.json", tmp_path / "a.parquet"))
+    assert "none.json" in str(missing.wait(PATIENCE).error)
+    unknown = Supervisor(run_job(motion, tmp_path / "b.parquet", teapot=1))
+    error = str(unknown.wait(PATIENCE).error)
+    assert "teapot" in error
+    killed = Supervisor(run_job(motion, tmp_path / "c.parquet", repeat=1000))
+    until(killed, lambda state: state.share > 0)
+    os.kill(killed.pid, signal.SIGKILL)
+    state = killed.wait(PATIENCE)
+    assert "ended with code -9" in str(state.error)
+    killed.close()
+    assert killed.state.ended
+
+
+def test_a_search_shows_its_criterion_and_keeps_its_best(tmp_path: Path) -> None:
+    path = tmp_path / "design.json"
+    options = {"budget_s": 600.0, "period_s": 5.0, "harmonics": 3}
+    job = Supervisor(Job(kind="design", source="ur5", output=str(path), options=options))
+    until(job, lambda state: bool(state.history))
+    job.stop()
+    state = job.wait(PATIENCE)
+    assert state.error is None
+    assert state.result is not None
+    assert state.result["interrupted"] is True
+    values = [value for _, value in state.history]
+    assert values[0] > 1
+    assert check(path).to_json()["feasible"] == state.result["feasible"]
+    assert json.loads(path.read_text())["design"]["criterion"] == "cond"
+
+
+def test_words_of_a_search_hold_its_criterion() -> None:
+    assert criterion_in("cond 87.3") == 87.3
+    assert criterion_in("cond 1e+03, limits not met yet") == 1000.0
+    assert criterion_in("no motion yet") is None
+    assert criterion_in("run") is None
+
+
+@pytest.fixture(scope="module")
+def controller() -> object:
+    with controller_process("ur5", host=own_address(), virtual_time=True) as running:
+        yield running
+
+
+def test_a_real_robot_moves_only_when_its_word_was_typed(
+    controller, motion: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "refused.parquet"
+    job = Supervisor(run_job(motion, path, f"ur://{controller.host}", repeat=1))
+    asked = until(job, lambda state: state.ask is not None)
+    assert asked.word == controller.host
+    assert "mounted as" in str(asked.ask)
+    job.answer("yes")
+    assert "not confirmed" in str(job.wait(PATIENCE).error)
+    assert not path.exists()
+    stopped = Supervisor(run_job(motion, path, f"ur://{controller.host}", repeat=1))
+    until(stopped, lambda state: state.ask is not None)
+    stopped.stop()
+    assert "not confirmed" in str(stopped.wait(PATIENCE).error)
+    agreed = Supervisor(
+        run_job(motion, tmp_path / "run.parquet", f"ur://{controller.host}", repeat=1)
+    )
+    until(agreed, lambda state: state.ask is not None)
+    agreed.answer(controller.host)
+    state = agreed.wait(PATIENCE)
+    assert state.error is None
+    assert state.result is not None
+    assert (state.result["samples"], state.result["gaps"]) == (CYCLES, 0)
+
+
+def test_the_tail_ends_with_the_newest_sample(tmp_path: Path) -> None:
+    t = np.arange(1250) / 125.0
+    record = ExperimentRecord(t=t + 7.0, signals={"q": np.outer(t, np.ones(6))})
+    tail = tail_of(record, seconds=1.0, points=50)
+    assert 40 <= len(tail.t) <= 50
+    assert tail.samples == 1250
+    assert tail.t[-1] == pytest.approx(t[-1])
+    assert tail.t[0] >= tail.t[-1] - 1.0
+    np.testing.assert_array_equal(tail.signals["q"][-1], record.signals["q"][-1])
+    assert TailReader(tmp_path / "none.parquet").read(0.0) is None

@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dynid.constraints.presets import safe_constraints
+from dynid.constraints.scene import scene_from_json
+from dynid.robot.kinematics import joint_poses
+from dynid.robot.load import load_robot
+from dynid.studio.live import instant
+from dynid.trajectory.json_fields import JsonFields
+
+CLOSE = 1e-9
+UR5 = load_robot("ur5")
+SCENE = scene_from_json(
+    JsonFields(
+        {
+            "shapes": [
+                {"type": "floor", "height": -0.1},
+                {"type": "box", "size": [0.3, 0.2, 0.4], "position": [0.7, 0.2, 0.3]},
+                {"type": "cylinder", "radius": 0.1, "length": 0.5, "position": [-0.6, 0.5, 0.3]},
+            ]
+        }
+    )
+)
+
+
+def distance_to_capsules(point: np.ndarray, q: np.ndarray) -> float:
+    """From a point to the surface of the moving arm, by brute force over its capsules."""
+    poses = np.concatenate([np.eye(4)[None], joint_poses(UR5, q)])
+    least = np.inf
+    for item in UR5.capsules:
+        if item.link == 0:
+            # The base is not judged against the scene it stands on.
+            continue
+        pose = poses[item.link]
+        a, b = (pose[:3, :3] @ end + pose[:3, 3] for end in (item.start, item.end))
+        way = b - a
+        share = np.clip((point - a) @ way / max(way @ way, 1e-30), 0, 1)
+        least = min(least, float(np.linalg.norm(point - a - share * way)) - item.radius)
+    return least
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_drawn_ways_are_as_long_as_the_distances_that_are_judged(seed: int) -> None:
+    constraints = safe_constraints(UR5, SCENE)
+    q = np.random.default_rng(seed).uniform(-2, 2, 6)
+    found = instant(constraints, q, np.zeros(6), np.zeros(6))
+    usage = constraints.usage(q[None], np.zeros((1, 6)), np.zeros((1, 6)))
+    assert {item.kind for item in found.near} == {"self_collision", "environment"}
+    for item in found.near:
+        assert item.distance == pytest.approx(usage.distance(item.kind), abs=CLOSE)
+        assert item.names == usage.worst[item.kind].what
+        if item.kind == "environment" and item.distance > 0:
+            assert np.linalg.norm(item.end - item.start) == pytest.approx(item.distance, abs=1e-6)
+            # It starts on the arm and ends on the shape, as a sweep over all capsules sees it.
+            assert distance_to_capsules(item.start, q) <= 1e-6
+            assert distance_to_capsules(item.end, q) == pytest.approx(item.distance, abs=1e-6)
+
+
+def test_the_margins_of_an_instant_are_those_of_the_judge() -> None:
+    constraints = safe_constraints(UR5)
+    generator = np.random.default_rng(7)
+    q, dq, ddq = generator.normal(size=(3, 6))
+    found = instant(constraints, q, dq, ddq)
+    judged = constraints.usage(q[None], dq[None], ddq[None]).worst
+    assert found.worst.keys() == judged.keys()
+    for kind, item in judged.items():
+        np.testing.assert_equal(found.worst[kind].margin, item.margin)
+    np.testing.assert_array_equal(found.poses, joint_poses(UR5, q))

@@ -1,0 +1,171 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gentle import MIDDLE, PERIOD, write_motion
+
+from dynid.core.errors import InputError
+from dynid.recording.parquet import read_record, write_record
+from dynid.recording.record import ExperimentRecord, RecordMetadata
+from dynid.studio.jobs import Job
+from dynid.studio.motions import REST, PlayedRecord
+from dynid.studio.opening import kind_of, open_path
+from dynid.studio.session import JOB_SCENE, Session
+
+BOX = {"shapes": [{"type": "box", "size": [0.2, 0.2, 0.2], "position": [1.5, 1.5, 0.5]}]}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    write_motion(tmp_path / "motion.json")
+    t = np.arange(50) / 125.0
+    q = MIDDLE + 0.1 * t[:, None]
+    record = ExperimentRecord(
+        t=t + 3.0, signals={"q": q}, metadata=RecordMetadata(robot="ur5", origin="test")
+    )
+    write_record(record, tmp_path / "record.parquet")
+    (tmp_path / "scene.json").write_text(json.dumps(BOX))
+    (tmp_path / "broken.json").write_text('{"kind": "dynid.fourier"}')
+    (tmp_path / "other.json").write_text("[1, 2]")
+    return tmp_path
+
+
+def test_a_directory_is_opened_with_all_that_lies_in_it(folder: Path) -> None:
+    opened = open_path(str(folder))
+    assert [item.motion.name for item in opened.motions] == ["motion.json", "record.parquet"]
+    assert [item.design for item in opened.motions] == [True, False]
+    assert opened.scene == BOX
+    assert [name for name, _ in opened.skipped] == ["broken.json"]
+    assert (opened.robot.name, opened.reference) == ("ur5", "ur5")
+    assert kind_of(folder / "scene.json") == "scene"
+    assert kind_of(folder / "other.json") == ""
+
+
+def test_a_design_a_recording_and_a_robot_can_be_opened_alone(folder: Path) -> None:
+    assert len(open_path(str(folder / "motion.json")).motions) == 1
+    assert not open_path(str(folder / "record.parquet")).motions[0].design
+    assert open_path("ur3e").robot.name == "ur3e"
+    for name in ("nobody", str(folder / "none.json"), str(folder / "other.json")):
+        with pytest.raises(InputError):
+            open_path(name)
+    with pytest.raises(InputError):
+        open_path(str(folder / "broken.json"))
+
+
+def test_motions_of_other_robots_are_left_out(folder: Path) -> None:
+    record = ExperimentRecord(t=np.arange(3.0), signals={"q": np.zeros((3, 7))})
+    write_record(record, folder / "seven.parquet")
+    opened = open_path(str(folder), robot="ur5")
+    assert "seven.parquet" in dict(opened.skipped)
+    assert "7 joints" in dict(opened.skipped)["seven.parquet"]
+
+
+def test_play_pause_and_scrub_move_the_arm(folder: Path) -> None:
+    session = Session(open_path(str(folder)))
+    motion = session.motions["motion.json"].motion
+    session.player.play(100.0)
+    now = session.now(100.5)
+    np.testing.assert_array_equal(now.q, motion.at(0.5)[0])
+    session.player.pause(101.0)
+    session.player.seek(1.7, 101.0)
+    later = session.now(200.0)
+    assert later.place == 1.7
+    np.testing.assert_array_equal(later.q, motion.at(1.7)[0])
+    session.choose("record.parquet")
+    assert session.now(201.0).place == 0.0
+    session.hold(np.zeros(6))
+    assert session.motion.name == REST
+    np.testing.assert_array_equal(session.look(session.now()).worst["velocity"].margin, 1.0)
+    with pytest.raises(InputError):
+        session.choose("none")
+
+
+def test_a_running_robot_is_followed(folder: Path) -> None:
+    session = Session(open_path(str(folder)))
+    session.follow(np.full(6, 0.2))
+    np.testing.assert_array_equal(session.now().q, np.full(6, 0.2))
+    session.follow(None)
+    np.testing.assert_array_equal(session.now(0.0).q, session.motion.at(0.0)[0])
+
+
+def test_a_recording_plays_between_its_samples(folder: Path) -> None:
+    record = read_record(folder / "record.parquet")
+    played = PlayedRecord("x", record)
+    assert played.duration == pytest.approx(49 / 125)
+    q, dq, ddq = played.at(10.5 / 125)
+    np.testing.assert_allclose(q, MIDDLE + 0.1 * 10.5 / 125, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(dq, 0.1, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(ddq, 0.0, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(played.at(99.0)[0], record.signals["q"][-1])
+
+
+def test_the_certificate_follows_the_scene(folder: Path) -> None:
+    session = Session(open_path(str(folder)))
+    found = session.certify().certificate
+    assert found is not None
+    assert found.feasible
+    assert not session.stale
+    number = session.editor.add("box")
+    session.judge()
+    assert session.stale
+    # In the way of the arm: its flange passes here.
+    tip = session.look(session.now(0.0)).poses[-1][:3, 3]
+    pose = np.eye(4)
+    pose[:3, 3] = tip
+    session.editor.place(number, pose)
+    session.judge()
+    assert session.look(session.now(0.0)).worst["environment"].room < 0
+    again = session.certify().certificate
+    assert again is not None
+    assert not again.feasible
+    assert "environment" in again.broken
+    session.editor.remove(number)
+    session.judge()
+    assert session.look(session.now(0.0)).worst["environment"].room > 0
+
+
+def test_a_scene_without_room_is_said_and_the_arm_still_shown(folder: Path) -> None:
+    session = Session(open_path(str(folder)))
+    number = session.editor.add("box")
+    pose = np.eye(4)
+    pose[:3, 3] = [0.0, 0.0, 0.1]
+    session.editor.place(number, pose)
+    session.judge()
+    assert "no room" in session.scene_error
+    assert "no room" in session.certify().error
+    with pytest.raises(InputError, match="no room"):
+        session.save_scene("scene.json")
+    assert json.loads((folder / "scene.json").read_text()) == BOX
+    assert session.look(session.now(0.0)).poses.shape == (6, 4, 4)
+
+
+def test_jobs_get_the_scene_of_the_page_and_leave_the_persons_file_alone(folder: Path) -> None:
+    session = Session(open_path(str(folder)))
+    session.editor.add("floor")
+    path = session.scene_for_jobs()
+    assert path == str(folder / JOB_SCENE)
+    assert len(json.loads(Path(path).read_text())["shapes"]) == 2
+    assert json.loads((folder / "scene.json").read_text()) == BOX
+    assert Session(open_path("ur5")).scene_for_jobs() is None
+
+
+def test_one_job_at_a_time(folder: Path) -> None:
+    session = Session(open_path(str(folder)))
+    job = Job(
+        kind="run",
+        source=str(folder / "motion.json"),
+        output=str(folder / "run.parquet"),
+        options={"repeat": 1000},
+    )
+    try:
+        session.start(job)
+        with pytest.raises(InputError, match="still running"):
+            session.start(job)
+    finally:
+        session.close()
+    assert session.job is not None
+    assert session.job.state.ended
+    assert session.motions["motion.json"].motion.duration == PERIOD

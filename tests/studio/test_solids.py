@@ -1,0 +1,106 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from dynid.constraints.shapes import BOX, CYLINDER, HALF_SPACE, SPHERE, Shape
+from dynid.robot.kinematics import joint_poses
+from dynid.robot.load import load_robot
+from dynid.studio.solids import arm_meshes, capsule, reach, shape_mesh
+from dynid.studio.visuals import mesh_file, robot_meshes
+
+ON_SURFACE = 1e-12
+FACETED = 0.06
+"""A capsule of twenty sides holds a little less than a round one."""
+
+
+def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """Of a closed surface; negative where it is seen from inside."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def distance_to_segment(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    way = end - start
+    share = np.clip((points - start) @ way / max(way @ way, 1e-30), 0, 1)
+    return np.linalg.norm(points - start - share[:, None] * way, axis=1)
+
+
+@pytest.mark.parametrize("end", [[0.3, -0.2, 0.5], [0.1, 0.2, 0.3], [0.1, 0.2, -0.4]])
+def test_a_capsule_is_drawn_on_its_surface_and_seen_from_outside(end: list[float]) -> None:
+    start, stop, radius = np.array([0.1, 0.2, 0.3]), np.array(end), 0.07
+    vertices, faces = capsule(start, stop, radius)
+    far = distance_to_segment(vertices, start, stop)
+    np.testing.assert_allclose(far, radius, rtol=0, atol=ON_SURFACE)
+    length = float(np.linalg.norm(stop - start))
+    true = math.pi * radius**2 * (length + 4 / 3 * radius)
+    assert (1 - FACETED) * true < volume(vertices, faces) < true
+
+
+def test_shapes_have_their_sizes() -> None:
+    def made(kind: int, *size: float) -> float:
+        shape = Shape(name="x", kind=kind, pose=np.eye(4), size=np.array(size))
+        return volume(*shape_mesh(shape))
+
+    assert made(BOX, 0.1, 0.2, 0.3) == pytest.approx(0.2 * 0.4 * 0.6)
+    assert made(CYLINDER, 0.1, 0.2, 0) == pytest.approx(math.pi * 0.01 * 0.4, rel=0.03)
+    assert made(SPHERE, 0.1, 0, 0) == pytest.approx(4 / 3 * math.pi * 1e-3, rel=FACETED)
+    plate, _ = shape_mesh(Shape(name="x", kind=HALF_SPACE, pose=np.eye(4), size=np.zeros(3)))
+    assert plate[:, 2].max() == 0.0
+
+
+@pytest.mark.parametrize("name", ["ur3", "ur5", "ur10", "ur3e", "ur5e", "ur10e"])
+def test_every_built_in_arm_has_a_body_for_every_link(name: str) -> None:
+    robot = load_robot(name)
+    meshes = arm_meshes(robot)
+    assert {mesh.link for mesh in meshes} >= set(range(1, robot.joints))
+    assert all(np.isfinite(mesh.vertices).all() for mesh in meshes)
+    assert 0.5 < reach(robot) < 2.5
+
+
+URDF = """<robot name="two"><link name="base"/><link name="arm"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+<visual><origin xyz="0 0 0.1" rpy="0 0 0"/><geometry>{geometry}</geometry></visual></link>
+<joint name="j" type="revolute"><parent link="base"/><child link="arm"/>
+<origin xyz="0 0 0.5"/><axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="1"/>
+</joint></robot>"""
+STL = """solid one
+facet normal 0 0 1
+outer loop
+vertex 0 0 0
+vertex 100 0 0
+vertex 0 200 0
+endloop
+endfacet
+endsolid one
+"""
+
+
+def test_visual_meshes_stand_where_the_urdf_says(tmp_path) -> None:
+    (tmp_path / "part.stl").write_text(STL)
+    path = tmp_path / "two.urdf"
+    geometry = '<mesh filename="package://two/part.stl" scale="0.001 0.001 0.001"/>'
+    path.write_text(URDF.format(geometry=geometry))
+    notes: list[str] = []
+    robot = load_robot(path)
+    (mesh,) = robot_meshes(robot, str(path), notes)
+    assert (mesh.link, notes) == (1, [])
+    pose = joint_poses(robot, np.zeros(1))[0]
+    drawn = mesh.vertices @ pose[:3, :3].T + pose[:3, 3]
+    expected = {(0.0, 0.0, 0.6), (0.1, 0.0, 0.6), (0.0, 0.2, 0.6)}
+    assert {tuple(np.round(row, 9) + 0.0) for row in drawn} == expected
+
+
+def test_broken_meshes_are_said_and_capsules_drawn(tmp_path) -> None:
+    (tmp_path / "bad.stl").write_bytes(b"solid <script>\x00" + bytes(200))
+    path = tmp_path / "two.urdf"
+    for geometry in ('<mesh filename="bad.stl"/>', '<mesh filename="none.dae"/>'):
+        path.write_text(URDF.format(geometry=geometry))
+        notes: list[str] = []
+        robot = load_robot(path)
+        meshes = robot_meshes(robot, str(path), notes)
+        assert len(notes) == 1
+        assert len(meshes) == len(arm_meshes(robot)) > 0
+    assert mesh_file("package://x/../../etc/passwd/none", tmp_path) is None
