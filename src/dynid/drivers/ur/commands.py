@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import threading
+import time
 from contextlib import suppress
 
 from dynid.core.errors import JobError
@@ -16,6 +17,7 @@ STOP_DECELERATION = 40.0
 """How hard a stop brakes [rad/s^2]: rest from 3 rad/s in less than 0.1 s."""
 STOP_PROGRAM = f"def dynid_stop():\n  stopj({STOP_DECELERATION})\nend\n"
 _LINE = 4096
+_PARTING_S = 0.3
 
 
 class ScriptPort:
@@ -57,11 +59,14 @@ class ScriptPort:
             self._drain()
 
     def close(self) -> None:
-        """Hang up, with nothing left unread: that would take the last program back."""
+        """Hang up and wait a little for the other side: unread states take a program back."""
         with self._lock:
-            self._drain()
             with suppress(OSError):
                 self._socket.shutdown(socket.SHUT_WR)
+                until = time.monotonic() + _PARTING_S
+                self._socket.settimeout(_PARTING_S)
+                while time.monotonic() < until and self._socket.recv(1 << 16):
+                    pass
             self._socket.close()
 
     def _drain(self) -> None:
