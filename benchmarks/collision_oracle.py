@@ -1,17 +1,22 @@
-"""Judge designs by an independent oracle: pinocchio and coal, with the meshes of the UR5.
+"""Judge designs by an independent oracle: pinocchio and coal, with the meshes of the UR arms.
 
-    python benchmarks/collision_oracle.py [DESIGN.json ...] [--designs 20] [--seed 0]
+    python benchmarks/collision_oracle.py [DESIGN.json ...] [--designs 20] [--optimised 10]
 
-Without files, random rest-to-rest series are scaled into the limits, half of them small enough
-to be safe. At 1 kHz the oracle looks at position, velocity and acceleration limits, tool speed
-(pinocchio's Jacobian) and mesh against mesh, and at meshes against a floor and a table. Prints
-one line a design, and exits 1 if the oracle finds anything that the certificate passed.
+Two kinds of motion: random rest-to-rest series scaled into the limits, half of them shrunk until
+they are safe; and what the optimiser makes (`dynid design --starts 1`, one seed each, every
+other one with the scene), since an optimiser pushes against every boundary. Files are judged
+too. At 1 kHz the oracle looks at position, velocity and acceleration limits, speeds of tool and
+elbow (pinocchio), at mesh against mesh, and at meshes against a floor and a table. Prints one
+line a design, and exits 1 if the oracle finds anything that the certificate passed.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
+import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +30,14 @@ from dynid.constraints.presets import safe_constraints
 from dynid.constraints.scene import scene_from_json
 from dynid.robot.load import load_robot
 from dynid.robot.model import RobotModel
-from dynid.trajectory.files import read_trajectory
 from dynid.trajectory.fourier import FourierSeries
 from dynid.trajectory.json_fields import JsonFields
 from dynid.trajectory.random_excitation import random_excitation
 from dynid.trajectory.trajectory import Trajectory
+from dynid.workflow.design_files import read_design
+from dynid.workflow.design_limits import DesignLimits
+from dynid.workflow.design_settings import DesignSettings
+from dynid.workflow.designing import design
 
 DATA = Path(sys.prefix) / (
     f"lib/python3.{sys.version_info.minor}/site-packages/"
@@ -78,12 +86,14 @@ class Oracle:
         """Whether any two meshes meet."""
         return bool(pin.computeCollisions(self.model, self.data, self.shapes, self.placed, q, True))
 
-    def tool_speed(self, q: np.ndarray, dq: np.ndarray) -> float:
-        """Speed of the flange [m/s]."""
+    def speeds(self, q: np.ndarray, dq: np.ndarray) -> list[float]:
+        """Speeds of the flange and of the elbow [m/s]."""
         pin.forwardKinematics(self.model, self.data, q, dq)
-        last = self.model.getFrameId("ee_link")
-        velocity = pin.getFrameVelocity(self.model, self.data, last, pin.LOCAL_WORLD_ALIGNED)
-        return float(np.linalg.norm(velocity.linear))
+        elbow = self.robot.joint_names[self.robot.safety.elbow - 1]
+        frames = [self.model.getFrameId(name) for name in ("ee_link", elbow)]
+        turned = pin.LOCAL_WORLD_ALIGNED
+        moved = [pin.getFrameVelocity(self.model, self.data, k, turned).linear for k in frames]
+        return [float(np.linalg.norm(velocity)) for velocity in moved]
 
     def broken(self, motion: Any, every: int = 1) -> list[str]:
         """What the oracle finds wrong with samples of a motion."""
@@ -95,10 +105,12 @@ class Oracle:
             found.append("velocity")
         if (np.abs(motion.ddq) > limits.acceleration + slack).any():
             found.append("acceleration")
-        top = self.robot.safety.tcp_speed
         states = zip(motion.q[::every], motion.dq[::every], strict=True)
-        if any(self.tool_speed(q, dq) > top + slack for q, dq in states):
+        tool, elbow = np.array([self.speeds(q, dq) for q, dq in states]).T
+        if tool.max() > self.robot.safety.tcp_speed + slack:
             found.append("tcp_speed")
+        if elbow.max() > self.robot.safety.elbow_speed + slack:
+            found.append("elbow_speed")
         if any(self.collides(q) for q in motion.q[::every]):
             found.append("collision")
         return found
@@ -124,36 +136,64 @@ def random_designs(
     return found
 
 
+def optimised_designs(name: str, folder: Path, count: int, seed: int) -> list[Path]:
+    """What `dynid design` writes after one start each; every other one with the scene."""
+    scene = folder / "scene.json"
+    scene.write_text(json.dumps(SCENE))
+    files = []
+    for k in range(count):
+        around = str(scene) if k % 2 else None
+        files.append(folder / f"optimised {seed + k}{' scene' if around else ''}.json")
+        settings = DesignSettings(starts=1, seed=seed + k, scene=around)
+        design(name, settings, output=files[-1])
+    return files
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("files", nargs="*", type=Path)
-    parser.add_argument("--designs", type=int, default=20)
+    parser.add_argument("--designs", type=int, default=20, help="of both kinds")
+    parser.add_argument("--optimised", type=int, default=10, help="how many by the optimiser")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--robot", default="ur5", choices=["ur3", "ur5", "ur10"])
     given = parser.parse_args()
     robot = load_robot(given.robot)
     constraints = safe_constraints(robot, scene_from_json(JsonFields(SCENE)))
-    oracle = Oracle(robot)
-    designs: dict[str, Trajectory] = {
-        str(file): read_trajectory(file).series for file in given.files
+    oracles = {False: Oracle(robot, scene=False), True: Oracle(robot)}
+    random = max(given.designs - given.optimised - len(given.files), 0)
+    drawn = random_designs(robot, constraints, random, given.seed)
+    cases: dict[str, tuple[Trajectory, MotionConstraints, bool]] = {
+        f"random {k}": (series, constraints, True) for k, series in enumerate(drawn)
     }
-    if not designs:
-        drawn = random_designs(robot, constraints, given.designs, given.seed)
-        designs = {f"random {k}": series for k, series in enumerate(drawn)}
-    missed = 0
-    for name, design in designs.items():
-        certificate = certify(design, constraints)
-        times = np.arange(0.0, design.duration, 1e-3)
-        found = oracle.broken(design.evaluate(times))
+    with tempfile.TemporaryDirectory() as folder:
+        made = optimised_designs(given.robot, Path(folder), given.optimised, given.seed)
+        for file in (*given.files, *made):
+            stored = read_design(file, robot=given.robot)
+            limits = stored.limits or DesignLimits(scene=SCENE)
+            if limits.scene not in (None, SCENE):
+                sys.exit(f"{file}: the oracle knows no other scene than its own")
+            held = replace(limits, preset="safe").constraints(stored.robot)
+            cases[file.stem] = stored.stored.trajectory, held, limits.scene is not None
+    missed = passed = 0
+    for name, (motion, judge, scene) in cases.items():
+        certificate = certify(motion, judge)
+        times = np.arange(0.0, motion.duration, 1e-3)
+        found = oracles[scene].broken(motion.evaluate(times))
         wrong = certificate.feasible and bool(found)
         missed += wrong
+        passed += certificate.feasible
         verdict = "feasible" if certificate.feasible else "/".join(certificate.broken)
+        near = certificate.margins["self_collision_m"]
         print(
-            f"{name:12s} certificate: {verdict:40s} oracle: {'/'.join(found) or 'nothing'}"
-            f"{'   MISSED' if wrong else ''}",
+            f"{name:20s} certificate: {verdict:40s} self-collision"
+            f" {'-' if near is None else f'{1e3 * near:6.1f} mm'}  oracle:"
+            f" {'/'.join(found) or 'nothing'}{'   MISSED' if wrong else ''}",
             flush=True,
         )
-    print(f"{len(designs)} designs at 1 kHz; violations the certificate missed: {missed}")
+    print(
+        f"{len(cases)} designs at 1 kHz, {passed} of them feasible;"
+        f" violations the certificate missed: {missed}"
+    )
     sys.exit(1 if missed else 0)
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from dynid.constraints.arm import ArmGeometry, samples_of
-from dynid.constraints.collision_kernels import all_distances, nearest, shortfalls
+from dynid.constraints.collision_kernels import all_distances, nearest
+from dynid.constraints.shortfall_kernels import shortfalls
 from dynid.core.arrays import Array, Indices
 
 
@@ -48,6 +49,16 @@ class Bodies:
     """(P) how far the capsules of a pair may overlap before the links touch [m]."""
     meetings: Indices
     """(E, 2) capsule and shape that must not meet, group by group."""
+    pair_groups: Indices = field(init=False)
+    """(G, 4) inner link, outer link, first pair, last pair + 1."""
+    meeting_groups: Indices = field(init=False)
+    """(G, 4) link, shape, first meeting, last meeting + 1."""
+
+    def __post_init__(self) -> None:
+        inner, outer = self.link[self.pairs].T
+        object.__setattr__(self, "pair_groups", _runs(inner, outer))
+        capsule, shape = self.meetings.T
+        object.__setattr__(self, "meeting_groups", _runs(self.link[capsule], shape))
 
     def distances(self, q: Array) -> tuple[Array, Array]:
         """Signed distances of all pairs.
@@ -88,7 +99,7 @@ class Bodies:
             travel: (n) largest |q| of each joint anywhere [rad or m].
             way: (N, n) how far each joint may move from q [rad or m]; None for not at all.
         """
-        groups = self._groups(around)
+        groups = self.meeting_groups if around else self.pair_groups
         slack = np.zeros((len(q), len(groups)))
         if way is not None and travel is not None:
             slack = way @ self._rates(groups, around, travel).T
@@ -113,7 +124,7 @@ class Bodies:
         return Nearest(distance=found[0], pair=pair, bound=found[1])
 
     def violation(self, q: Array, own: float, around: float) -> tuple[float, Array]:
-        """Sum of squared shortfalls of the clearances, in units of `collision_kernels.LENGTH`.
+        """Sum of squared shortfalls of the clearances, in units of `shortfall_kernels.LENGTH`.
 
         Args:
             q: (N, n) positions [rad or m].
@@ -134,25 +145,15 @@ class Bodies:
             self.shapes,
             self.pairs,
             self.overlap,
-            self._groups(False),
+            self.pair_groups,
             self.meetings,
-            self._groups(True),
+            self.meeting_groups,
             samples_of(q),
             own,
             around,
             slope,
         )
         return float(total), slope
-
-    def _groups(self, around: bool) -> Indices:
-        """(G, 4) inner link (or link), outer link (or shape), first pair, last pair + 1."""
-        rows = self.meetings if around else self.pairs
-        if not len(rows):
-            return np.empty((0, 4), dtype=np.intp)
-        keys = np.stack([self.link[rows[:, 0]], rows[:, 1] if around else self.link[rows[:, 1]]], 1)
-        starts = np.flatnonzero(np.r_[True, (keys[1:] != keys[:-1]).any(axis=1)])
-        stops = np.r_[starts[1:], len(rows)]
-        return np.ascontiguousarray(np.column_stack([keys[starts], starts, stops]), dtype=np.intp)
 
     def _rates(self, groups: Indices, around: bool, travel: Array) -> Array:
         """(G, n) how fast each joint can change the distances of a group [m/rad or 1]."""
@@ -167,3 +168,13 @@ class Bodies:
         for row, inner in zip(rates, groups[:, 0], strict=True):
             row[:inner] = 0.0
         return rates
+
+
+def _runs(first: Indices, second: Indices) -> Indices:
+    """(G, 4) both numbers of each run of equal rows, where it starts and where it stops."""
+    if not len(first):
+        return np.empty((0, 4), dtype=np.intp)
+    keys = np.column_stack([first, second])
+    starts = np.flatnonzero(np.r_[True, (keys[1:] != keys[:-1]).any(axis=1)])
+    stops = np.r_[starts[1:], len(keys)]
+    return np.ascontiguousarray(np.column_stack([keys[starts], starts, stops]), dtype=np.intp)

@@ -50,6 +50,20 @@ def closest_on_segments(a: Array, b: Array, c: Array, d: Array) -> tuple[float, 
 
 
 @njit(cache=True, error_model="numpy")
+def point_to_segment(point: Array, a: Array, b: Array) -> float:
+    """Distance from a point to the segment ab."""
+    along = square = off = 0.0
+    for r in range(3):
+        u, w = b[r] - a[r], point[r] - a[r]
+        along += u * w
+        square += u * u
+        off += w * w
+    if along > 0.0:
+        off -= along * along / square if along < square else 2.0 * along - square
+    return math.sqrt(max(off, 0.0))
+
+
+@njit(cache=True, error_model="numpy")
 def _corner(x: float, y: float) -> tuple[float, float, float]:
     """Signed distance to the quadrant x, y <= 0, and its slopes."""
     if x > 0.0 and y > 0.0:

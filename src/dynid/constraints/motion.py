@@ -107,7 +107,7 @@ class MotionConstraints:
         """How much the limits are broken at samples, as one smooth number.
 
         The sum over samples and limits of the squared excess over the limit, as a share of the
-        limit; a missing clearance counts in units of `collision.LENGTH`.
+        limit; a missing clearance counts in units of `shortfall_kernels.LENGTH`.
 
         Args:
             q: (N, n) positions [rad or m].
