@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     from dynid.core.notices import Notice
     from dynid.excitation.design import ExcitationDesign
     from dynid.export.writing import ExportedFile, write_model
+    from dynid.identification.drive_gains import DriveGains
     from dynid.identification.estimate import Estimate
     from dynid.identification.estimate_file import read_estimate, write_estimate
+    from dynid.identification.payload import Payload
     from dynid.recording.files import read_recording
     from dynid.recording.parquet import read_record, write_record
     from dynid.recording.record import ExperimentRecord, RecordMetadata
@@ -45,12 +47,16 @@ if TYPE_CHECKING:
     from dynid.workflow.design_files import read_design, write_design
     from dynid.workflow.design_settings import DesignSettings
     from dynid.workflow.designing import design
+    from dynid.workflow.gains import identify_gains
     from dynid.workflow.identify import Identification, identify
     from dynid.workflow.identify_settings import IdentifySettings
     from dynid.workflow.importing import ImportOptions, import_recording
+    from dynid.workflow.payload import identify_payload
     from dynid.workflow.run_settings import RunSettings
     from dynid.workflow.running import Run, run_design
+    from dynid.workflow.shared_inertias import SharedIdentification, identify_shared
     from dynid.workflow.simulating import simulate_recording
+    from dynid.workflow.temperature import TemperatureIdentification, identify_temperature
     from dynid.workflow.verdict import Verdict, verdict
 
 __all__ = [
@@ -58,6 +64,7 @@ __all__ = [
     "BaseParametrization",
     "Check",
     "DesignSettings",
+    "DriveGains",
     "DynidError",
     "Estimate",
     "ExcitationDesign",
@@ -75,6 +82,7 @@ __all__ = [
     "MomentumObserver",
     "Notice",
     "ParameterComparison",
+    "Payload",
     "ProcessingSettings",
     "RecordError",
     "RecordMetadata",
@@ -84,6 +92,8 @@ __all__ = [
     "Run",
     "RunSettings",
     "Samples",
+    "SharedIdentification",
+    "TemperatureIdentification",
     "ValidationResult",
     "Verdict",
     "__version__",
@@ -93,6 +103,10 @@ __all__ = [
     "contact_thresholds",
     "design",
     "identify",
+    "identify_gains",
+    "identify_payload",
+    "identify_shared",
+    "identify_temperature",
     "import_recording",
     "load_robot",
     "parse_terms",
@@ -126,8 +140,10 @@ _HOME = {
     "core.notices": ("Notice",),
     "excitation.design": ("ExcitationDesign",),
     "export.writing": ("ExportedFile", "write_model"),
+    "identification.drive_gains": ("DriveGains",),
     "identification.estimate": ("Estimate",),
     "identification.estimate_file": ("read_estimate", "write_estimate"),
+    "identification.payload": ("Payload",),
     "recording.files": ("read_recording",),
     "recording.parquet": ("read_record", "write_record"),
     "recording.record": ("ExperimentRecord", "RecordMetadata"),
@@ -149,12 +165,16 @@ _HOME = {
     "workflow.design_files": ("read_design", "write_design"),
     "workflow.design_settings": ("DesignSettings",),
     "workflow.designing": ("design",),
+    "workflow.gains": ("identify_gains",),
     "workflow.identify": ("Identification", "identify"),
     "workflow.identify_settings": ("IdentifySettings",),
     "workflow.importing": ("ImportOptions", "import_recording"),
+    "workflow.payload": ("identify_payload",),
     "workflow.run_settings": ("RunSettings",),
     "workflow.running": ("Run", "run_design"),
+    "workflow.shared_inertias": ("SharedIdentification", "identify_shared"),
     "workflow.simulating": ("simulate_recording",),
+    "workflow.temperature": ("TemperatureIdentification", "identify_temperature"),
     "workflow.verdict": ("Verdict", "verdict"),
 }
 _MODULE_OF = {name: f"dynid.{module}" for module, names in _HOME.items() for name in names}

@@ -1,0 +1,168 @@
+"""Friction as a function of joint temperature, from records at several temperatures.
+
+Viscous friction falls with temperature, Fv(T) = Fv exp(-b (T - T0)) or Fv (1 - b (T - T0));
+Coulomb friction changes little, Fc(T) = Fc (1 - c (T - T0)). What else a joint has stays as it
+is. The laws are fitted joint by joint, by generalised least squares, to the friction of each
+record with its covariance; b is the only parameter that is not linear.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.core.errors import InputError, JobError
+
+LAWS = ("exponential", "linear")
+LEAST_SPREAD_K = 3.0
+"""Temperatures of a joint that differ by less tell nothing of its law [K]."""
+VARIES = {"Fv": "law", "Fc": "linear"}
+"""Which friction parameters change with temperature, and how."""
+ITERATIONS = 50
+CONVERGED = 1e-10
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointTemperatureLaw:
+    """The friction of one joint at any temperature."""
+
+    symbols: tuple[str, ...]
+    """(f) its friction parameters, e.g. `Fc`, `Fv`."""
+    law: str
+    """`exponential`, `linear`, or `constant` where temperatures hardly differed."""
+    reference: Array
+    """(f) values at the reference temperature."""
+    slope: Array
+    """(f) relative change per degree there, positive for a fall [1/K]."""
+    covariance: Array
+    """(2 f, 2 f) of `reference`, then `slope`; zero where a slope is fixed at zero."""
+    gain: Array
+    """(2 f, R f) how both move with the records' own parameters, record by record."""
+    reference_degC: float
+    """The reference temperature [degC]."""
+    range_degC: tuple[float, float]
+    """Lowest and highest temperature of the records [degC]."""
+    chi_squared: float
+    """Weighted residual sum of the fit."""
+
+    def at(self, temperature_degC: float) -> Array:
+        """(f) friction parameters at a temperature [degC]."""
+        return _values(
+            self.law, self.symbols, self.reference, self.slope, self._rise(temperature_degC)
+        )
+
+    def sensitivity(self, temperature_degC: float) -> Array:
+        """(f, 2 f) derivative of `at` by `reference` and `slope`."""
+        rise = self._rise(temperature_degC)
+        return _slopes(self.law, self.symbols, self.reference, self.slope, rise)
+
+    def std_at(self, temperature_degC: float) -> Array:
+        """(f) standard deviations of `at`."""
+        turn = self.sensitivity(temperature_degC)
+        return np.sqrt(np.maximum(np.diag(turn @ self.covariance @ turn.T), 0.0))
+
+    def _rise(self, temperature_degC: float) -> float:
+        return temperature_degC - self.reference_degC
+
+
+def fit_law(
+    values: Array,
+    covariance: Array,
+    temperature_degC: Array,
+    symbols: Sequence[str],
+    *,
+    law: str = "auto",
+) -> JointTemperatureLaw:
+    """Fit the laws of one joint.
+
+    Args:
+        values: (R, f) its friction parameters in each record.
+        covariance: (R f, R f) their covariance, record by record.
+        temperature_degC: (R) its temperature in each record [degC].
+        symbols: (f) names of the parameters without the joint, e.g. `Fc`, `Fv`.
+        law: `exponential`, `linear`, or `auto` for the one that fits better.
+
+    Raises:
+        InputError: An unknown law, or shapes that disagree.
+        JobError: The exponential law does not converge.
+    """
+    if law not in (*LAWS, "auto"):
+        raise InputError("unknown law", value=law, limit=(*LAWS, "auto"))
+    records, count = values.shape
+    if covariance.shape != (records * count, records * count) or count != len(symbols):
+        raise InputError(
+            "friction and its covariance disagree",
+            value=(values.shape, covariance.shape),
+            limit=f"{len(symbols)} parameters a record",
+        )
+    if np.ptp(temperature_degC) < LEAST_SPREAD_K:
+        return _fit(values, covariance, temperature_degC, tuple(symbols), "constant")
+    tried = [
+        _fit(values, covariance, temperature_degC, tuple(symbols), word)
+        for word in (LAWS if law == "auto" else (law,))
+    ]
+    return min(tried, key=lambda one: one.chi_squared)
+
+
+def _fit(
+    values: Array, covariance: Array, temperature: Array, symbols: tuple[str, ...], law: str
+) -> JointTemperatureLaw:
+    """Gauss-Newton in reference values and slopes, from the linear law's answer."""
+    records, count = values.shape
+    reference_degC = float(temperature.mean())
+    rises = (temperature - reference_degC).tolist()
+    varying = [k for k, s in enumerate(symbols) if law != "constant" and s in VARIES]
+    free = [*range(count), *(count + k for k in varying)]
+    scale = np.sqrt(np.diag(covariance))
+    root = np.linalg.cholesky(covariance / np.outer(scale, scale))
+    white = np.asarray(np.linalg.inv(root), dtype=np.float64) / scale
+    reference, slope = values.mean(axis=0), np.zeros(count)
+    inner = np.zeros((len(free), records * count))
+    for _ in range(ITERATIONS):
+        predicted = np.array([_values(law, symbols, reference, slope, rise) for rise in rises])
+        turn = np.vstack([_slopes(law, symbols, reference, slope, rise)[:, free] for rise in rises])
+        inner = np.linalg.pinv(white @ turn) @ white
+        step = np.zeros(2 * count)
+        step[free] = inner @ (values - predicted).ravel()
+        reference, slope = reference + step[:count], slope + step[count:]
+        if (np.abs(step[:count]) <= CONVERGED * (np.abs(reference) + 1e-12)).all():
+            break
+    else:
+        raise JobError("the temperature law does not converge", value=law)
+    gain = np.zeros((2 * count, records * count))
+    gain[free] = inner
+    predicted = np.array([_values(law, symbols, reference, slope, rise) for rise in rises])
+    return JointTemperatureLaw(
+        symbols=symbols,
+        law=law,
+        reference=reference,
+        slope=slope,
+        covariance=gain @ covariance @ gain.T,
+        gain=gain,
+        reference_degC=reference_degC,
+        range_degC=(float(temperature.min()), float(temperature.max())),
+        chi_squared=float(np.square(white @ (values - predicted).ravel()).sum()),
+    )
+
+
+def _factors(law: str, symbols: tuple[str, ...], slope: Array, rise: float) -> tuple[Array, Array]:
+    """(f) value over reference value at a rise of temperature, and its derivative by slope."""
+    curved = np.array([law == "exponential" and VARIES.get(s) == "law" for s in symbols])
+    decay = np.exp(-slope * rise)
+    return np.where(curved, decay, 1.0 - slope * rise), -rise * np.where(curved, decay, 1.0)
+
+
+def _values(
+    law: str, symbols: tuple[str, ...], reference: Array, slope: Array, rise: float
+) -> Array:
+    return reference * _factors(law, symbols, slope, rise)[0]
+
+
+def _slopes(
+    law: str, symbols: tuple[str, ...], reference: Array, slope: Array, rise: float
+) -> Array:
+    factor, change = _factors(law, symbols, slope, rise)
+    return np.hstack([np.diag(factor), np.diag(reference * change)])
