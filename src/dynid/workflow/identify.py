@@ -16,6 +16,7 @@ from dynid.core.provenance import provenance
 from dynid.identification.estimate import Estimate
 from dynid.identification.fitting import fit_estimate
 from dynid.identification.loading import with_load
+from dynid.identification.plausibility import implausible_gravity
 from dynid.identification.selection import Progress
 from dynid.recording.identity import identity
 from dynid.recording.record import ExperimentRecord
@@ -157,7 +158,7 @@ def _identify(
     )
     training = reproduce(estimate, records[0], start_s=settings.start_s, stop_s=settings.stop_s)
     result = None
-    warnings = list(estimate.warnings)
+    warnings = [*estimate.warnings, *implausible_gravity(estimate)]
     for record in records:
         warnings += [notice for notice in record.problems if notice not in warnings]
     validation, validation_start_s, validation_stop_s = other

@@ -56,6 +56,15 @@ def _unexplained(fit: float, wrong: bool) -> list[str]:
     return [*reasons, *(["the sign of the torques looks reversed (not_physical)"] * wrong)]
 
 
+def _unlike(error: float, codes: set[str]) -> str:
+    known = [code for code in ("unit_suspect", "not_physical", "over_fitted") if code in codes]
+    return (
+        f"it predicts another motion's torques to {error:.0f} % only (moving joints): check "
+        "mounting, drive gains and the order of the joints"
+        + (f"; see {', '.join(known)}" if known else "")
+    )
+
+
 def verdict(result: Identification) -> Verdict:
     """Judge an identification."""
     codes = {notice.code for notice in result.warnings}
@@ -76,6 +85,8 @@ def verdict(result: Identification) -> Verdict:
         if "low_excitation" in codes:
             poor.append("the motion excites too little (low_excitation)")
         return Verdict(level="do_not_use", reasons=tuple(poor))
+    if result.validation is not None and not seen and error > UNEXPLAINED:
+        return Verdict(level="do_not_use", reasons=(_unlike(error, codes),))
     doubts = ["only for motions like these: single values mean nothing (ill_conditioned)"] * ill
     found = sorted(codes & CARE)
     if not error <= POOR_PREDICTION and "extrapolated" in codes:

@@ -1,0 +1,79 @@
+"""The verdict on five planted cases: good, ill-conditioned, over-fitted, wrong gains, mounting."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+import dynid
+from dynid.robot.mount import with_mount
+
+ROBOT = dynid.load_robot("ur5")
+PAPER = dynid.IdentifySettings(preset="paper")
+Record = dynid.ExperimentRecord
+
+
+def recorded(seed: int, margin: float = 0.9, robot: dynid.RobotModel = ROBOT) -> Record:
+    motion = dynid.random_excitation(robot.limits, seed=seed, margin=margin)
+    return dynid.simulate_recording(robot, motion, seed=seed)
+
+
+@pytest.fixture(scope="module")
+def good() -> tuple[Record, Record]:
+    return recorded(1), recorded(2)
+
+
+def judged(
+    records: tuple[Record, Record], settings: dynid.IdentifySettings = PAPER
+) -> tuple[dynid.Verdict, set[str]]:
+    result = dynid.identify(records[0], ROBOT, settings, validation=records[1])
+    return dynid.verdict(result), {notice.code for notice in result.warnings}
+
+
+def test_good(good: tuple[Record, Record]) -> None:
+    found, codes = judged(good)
+    assert found.level == "usable"
+    assert not codes & {"ill_conditioned", "over_fitted", "unit_suspect", "not_physical"}
+
+
+def test_ill_conditioned(good: tuple[Record, Record]) -> None:
+    found, codes = judged((recorded(5, margin=0.03), good[1]))
+    assert found.level == "do_not_use"
+    assert "ill_conditioned" in found.headline
+    assert {"ill_conditioned", "low_excitation"} <= codes
+
+
+def test_over_fitted(good: tuple[Record, Record]) -> None:
+    settings = dynid.IdentifySettings(
+        preset="paper", stop_s=2.5, terms=dynid.parse_terms("fc,fv,im,fo")
+    )
+    found, codes = judged(good, settings)
+    assert found.level != "usable"
+    assert "over_fitted" in codes
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_wrong_gains(good: tuple[Record, Record], factor: float) -> None:
+    def scaled(record: Record) -> Record:
+        current = record.signals["current"] * factor
+        return replace(record, signals={**record.signals, "current": current})
+
+    found, codes = judged((scaled(good[0]), scaled(good[1])))
+    assert found.level == "care"
+    assert "unit_suspect" in found.headline
+    assert "unit_suspect" in codes
+
+
+@pytest.mark.parametrize(
+    "mounted",
+    [lambda: with_mount(ROBOT, "wall"), lambda: with_mount(ROBOT, "tilt:60")],
+    ids=["wall", "slope"],
+)
+def test_wrong_mounting(mounted: Callable[[], dynid.RobotModel]) -> None:
+    robot = mounted()
+    found, codes = judged((recorded(1, robot=robot), recorded(2, robot=robot)))
+    assert found.level == "do_not_use"
+    assert "mounting" in found.headline
+    assert {"unit_suspect", "not_physical"} & codes
