@@ -112,11 +112,12 @@ def test_impossible_base_parameters_are_said_to_be(tmp_path: Path) -> None:
         assert not done.model.physical
 
 
-def test_negative_friction_is_refused_by_mujoco_and_by_us(tmp_path: Path) -> None:
+def test_negative_friction_is_refused_before_loaders_do(tmp_path: Path) -> None:
     truth = parameters_of(UR5, 2)
     truth[61] = -0.5
-    with pytest.raises(JobError, match="Coulomb friction of joint 2 is negative"):
-        write_model(estimate_of(UR5, truth), "mjcf", tmp_path / "arm.xml")
+    for to in ("mjcf", "urdf"):
+        with pytest.raises(JobError, match="Coulomb friction of joint 2 is negative"):
+            write_model(estimate_of(UR5, truth), to, tmp_path / "arm.xml")
 
 
 def test_a_link_that_cannot_be_is_named() -> None:
@@ -146,3 +147,24 @@ def test_consistent_estimates_keep_their_parameters(tmp_path: Path) -> None:
     assert found.physical
     done = write_model(replace(estimate, standard=consistent), "mjcf", tmp_path / "arm.xml")
     assert done.verified.passed
+
+
+def test_masses_are_positive_even_where_bodies_are_not(tmp_path: Path) -> None:
+    """Base parameters of no bodies at all still make a URDF that loads and has our torques."""
+    estimate = estimate_of(UR5, parameters_of(UR5, 2))
+    random = np.random.default_rng(3)
+    noise = random.normal(size=len(estimate.values))
+    friction = [name.startswith("F") for name in estimate.names]
+    wild = replace(estimate, values=np.where(friction, np.abs(noise), noise))
+    found = complete(wild)
+    assert not found.physical
+    assert (found.values[: 10 * 6 : 10] > 0).all()
+    done = write_model(wild, "urdf", tmp_path / "arm.urdf")
+    assert done.verified.passed
+    states = random_states(UR5, 40, 1)
+    np.testing.assert_allclose(
+        wild.model.inverse_dynamics(*states, found.values),
+        wild.predict(*states),
+        rtol=0,
+        atol=1e-8,
+    )

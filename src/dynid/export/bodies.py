@@ -84,7 +84,9 @@ class Bodies:
         here, known = self.pseudo_inertias(values), self.pseudo_inertias(self.prior)
         motor, expected = values[self.motors], self.prior[self.motors]
         try:
+            # Factor and inverse both: bodies at the edge of the possible have the one alone.
             np.linalg.cholesky(here)
+            inverses = np.asarray(np.linalg.inv(here), dtype=np.float64)
         except np.linalg.LinAlgError:
             return float("inf"), gradient, curvature
         if (motor <= 0.0).any():
@@ -96,7 +98,7 @@ class Bodies:
         for i in range(self.links):
             mine = slice(10 * i, 10 * i + 10)
             body: Array = here[i]
-            inverse = np.asarray(np.linalg.inv(body), dtype=np.float64)
+            inverse: Array = inverses[i]
             given = np.asarray(np.linalg.inv(known[i]), dtype=np.float64)
             total += float(np.sum(given * body)) - 4.0
             total -= float(np.linalg.slogdet(given @ body)[1])

@@ -40,6 +40,8 @@ _DECADES = 7.0
 _SHORTEST = 1e-12
 _INSIDE = 1e-9
 """Share of the prior by which a body is inside those that can exist."""
+_LEAST_MASS = 0.1
+"""Share of the prior's mass that a link without possible bodies gets at least."""
 _SEED = 0
 
 
@@ -79,6 +81,7 @@ def complete(estimate: Estimate) -> Completion:
     if not possible:
         values = start + nearest + unseen @ z
         worst = bodies.impossible(values) or "one of the links, barely,"
+        values = _with_masses(bodies, values, unseen)
         return Completion(values=values, physical=False, worst=worst, origin=_IMPOSSIBLE)
     z = _minimise(bodies, start + nearest, unseen, z)
     values = start + nearest + unseen @ z
@@ -98,11 +101,34 @@ def null_space(model: InverseDynamicModel) -> Array:
 
 def _nearest(bodies: Bodies, start: Array, unseen: Array) -> Array:
     """Coordinates (k) of the least squares distance to the prior, in the prior's metric."""
-    _, _, metric = bodies.divergence(bodies.prior)
-    # The metric's square root turns it into an ordinary least squares problem.
-    values, vectors = np.linalg.eigh(metric)
-    root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    root = _metric(bodies)
     return _least_squares(root @ unseen, root @ (bodies.prior - start))
+
+
+def _metric(bodies: Bodies) -> Array:
+    """(p, p) whose product with a small change is as long as the change's divergence says."""
+    _, _, metric = bodies.divergence(bodies.prior)
+    values, vectors = np.linalg.eigh(metric)
+    return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+
+
+def _with_masses(bodies: Bodies, values: Array, unseen: Array) -> Array:
+    """The same torques with positive masses, which loaders insist on, if there are any.
+
+    The smallest step that motion does not show and that lifts masses to a share of the prior's.
+    """
+    places = 10 * np.arange(bodies.links)
+    lift = np.maximum(_LEAST_MASS * bodies.prior[places] - values[places], 0.0)
+    if not lift.any():
+        return values
+    scaled, masses = _metric(bodies) @ unseen, unseen[places]
+    width = unseen.shape[1]
+    system = np.zeros((width + bodies.links, width + bodies.links))
+    system[:width, :width] = scaled.T @ scaled
+    system[:width, width:], system[width:, :width] = masses.T, masses
+    step = _least_squares(system, np.concatenate([np.zeros(width), lift]))[:width]
+    lifted = values + unseen @ step
+    return lifted if (lifted[places] > 0.0).all() else values
 
 
 def _possible(bodies: Bodies, start: Array, unseen: Array) -> tuple[Array, bool]:

@@ -8,7 +8,16 @@ import numpy as np
 
 from dynid.core.errors import JobError
 from dynid.export.model import ExportModel
-from dynid.export.robot_xml import ADVICE, Body, attribute, bodies, comment, left_out, numbers
+from dynid.export.robot_xml import (
+    ADVICE,
+    Body,
+    attribute,
+    bodies,
+    comment,
+    left_out,
+    numbers,
+    refuse_negative_friction,
+)
 from dynid.export.rotations import quaternion
 
 HELD = ("Fc", "Fv", "Im")
@@ -30,14 +39,7 @@ def mjcf_text(model: ExportModel, note: str = "") -> str:
             f"not physical: {model.worst} cannot exist, and MuJoCo refuses it",
             next_step=ADVICE,
         )
-    for symbol, word in (("Fc", "Coulomb friction"), ("Fv", "viscous friction")):
-        low = int(np.argmin(model.terms[symbol]))
-        if model.terms[symbol][low] < 0.0:
-            raise JobError(
-                f"not physical: the {word} of joint {low + 1} is negative",
-                value=float(model.terms[symbol][low]),
-                next_step=ADVICE,
-            )
+    refuse_negative_friction(model)
     robot = model.robot
     missing = left_out(model, HELD)
     remarks = [note]

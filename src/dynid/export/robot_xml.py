@@ -61,6 +61,22 @@ def bodies(model: ExportModel) -> list[Body]:
     return found
 
 
+def refuse_negative_friction(model: ExportModel) -> None:
+    """Check what loaders check.
+
+    Raises:
+        JobError: Negative Coulomb or viscous friction.
+    """
+    for symbol, word in (("Fc", "Coulomb friction"), ("Fv", "viscous friction")):
+        low = int(np.argmin(model.terms[symbol]))
+        if model.terms[symbol][low] < 0.0:
+            raise JobError(
+                f"not physical: the {word} of joint {low + 1} is negative, and loaders refuse it",
+                value=float(model.terms[symbol][low]),
+                next_step=ADVICE,
+            )
+
+
 def left_out(model: ExportModel, held: Iterable[str]) -> tuple[str, ...]:
     """What the identified model has and a file with the terms `held` has not, in words."""
     gone = [

@@ -7,7 +7,15 @@ from collections.abc import Iterator
 import numpy as np
 
 from dynid.export.model import ExportModel
-from dynid.export.robot_xml import Body, attribute, bodies, comment, left_out, numbers
+from dynid.export.robot_xml import (
+    Body,
+    attribute,
+    bodies,
+    comment,
+    left_out,
+    numbers,
+    refuse_negative_friction,
+)
 from dynid.export.rotations import roll_pitch_yaw, upright
 
 HELD = ("Fc", "Fv")
@@ -29,9 +37,10 @@ def urdf_text(model: ExportModel, note: str = "") -> str:
         note: Where it comes from, for the file's head.
 
     Raises:
-        JobError: A link without mass.
+        JobError: A link without mass, or negative friction, which loaders refuse.
     """
     robot = model.robot
+    refuse_negative_friction(model)
     parts = bodies(model)
     remarks = [note, f"Gravity: {numbers([float(np.linalg.norm(robot.gravity))])} m/s^2."]
     missing = left_out(model, HELD)
