@@ -79,7 +79,7 @@ class Visit:
     """A visitor's page, and what its console complained of."""
 
     def __init__(self, browser: Any, url: str, width: int) -> None:
-        self.page = browser.new_page(viewport={"width": width, "height": 900})
+        self.page = browser.new_page(viewport={"width": width, "height": 600})
         self.page.set_default_timeout(PATIENCE_MS)
         self.errors: list[str] = []
         self.elsewhere: list[str] = []
@@ -100,6 +100,11 @@ class Visit:
 
     def click(self, name: str) -> None:
         self.page.get_by_role("button", name=name, exact=True).click()
+
+    def field(self, name: str) -> Any:
+        """The input beside a label that is to be seen."""
+        label = self.page.locator(f"label:visible:text-is('{name}')")
+        return label.locator("xpath=following::input[1]")
 
     def tab(self, name: str) -> None:
         self.page.get_by_role("tab", name=name).click()
@@ -127,8 +132,6 @@ def test_a_visitor_plays_pauses_and_scrubs(
     until(lambda: np.abs(page.stage.link_positions - start).max() > 1e-3, visit)
     visit.click("Pause")
     until(lambda: not session.player.playing, visit)
-    # The number beside the slider is the slider: typing scrubs.
-    box = visit.page.locator("input:not([type=checkbox])").nth(1)
     slider = visit.page.get_by_role("slider").first
     slider.focus()
     slider.press("Home")
@@ -139,7 +142,6 @@ def test_a_visitor_plays_pauses_and_scrubs(
     until(lambda: abs(session.player.place(0.0) - 4.0) < SLIDER, visit)
     expected = joint_poses(session.robot, session.now().q)[:, :3, 3]
     until(lambda: np.abs(page.stage.link_positions[1:] - expected).max() < DRAWN, visit)
-    assert box.count() == 1
     for name in ("Scene", "Design", "Run", "Results", "Motion"):
         visit.tab(name)
         visit.page.get_by_role("tab", name=name, selected=True).wait_for()
@@ -188,10 +190,10 @@ def test_a_run_beside_an_open_page_loses_no_sample_and_can_be_stopped(
     visit = Visit(browser, url, 1400)
     with controller_process("ur5", host=own_address(), virtual_time=True) as controller:
         visit.tab("Run")
-        visit.page.get_by_label("Robot").fill(f"ur://{controller.host}")
+        visit.field("Robot").fill(f"ur://{controller.host}")
         visit.click("Run")
         visit.page.get_by_text(f"Type {controller.host} to move the robot").wait_for()
-        visit.page.get_by_label("Type the word").fill(controller.host)
+        visit.field("Type the word").fill(controller.host)
         visit.click("Move the robot")
         until(lambda: session.job is not None and session.job.state.ended, visit)
     job = session.job
@@ -202,11 +204,11 @@ def test_a_run_beside_an_open_page_loses_no_sample_and_can_be_stopped(
     assert record.samples == 3 * 2 * CYCLES
     assert np.abs(np.diff(record.t) - 0.008).max() < 1e-6
     assert "record.parquet" in session.motions
-    visit.page.get_by_label("Robot").fill("sim")
+    visit.field("Robot").fill("sim")
     session.choose("motion.json")
-    visit.page.get_by_label("Periods").fill("900")
-    visit.page.get_by_label("Periods").press("Enter")
-    visit.page.get_by_label("File").last.fill("stopped.parquet")
+    visit.field("Periods").fill("900")
+    visit.field("Periods").press("Enter")
+    visit.field("File").fill("stopped.parquet")
     until(lambda: int(page.run_panel.repeat.value) == 900, visit)
     until(lambda: page.run_panel.name.value == "stopped.parquet", visit)
     visit.click("Run")
