@@ -52,6 +52,7 @@ class ControlledArm:
         self.kinematics = ToolKinematics(arm.robot)
         self.plant = Plant(arm, rate_hz=rate_hz, thermal=thermal)
         self.cycle = self.plant.cycle
+        self._seed = seed
         self._generator = np.random.default_rng(seed)
         self.braking = PROGRAM_STOP
         self.setpoint: list[float] = [float(value) for value in pose]
@@ -139,6 +140,14 @@ class ControlledArm:
         if quantity == "current":
             return 2, state.torque / self.truth.gain
         return 3, state.temperature
+
+    def draw_anew(self, number: int) -> None:
+        """Begin the noise of a program: it does not depend on when the program was sent.
+
+        Args:
+            number: How many programs were started before, and this one.
+        """
+        self._generator = np.random.default_rng((self._seed, number))
 
     def _measure(self) -> None:
         # Drawn every cycle, so that the noise does not depend on who listens.

@@ -33,6 +33,7 @@ class Programs:
         self._main: Execution | None = None
         self._beside: list[Execution] = []
         self._loaded: Program | None = None
+        self._started = 0
         self.name = ""
         """The running program, or the loaded one."""
 
@@ -57,6 +58,8 @@ class Programs:
             return
         self.stop("")
         self._main, self.name = execution, program.name
+        self._started += 1
+        core.arm.draw_anew(self._started)
         core.playing, core.paused = True, False
         core.watchdogs.clear()
         core.lacking.clear()
