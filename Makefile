@@ -44,7 +44,8 @@ floors: install
 	$(BIN)/lint-imports
 
 unit: install chromium
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 -m "not realtime"
+	$(BIN)/python -m pytest -m realtime
 
 bench: install
 	$(BIN)/python benchmarks/startup.py

@@ -23,6 +23,8 @@ from dynid.drivers.ur.driver import WATCHDOG_HZ
 from dynid.recording.parquet import read_record
 from dynid.simulation.controller.process import RunningController, controller_process
 
+pytestmark = pytest.mark.realtime
+
 STOP_S = 0.1
 """Controller time from the program's end to standstill, at most [s]."""
 CYCLE_S = 0.008

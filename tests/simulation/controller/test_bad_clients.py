@@ -15,6 +15,8 @@ from dynid.protocol.framing import Kind, frame
 from dynid.simulation.controller.doors import CLIENTS, PORTS
 from dynid.simulation.controller.process import controller_process
 
+pytestmark = pytest.mark.realtime
+
 STEP_ERROR = 1e-12
 GROWTH_MB = 150
 """What the controller may grow by: one bomb alone would bring more if it were kept."""

@@ -14,6 +14,8 @@ from dynid.robot.load import load_robot
 from dynid.simulation.controller.process import controller_process, own_address
 from dynid.simulation.library import simulated_arm
 
+pytestmark = pytest.mark.realtime
+
 BAD_USAGE = {
     "--expose": ["--host", "0.0.0.0"],
     "no IPv4 address": ["--host", "nowhere"],

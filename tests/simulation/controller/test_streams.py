@@ -10,6 +10,8 @@ from dynid.protocol import rtde
 from dynid.protocol.framing import Kind
 from dynid.simulation.controller.process import controller_process
 
+pytestmark = pytest.mark.realtime
+
 FIELDS = [
     "timestamp",
     "target_q",

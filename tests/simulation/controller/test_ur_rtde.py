@@ -8,6 +8,8 @@ from rtde_client import ask_dashboard, wait_for
 
 from dynid.simulation.controller.process import controller_process
 
+pytestmark = pytest.mark.realtime
+
 rtde_control = pytest.importorskip("rtde_control")
 rtde_receive = pytest.importorskip("rtde_receive")
 rtde_io = pytest.importorskip("rtde_io")
