@@ -77,7 +77,7 @@ def test_given_terms_and_cutoff_are_kept() -> None:
     ("settings", "message"),
     [
         ({"preset": "worst"}, "--preset"),
-        ({"estimator": "tls"}, "ols, wls, irls"),
+        ({"estimator": "kalman"}, "ols, wls, irls"),
         ({"weighting": "loud"}, "--weighting"),
     ],
 )

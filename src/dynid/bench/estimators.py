@@ -148,8 +148,8 @@ def parameter_distance(values: Array, truth: Array) -> float:
 
 def relative_error(values: Array, truth: Array) -> float:
     """100 times the mean over time of ||values - truth|| / ||truth||, both (N, n) [%]."""
-    error = np.sqrt(np.square(values - truth).sum(axis=1))
-    size = np.sqrt(np.square(truth).sum(axis=1))
+    error: Array = np.sqrt(np.square(values - truth).sum(axis=1))
+    size: Array = np.sqrt(np.square(truth).sum(axis=1))
     return float(100.0 * np.mean(error / np.maximum(size, 1e-12)))
 
 
