@@ -233,7 +233,10 @@ def test_a_robot_file_is_remembered(run: Run, recordings: Recordings, tmp_path: 
         (["import", "none.csv", "-o", "nowhere/x.parquet"], ["nowhere", "mkdir -p nowhere"]),
         (["import", "none.csv", "-o", "x.parquet", "--gains", "1,b"], ["--gains", "1,b"]),
         (["identify", "none.parquet"], ["none.parquet"]),
-        (["identify", "none.parquet", "--estimator", "kalman"], ["--estimator", "kalman", "ols, wls"]),
+        (
+            ["identify", "none.parquet", "--estimator", "kalman"],
+            ["--estimator", "kalman", "ols, wls"],
+        ),
         (["identify", "none.parquet", "--preset", "good"], ["--preset", "good", "best, paper"]),
         (["identify", "none.parquet", "--weighting", "no"], ["--weighting", "joint, size"]),
         (["identify", "none.parquet", "-o", "."], ["-o"]),
