@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from dynid.studio.supervisor import JobState
 
 _NONE = "-"
+_WIDTH = 340.0
+"""Of a figure in the panel, about [px]: its height stays what it was made with."""
 _COLOURS = {"usable": text.GOOD, "care": text.WARN, "do_not_use": text.BAD}
 
 
@@ -106,7 +108,11 @@ class ResultsPanel:
         with self._folder:
             for canvas in drawn:
                 figure: Any = paint(canvas)
-                self._figures.append(self._server.gui.add_plotly(figure, aspect=0.7))
+                height = float(figure.layout.height)
+                canvas.update_layout(
+                    title_font_size=13, font_size=10, height=None, margin={"l": 44, "r": 6}
+                )
+                self._figures.append(self._server.gui.add_plotly(figure, aspect=_WIDTH / height))
 
     def _show_verdict(self, found: list[tuple[str, str, str]]) -> None:
         self._verdict.content = "".join(

@@ -142,7 +142,7 @@ def _close_the_back_door(server: viser.ViserServer) -> None:
     messages: Any = require("viser._messages", "studio")
     inner: Any = server
     inner._websock_server.unregister_handler(messages.ShareUrlRequest)
-    server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=False)
+    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
 
 
 def _free(host: str, port: int, *, search: bool) -> int:

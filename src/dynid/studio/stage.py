@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 _ARM = ((86, 98, 112), (0, 114, 178))
 """Colours of every other link."""
 _SCENE, _CHOSEN = (190, 160, 110), (230, 159, 0)
-_CLOSE, _FAR = (213, 94, 0), (0, 158, 115)
-_HIDDEN = np.zeros((1, 2, 3), dtype=np.float32)
+_NEAREST, _TOO_NEAR = (230, 159, 0), (213, 94, 0)
+_WAY_RADIUS = 0.004
+"""Of the rod that is drawn between the nearest bodies [m]."""
 _KINDS = ("self_collision", "environment")
 Moved = Callable[[int, Array, bool], None]
 """Told which shape was dragged, where it is (4, 4), and whether it was let go."""
@@ -56,21 +57,20 @@ class Stage:
         self._links = [
             self._scene.add_frame(f"/arm/{k}", show_axes=False) for k in range(robot.joints + 1)
         ]
-        for k, mesh in enumerate(meshes):
+        self._bodies = [
             self._scene.add_mesh_simple(
                 f"/arm/{mesh.link}/{k}",
                 vertices=mesh.vertices.astype(np.float32),
                 faces=mesh.faces.astype(np.uint32),
                 color=_ARM[mesh.link % 2],
             )
+            for k, mesh in enumerate(meshes)
+        ]
+        self._meshes = meshes
+        self._colours: dict[int, tuple[int, int, int]] = {}
         self._ways = {
-            kind: self._scene.add_line_segments(
-                f"/near/{kind}",
-                points=_HIDDEN,
-                colors=_FAR,
-                thickness=4.0,
-                thickness_units="screen",
-                visible=False,
+            kind: self._scene.add_cylinder(
+                f"/near/{kind}", _WAY_RADIUS, 1.0, _NEAREST, cast_shadow=False, visible=False
             )
             for kind in _KINDS
         }
@@ -95,17 +95,35 @@ class Stage:
             shown = {item.kind: item for item in now.near}
             for kind in _KINDS:
                 self._show_way(kind, shown.get(kind))
+            self._paint(now.near)
 
     def _show_way(self, kind: str, item: Near | None) -> None:
         way, label = self._ways[kind], self._labels[kind]
         way.visible = label.visible = item is not None
         if item is None:
             return
-        colour = _CLOSE if item.distance < 2.0 * item.clearance else _FAR
-        way.points = np.array([[item.start, item.end]], dtype=np.float32)
-        way.colors = np.array([[colour, colour]], dtype=np.uint8)
+        along = item.end - item.start
+        length = float(np.linalg.norm(along))
+        way.color = _colour_of(item)
+        way.scale = (1.0, 1.0, max(length, 1e-6))
+        way.position = _three((item.start + item.end) / 2)
+        way.wxyz = _from_z(along / length) if length > 0 else (1.0, 0.0, 0.0, 0.0)
         label.position = _three((item.start + item.end) / 2)
         label.text = f"{1000 * item.distance:.0f} mm: {plain(item.names)}"
+
+    def _paint(self, near: tuple[Near, ...]) -> None:
+        """Give the nearest bodies their colour, and the others theirs back."""
+        wanted = {
+            k: _colour_of(item)
+            for item in near
+            for k, mesh in enumerate(self._meshes)
+            if item.names.startswith(f"{mesh.name} - ") or item.names.endswith(f" - {mesh.name}")
+        }
+        for k in wanted.keys() | self._colours.keys():
+            colour = wanted.get(k, _ARM[self._meshes[k].link % 2])
+            if colour != self._colours.get(k):
+                self._bodies[k].color = colour
+        self._colours = wanted
 
     def draw_scene(self, editor: SceneEditor, chosen: int | None) -> None:
         """Draw all shapes anew, the chosen one in another colour."""
@@ -161,6 +179,18 @@ class Stage:
             moved(number, pose_of(gizmo.position, gizmo.wxyz), event.phase == "end")
 
         gizmo.on_update(dragged)
+
+
+def _colour_of(item: Near) -> tuple[int, int, int]:
+    return _TOO_NEAR if item.distance < item.clearance else _NEAREST
+
+
+def _from_z(way: Array) -> tuple[float, float, float, float]:
+    """The shortest turn of the z axis to a direction (3) of length 1, as w, x, y, z."""
+    if way[2] < -1.0 + 1e-12:
+        return 0.0, 1.0, 0.0, 0.0
+    turn = np.array([1.0 + way[2], -way[1], way[0], 0.0])
+    return _four(turn / np.linalg.norm(turn))
 
 
 def _three(values: Array) -> tuple[float, float, float]:
