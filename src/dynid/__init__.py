@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from dynid.workflow.design_settings import DesignSettings
     from dynid.workflow.designing import design
     from dynid.workflow.gains import identify_gains
+    from dynid.workflow.gains_payload import identify_gains_from_payload
     from dynid.workflow.identify import Identification, identify
     from dynid.workflow.identify_settings import IdentifySettings
     from dynid.workflow.importing import ImportOptions, import_recording
@@ -104,6 +105,7 @@ __all__ = [
     "design",
     "identify",
     "identify_gains",
+    "identify_gains_from_payload",
     "identify_payload",
     "identify_shared",
     "identify_temperature",
@@ -166,6 +168,7 @@ _HOME = {
     "workflow.design_settings": ("DesignSettings",),
     "workflow.designing": ("design",),
     "workflow.gains": ("identify_gains",),
+    "workflow.gains_payload": ("identify_gains_from_payload",),
     "workflow.identify": ("Identification", "identify"),
     "workflow.identify_settings": ("IdentifySettings",),
     "workflow.importing": ("ImportOptions", "import_recording"),
