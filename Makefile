@@ -18,6 +18,8 @@ $(BIN)/python:
 
 $(STAMP): pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[all,dev]'
+	@# Numba compiles once a machine: better now than in somebody's first design.
+	-@$(BIN)/dynid design ur5 -o $(VENV)/first.json --starts 1 --jobs 1 >/dev/null 2>&1
 	@touch $@
 
 demo: install
