@@ -148,14 +148,23 @@ def payload_of(problem: SharedProblem, fit: SharedFit) -> Payload:
 def _findings(free: Array, body: Array, covariance: Array) -> tuple[Notice, ...]:
     notices: list[Notice] = []
     spread = float(np.sqrt(covariance[0, 0]))
-    if free[0] < NORMAL_95 * spread:
+    half = NORMAL_95 * spread
+    if abs(free[0]) < half:
         notices.append(
             Notice(
                 "low_excitation",
-                f"a payload of {free[0]:.3g} kg +- {NORMAL_95 * spread:.2g} kg cannot be told "
-                "from none",
+                f"a payload of {free[0]:.3g} kg +- {half:.2g} kg cannot be told from none",
             )
         )
+    if free[0] < -half:
+        notices.append(
+            Notice(
+                "not_physical",
+                f"the loaded runs carry {-free[0]:.3g} kg less than the unloaded ones: "
+                "they may have been swapped",
+            )
+        )
+        return tuple(notices)
     gap = body - free
     distance = float(gap @ np.linalg.solve(covariance, gap))
     # Chi-square with ten degrees of freedom passes 29.6 once in a thousand times.

@@ -1,0 +1,71 @@
+"""`dynid gains` and `dynid payload`: what they print and what they refuse."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+import dynid
+from dynid.cli import gains, payload
+from dynid.core.errors import InputError
+from dynid.simulation.inertia import cylinder
+from dynid.simulation.library import simulated_arm
+from dynid.simulation.payload import with_payload
+from dynid.simulation.run import simulate
+from dynid.workflow.simulating import record_of
+
+
+def call(*words: object) -> str:
+    app = typer.Typer()
+    gains.register(app)
+    payload.register(app)
+    done = CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+    assert done.exit_code == 0
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    folder = tmp_path_factory.mktemp("payload")
+    robot = dynid.load_robot("ur5")
+    motion = dynid.random_excitation(robot.limits, seed=7, margin=0.6, acceleration=8.0)
+    empty = simulated_arm(robot)
+    carrying = with_payload(empty, 2.0, [0.01, 0.0, 0.05], cylinder(2.0, 0.04, 0.1, 2))
+    paths = (folder / "empty.parquet", folder / "loaded.parquet")
+    for k, (arm, path) in enumerate(zip((empty, carrying), paths, strict=True)):
+        dynid.write_record(record_of(simulate(arm, motion, seed=k)), path)
+    return paths
+
+
+def test_gains(files: tuple[Path, Path]) -> None:
+    data = json.loads(call("gains", files[0], "--json"))
+    assert set(data) == {"robot", "samples", "gains", "warnings"}
+    truth = simulated_arm(dynid.load_robot("ur5")).truth.gain
+    np.testing.assert_allclose([row["gain"] for row in data["gains"]], truth, rtol=0.01)
+    text = call("gains", files[0])
+    (line,) = [line for line in text.splitlines() if line.startswith("--gains ")]
+    np.testing.assert_allclose([float(x) for x in line[8:].split(",")], truth, rtol=0.01)
+
+
+def test_payload(files: tuple[Path, Path]) -> None:
+    data = json.loads(call("payload", *files, "--json"))
+    assert data["mass"] == pytest.approx(2.0, rel=0.02)
+    np.testing.assert_allclose(data["centre"], [0.01, 0.0, 0.05], atol=0.005)
+    text = call("payload", *files)
+    assert "mass" in text
+    assert max(map(len, text.splitlines())) <= 80
+    # The other way round, it is a payload taken away: no body has a negative mass.
+    back = json.loads(call("payload", files[1], files[0], "--json"))
+    assert [notice["code"] for notice in back["warnings"]] == ["not_physical"]
+    assert "swapped" in back["warnings"][0]["message"]
+    assert back["mass"] >= 0
+
+
+def test_robots_are_not_mixed(files: tuple[Path, Path]) -> None:
+    with pytest.raises(InputError):
+        call("payload", files[0], files[0].parent / "nothing.parquet")
