@@ -7,6 +7,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from dynid.core.errors import DynidError
 from dynid.studio import text
 from dynid.studio.panel_design import DesignPanel
 from dynid.studio.panel_motion import MotionPanel
@@ -50,6 +51,7 @@ class Page:
         gui = server.gui
         gui.add_html(text.line(f"{text.plain(session.robot.name)}", bold=True))
         gui.add_html("".join(text.line(text.plain(note, 200), text.WARN) for note in notes))
+        self._problem = gui.add_html("")
         tabs = gui.add_tab_group()
         with tabs.add_tab("Motion"):
             self.motion = MotionPanel(server, session)
@@ -67,10 +69,14 @@ class Page:
     def run(self, stop: threading.Event) -> None:
         """Keep the page up to date until `stop` is set."""
         # The first certificate compiles for seconds on a new machine: visitors need not wait.
-        threading.Thread(target=self.motion.judge, daemon=True).start()
+        threading.Thread(target=self._first_look, daemon=True).start()
         while not stop.is_set():
             began = time.monotonic()
-            busy = self.step(began)
+            try:
+                busy = self.step(began)
+            except DynidError as error:
+                # One thing that cannot be shown does not end the page, nor a run beside it.
+                self._problem.content, busy = text.line(str(error), text.BAD), True
             if not self._server.get_clients():
                 period = _IDLE_S
             else:
@@ -122,6 +128,11 @@ class Page:
             self.run_panel.finished(state)
         else:
             self.results.finished(state)
+
+    def _first_look(self) -> None:
+        self.motion.judge()
+        if self.session.estimates:
+            self.results.show_results()
 
     def _opened(self) -> None:
         """A job has made something to play."""

@@ -69,10 +69,13 @@ class RunPanel:
         """Show how the run goes: questions, progress, the newest samples."""
         self.view.show(state)
         self._ask(state)
+        if self._reader is None and self._session.job is not None:
+            self._reader = TailReader(Path(self._session.job.job.output))
         tail = None if self._reader is None else self._reader.read(clock)
         if tail is not None:
             self.draw(tail)
-            self._session.follow(tail.signals["q"][-1])
+            speed = tail.signals.get("qd")
+            self._session.follow(tail.signals["q"][-1], None if speed is None else speed[-1])
 
     def finished(self, state: JobState) -> None:
         """Play what was recorded, whole or not."""
@@ -122,8 +125,7 @@ class RunPanel:
                 self.view.say(str(error), text.BAD)
                 return
             self._plot.data, self._plot.visible = self._blank, False
-            if self.view.begin(job):
-                self._reader = TailReader(Path(job.output))
+            self.view.begin(job)
 
         @self.agree.on_click
         def _(_event: object) -> None:

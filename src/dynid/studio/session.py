@@ -63,7 +63,7 @@ class Session:
         self.job: Supervisor | None = None
         self.motion: Playable = Held(_middle(opened))
         self.player = Player(1.0)
-        self._live: Array | None = None
+        self._live: tuple[Array, Array] | None = None
         self._judged = -1
         self.judge()
         if self.motions:
@@ -116,10 +116,10 @@ class Session:
             self.motion = Held(np.asarray(q, dtype=np.float64))
             self.player = Player(1.0, loop=self.player.loop, speed=self.player.speed)
 
-    def follow(self, q: Array | None) -> None:
-        """Show a pose (n) that a running robot has; None to show the motion again."""
+    def follow(self, q: Array | None, dq: Array | None = None) -> None:
+        """Show where a running robot is, and how fast (n); None to show the motion again."""
         with self.lock:
-            self._live = q
+            self._live = None if q is None else (q, np.zeros(len(q)) if dq is None else dq)
 
     @property
     def following(self) -> bool:
@@ -136,8 +136,8 @@ class Session:
         with self.lock:
             place = self.player.place(at)
             if self._live is not None:
-                rest = np.zeros(len(self._live))
-                return Now(place=place, q=self._live, dq=rest, ddq=rest)
+                live, speed = self._live
+                return Now(place=place, q=live, dq=speed, ddq=np.zeros(len(live)))
             q, dq, ddq = self.motion.at(place)
         return Now(place=place, q=q, dq=dq, ddq=ddq)
 
