@@ -62,6 +62,18 @@ def test_measured_velocities_tell_less_and_say_so(
     assert (found.std[known] < 0.05 * found.gain[known]).all()
 
 
+def test_rounded_targets_lose_the_joint_that_carries_nothing(
+    robot: RobotModel, record: ExperimentRecord
+) -> None:
+    """A log with four decimals: enough for five joints."""
+    signals = {name: np.round(values, 4) for name, values in record.signals.items()}
+    found = identify_gains(replace(record, signals=signals), robot)
+    truth = simulated_arm(robot).truth.gain
+    assert np.abs(found.gain[:5] / truth[:5] - 1).max() < ASKED
+    assert np.isnan(found.gain[5])
+    assert "wrist_3" in found.warnings[0].message
+
+
 def made(seed: int, noise: float, rest: bool = False) -> tuple[DriveGains, np.ndarray]:
     """Two joints with correlated noise on the current; the second may carry no moment."""
     generator = np.random.default_rng(seed)
@@ -71,7 +83,7 @@ def made(seed: int, noise: float, rest: bool = False) -> tuple[DriveGains, np.nd
     moment = np.stack([20 * np.cos(0.7 * t + phase[j, 1]) for j in range(2)], axis=1)
     if rest:
         moment[:, 1] = 0.0
-    white = generator.normal(size=t.shape + (2,))
+    white = generator.normal(size=(*t.shape, 2))
     kernel = np.ones(10) / np.sqrt(10)
     slow = np.stack([np.convolve(white[:, j], kernel, mode="same") for j in range(2)], axis=1)
     gain = np.array([13.0, 9.0])

@@ -45,10 +45,12 @@ class SharedProblem:
             raise InputError("needs at least one record")
         first = self.problems[0].base
         for other in self.problems[1:]:
-            if other.base.names != first.names:
+            same = other.base.model.frames == first.model.frames
+            if other.base.names != first.names or not same:
                 raise InputError(
                     "records with other base parameters cannot share them",
-                    value=set(other.base.names) ^ set(first.names),
+                    value=sorted(set(other.base.names) ^ set(first.names)),
+                    limit=f"frames {first.model.frames}",
                 )
         if self.loaded and len(self.loaded) != len(self.problems):
             raise InputError("one flag a record", value=len(self.loaded), limit=len(self.problems))

@@ -29,10 +29,8 @@ from dynid.robot.model import RobotModel
 from dynid.signals.process import process
 from dynid.signals.samples import ProcessingSettings
 from dynid.workflow.choosing import choose
+from dynid.workflow.identify import LONG_RECORD
 from dynid.workflow.identify_settings import IdentifySettings
-
-LONG_RECORD = 20_000
-"""Samples above which rows are averaged whatever the preset, as in `identify`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
