@@ -10,8 +10,9 @@ import pytest
 from dynid.constraints.presets import safe_constraints
 from dynid.core.errors import InputError, JobError
 from dynid.drivers.ur.state import ControllerState
+from dynid.experiment.approach import plan_approach
 from dynid.experiment.plan import ExperimentPlan, Payload
-from dynid.experiment.preflight import check_design, check_robot, require_ready
+from dynid.experiment.preflight import Check, check_design, check_robot, require_ready
 from dynid.robot.load import load_robot
 from dynid.trajectory.rest import rest_series
 
@@ -38,12 +39,16 @@ READY = ControllerState(
 )
 
 
+def looked(plan: ExperimentPlan, state: ControllerState) -> tuple[Check, ...]:
+    return check_robot(plan, state, plan_approach(state.q, plan.start, CONSTRAINTS))
+
+
 def failed(state: ControllerState, plan: ExperimentPlan = PLAN) -> list[str]:
-    return [check.name for check in check_robot(plan, state, CONSTRAINTS) if not check.passed]
+    return [check.name for check in looked(plan, state) if not check.passed]
 
 
 def test_a_robot_that_is_ready_passes() -> None:
-    checks = check_robot(PLAN, READY, CONSTRAINTS)
+    checks = looked(PLAN, READY)
     assert failed(READY) == []
     require_ready(checks, READY.host)
     assert check_design(PLAN, CONSTRAINTS).feasible
@@ -68,7 +73,7 @@ def test_each_thing_alone_keeps_it_from_moving(changes: dict[str, object], name:
     state = replace(READY, **changes)  # pyright: ignore[reportArgumentType]
     assert failed(state) == [name]
     with pytest.raises(JobError, match=f"not ready; {name}") as caught:
-        require_ready(check_robot(PLAN, state, CONSTRAINTS), state.host)
+        require_ready(looked(PLAN, state), state.host)
     assert caught.value.exit_code == 1
     assert "127.0.1.9" in str(caught.value)
 
@@ -76,7 +81,7 @@ def test_each_thing_alone_keeps_it_from_moving(changes: dict[str, object], name:
 def test_all_that_is_wrong_stands_in_one_message() -> None:
     state = replace(READY, robot_mode=5, speed_fraction=0.5)
     with pytest.raises(JobError, match=r"robot mode: idle.*speed slider: 50 %"):
-        require_ready(check_robot(PLAN, state, CONSTRAINTS), state.host)
+        require_ready(looked(PLAN, state), state.host)
 
 
 def test_an_e_series_robot_needs_an_e_series_controller() -> None:
@@ -93,7 +98,7 @@ def test_the_payload_asked_for_must_be_set_with_its_centre() -> None:
     assert failed(held, plan) == []
     assert failed(replace(held, payload_cog=np.zeros(3)), plan) == ["payload"]
     # Old software does not tell its payload; the person is told what it must be.
-    silent = check_robot(plan, replace(READY, payload=None, payload_cog=None), CONSTRAINTS)
+    silent = looked(plan, replace(READY, payload=None, payload_cog=None))
     assert any("1.2 kg" in check.finding for check in silent)
 
 

@@ -55,6 +55,8 @@ class Execution:
     """Control cycles a second."""
     limits: WatchLimits
     """Beyond which the robot is stopped."""
+    via: tuple[Array, ...] = ()
+    """Way points, each (n), at which a real robot rests on its way to the start [rad or m]."""
 
     def __post_init__(self) -> None:
         if self.periods < 1 or self.settle < 0:

@@ -74,7 +74,37 @@ def finish(
     return smaller or seen[0]
 
 
+def without_turns(evaluation: DesignEvaluation, x: Array) -> Array:
+    """The same poses, each revolute joint as near to the middle of its range as turns bring it.
+
+    A turn changes neither torques nor distances, but the robot would have to make it on its way
+    to the start. A start pose that was asked for is kept.
+
+    Args:
+        evaluation: Of the problem.
+        x: (n, 1 + k) offset and free numbers of each joint.
+
+    Returns:
+        (n, 1 + k) the same with other offsets; what kept the position bounds still does.
+    """
+    problem = evaluation.problem
+    if problem.start_pose is not None:
+        return x
+    q = problem.family.trajectory(x[:, 0], x[:, 1:]).evaluate(problem.times).q
+    bounds = problem.constraints.bounds
+    # Of the range, not of the mean: a range that is nearer to the middle cannot leave the bounds.
+    away = (q.min(axis=0) + q.max(axis=0) - bounds.lower - bounds.upper) / 2
+    turns = np.round(away / (2 * np.pi))
+    turns[np.array(evaluation.constraints.robot.prismatic, dtype=bool)] = 0.0
+    if not turns.any():
+        return x
+    moved = np.array(x)
+    moved[:, 0] -= 2 * np.pi * turns
+    return moved
+
+
 def _certified(evaluation: DesignEvaluation, x: Array, repair: str) -> Finished:
+    x = without_turns(evaluation, x)
     trajectory = evaluation.problem.family.trajectory(x[:, 0], x[:, 1:])
     certificate = certify(trajectory, evaluation.constraints)
     return Finished(x=x, trajectory=trajectory, certificate=certificate, repair=repair)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -72,6 +72,8 @@ class ExperimentPlan:
     """Control cycles a second."""
     payload: Payload = field(default_factory=Payload)
     """What the robot carries."""
+    via: tuple[Array, ...] = ()
+    """Way points, each (n), on the way to the start of the first pass [rad or m]."""
 
     def __post_init__(self) -> None:
         if self.slow is not None:
@@ -136,7 +138,9 @@ class ExperimentPlan:
             warm = self._execution(self.trajectory, periods)
             found.append(Pass(name="warm-up", execution=warm, recorded=False))
         run = self._execution(self.trajectory, self.periods, settle=int(self.settle))
-        return (*found, Pass(name="run", execution=run, recorded=True))
+        first, *others = (*found, Pass(name="run", execution=run, recorded=True))
+        # Each pass ends where the next one starts: only the first one has a way to go.
+        return (replace(first, execution=replace(first.execution, via=self.via)), *others)
 
     def _execution(self, trajectory: Trajectory, periods: int, settle: int = 0) -> Execution:
         return Execution(

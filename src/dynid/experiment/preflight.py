@@ -8,22 +8,17 @@ import numpy as np
 
 from dynid.constraints.certificate import Certificate, certify
 from dynid.constraints.motion import MotionConstraints
-from dynid.core.arrays import Array
 from dynid.core.errors import InputError, JobError
 from dynid.drivers.ur.state import ControllerState
 from dynid.drivers.watchdog import mode_name
+from dynid.experiment.approach import Approach
 from dynid.experiment.plan import ExperimentPlan
 from dynid.protocol.modes import RobotMode, RuntimeState, SafetyMode
-from dynid.trajectory.quintic import Quintic
 
-APPROACH_SPEED = 0.5
-"""Joint speed of the way to the start [rad/s]."""
 _E_SERIES = 5
 _SLIDER = 1e-3
 _STILL = 1e-3
-_NEAR = 1e-3
 _MASS, _COG = 0.01, 0.005
-_PEAK = 15.0 / 8.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,14 +53,14 @@ def check_design(plan: ExperimentPlan, constraints: MotionConstraints) -> Certif
 
 
 def check_robot(
-    plan: ExperimentPlan, state: ControllerState, constraints: MotionConstraints
+    plan: ExperimentPlan, state: ControllerState, approach: Approach
 ) -> tuple[Check, ...]:
     """Look at a controller before it gets a plan.
 
     Args:
         plan: What is to be executed.
         state: The controller, as it says it is.
-        constraints: What the way to the start is held to.
+        approach: The way from where it stands to the start.
     """
     mode = mode_name(RobotMode, state.robot_mode)
     safety = mode_name(SafetyMode, state.safety_mode)
@@ -85,7 +80,7 @@ def check_robot(
         ),
         Check("at rest", speed <= _STILL, f"{speed:.3g} rad/s"),
         _payload(plan, state),
-        _approach(state.q, plan.start, constraints),
+        _approach(approach),
     )
 
 
@@ -135,17 +130,12 @@ def _payload(plan: ExperimentPlan, state: ControllerState) -> Check:
     return Check("payload", fits, finding)
 
 
-def _approach(q: Array, start: Array, constraints: MotionConstraints) -> Check:
-    """The straight way in joint space, as `movej` takes it."""
-    way = float(np.abs(start - q).max())
-    if way <= _NEAR:
-        return Check("way to the start", True, "already there")
-    travel = max(_PEAK * way / APPROACH_SPEED, 0.1)
-    certificate = certify(Quintic(start=q, goal=start, travel_time=travel), constraints)
-    finding = f"{way:.3g} rad"
-    if not certificate.feasible:
-        finding += f", {_broken(certificate)}: jog the robot closer to {np.round(start, 3)}"
-    return Check("way to the start", certificate.feasible, finding)
+def _approach(approach: Approach) -> Check:
+    finding = approach.describe()
+    if approach.refused is not None:
+        start = np.round(approach.poses[-1], 3)
+        finding += f", {_broken(approach.refused)}: jog the robot closer to {start}"
+    return Check("way to the start", approach.free, finding)
 
 
 def _broken(certificate: Certificate) -> str:

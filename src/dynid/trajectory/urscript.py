@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core.arrays import Array
+from dynid.core.arrays import Array, frozen
 from dynid.core.errors import InputError
 from dynid.trajectory.pieces import pieces
 from dynid.trajectory.sequence import Repetition
@@ -106,6 +107,7 @@ def ur_program(
     options: UrProgramOptions | None = None,
     *,
     comment: str = "",
+    via: Sequence[Array] = (),
 ) -> UrProgram:
     """A complete program: way to the start, rest, periods, stop.
 
@@ -119,6 +121,7 @@ def ur_program(
             than one period it must end where it starts.
         options: Rate, repetitions, servo, registers; the defaults are those of the paper.
         comment: Written into the program's head.
+        via: Way points, each (6), at which it rests on its way to the start [rad].
 
     Raises:
         InputError: Another number of joints, a motion that does not start and end at rest, or a
@@ -142,9 +145,10 @@ def ur_program(
     rate = how.rate_hz / how.speed
     parts = pieces(trajectory)
     body, names = formula_lines(parts, rate), variables(parts)
-    first, last = (pose_list(pose) for pose in ends.q)
+    points = [frozen(pose, shape=(_JOINTS,), name="way point") for pose in via]
+    way = [pose_list(pose) for pose in (*points, ends.q[0])]
     return UrProgram(
-        text=_program(how, cycles, total, (first, last), names, body, comment),
+        text=_program(how, cycles, total, (way, pose_list(ends.q[1])), names, body, comment),
         cycles=cycles,
         first_recorded=how.settle * cycles,
         total=total,
@@ -157,7 +161,7 @@ def _program(
     how: UrProgramOptions,
     cycles: int,
     total: int,
-    ends: tuple[str, str],
+    ends: tuple[list[str], str],
     names: list[str],
     body: list[str],
     comment: str,
@@ -181,7 +185,7 @@ def _program(
         f"write_output_integer_register({how.state_register}, 0)",
         f"write_output_integer_register({how.index_register}, -1)",
         *watch,
-        f"movej({ends[0]}, a={slow}, v={decimal(how.approach_speed)})",
+        *(f"movej({pose}, a={slow}, v={decimal(how.approach_speed)})" for pose in ends[0]),
         *([f"sleep({decimal(how.dwell)})"] if how.dwell > 0 else []),
         "local index = 0",
         "local sample = 0",

@@ -2,32 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event
 from typing import Any
 
-from dynid.constraints.motion import MotionConstraints
 from dynid.core.errors import InputError, JobError
 from dynid.drivers.driver import Driver, Progress
 from dynid.drivers.simulated import SimulatedDriver
 from dynid.drivers.ur.driver import UrDriver
-from dynid.drivers.ur.state import ControllerState, inspect
+from dynid.drivers.ur.state import inspect
 from dynid.drivers.watchdog import Abort
 from dynid.experiment.plan import ExperimentPlan
-from dynid.experiment.preflight import check_design, check_robot, require_ready
 from dynid.experiment.run import RunResult, run
 from dynid.recording.record import RecordMetadata
 from dynid.recording.writer import RecordWriter
 from dynid.simulation.library import simulated_arm
 from dynid.workflow.run_files import LoadedDesign, load_design, mark_aborted, write_truth
+from dynid.workflow.run_ready import Confirm, made_ready
 from dynid.workflow.run_settings import RunSettings
 
 SIMULATED = "sim"
 RATE_HZ = 125.0
-Confirm = Callable[[str, str], None]
-"""Shown what is about to move and the word that agrees to it; raises where nobody agrees."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,7 +110,7 @@ def run_design(
         return _finished(result, path)
     state = inspect(_host(on))
     plan = _plan(loaded, asked, state.rate_hz, warm_up_s=asked.warm_up_s)
-    _make_sure(plan, state, loaded.limits.constraints(loaded.robot), confirm)
+    plan = made_ready(plan, state, loaded.limits.constraints(loaded.robot), confirm)
     if asked.method == "servoj":
         from dynid.drivers.ur.servoj import ServojDriver
 
@@ -144,33 +140,6 @@ def _plan(
         rate_hz=rate_hz,
         payload=asked.payload,
     )
-
-
-def _make_sure(
-    plan: ExperimentPlan,
-    state: ControllerState,
-    constraints: MotionConstraints,
-    confirm: Confirm | None,
-) -> None:
-    """Check the design, then the robot, then ask.
-
-    Raises:
-        InputError: A design that must not run, or nobody agrees.
-        JobError: The robot is not ready.
-    """
-    certificate = check_design(plan, constraints)
-    checks = check_robot(plan, state, constraints)
-    require_ready(checks, state.host)
-    if confirm is not None:
-        lines = [f"{check.name}: {check.finding}" for check in checks]
-        lines += [f"mounted as: {plan.robot.mount} (the robot cannot tell; look)"]
-        lines += certificate.notes
-        lines += [
-            f"{step.name}: {step.execution.settle + step.execution.periods} x "
-            f"{step.execution.trajectory.duration:g} s"
-            for step in plan.passes()
-        ]
-        confirm("\n".join(f"- {line}" for line in lines), state.host)
 
 
 def _simulated(loaded: LoadedDesign, asked: RunSettings) -> SimulatedDriver:

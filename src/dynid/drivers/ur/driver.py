@@ -65,7 +65,7 @@ class UrDriver(Driver):
             settle=execution.settle,
             watchdog_hz=WATCHDOG_HZ,
         )
-        program = ur_program(execution.trajectory, options)
+        program = ur_program(execution.trajectory, options, via=execution.via)
         with RtdeLink(self.state.host) as link:
             layout = Layout.of(link.ask_outputs(recorded_names(link.version[:3])))
             feed = link.ask_inputs([FEED])

@@ -8,6 +8,7 @@ number that the controller had when it sent the sample.
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from typing import Any
 
 from dynid.core.arrays import Array
@@ -69,7 +70,7 @@ class ServojDriver(Driver):
             return Outcome(samples=0, periods=0, gaps=0, abort=INTERRUPTED)
         control = self._control(self.state.host)
         try:
-            abort = _approach(control, setpoints[0], wish)
+            abort = _approach(control, (*execution.via, setpoints[0]), wish)
             if abort is not None:
                 return Outcome(samples=0, periods=0, gaps=0, abort=abort)
             control.setWatchdog(WATCHDOG_HZ)
@@ -149,13 +150,14 @@ class _Stream:
         return self._next > self._execution.total + self._hold
 
 
-def _approach(control: Any, start: Array, cancel: threading.Event) -> Abort | None:
-    """Move to the start; why that was ended early, if it was."""
-    control.moveJ(start.tolist(), APPROACH, APPROACH, True)
-    while control.getAsyncOperationProgress() >= 0:
-        if cancel.wait(_LOOK_S):
-            control.stopJ(STOP_DECELERATION)
-            return INTERRUPTED
-        if not control.isProgramRunning():
-            return Abort("program", "the program of ur_rtde ended on the way to the start")
+def _approach(control: Any, poses: Sequence[Array], cancel: threading.Event) -> Abort | None:
+    """Move from pose to pose, the start last; why that was ended early, if it was."""
+    for pose in poses:
+        control.moveJ(pose.tolist(), APPROACH, APPROACH, True)
+        while control.getAsyncOperationProgress() >= 0:
+            if cancel.wait(_LOOK_S):
+                control.stopJ(STOP_DECELERATION)
+                return INTERRUPTED
+            if not control.isProgramRunning():
+                return Abort("program", "the program of ur_rtde ended on the way to the start")
     return None
