@@ -25,8 +25,11 @@ COMMANDS = (
     "compare",
     "export",
     "report",
+    "studio",
     "demo",
 )
+LISTED = (*COMMANDS, "bench")
+"""`bench` is a group of commands."""
 
 
 @dataclass(frozen=True)
