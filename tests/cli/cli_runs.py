@@ -23,6 +23,8 @@ COMMANDS = (
     "identify",
     "validate",
     "compare",
+    "gains",
+    "payload",
     "export",
     "report",
     "studio",
