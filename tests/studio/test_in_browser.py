@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import threading
 import time
@@ -31,7 +32,7 @@ DRAWN = 1e-5
 """Positions travel as they are; the slider counts hundredths of a second."""
 SLIDER = 0.0051
 SOFTWARE = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-HOSTILE = "<img src=x onerror=alert(1)>" + "x" * 90 + ".json"
+HOSTILE = "<img src=x onerror=alert(1)>" + "x" * 80 + ".json"
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +40,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("studio")
     write_motion(made / "motion.json", period=4.0)
     write_motion(made / HOSTILE)
+    # A name that is no text at all.
+    os.rename(write_motion(made / "x.json"), os.fsencode(made) + b"/bad\xff.json")
     (made / "<b>broken<b>.json").write_text('{"kind": "dynid.<script>alert(2)<script>"}')
     return made
 
@@ -156,6 +159,7 @@ def test_hostile_names_are_shown_as_text(browser: Any, studio: tuple[Page, str])
     page.motion.refresh()
     visit = Visit(browser, url, 1400)
     visit.page.get_by_text("<b>broken<b>.json").first.wait_for()
+    assert "bad?.json" in page.motion.motion.options
     assert visit.page.locator("img[src=x]").count() == 0
     page.session.choose("motion.json")
     page.motion.refresh()

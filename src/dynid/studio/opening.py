@@ -14,11 +14,14 @@ from dynid.recording.parquet import read_record
 from dynid.robot.load import load_robot
 from dynid.robot.model import RobotModel
 from dynid.studio.motions import Playable, PlayedRecord, PlayedTrajectory
+from dynid.studio.text import plain
 from dynid.workflow.design_files import read_design
 from dynid.workflow.design_limits import DesignLimits
 
 DEFAULT_ROBOT = "ur5"
 MAX_JSON = 64 << 20
+_LONGEST = 120
+"""Characters of a file's name."""
 _SCENE_KEYS = frozenset({"shapes", "payload"})
 
 
@@ -82,12 +85,11 @@ def open_motion(path: Path, robot: str | None = None) -> OpenMotion:
     Raises:
         InputError: It is neither.
     """
+    name = plain(path.name, _LONGEST)
     if path.suffix.lower() == ".parquet":
-        return OpenMotion(
-            motion=PlayedRecord(path.name, read_record(path)), path=path, design=False
-        )
+        return OpenMotion(motion=PlayedRecord(name, read_record(path)), path=path, design=False)
     stored = read_design(path, robot=robot)
-    motion = PlayedTrajectory(path.name, stored.stored.trajectory)
+    motion = PlayedTrajectory(name, stored.stored.trajectory)
     return OpenMotion(motion=motion, path=path, design=True, limits=stored.limits)
 
 

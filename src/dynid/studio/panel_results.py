@@ -42,7 +42,7 @@ class ResultsPanel:
         self._server, self._session = server, session
         gui = server.gui
         names = self._recordings()
-        self.record = gui.add_dropdown("Recording", names, initial_value=names[0])
+        self.record = gui.add_dropdown("Recording", names, initial_value=names[-1])
         self.validation = gui.add_dropdown("Validate on", names, initial_value=_NONE)
         self.preset = gui.add_dropdown("Preset", ("best", "paper"), initial_value="best")
         self.name = gui.add_text("File", "estimate.json")
@@ -112,7 +112,8 @@ class ResultsPanel:
                 canvas.update_layout(
                     title_font_size=13, font_size=10, height=None, margin={"l": 44, "r": 6}
                 )
-                self._figures.append(self._server.gui.add_plotly(figure, aspect=_WIDTH / height))
+                # viser's aspect is height over width, whatever its documentation says.
+                self._figures.append(self._server.gui.add_plotly(figure, aspect=height / _WIDTH))
 
     def _show_verdict(self, found: list[tuple[str, str, str]]) -> None:
         self._verdict.content = "".join(

@@ -56,7 +56,8 @@ class Session:
         self.lock = threading.RLock()
         """Held by whoever reads or changes more than one thing."""
         self.editor = SceneEditor(opened.scene)
-        self.scene_name = Path(opened.scene_file).name if opened.scene_file else SCENE_FILE
+        given = Path(opened.scene_file).name
+        self.scene_name = given if given and given.isprintable() else SCENE_FILE
         self.scene_error = ""
         self.constraints: MotionConstraints | None = None
         self.verdict = Verdict()

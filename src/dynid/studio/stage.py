@@ -24,6 +24,8 @@ _ARM = ((86, 98, 112), (0, 114, 178))
 """Colours of every other link."""
 _SCENE, _CHOSEN = (190, 160, 110), (230, 159, 0)
 _NEAREST, _TOO_NEAR = (230, 159, 0), (213, 94, 0)
+_UPRIGHT = 0.75
+"""Width over height below which a window is a telephone's."""
 _WAY_RADIUS = 0.004
 """Of the rod that is drawn between the nearest bodies [m]."""
 _KINDS = ("self_collision", "environment")
@@ -53,6 +55,7 @@ class Stage:
         eye = size * np.array([1.1, -1.1, 0.8])
         server.initial_camera.position = (float(eye[0]), float(eye[1]), float(eye[2]))
         server.initial_camera.look_at = (0.0, 0.0, 0.3 * size)
+        server.on_client_connect(lambda client: _raise(client, size))
         self._scene.add_grid("/grid", width=4 * size, height=4 * size, cell_size=0.1)
         self._links = [
             self._scene.add_frame(f"/arm/{k}", show_axes=False) for k in range(robot.joints + 1)
@@ -75,7 +78,7 @@ class Stage:
             for kind in _KINDS
         }
         self._labels = {
-            kind: self._scene.add_label(f"/near/{kind}/label", "", visible=False) for kind in _KINDS
+            kind: self._scene.add_label(f"/labels/{kind}", "", visible=False) for kind in _KINDS
         }
         self._shapes: dict[int, viser.MeshHandle] = {}
         self._gizmo: viser.TransformControlsHandle | None = None
@@ -179,6 +182,12 @@ class Stage:
             moved(number, pose_of(gizmo.position, gizmo.wxyz), event.phase == "end")
 
         gizmo.on_update(dragged)
+
+
+def _raise(client: viser.ClientHandle, size: float) -> None:
+    """Look lower in an upright window: the panel covers the lower part of it."""
+    if client.camera.aspect < _UPRIGHT:
+        client.camera.look_at = (0.0, 0.0, -0.55 * size)
 
 
 def _colour_of(item: Near) -> tuple[int, int, int]:

@@ -33,7 +33,9 @@ def safe(text: object, longest: int = LONGEST) -> str:
 
 
 def line(text: str, colour: str = INK, *, bold: bool = False) -> str:
-    """A line of HTML; `text` is escaped."""
+    """A line of HTML; `text` is escaped, its line breaks stay."""
+    # Half characters, as file names may hold, cannot even be sent.
+    text = "".join(c if c.isprintable() or c == "\n" else "?" for c in text)
     weight = "600" if bold else "400"
     return (
         f'<div style="padding:2px 12px;color:{colour};font-weight:{weight};font-size:0.8rem;'
