@@ -131,5 +131,5 @@ def test_what_is_unknown_does_not_bind_and_is_null() -> None:
         "self_collision_m",
         "environment_m",
     }
-    assert any("no capsules" in note for note in judge.notes)
+    assert any("no shapes are known" in note for note in judge.notes)
     assert any("torque and power are not judged" in note for note in judge.notes)

@@ -1,11 +1,18 @@
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from robot_oracles import DATA, needs_models
 
 from dynid.robot.capsule import Capsule
+from dynid.robot.load import load_robot
+from dynid.robot.mesh_capsules import around_triangles
 from dynid.robot.urdf import load_urdf
 from dynid.robot.urdf_capsules import with_collision_geometry
 
@@ -73,13 +80,103 @@ def test_what_cannot_be_read_is_noted(tmp_path: Path) -> None:
     path, robot = arm(tmp_path, '<mesh filename="none.stl"/>', '<capsule radius="1"/>')
     found = with_collision_geometry(robot, path)
     assert len(found.capsules) == 1
-    assert any("none.stl was not found" in note for note in found.notes)
-    assert any("no capsule for a capsule" in note for note in found.notes)
+    assert any("none.stl was not found" in note for note in found.capsule_notes)
+    assert any("no capsule for a capsule" in note for note in found.capsule_notes)
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        '<box size="0 1 1"/>',
+        '<sphere radius="nan"/>',
+        "<sphere/>",
+        '<cylinder radius="-1" length="1"/>',
+    ],
+)
+def test_broken_elements_are_noted_and_refuse_nothing(tmp_path: Path, shape: str) -> None:
+    path, robot = arm(tmp_path, shape)
+    found = with_collision_geometry(robot, path)
+    assert [item.name for item in found.capsules] == ["hand 1"]
+    (note,) = found.capsule_notes
+    assert note.startswith("link one: collision 1 is not judged")
+
+
+@pytest.mark.parametrize("content", [b"", b"solid x\nendsolid x\n", b"\x00" * 200])
+def test_broken_meshes_are_noted(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "part.stl").write_bytes(content)
+    path, robot = arm(tmp_path, '<mesh filename="part.stl"/>')
+    found = with_collision_geometry(robot, path)
+    assert len(found.capsules) == 1
+    assert any("part.stl" in note for note in found.capsule_notes)
+
+
+def test_meshes_without_the_extra_are_noted_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "part.stl").write_bytes(b"solid")
+    path, robot = arm(tmp_path, *['<mesh filename="part.stl"/>'] * 2)
+    monkeypatch.setitem(sys.modules, "coal", None)
+    (note,) = with_collision_geometry(robot, path).capsule_notes
+    assert note == "meshes of one are not judged: pip install 'dynid[collision]' reads them"
+
+
+def test_the_door_reads_them_unless_told_otherwise(tmp_path: Path) -> None:
+    path, _ = arm(tmp_path)
+    assert load_robot(path).capsules
+    assert not load_robot(path, collision=False).capsules
+    toml = tmp_path / "arm.toml"
+    toml.write_text('urdf = "arm.urdf"\n')
+    assert [item.name for item in load_robot(toml).capsules] == ["hand 1"]
+    toml.write_text(
+        'urdf = "arm.urdf"\n[[capsule]]\nname = "own"\nlink = "j"\n'
+        "start = [0, 0, 0]\nend = [0, 0, 1]\nradius = 0.1\n"
+    )
+    assert [item.name for item in load_robot(toml).capsules] == ["own"]
+
+
+def test_a_tip_keeps_its_numbers(tmp_path: Path) -> None:
+    arm(tmp_path)
+    toml = tmp_path / "arm.toml"
+    toml.write_text('urdf = "arm.urdf"\ntip = "one"\n')
+    (ball,) = load_robot(toml).capsules
+    assert ball.link == 1
+    np.testing.assert_allclose(ball.start, [0, 0, 0.5], atol=1e-12)
+
+
+@given(
+    points=arrays(np.float64, (8, 3, 3), elements=st.floats(-1, 1)),
+    stretch=arrays(np.float64, 3, elements=st.sampled_from([0.0, 1e-3, 0.1, 1.0])),
+)
+@settings(max_examples=40, deadline=None)
+def test_every_triangle_is_in_capsules(points: np.ndarray, stretch: np.ndarray) -> None:
+    faces = points * stretch
+    found = around_triangles(faces)
+    assert 1 <= len(found) <= 8
+    shares = np.random.default_rng(0).dirichlet(np.ones(3), 20)
+    inside = np.concatenate(
+        [faces.reshape(-1, 3), np.einsum("sk,tkx->tsx", shares, faces).reshape(-1, 3)]
+    )
+    items = [
+        Capsule(name="", link=1, start=start, end=end, radius=radius)
+        for start, end, radius in found
+    ]
+    assert np.min([depth(inside, item) for item in items], axis=0).max() <= ROUNDING
 
 
 @needs_models
 def test_meshes_are_enclosed() -> None:
     path = DATA / "panda_description" / "urdf" / "panda.urdf"
-    robot = with_collision_geometry(load_urdf(path), path)
+    robot = load_robot(path)
     assert {item.link for item in robot.capsules} == set(range(8))
-    assert all(item.radius < 0.2 for item in robot.capsules)
+    assert not robot.capsule_notes
+    model = pin.buildModelFromUrdf(str(path))
+    geometry = pin.buildGeomFromUrdf(
+        model, str(path), pin.GeometryType.COLLISION, package_dirs=[str(DATA.parent.parent)]
+    )
+    for item in geometry.geometryObjects:
+        if not hasattr(item.geometry, "vertices"):
+            continue
+        corners = np.asarray(item.geometry.vertices())
+        placed = corners @ item.placement.rotation.T + item.placement.translation
+        own = [capsule for capsule in robot.capsules if capsule.link == min(item.parentJoint, 7)]
+        assert np.min([depth(placed, capsule) for capsule in own], axis=0).max() <= ROUNDING

@@ -8,19 +8,18 @@ import numpy as np
 
 from dynid.constraints.arm import arm_geometry
 from dynid.constraints.collision import Bodies
+from dynid.constraints.judged_pairs import free_pairs, reachable
+from dynid.constraints.payload_shapes import payload_capsules
 from dynid.constraints.settings import ConstraintSettings
-from dynid.constraints.shapes import BOX, SPHERE, Shape, packed
+from dynid.constraints.shapes import Shape, packed
 from dynid.core.arrays import Array, read_only
 from dynid.core.errors import InputError
 from dynid.robot.capsule import Capsule
 from dynid.robot.model import RobotModel
 
 _POSES = 1000
-_NEAR = 2
-"""Links this far apart, or from the base, may always be close together by construction."""
 _FEW_JOINTS = 3
 """Poses tried cover what this many joints do."""
-_TOUCHING = 0.0
 _FAR = 0.03
 """Pairs that keep this distance in all poses tried are left to the certificate [m]."""
 
@@ -35,6 +34,8 @@ class Surroundings:
     """Without the pairs of near links that no pose tried brings together, for a search."""
     names: dict[str, list[str]]
     """Kind of distance to the names of its pairs."""
+    complete: dict[str, bool]
+    """Kind of distance to whether the capsules are known to hold every link that it is about."""
 
 
 def surroundings_of(
@@ -43,25 +44,24 @@ def surroundings_of(
     """The bodies, and the names of their pairs; None where nothing is to be judged.
 
     Neighbouring links are not judged, nor links that the robot says stay apart (what the flange
-    carries is judged against those), nor is the base against the scene it stands on. Pairs
-    nearer than the clearance in every pose are so by construction and are left out.
+    carries is judged against those), nor is the base against the scene it stands on. What is
+    near by construction is left out; see `judged_pairs`.
 
     Raises:
         InputError: A shape that touches a moving link in every pose.
     """
     scene = settings.scene
     shapes = () if scene is None else scene.shapes
-    capsules = (*robot.capsules, *_payload(robot, () if scene is None else scene.payload))
-    if settings.self_collision and not robot.capsules:
-        notes.append(
-            "self-collision is not judged: the robot has no capsules ([[capsule]] in a robot file)"
-        )
+    capsules = (*robot.capsules, *payload_capsules(robot, () if scene is None else scene.payload))
+    complete = True
+    if settings.self_collision or shapes:
+        complete = _note_capsules(robot, settings, notes)
     if shapes and not any(item.link for item in capsules):
         raise InputError(
             "a scene needs a robot with self-collision shapes",
             where=robot.name,
             value="no capsules",
-            next_step="Add [[capsule]] tables to a robot file, or leave the scene out.",
+            next_step="Add [[capsule]] tables to a robot file, or collision geometry to a URDF.",
         )
     if not capsules:
         return None
@@ -86,8 +86,8 @@ def surroundings_of(
     every = _bodies(robot, capsules, shapes, pairs, meetings)
     poses = _poses(settings)
     own, around = every.distances(poses)
-    pairs = _free(pairs, own, capsules, settings.self_clearance, notes)
-    meetings = _reachable(meetings, around, capsules, shapes, settings.clearance, notes)
+    pairs, left_out = free_pairs(robot, pairs, own, capsules, settings.self_clearance, notes)
+    meetings = reachable(meetings, around, capsules, shapes, settings.clearance, notes)
     if not pairs and not meetings:
         return None
     names = {
@@ -99,7 +99,29 @@ def surroundings_of(
     met = bodies.distances(poses)[0].min(axis=0, initial=np.inf) < _FAR
     met |= links[:, 1] - links[:, 0] > _FEW_JOINTS
     likely = replace(bodies, pairs=bodies.pairs[met], overlap=read_only(bodies.overlap[met]))
-    return Surroundings(bodies=bodies, likely=likely, names=names)
+    return Surroundings(
+        bodies=bodies,
+        likely=likely,
+        names=names,
+        complete={"self_collision": complete and not left_out, "environment": complete},
+    )
+
+
+def _note_capsules(robot: RobotModel, settings: ConstraintSettings, notes: list[str]) -> bool:
+    """Whether the capsules are known to hold all of the moving links."""
+    notes.extend(robot.capsule_notes)
+    if not robot.capsules:
+        if settings.self_collision:
+            notes.append(
+                "self-collision is not judged: no shapes are known of the robot ([[capsule]] in a"
+                " robot file, or collision geometry in a URDF)"
+            )
+        return False
+    known = {item.link for item in robot.capsules}
+    bare = [name for k, name in enumerate(robot.joint_names, start=1) if k not in known]
+    if bare:
+        notes.append(f"no shapes are known of what {', '.join(bare)} moves: not judged")
+    return not bare and not robot.capsule_notes
 
 
 def _bodies(
@@ -157,73 +179,3 @@ def _poses(settings: ConstraintSettings) -> Array:
         np.where(lower < upper, x, y) for x, y in ((lower, bounds.lower), (upper, bounds.upper))
     )
     return np.random.default_rng(0).uniform(lower, upper, (_POSES, bounds.joints))
-
-
-def _free(
-    pairs: list[tuple[int, int]],
-    own: Array,
-    capsules: tuple[Capsule, ...],
-    clearance: float,
-    notes: list[str],
-) -> list[tuple[int, int]]:
-    kept: list[tuple[int, int]] = []
-    for pair, far in zip(pairs, own.T, strict=True):
-        a, b = (capsules[k] for k in pair)
-        if abs(a.link - b.link) <= _NEAR and float(far.max()) < clearance:
-            notes.append(f"{a.name} and {b.name} are never farther apart: not judged")
-        else:
-            kept.append(pair)
-    return kept
-
-
-def _reachable(
-    meetings: list[tuple[int, int]],
-    around: Array,
-    capsules: tuple[Capsule, ...],
-    shapes: tuple[Shape, ...],
-    clearance: float,
-    notes: list[str],
-) -> list[tuple[int, int]]:
-    kept: list[tuple[int, int]] = []
-    for (a, s), far in zip(meetings, around.T, strict=True):
-        name, shape = capsules[a].name, shapes[s].name
-        if float(far.max()) <= 0:
-            raise InputError(
-                f"the scene leaves the robot no room: {name} is in '{shape}' in every pose",
-                where=shape,
-                value=f"{float(far.max()):.3f} m",
-                limit="0 m",
-                next_step="Shapes are solid and stand in the robot's base frame; build a cell"
-                " from walls.",
-            )
-        least = float(far.min())
-        if capsules[a].link <= _NEAR and _TOUCHING < least < clearance:
-            # Such as the shoulder of an arm that stands on the floor.
-            notes.append(f"{name} and '{shape}' keep {least:.3f} m in every pose: not judged")
-        else:
-            kept.append((a, s))
-    return kept
-
-
-def _payload(robot: RobotModel, payload: tuple[Shape, ...]) -> tuple[Capsule, ...]:
-    """Capsules around what the flange carries."""
-    return tuple(_enclosing(robot, shape) for shape in payload)
-
-
-def _enclosing(robot: RobotModel, shape: Shape) -> Capsule:
-    pose = robot.flange @ shape.pose
-    if shape.kind == SPHERE:
-        along, radius = np.zeros(3), float(shape.size[0])
-    elif shape.kind == BOX:
-        longest = int(np.argmax(shape.size))
-        along = pose[:3, longest] * shape.size[longest]
-        radius = float(np.linalg.norm(np.delete(shape.size, longest)))
-    else:
-        along, radius = pose[:3, 2] * shape.size[1], float(shape.size[0])
-    return Capsule(
-        name=f"payload {shape.name}",
-        link=robot.joints,
-        start=pose[:3, 3] - along,
-        end=pose[:3, 3] + along,
-        radius=radius,
-    )

@@ -41,8 +41,9 @@ class Certificate:
     worst: dict[str, Worst]
     """Kind to its guaranteed margin, and where it is smallest."""
     proven: tuple[str, ...]
-    """Kinds whose margin is proven between samples; the others are dense samples with an
-    allowance."""
+    """Kinds whose margin is proven: at all times, and for distances with shapes that are known to
+    hold the links. The others are dense samples with an allowance, or leave something out, which
+    the notes say."""
     notes: tuple[str, ...]
     """What is not judged, and what was assumed."""
 
@@ -124,7 +125,7 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
             pair = int(bodies.nearest(at, around=kind == "environment").pair[0])
             worst[kind] = replace(worst[kind], what=names[pair])
         worst[kind] = _settled(worst[kind], found, found.value)
-        proven += [kind] if ends.proven else []
+        proven += [kind] if ends.proven and around.complete[kind] else []
     return Certificate(
         feasible=all(item.room >= -ROUNDING for item in worst.values()),
         worst=worst,

@@ -17,6 +17,7 @@ from dynid.robot.robotfile import MAX_BYTES as MAX_TOML
 from dynid.robot.robotfile import robot_from_toml
 from dynid.robot.urdf import MAX_BYTES as MAX_URDF
 from dynid.robot.urdf import robot_from_urdf
+from dynid.robot.urdf_capsules import with_collision_geometry
 
 
 class BuiltinRobot(NamedTuple):
@@ -34,7 +35,9 @@ def robots() -> list[BuiltinRobot]:
     return [BuiltinRobot(robot.name, robot.joints, robot.source) for robot in found]
 
 
-def load_robot(name_or_path: str | Path, *, mount: str | None = None) -> RobotModel:
+def load_robot(
+    name_or_path: str | Path, *, mount: str | None = None, collision: bool = True
+) -> RobotModel:
     """A robot by built-in name, URDF file or robot file (TOML).
 
     Files are told apart by what is in them, not by their ending.
@@ -42,16 +45,18 @@ def load_robot(name_or_path: str | Path, *, mount: str | None = None) -> RobotMo
     Args:
         name_or_path: A name that `robots` lists, or a path.
         mount: `floor`, `wall`, `ceiling` or `tilt:DEG`, in place of what the file says.
+        collision: Whether to read the collision geometry of a URDF, meshes included, where the
+            robot has no capsules; what cannot be read is in the robot's `capsule_notes`.
 
     Raises:
         RobotError: No such robot or file (the message lists the built-in ones), a file that
             cannot be read or understood, or an unknown mounting.
     """
-    robot = _load(name_or_path)
+    robot = _load(name_or_path, collision)
     return robot if mount is None else with_mount(robot, mount)
 
 
-def _load(name_or_path: str | Path) -> RobotModel:
+def _load(name_or_path: str | Path, collision: bool) -> RobotModel:
     text = str(name_or_path)
     names = _names()
     if text.lower() in names:
@@ -70,12 +75,13 @@ def _load(name_or_path: str | Path) -> RobotModel:
         )
     data = read_limited(path, MAX_URDF)
     if data.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] == b"<" or path.suffix.lower() == ".urdf":
-        return robot_from_urdf(data, where=shown_path(path), stem=path.stem)
+        robot = robot_from_urdf(data, where=shown_path(path), stem=path.stem)
+        return with_collision_geometry(robot, path) if collision else robot
     if len(data) > MAX_TOML:
         raise RobotError(
             "the file is too large for a robot file", where=shown_path(path), limit=MAX_TOML
         )
-    return robot_from_toml(data, path)
+    return robot_from_toml(data, path, collision=collision)
 
 
 def _names() -> list[str]:

@@ -66,6 +66,8 @@ class RobotModel:
     """Pairs of links (0 the base) that cannot meet, whatever their capsules say."""
     overlap: tuple[tuple[int, int, float], ...] = ()
     """Two links, and how far their capsules may overlap before the links touch [m]."""
+    capsule_notes: tuple[str, ...] = ()
+    """What a verdict on collisions should say of the capsules, in words."""
     safety: SafetyLimits = field(default_factory=SafetyLimits)
     """Limits of the whole arm, as its controller watches them."""
     locked: Mapping[str, float] = field(default_factory=dict[str, float])

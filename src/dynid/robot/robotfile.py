@@ -13,7 +13,8 @@
     [inertia] frames, mass, com, tensor        tensor: Jxx Jyy Jzz Jyz Jxz Jxy about the com
     [[counterbalance]] joint, outer, inner, rest_length, offset, piston_area, gas_work, gas_volume
     [[capsule]] name, link, frames, start, end, radius            link: `base` or a joint
-    [collision] apart                          pairs of links that cannot meet
+    [collision] note                           what a verdict should say of the capsules
+        apart                                  pairs of links that cannot meet
         overlap, overlap_by                    pairs whose capsules may overlap, and how far
 
 Units are SI; nan stands for an unknown number, and what is not published is left out. Every
@@ -47,6 +48,7 @@ from dynid.robot.robotfile_parts import (
 from dynid.robot.tables import Table, locked_joints, parse_toml, tables
 from dynid.robot.transforms import from_xyz_rpy
 from dynid.robot.urdf import load_urdf
+from dynid.robot.urdf_capsules import with_collision_geometry
 
 MAX_BYTES = 1_000_000
 """The largest robot file that is read."""
@@ -59,13 +61,14 @@ _TOP = (
 _TYPES = ("revolute", "prismatic")
 
 
-def robot_from_toml(data: bytes, path: Path) -> RobotModel:
+def robot_from_toml(data: bytes, path: Path, *, collision: bool = False) -> RobotModel:
     """A robot from the text of a robot file.
 
     Args:
         data: The text's bytes.
         path: Where the text is from: names the robot if it has no name, and is where a
             relative `urdf` path starts.
+        collision: Whether to read a URDF's collision geometry where there is no `capsule`.
 
     Raises:
         RobotError: Anything that is not a sound robot file; names table and key.
@@ -94,7 +97,11 @@ def robot_from_toml(data: bytes, path: Path) -> RobotModel:
             changes["name"] = top.text("name")
         if "frames" in top:
             changes["default_frames"] = top.text("frames", FRAMES)
-        return replace(robot, **changes, source="; ".join(top.sources("") + sources))
+        robot = replace(robot, **changes, source="; ".join(top.sources("") + sources))
+        if collision and "urdf" in top:
+            tip = top.text("tip") if "tip" in top else None
+            robot = with_collision_geometry(robot, path.parent / top.text("urdf"), tip=tip)
+        return robot
 
 
 def _kinematics(top: Table, path: Path) -> RobotModel:

@@ -137,10 +137,12 @@ def read_capsules(values: object, robot: RobotModel) -> Part:
 
 
 def read_collision(values: object, robot: RobotModel) -> Part:
-    """The table `collision`: pairs of links that cannot meet, or whose capsules may overlap."""
-    table = Table(values, "", "collision", ("apart", "overlap", "overlap_by"))
+    """The table `collision`: a note on the capsules, and what they say too strictly."""
+    table = Table(values, "", "collision", ("note", "apart", "overlap", "overlap_by"))
     links = ("base", *robot.joint_names)
     found: dict[str, Any] = {}
+    if "note" in table:
+        found["capsule_notes"] = (table.text("note"),)
     if "apart" in table:
         found["apart"] = tuple(_sorted_pair(links, pair) for pair in table.pairs("apart", links))
     if "overlap" in table:

@@ -1,8 +1,8 @@
 """Capsules from the collision geometry of a URDF, for robots that have none of their own.
 
 Boxes, cylinders and spheres become the smallest capsules around them, along their longest
-side. Meshes need the extra `collision` (coal reads them): each becomes the capsule around its
-box of principal axes, wide but safe.
+side. Meshes need the extra `collision` (coal reads them); see `mesh_capsules`. What cannot be
+read becomes a note, never an error: a verdict on collisions then says what it did not see.
 """
 
 from __future__ import annotations
@@ -12,37 +12,36 @@ import os
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from dynid.core.arrays import Array
-from dynid.core.errors import MissingExtraError
-from dynid.core.optional import require
+from dynid.core.errors import MissingExtraError, RobotError
 from dynid.robot.capsule import Capsule
-from dynid.robot.files import located, read_limited, shown, shown_path
+from dynid.robot.files import read_limited, shown, shown_path
+from dynid.robot.mesh_capsules import Ends, around_box, around_triangles, read_mesh
 from dynid.robot.model import RobotModel
 from dynid.robot.urdf import MAX_BYTES, place_links
 from dynid.robot.urdf_numbers import read_number, read_origin, read_vector
 from dynid.robot.urdf_trunk import find_trunk
 from dynid.robot.urdf_xml import parse_root, parse_urdf
 
-Ends = tuple[Array, Array, float]
-"""Start (3), end (3) and radius [m]."""
 
-
-def with_collision_geometry(robot: RobotModel, path: str | Path) -> RobotModel:
+def with_collision_geometry(
+    robot: RobotModel, path: str | Path, *, tip: str | None = None
+) -> RobotModel:
     """The robot with capsules around the `collision` elements of its URDF.
 
     Args:
         robot: What `load_urdf` gave; a robot with capsules is returned as it is.
         path: The URDF file.
+        tip: The link to which the arm leads, as `load_urdf` was told.
 
     Returns:
-        The robot, with a note for every mesh that was left out.
+        The robot, with a capsule note for every element that was left out.
 
     Raises:
-        RobotError: The file is not the robot's, or a collision element is broken.
+        RobotError: The file is not the robot's.
     """
     if robot.capsules:
         return robot
@@ -50,100 +49,81 @@ def with_collision_geometry(robot: RobotModel, path: str | Path) -> RobotModel:
     where = shown_path(file)
     data = read_limited(file, MAX_BYTES)
     tree = parse_urdf(data, where)
-    trunk = find_trunk(tree, where, locked=dict(robot.locked))
+    trunk = find_trunk(tree, where, tip=tip, locked=dict(robot.locked))
     poses, carriers = place_links(tree, trunk)
     found: list[Capsule] = []
     notes: list[str] = []
+    unread: list[str] = []
     for link in parse_root(data, where).iterfind("link"):
         name = (link.get("name") or "").strip()
+        shapes: list[Ends] = []
         for k, element in enumerate(link.iterfind("collision")):
-            at = f"{where}: link {shown(name)}: collision {k + 1}"
-            with located(at):
-                shape = _shape(element, at, file.parent, notes)
-                if shape is None:
-                    continue
+            at = f"link {shown(name, 40)}: collision {k + 1}"
+            try:
                 placed = poses[name] @ read_origin(element, at)
-                start, end, radius = shape
-                found.append(
-                    Capsule(
-                        name=f"{shown(name, 40)} {k + 1}",
-                        link=carriers[name],
-                        start=placed[:3, :3] @ start + placed[:3, 3],
-                        end=placed[:3, :3] @ end + placed[:3, 3],
-                        radius=radius,
-                    )
-                )
-    return replace(robot, capsules=tuple(found), notes=(*robot.notes, *notes))
+                shapes += [
+                    (_moved(placed, start), _moved(placed, end), radius)
+                    for start, end, radius in _shapes(element, at, file.parent, notes)
+                ]
+            except MissingExtraError:
+                unread.append(shown(name, 40))
+            except RobotError as error:
+                notes.append(f"{at} is not judged: {error.what}")
+        found += [
+            Capsule(
+                name=f"{shown(name, 40)} {k + 1}",
+                link=carriers[name],
+                start=start,
+                end=end,
+                radius=radius,
+            )
+            for k, (start, end, radius) in enumerate(shapes)
+        ]
+    if unread:
+        named = ", ".join(dict.fromkeys(unread))
+        notes.append(f"meshes of {named} are not judged: pip install 'dynid[collision]' reads them")
+    return replace(robot, capsules=tuple(found), capsule_notes=(*robot.capsule_notes, *notes))
 
 
-def _shape(element: ET.Element, where: str, folder: Path, notes: list[str]) -> Ends | None:
+def _moved(placed: Array, point: Array) -> Array:
+    return placed[:3, :3] @ point + placed[:3, 3]
+
+
+def _shapes(element: ET.Element, where: str, folder: Path, notes: list[str]) -> list[Ends]:
     geometry = element.find("geometry")
     if geometry is None or len(geometry) == 0:
-        return None
+        return []
     shape = geometry[0]
     zero = np.zeros(3)
     if shape.tag == "sphere":
-        return zero, zero, read_number(shape, "radius", where)
+        return [(zero, zero, _size(read_number(shape, "radius", where), where))]
     if shape.tag == "cylinder":
-        radius, length = (read_number(shape, key, where) for key in ("radius", "length"))
-        return _around(np.zeros(3), np.array([radius, radius, length / 2]), np.eye(3), True)
+        sizes = [read_number(shape, key, where) for key in ("radius", "length")]
+        radius, length = (_size(value, where) for value in sizes)
+        return [around_box(zero, np.array([radius, radius, length / 2]), np.eye(3), True)]
     if shape.tag == "box":
-        return _around(np.zeros(3), np.array(read_vector(shape, "size", where)) / 2, np.eye(3))
+        sides = [_size(value, where) for value in read_vector(shape, "size", where)]
+        return [around_box(zero, np.array(sides) / 2, np.eye(3))]
     if shape.tag == "mesh":
         return _mesh(shape, where, folder, notes)
-    notes.append(f"{where}: no capsule for a {shown(shape.tag, 40)}")
-    return None
+    notes.append(f"{where} is not judged: no capsule for a {shown(shape.tag, 40)}")
+    return []
 
 
-def _around(centre: Array, half: Array, axes: Array, round_: bool = False) -> Ends:
-    """The capsule around a box of half sides (3) along the rows of `axes`, or a cylinder."""
-    longest = 2 if round_ else int(np.argmax(half))
-    across = np.delete(half, longest)
-    radius = float(across[0]) if round_ else float(np.linalg.norm(across))
-    # Widened by w the ends may move in: the rim (radius, half) is still within.
-    best, wide, reach = math.inf, radius, float(half[longest])
-    for share in np.linspace(1.0, 1.6, 25):
-        r = share * radius
-        inset = math.sqrt(r * r - radius * radius)
-        length = max(float(half[longest]) - inset, 0.0)
-        r = max(r, math.hypot(radius, float(half[longest]) - length))
-        volume = r * r * (2 * length + 4 / 3 * r)
-        if volume < best:
-            best, wide, reach = volume, r, length
-    return centre - reach * axes[longest], centre + reach * axes[longest], wide * (1 + 1e-12)
+def _size(value: float, where: str) -> float:
+    if not (math.isfinite(value) and value > 0):
+        raise RobotError("its size is not positive", where=where, value=value)
+    return value
 
 
-def _mesh(shape: ET.Element, where: str, folder: Path, notes: list[str]) -> Ends | None:
+def _mesh(shape: ET.Element, where: str, folder: Path, notes: list[str]) -> list[Ends]:
     name = (shape.get("filename") or "").strip()
     file = _found(name, folder)
     if file is None:
-        notes.append(f"{where}: the mesh {shown(name)} was not found; no capsule for it")
-        return None
-    try:
-        coal: Any = require("coal", "collision")
-    except MissingExtraError:
-        notes.append(f"{where}: a mesh needs the extra dynid[collision]; no capsule for it")
-        return None
+        notes.append(f"{where} is not judged: the mesh {shown(name)} was not found")
+        return []
     scale = np.array(read_vector(shape, "scale", where)) if shape.get("scale") else np.ones(3)
-    try:
-        mesh = coal.MeshLoader().load(str(file), scale)
-    except (RuntimeError, ValueError) as error:
-        notes.append(f"{where}: the mesh {shown(name)} cannot be read ({shown(error, 60)})")
-        return None
-    corners = np.asarray(mesh.vertices(), dtype=np.float64).reshape(-1, 3)
-    return _around_points(corners)
-
-
-def _around_points(corners: Array) -> Ends:
-    middle = corners.mean(axis=0)
-    _, _, axes = np.linalg.svd(corners - middle, full_matrices=False)
-    along = (corners - middle) @ axes.T
-    low, high = along.min(axis=0), along.max(axis=0)
-    start, end, radius = _around(middle + (low + high) / 2 @ axes, (high - low) / 2, axes)
-    way = end - start
-    t = np.clip((corners - start) @ way / max(float(way @ way), 1e-18), 0.0, 1.0)
-    needed = float(np.linalg.norm(corners - start - t[:, None] * way, axis=1).max())
-    return start, end, min(radius, needed * (1 + 1e-12))
+    return around_triangles(read_mesh(file, scale))
 
 
 def _found(name: str, folder: Path) -> Path | None:

@@ -1,0 +1,192 @@
+"""Prove what the built-in robot files say of their capsules, against the meshes.
+
+    python benchmarks/capsule_credits.py [ur3 ur5 ur10]
+
+A robot file may say that the capsules of two links may overlap by so much before the links
+touch (`overlap`), and that two links cannot meet (`apart`); capsules that overlap in every pose
+are left out of the judgement by dynid itself. For every two links that this concerns, the whole
+space of the joints between them is searched by branch and bound: a box of joint positions is
+settled when the judge refuses all of it, or the meshes (coal) stay apart in all of it, since a
+body moves no faster than its reach. A pose where the meshes touch and the judge is content is a
+counter-example. Prints one line a pair, with the least distance of the meshes wherever the
+judge is content; exits 1 if there is a counter-example or a box that could not be settled.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import replace
+
+import coal
+import numpy as np
+import pinocchio as pin
+from collision_oracle import DATA
+
+from dynid.constraints.collision import Bodies
+from dynid.constraints.presets import safe_constraints
+from dynid.robot.load import load_robot
+from dynid.robot.model import RobotModel
+
+FIRST = 16
+"""Boxes a joint to begin with."""
+MOST = 600_000
+"""Mesh distances for one pair of links before giving up."""
+
+
+class Meshes:
+    """The meshes of each link of a UR arm."""
+
+    def __init__(self, name: str) -> None:
+        urdf = str(DATA / f"ur_description/urdf/{name}_robot.urdf")
+        self.model = pin.buildModelFromUrdf(urdf)
+        self.shapes = pin.buildGeomFromUrdf(
+            self.model, urdf, pin.GeometryType.COLLISION, package_dirs=[str(DATA.parent.parent)]
+        )
+        self.data = self.model.createData()
+
+    def of(self, link: int) -> list[pin.GeometryObject]:
+        """The shapes of a link."""
+        return [item for item in self.shapes.geometryObjects if item.parentJoint == link]
+
+    def distance(self, q: np.ndarray, inner: int, outer: int) -> float:
+        """Between the meshes of two links, not above 0 where they touch [m]."""
+        pin.forwardKinematics(self.model, self.data, q)
+        least = np.inf
+        for a in self.of(inner):
+            for b in self.of(outer):
+                placed = (self.data.oMi[x.parentJoint] * x.placement for x in (a, b))
+                at = [coal.Transform3s(x.rotation, x.translation) for x in placed]
+                result = coal.DistanceResult()
+                request = coal.DistanceRequest()
+                far = coal.distance(a.geometry, at[0], b.geometry, at[1], request, result)
+                least = min(least, far)
+        return least
+
+    def reach(self, inner: int, outer: int) -> np.ndarray:
+        """(outer - inner) how fast the joints between move points of the outer link [m/rad].
+
+        No point is ever farther from an axis than the way along the arm.
+        """
+        points = [
+            np.asarray(item.geometry.vertices()) @ item.placement.rotation.T
+            + item.placement.translation
+            for item in self.of(outer)
+            if hasattr(item.geometry, "vertices")
+        ]
+        points += [
+            item.placement.translation[None] + np.linalg.norm(item.geometry.halfSide)
+            for item in self.of(outer)
+            if hasattr(item.geometry, "halfSide")
+        ]
+        way = float(np.linalg.norm(np.concatenate(points), axis=1).max())
+        found = [way]
+        for k in range(outer, inner + 1, -1):
+            way += float(np.linalg.norm(self.model.jointPlacements[k].translation))
+            found.append(way)
+        return np.array(found[::-1])
+
+
+class Judge:
+    """What dynid says of two links."""
+
+    def __init__(self, robot: RobotModel, inner: int, outer: int) -> None:
+        settings = safe_constraints(robot)
+        around = settings.surroundings
+        if around is None:
+            sys.exit(f"{robot.name} has no capsules")
+        every = around.bodies
+        self.clearance = settings.settings.self_clearance
+        first, second = (np.flatnonzero(every.link == link) for link in (inner, outer))
+        whole = np.stack(np.meshgrid(first, second, indexing="ij"), axis=-1).reshape(-1, 2)
+        mine = (every.link[every.pairs] == [inner, outer]).all(axis=1)
+        nothing = np.empty((0, 2), dtype=np.intp)
+        self.judged: Bodies = replace(
+            every, pairs=every.pairs[mine], overlap=every.overlap[mine].copy(), meetings=nothing
+        )
+        self.whole: Bodies = replace(
+            every, pairs=whole, overlap=np.zeros(len(whole)), meetings=nothing
+        )
+        self.left_out = len(whole) - int(mine.sum())
+        self.credit = float(self.judged.overlap.max(initial=0.0))
+        reach = [
+            every.arm.reach(outer, end, np.zeros(robot.joints))
+            for capsule in second
+            for end in every.ends[capsule]
+        ]
+        self.reach = np.max(reach, axis=0)[inner:outer]
+
+    def room(self, q: np.ndarray) -> np.ndarray:
+        """(N) what is left of the clearance by the judge; infinite where nothing is judged."""
+        own, _ = self.judged.distances(q)
+        return own.min(axis=1, initial=np.inf) - self.clearance
+
+    def capsules(self, q: np.ndarray) -> np.ndarray:
+        """(N) distance of the capsules, none left out."""
+        return self.whole.distances(q)[0].min(axis=1)
+
+
+def prove(meshes: Meshes, judge: Judge, inner: int, outer: int) -> tuple[str, float, int]:
+    """Search all positions of the joints between two links.
+
+    Returns:
+        `proven`, `open` or `touching`, the least mesh distance seen where the judge is content
+        [m], and how often the meshes were asked.
+    """
+    count, joints = outer - inner, meshes.model.nq
+    reach = meshes.reach(inner, outer)
+    half = np.full(count, np.pi / FIRST)
+    ticks = -np.pi + half[0] * (2 * np.arange(FIRST) + 1)
+    boxes = np.stack(np.meshgrid(*[ticks] * count, indexing="ij"), axis=-1).reshape(-1, count)
+    least, asked = np.inf, 0
+    while len(boxes):
+        if asked > MOST:
+            return "open", least, asked
+        q = np.zeros((len(boxes), joints))
+        q[:, inner:outer] = boxes
+        room, far = judge.room(q), judge.capsules(q)
+        moves = float(judge.reach @ half)
+        unsettled = np.flatnonzero((room + moves >= 0) & (far - moves <= 0))
+        left = []
+        for k in unsettled:
+            distance = meshes.distance(q[k], inner, outer)
+            asked += 1
+            if room[k] >= 0:
+                least = min(least, distance)
+                if distance <= 0:
+                    print(f"      touching at {q[k, inner:outer]}, room {1e3 * room[k]:.2f} mm")
+                    return "touching", least, asked
+            if distance - float(reach @ half) <= 0:
+                left.append(k)
+        widest = int(np.argmax(np.maximum(reach, judge.reach) * half))
+        half[widest] /= 2
+        step = np.zeros(count)
+        step[widest] = half[widest]
+        boxes = np.concatenate([boxes[left] - step, boxes[left] + step])
+    return "proven", least, asked
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("robots", nargs="*", default=["ur3", "ur5", "ur10"])
+    failed = False
+    for name in parser.parse_args().robots:
+        robot, meshes = load_robot(name), Meshes(name)
+        for inner in range(robot.joints - 1):
+            for outer in range(inner + 2, robot.joints + 1):
+                judge = Judge(robot, inner, outer)
+                if not judge.left_out and not judge.credit:
+                    continue
+                verdict, least, asked = prove(meshes, judge, inner, outer)
+                failed |= verdict != "proven"
+                print(
+                    f"{name:5s} links {inner} and {outer}: {judge.left_out:4d} pairs of capsules"
+                    f" left out, credit {1e3 * judge.credit:5.1f} mm: {verdict}, the meshes come"
+                    f" as near as {1e3 * least:.2f} mm ({asked} poses asked)",
+                    flush=True,
+                )
+    sys.exit(1 if failed else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,112 @@
+"""Which pairs of bodies can be judged at all: some are close together by construction."""
+
+from __future__ import annotations
+
+from dynid.constraints.shapes import Shape
+from dynid.core.arrays import Array
+from dynid.core.errors import InputError
+from dynid.robot.capsule import Capsule
+from dynid.robot.model import RobotModel
+
+_NEAR = 2
+"""Links this far apart, or from the base, may always be close together by construction."""
+_MOSTLY = 0.5
+"""Share of poses beyond which the capsules of near links say more of themselves than of the arm."""
+_TOUCHING = 0.0
+
+
+def free_pairs(
+    robot: RobotModel,
+    pairs: list[tuple[int, int]],
+    own: Array,
+    capsules: tuple[Capsule, ...],
+    clearance: float,
+    notes: list[str],
+) -> tuple[list[tuple[int, int]], bool]:
+    """The pairs of capsules that can be judged, and whether some links are left out.
+
+    Args:
+        robot: The robot.
+        pairs: Candidates (P).
+        own: (N, P) their distances in poses all over [m].
+        capsules: The robot's and what it carries.
+        clearance: What they must keep [m].
+        notes: Told what is left out.
+    """
+    kept: list[tuple[int, int]] = []
+    wide = _too_wide(robot, pairs, own, capsules, clearance, notes)
+    for pair, far in zip(pairs, own.T, strict=True):
+        a, b = (capsules[k] for k in pair)
+        if (a.link, b.link) in wide and _is_own(robot, a, b):
+            continue
+        if abs(a.link - b.link) <= _NEAR and float(far.max()) < clearance:
+            notes.append(f"{a.name} and {b.name} are never farther apart: not judged")
+        else:
+            kept.append(pair)
+    return kept, bool(wide)
+
+
+def _too_wide(
+    robot: RobotModel,
+    pairs: list[tuple[int, int]],
+    own: Array,
+    capsules: tuple[Capsule, ...],
+    clearance: float,
+    notes: list[str],
+) -> set[tuple[int, int]]:
+    """Near links whose capsules overlap most of the time: arms are not built like that."""
+    links = [(capsules[a].link, capsules[b].link) for a, b in pairs]
+    found: set[tuple[int, int]] = set()
+    for near in {pair for pair in links if pair[1] - pair[0] <= _NEAR}:
+        rows = [
+            k
+            for k, (a, b) in enumerate(pairs)
+            if links[k] == near and _is_own(robot, capsules[a], capsules[b])
+        ]
+        share = float((own[:, rows] < clearance).any(axis=1).mean())
+        if share > _MOSTLY:
+            names = " and ".join(("base", *robot.joint_names)[link] for link in near)
+            notes.append(
+                f"{names} are not judged against each other: their capsules overlap"
+                f" in {share:.0%} of all poses (give better ones: [[capsule]] in a robot file)"
+            )
+            found.add(near)
+    return found
+
+
+def _is_own(robot: RobotModel, *items: Capsule) -> bool:
+    return all(any(item is one for one in robot.capsules) for item in items)
+
+
+def reachable(
+    meetings: list[tuple[int, int]],
+    around: Array,
+    capsules: tuple[Capsule, ...],
+    shapes: tuple[Shape, ...],
+    clearance: float,
+    notes: list[str],
+) -> list[tuple[int, int]]:
+    """The pairs of capsule and shape that can be judged; arguments as in `free_pairs`.
+
+    Raises:
+        InputError: A capsule of a moving link is in a shape in every pose.
+    """
+    kept: list[tuple[int, int]] = []
+    for (a, s), far in zip(meetings, around.T, strict=True):
+        name, shape = capsules[a].name, shapes[s].name
+        if float(far.max()) <= 0:
+            raise InputError(
+                f"the scene leaves the robot no room: {name} is in '{shape}' in every pose",
+                where=shape,
+                value=f"{float(far.max()):.3f} m",
+                limit="0 m",
+                next_step="Shapes are solid and stand in the robot's base frame; build a cell"
+                " from walls.",
+            )
+        least = float(far.min())
+        if capsules[a].link <= _NEAR and _TOUCHING < least < clearance:
+            # Such as the shoulder of an arm that stands on the floor.
+            notes.append(f"{name} and '{shape}' keep {least:.3f} m in every pose: not judged")
+        else:
+            kept.append((a, s))
+    return kept

@@ -1,0 +1,115 @@
+"""Self-collision of robots from URDF files, against pinocchio and coal."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from dynid.constraints.certificate import certify
+from dynid.constraints.presets import safe_constraints
+from dynid.robot.capsule import Capsule
+from dynid.robot.load import load_robot
+from dynid.trajectory.fourier import FourierSeries
+
+DATA = Path(sys.prefix) / (
+    f"lib/python3.{sys.version_info.minor}/site-packages/"
+    "cmeel.prefix/share/example-robot-data/robots"
+)
+needs_models = pytest.mark.skipif(
+    not DATA.is_dir(), reason="the package example-robot-data is not installed"
+)
+PANDA = DATA / "panda_description" / "urdf" / "panda.urdf"
+UR5 = DATA / "ur_description" / "urdf" / "ur5_robot.urdf"
+
+
+@needs_models
+def test_no_pose_of_a_panda_with_touching_meshes_passes() -> None:
+    robot = load_robot(PANDA)
+    judge = safe_constraints(robot, acceleration=np.full(7, 10.0))
+    model = pin.buildModelFromUrdf(str(PANDA))
+    shapes = pin.buildGeomFromUrdf(
+        model, str(PANDA), pin.GeometryType.COLLISION, package_dirs=[str(DATA.parent.parent)]
+    )
+    # The fingers are fixed in the hand here.
+    link = [min(item.parentJoint, 7) for item in shapes.geometryObjects]
+    for a in range(len(link)):
+        for b in range(a + 1, len(link)):
+            if abs(link[a] - link[b]) > 1:
+                shapes.addCollisionPair(pin.CollisionPair(a, b))
+    data, placed = model.createData(), shapes.createData()
+    rest = np.zeros((1, 7))
+    touching = passed = 0
+    limits = robot.limits
+    for q in np.random.default_rng(3).uniform(limits.lower, limits.upper, (150, 7)):
+        passes = judge.usage(q[None], rest, rest).distance("self_collision") >= 0.001
+        hit = pin.computeCollisions(model, data, shapes, placed, np.r_[q, 0, 0], True)
+        touching += hit
+        passed += passes
+        assert not (hit and passes)
+    assert touching > 15
+    assert passed > 50
+
+
+@needs_models
+def test_a_panda_is_judged_and_what_is_judged_is_proven() -> None:
+    judge = safe_constraints(load_robot(PANDA), acceleration=np.full(7, 10.0))
+    rest = np.array([0.0, 0.0, 0.0, -1.5, 0.0, 1.5, 0.0])
+    sine = np.zeros((7, 2))
+    sine[3, 0] = 0.2
+    certificate = certify(FourierSeries(period=10.0, offset=rest, a=sine, b=0 * sine), judge)
+    assert certificate.worst["self_collision"].margin > 0.001
+    assert "self_collision" in certificate.proven
+
+
+@needs_models
+def test_wide_capsules_of_near_links_are_named_and_nothing_is_called_proven() -> None:
+    judge = safe_constraints(load_robot(UR5), acceleration=np.full(6, 10.0))
+    assert any("not judged against each other" in note for note in judge.notes)
+    still = FourierSeries(
+        period=10.0,
+        offset=np.array([0.0, -1.2, 0.9, 0.0, -1.57, 0.0]),
+        a=np.zeros((6, 1)),
+        b=np.zeros((6, 1)),
+    )
+    certificate = certify(still, judge)
+    assert np.isfinite(certificate.worst["self_collision"].margin)
+    assert "self_collision" not in certificate.proven
+
+
+def test_what_a_robot_says_of_its_capsules_is_passed_on() -> None:
+    assert any("not fitted to meshes" in note for note in safe_e_series("ur5e").notes)
+    built_in = load_robot("ur5")
+    assert not any("mesh" in note for note in safe_constraints(built_in).notes)
+    bare = replace(
+        built_in,
+        capsules=tuple(item for item in built_in.capsules if item.link != 4),
+        capsule_notes=("a mesh was not found",),
+    )
+    notes = safe_constraints(bare).notes
+    assert "a mesh was not found" in notes
+    assert any("wrist_1_joint" in note and "not judged" in note for note in notes)
+
+
+def test_a_robot_without_shapes_is_not_judged() -> None:
+    robot = replace(load_robot("ur5"), capsules=(), apart=(), overlap=())
+    judge = safe_constraints(robot)
+    assert judge.surroundings is None
+    assert any("no shapes are known" in note for note in judge.notes)
+
+
+def test_far_links_are_judged_however_wide() -> None:
+    robot = load_robot("ur5")
+    wide = Capsule(name="wide", link=5, start=np.zeros(3), end=np.zeros(3), radius=0.6)
+    judge = safe_constraints(replace(robot, capsules=(*robot.capsules, wide)))
+    assert judge.surroundings is not None
+    bodies = judge.surroundings.bodies
+    links = bodies.link[bodies.pairs]
+    assert ((links == [1, 5]).all(axis=1)).any()
+    assert not ((links == [3, 5]).all(axis=1)).any()
+
+
+def safe_e_series(name: str):
+    return safe_constraints(load_robot(name), acceleration=np.full(6, 10.0))
