@@ -16,7 +16,7 @@ from dynid.core.arrays import Array
 from dynid.core.errors import JobError
 from dynid.core.optional import require
 from dynid.identification.consistent_problem import ConsistentProblem
-from dynid.robot.inertia import to_pseudo_inertia
+from dynid.robot.inertia import from_pseudo_inertia, to_pseudo_inertia
 
 TRIANGLE = tuple((a, b) for a in range(4) for b in range(a + 1))
 """Entries of the lower triangle Z."""
@@ -52,23 +52,23 @@ def solve_conic(
     """
     clarabel: Any = require("clarabel", "sdp")
     width, columns = problem.matrix.shape[1], problem.matrix.shape[1] + EXTRA * problem.links
+    units = _units(problem)
+    matrix, bounds = problem.matrix @ units, problem.constraints @ units
+    sizes = np.linalg.norm(bounds, axis=1)
     quadratic = np.zeros((columns, columns))
-    quadratic[:width, :width] = problem.matrix.T @ problem.matrix
+    quadratic[:width, :width] = matrix.T @ matrix
     linear = np.zeros(columns)
-    linear[:width] = -problem.matrix.T @ problem.target
+    linear[:width] = -matrix.T @ problem.target
     # Clarabel: minimise x'Px/2 + q'x with A x + s = b, s in cones.
-    rows = [np.hstack([-problem.constraints, np.zeros((len(problem.floor), columns - width))])]
-    right = [-problem.floor]
-    cones: list[Any] = [clarabel.NonnegativeConeT(len(problem.floor))]
-    roots = np.linalg.cholesky(to_pseudo_inertia(problem.prior))
-    inverses = np.asarray(np.linalg.inv(roots), dtype=np.float64)
+    padding = np.zeros((len(sizes), columns - width))
+    rows = [np.hstack([-bounds / sizes[:, None], padding])]
+    right = [-problem.floor / sizes]
+    cones: list[Any] = [clarabel.NonnegativeConeT(len(sizes))]
     for i in range(problem.links):
-        inverse = inverses[i]
-        white = inverse @ _BASIS @ inverse.T
         first = width + EXTRA * i
-        linear[10 * i : 10 * i + 10] += gamma * np.trace(white, axis1=1, axis2=2)
+        linear[10 * i : 10 * i + 10] += gamma * np.trace(_BASIS, axis1=1, axis2=2)
         linear[first + 10 : first + EXTRA] = -gamma
-        added = _link_rows(white, 10 * i, first, columns)
+        added = _link_rows(_BASIS, 10 * i, first, columns)
         rows += added
         right += [np.zeros(36), *[np.array([0.0, 1.0, 0.0])] * 4]
         cones += [clarabel.PSDTriangleConeT(8), *[clarabel.ExponentialConeT()] * 4]
@@ -87,10 +87,26 @@ def solve_conic(
     solution = solver.solve()
     if str(solution.status) not in ("Solved", "AlmostSolved"):
         raise JobError("the conic solver found no solution", value=str(solution.status))
+    multipliers = np.array(solution.z[: len(sizes)], dtype=np.float64) / sizes
     return ConsistentSolution(
-        values=np.array(solution.x[:width], dtype=np.float64),
-        multipliers=np.maximum(np.array(solution.z[: len(problem.floor)], dtype=np.float64), 0.0),
+        values=units @ np.array(solution.x[:width], dtype=np.float64),
+        multipliers=np.maximum(multipliers, 0.0),
     )
+
+
+def _units(problem: ConsistentProblem) -> Array:
+    """(p, p) parameters in which the solver works: bodies in those of the prior, columns of one.
+
+    Friction in N.m beside inertias of a wrist would stop the solver short of its tolerance.
+    """
+    units = np.eye(problem.matrix.shape[1])
+    for i, root in enumerate(np.linalg.cholesky(to_pseudo_inertia(problem.prior))):
+        here = slice(10 * i, 10 * i + 10)
+        units[here, here] = from_pseudo_inertia(root @ _BASIS @ root.T).T
+    norms = np.linalg.norm(problem.matrix[:, 10 * problem.links :], axis=0)
+    for k, norm in enumerate(norms, start=10 * problem.links):
+        units[k, k] = 1.0 / norm if norm > 0 else 1.0
+    return units
 
 
 def _link_rows(white: Array, here: int, first: int, columns: int) -> list[Array]:
