@@ -82,7 +82,10 @@ class Visit:
     """A visitor's page, and what its console complained of."""
 
     def __init__(self, browser: Any, url: str, width: int) -> None:
-        self.page = browser.new_page(viewport={"width": width, "height": 600})
+        # Fewer pixels than points: what counts is the layout, and software draws every pixel.
+        self.page = browser.new_page(
+            viewport={"width": width, "height": 600}, device_scale_factor=0.5
+        )
         self.page.set_default_timeout(PATIENCE_MS)
         self.errors: list[str] = []
         self.elsewhere: list[str] = []
@@ -210,10 +213,8 @@ def test_a_run_beside_an_open_page_loses_no_sample_and_can_be_stopped(
     assert "record.parquet" in session.motions
     visit.field("Robot").fill("sim")
     session.choose("motion.json")
-    visit.field("Periods").fill("900")
-    visit.field("Periods").press("Enter")
+    page.run_panel.repeat.value = 900
     visit.field("File").fill("stopped.parquet")
-    until(lambda: int(page.run_panel.repeat.value) == 900, visit)
     until(lambda: page.run_panel.name.value == "stopped.parquet", visit)
     visit.click("Run")
     until(lambda: session.following, visit)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dynid.constraints.shapes import HALF_SPACE
-from dynid.core.arrays import Array
+from dynid.core.arrays import Array, Indices
 from dynid.export.rotations import quaternion
 from dynid.studio.live import Instant, Near
 from dynid.studio.scene_editing import SceneEditor, pose_of
@@ -26,6 +26,7 @@ _SCENE, _CHOSEN = (190, 160, 110), (230, 159, 0)
 _NEAREST, _TOO_NEAR = (230, 159, 0), (213, 94, 0)
 _UPRIGHT = 0.75
 """Width over height below which a window is a telephone's."""
+_SKIN = 1.02
 _WAY_RADIUS = 0.004
 """Of the rod that is drawn between the nearest bodies [m]."""
 _KINDS = ("self_collision", "environment")
@@ -55,22 +56,18 @@ class Stage:
         eye = size * np.array([1.1, -1.1, 0.8])
         server.initial_camera.position = (float(eye[0]), float(eye[1]), float(eye[2]))
         server.initial_camera.look_at = (0.0, 0.0, 0.3 * size)
+        # Shadows cost most of the time of a machine that draws in software.
+        self._scene.configure_default_lights(cast_shadow=False)
         server.on_client_connect(lambda client: _raise(client, size))
         self._scene.add_grid("/grid", width=4 * size, height=4 * size, cell_size=0.1)
         self._links = [
             self._scene.add_frame(f"/arm/{k}", show_axes=False) for k in range(robot.joints + 1)
         ]
-        self._bodies = [
-            self._scene.add_mesh_simple(
-                f"/arm/{mesh.link}/{k}",
-                vertices=mesh.vertices.astype(np.float32),
-                faces=mesh.faces.astype(np.uint32),
-                color=_ARM[mesh.link % 2],
-            )
-            for k, mesh in enumerate(meshes)
-        ]
+        for link in sorted({mesh.link for mesh in meshes}):
+            self._add(f"/arm/{link}/body", _joined(meshes, link), _ARM[link % 2])
         self._meshes = meshes
-        self._colours: dict[int, tuple[int, int, int]] = {}
+        self._painted: dict[int, tuple[int, int, int]] = {}
+        self._paints: list[viser.MeshHandle] = []
         self._ways = {
             kind: self._scene.add_cylinder(
                 f"/near/{kind}", _WAY_RADIUS, 1.0, _NEAREST, cast_shadow=False, visible=False
@@ -115,18 +112,32 @@ class Stage:
         label.text = f"{1000 * item.distance:.0f} mm: {plain(item.names)}"
 
     def _paint(self, near: tuple[Near, ...]) -> None:
-        """Give the nearest bodies their colour, and the others theirs back."""
+        """Give the nearest bodies a skin of another colour."""
         wanted = {
             k: _colour_of(item)
             for item in near
             for k, mesh in enumerate(self._meshes)
             if item.names.startswith(f"{mesh.name} - ") or item.names.endswith(f" - {mesh.name}")
         }
-        for k in wanted.keys() | self._colours.keys():
-            colour = wanted.get(k, _ARM[self._meshes[k].link % 2])
-            if colour != self._colours.get(k):
-                self._bodies[k].color = colour
-        self._colours = wanted
+        if wanted == self._painted:
+            return
+        for handle in self._paints:
+            handle.remove()
+        self._painted = wanted
+        self._paints = [
+            self._add(f"/arm/{self._meshes[k].link}/near{k}", _skin(self._meshes[k]), colour)
+            for k, colour in wanted.items()
+        ]
+
+    def _add(
+        self, name: str, triangles: tuple[Array, Indices], colour: tuple[int, int, int]
+    ) -> viser.MeshHandle:
+        return self._scene.add_mesh_simple(
+            name,
+            vertices=triangles[0].astype(np.float32),
+            faces=triangles[1].astype(np.uint32),
+            color=colour,
+        )
 
     def draw_scene(self, editor: SceneEditor, chosen: int | None) -> None:
         """Draw all shapes anew, the chosen one in another colour."""
@@ -182,6 +193,20 @@ class Stage:
             moved(number, pose_of(gizmo.position, gizmo.wxyz), event.phase == "end")
 
         gizmo.on_update(dragged)
+
+
+def _joined(meshes: tuple[LinkMesh, ...], link: int) -> tuple[Array, Indices]:
+    """All bodies of a link as one: browsers draw few large meshes faster than many small ones."""
+    own = [mesh for mesh in meshes if mesh.link == link]
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in own)])
+    faces = [mesh.faces + start for mesh, start in zip(own, starts[:-1], strict=True)]
+    return np.concatenate([mesh.vertices for mesh in own]), np.concatenate(faces)
+
+
+def _skin(mesh: LinkMesh) -> tuple[Array, Indices]:
+    """The body, a little larger, so that it is seen outside itself."""
+    middle = mesh.vertices.mean(axis=0)
+    return middle + _SKIN * (mesh.vertices - middle), mesh.faces
 
 
 def _raise(client: viser.ClientHandle, size: float) -> None:
