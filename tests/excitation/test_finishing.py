@@ -1,16 +1,20 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
-from design_arms import arm, problem
+import pytest
+from design_arms import arm, arm_text, problem
 
 from dynid.excitation.candidate import Candidate
 from dynid.excitation.evaluation import DesignEvaluation
-from dynid.excitation.finishing import Finished, finish
+from dynid.excitation.finishing import Finished, finish, without_turns
 from dynid.excitation.gradient import judged
 from dynid.excitation.problem import ExcitationProblem
 from dynid.excitation.region import region_of
 from dynid.excitation.search import Search
 from dynid.excitation.starts import random_numbers
+from dynid.robot.robotfile import robot_from_toml
 
 
 def too_fast(asked: ExcitationProblem, count: int = 1) -> list[Candidate]:
@@ -71,3 +75,47 @@ def test_what_cannot_be_repaired_comes_back_with_its_verdict() -> None:
     found = finished(asked, too_fast(asked), stop=True)
     assert not found.certificate.feasible
     assert "torque" in found.certificate.broken
+
+
+def turning(**asked: object) -> ExcitationProblem:
+    """A problem whose two first joints may turn twice."""
+    text = arm_text().replace("[-3.0, -2.0,", "[-6.3, -6.3,").replace("[3.0, 2.5,", "[6.3, 6.3,")
+    robot = robot_from_toml(text.encode(), Path("turning.toml"))
+    return problem(robot, **asked)  # pyright: ignore[reportArgumentType]
+
+
+def test_whole_turns_are_taken_off_and_nothing_else_changes() -> None:
+    asked = turning()
+    evaluation = DesignEvaluation(asked)
+    x = random_numbers(region_of(asked), 1, np.random.default_rng(2), fill=0.2)[0]
+    x[:, 0] = [4.5, -5.0, 1.0]
+    moved = without_turns(evaluation, x)
+    np.testing.assert_allclose(moved[:, 0] - x[:, 0], [-2 * np.pi, 2 * np.pi, 0.0], atol=1e-12)
+    np.testing.assert_array_equal(moved[:, 1:], x[:, 1:])
+    assert evaluation.value(moved) == pytest.approx(evaluation.value(x), rel=1e-8)
+    # Once is enough, and who asked for a pose gets it.
+    np.testing.assert_array_equal(without_turns(evaluation, moved), moved)
+    posed = turning(family="modified-fourier", start_pose=np.array([4.5, -5.0, 1.0]))
+    held = random_numbers(region_of(posed), 1, np.random.default_rng(2), fill=0.2)[0]
+    np.testing.assert_array_equal(without_turns(DesignEvaluation(posed), held), held)
+
+
+def test_what_keeps_the_bounds_keeps_them_without_turns() -> None:
+    asked = turning()
+    evaluation, region = DesignEvaluation(asked), region_of(asked)
+    bounds = asked.constraints.bounds
+    for seed in range(20):
+        x = random_numbers(region, 1, np.random.default_rng(seed), fill=1.0)[0]
+        moved = without_turns(evaluation, x)
+        q = asked.family.trajectory(moved[:, 0], moved[:, 1:]).evaluate(asked.times).q
+        assert (q >= bounds.lower).all()
+        assert (q <= bounds.upper).all()
+        assert (np.abs(q.max(axis=0) + q.min(axis=0)) <= 2 * np.pi + 1e-9).all()
+
+
+def test_a_joint_that_slides_has_no_turns() -> None:
+    robot = arm(sliding=True)
+    asked = problem(robot)
+    x = random_numbers(region_of(asked), 1, np.random.default_rng(0), fill=0.2)[0]
+    x[2, 0] += 20.0
+    np.testing.assert_array_equal(without_turns(DesignEvaluation(asked), x)[2], x[2])

@@ -94,6 +94,22 @@ def test_pieces_are_the_trajectory(name: str) -> None:
     assert start == pytest.approx(EVERY[name].duration, abs=1e-12)
 
 
+def test_it_rests_at_the_way_points_before_the_start() -> None:
+    points = [np.full(6, 0.1), np.linspace(-1.0, 1.0, 6)]
+    made = ur_program(member("fourier"), UrProgramOptions(approach_speed=0.3), via=points)
+    played = play(made.text)
+    ways = [call for call in played.calls if call[0] == "movej"]
+    assert len(ways) == 3
+    for way, pose in zip(ways, [*points, made.start], strict=True):
+        np.testing.assert_array_equal(way[1][0], pose)  # type: ignore[call-overload]
+        # No blend radius: the certified ways are straight to the end.
+        assert way[2] == {"a": 0.5, "v": 0.3}
+    index, _ = play(ur_program(member("fourier")).text).motion()
+    np.testing.assert_array_equal(played.motion()[0], index)
+    with pytest.raises(InputError, match="way point"):
+        ur_program(member("fourier"), via=[np.zeros(5)])
+
+
 @pytest.mark.parametrize("name", EVERY)
 def test_the_simulated_controller_takes_it(name: str) -> None:
     program = ur_program(EVERY[name], comment="robot: ur5")

@@ -15,7 +15,7 @@ from dynid.trajectory.quintic import Quintic
 
 APPROACH_SPEED = 0.5
 """Joint speed of the way to the start [rad/s]."""
-ROOMS = (0.01, 0.003, 0.001, 0.001, 0.0003)
+ROOMS = (0.005,) * 2 + (0.002,) * 4 + (0.001,) * 6 + (0.0003,) * 3
 """Distances kept beyond the clearance in one search after the other [m]."""
 _NEAR = 1e-3
 _PEAK = 15.0 / 8.0

@@ -16,9 +16,9 @@ SPACING = 0.03
 """Largest joint motion between two looks at a way [rad or m]."""
 STEP = 0.8
 """Longest growth of a tree at once [rad or m]."""
-ROUNDS = 1500
-"""Growths of each tree before the search gives up."""
-SHORTCUTS = 60
+ROUNDS = 400
+"""Growths before a search gives up: trees that have not met by then rarely do, new ones may."""
+SHORTCUTS = 40
 """Attempts to leave out a piece of the way that was found."""
 _SHARE = 0.02
 """Of each limit that is no distance, kept free."""

@@ -1,0 +1,115 @@
+"""The way to the start: straight where it can be, planned where the arm is in its own way."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from dynid.constraints.motion import MotionConstraints
+from dynid.constraints.presets import safe_constraints
+from dynid.constraints.settings import ConstraintSettings
+from dynid.core.arrays import Array
+from dynid.drivers.driver import Execution
+from dynid.experiment import approach as approaches
+from dynid.experiment.approach import Approach, plan_approach
+from dynid.experiment.plan import ExperimentPlan
+from dynid.experiment.way_search import FreeSpace, find_way
+from dynid.robot.load import load_robot
+from dynid.trajectory.rest import rest_series
+
+UR5 = load_robot("ur5")
+JUDGE = safe_constraints(UR5)
+UPRIGHT = np.array([0.0, -np.pi / 2, 0.0, -np.pi / 2, 0.0, 0.0])
+# The hand would pass through the forearm on the straight way.
+BEHIND = np.array([0.3, -1.2, 0.5, 3.0, 0.2, 0.0])
+DENSE_RAD = 0.002
+
+
+def dense(poses: Array) -> Array:
+    """(N, n) samples of the straight ways between poses."""
+    ways = [np.linspace(a, b, int(np.abs(b - a).max() / DENSE_RAD) + 2) for a, b in pairwise(poses)]
+    return np.concatenate(ways)
+
+
+def nearest(q: Array) -> float:
+    """Smallest distance between bodies of the arm [m]."""
+    assert JUDGE.surroundings is not None
+    return float(JUDGE.surroundings.bodies.nearest(q, around=False).distance.min())
+
+
+@pytest.fixture(scope="module")
+def planned() -> Approach:
+    return plan_approach(UPRIGHT, BEHIND, JUDGE, seed=3)
+
+
+def test_a_way_is_found_where_the_straight_one_collides(planned: Approach) -> None:
+    clearance = JUDGE.settings.self_clearance
+    assert nearest(dense(np.stack([UPRIGHT, BEHIND]))) < 0.0
+    assert planned.free
+    assert len(planned.via) >= 1
+    np.testing.assert_array_equal(planned.poses[0], UPRIGHT)
+    np.testing.assert_array_equal(planned.poses[-1], BEHIND)
+    q = dense(planned.poses)
+    assert nearest(q) >= clearance
+    bounds = JUDGE.settings.bounds
+    assert ((q > bounds.lower) & (q < bounds.upper)).all()
+
+
+def test_a_seed_gives_the_same_way_again(planned: Approach) -> None:
+    again = plan_approach(UPRIGHT, BEHIND, JUDGE, seed=3)
+    np.testing.assert_array_equal(again.poses, planned.poses)
+    other = plan_approach(UPRIGHT, BEHIND, JUDGE, seed=4)
+    assert other.poses.shape != planned.poses.shape or (other.poses != planned.poses).any()
+
+
+def test_a_free_straight_way_is_taken(planned: Approach) -> None:
+    near = plan_approach(UPRIGHT, UPRIGHT + 0.3, JUDGE)
+    assert near.free
+    assert near.via == ()
+    assert near.describe() == "0.3 rad"
+    assert len(planned.via) > 0
+    assert f"{len(planned.via)} way point" in planned.describe()
+
+
+def test_who_stands_at_the_start_has_no_way_to_go() -> None:
+    there = plan_approach(UPRIGHT, UPRIGHT + 1e-4, JUDGE)
+    assert there.free
+    assert there.via == ()
+    assert there.describe() == "already there"
+
+
+def test_where_no_way_is_found_the_straight_one_and_its_fault_come_back(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(approaches, "ROOMS", (0.0,))
+    # The elbow cannot be where the arm is folded into itself.
+    folded = np.array([0.0, -1.5, 3.1, 0.0, 0.0, 0.0])
+    assert nearest(folded[None]) < 0.0
+    found = plan_approach(UPRIGHT, folded, JUDGE)
+    assert not found.free
+    assert found.via == ()
+    assert found.refused is not None
+    assert "self_collision" in found.refused.broken
+
+
+def test_a_search_without_collisions_goes_straight() -> None:
+    free = MotionConstraints(
+        UR5, ConstraintSettings(bounds=JUDGE.settings.bounds, self_collision=False)
+    )
+    space = FreeSpace(free, UPRIGHT, UPRIGHT + 2.0, speed=0.5, room=0.0)
+    poses = find_way(space, np.random.default_rng(0))
+    assert poses is not None
+    np.testing.assert_allclose(poses, [UPRIGHT, UPRIGHT + 2.0], rtol=0, atol=0)
+
+
+def test_only_the_first_pass_goes_through_the_way_points() -> None:
+    series = rest_series(2.0, UPRIGHT, np.zeros((6, 4)))
+    points = (UPRIGHT + 0.1, UPRIGHT + 0.2)
+    plan = ExperimentPlan(robot=UR5, trajectory=series, slow=0.5, warm_up_s=2.0, via=points)
+    executions: list[Execution] = [step.execution for step in plan.passes()]
+    assert [len(execution.via) for execution in executions] == [2, 0, 0]
+    alone = replace(plan, slow=None, warm_up_s=0.0)
+    assert [step.execution.via for step in alone.passes()] == [points]
