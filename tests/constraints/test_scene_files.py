@@ -51,7 +51,7 @@ def test_a_scene_file_is_read(tmp_path: Path) -> None:
         ({"type": "box", "size": [1, 1], "position": [0, 0, 0]}, "'size' must hold 3 numbers"),
         ({"type": "box", "size": [1, 1, -1], "position": [0, 0, 1]}, "sizes must be positive"),
         ({**BALL, "colour": "red"}, r"shapes 1 \(sphere\): unknown key 'colour'"),
-        ({"type": "sphere", "position": [0, 0, 1]}, "radius must be a number"),
+        ({"type": "sphere", "position": [0, 0, 1]}, "'radius' is missing"),
         ({"type": "wall", "point": [0, 0, 0], "normal": [0, 0, 0]}, "no length"),
         ({"type": "floor", "height": "low"}, "height must be a number"),
         ("floor", "must be a JSON object"),
@@ -98,10 +98,10 @@ def test_the_floor_that_the_robot_stands_on_is_allowed() -> None:
 
 def test_a_payload_is_carried_along() -> None:
     robot = load_robot("ur5")
-    home = np.array([0.0, -1.2, 0.9, 0.0, -1.57, 0.0])
+    home = np.array([0.0, -0.6, 0.9, -1.87, -1.57, 0.0])
     floor = {"type": "floor", "height": -0.2}
     free = safe_constraints(robot, scene(floor))
-    ball = {"type": "sphere", "radius": 0.7, "position": [0, 0, 0]}
+    ball = {"type": "sphere", "radius": 0.1, "position": [0, 0, 0.25]}
     loaded = safe_constraints(robot, scene(floor, payload=[ball]))
     rest = np.zeros((1, 6))
     before, after = (
@@ -131,3 +131,22 @@ def test_contradictory_limits_are_refused() -> None:
 def test_a_scene_needs_bodies() -> None:
     with pytest.raises(InputError, match="needs a robot with self-collision shapes"):
         safe_constraints(replace(load_robot("ur5"), capsules=()), scene(BALL))
+
+
+@pytest.mark.parametrize(
+    ("shape", "message"),
+    [
+        ({"type": "box", "size": [1, 1, 1]}, "'position' is missing"),
+        ({"type": "cylinder", "radius": 1, "position": [0, 0, 0]}, "'length' is missing"),
+        ({"type": "box", "size": [1, 1, -1], "position": [0, 0, 0]}, "sizes must be positive"),
+    ],
+)
+def test_what_is_missing_is_named(shape: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        scene_from_json(JsonFields({"shapes": [shape]}))
+
+
+def test_a_payload_that_no_pose_can_carry_is_refused() -> None:
+    huge = {"payload": [{"type": "sphere", "radius": 2, "position": [0, 0, 0]}]}
+    with pytest.raises(InputError, match="in collision in every pose"):
+        safe_constraints(load_robot("ur5"), scene_from_json(JsonFields(huge)))

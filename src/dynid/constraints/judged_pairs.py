@@ -32,6 +32,9 @@ def free_pairs(
         capsules: The robot's and what it carries.
         clearance: What they must keep [m].
         notes: Told what is left out.
+
+    Raises:
+        InputError: What the robot carries meets a far link in every pose.
     """
     kept: list[tuple[int, int]] = []
     wide = _too_wide(robot, pairs, own, capsules, clearance, notes)
@@ -41,6 +44,14 @@ def free_pairs(
             continue
         if abs(a.link - b.link) <= _NEAR and float(far.max()) < clearance:
             notes.append(f"{a.name} and {b.name} are never farther apart: not judged")
+        elif float(far.max()) < clearance and not _is_own(robot, a, b):
+            raise InputError(
+                "the robot cannot carry this: it is in collision in every pose",
+                where=f"{a.name} - {b.name}",
+                value=f"{float(far.max()):.3f} m",
+                limit=f"{clearance:g} m",
+                next_step="Sizes are in metres, places in the flange's frame.",
+            )
         else:
             kept.append(pair)
     return kept, bool(wide)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,12 +11,13 @@ from dynid.constraints.bodies import surroundings_of
 from dynid.constraints.dynamic import TorqueJudge
 from dynid.constraints.kinematic import bound_ratios, bound_violation
 from dynid.constraints.points import judged_points
-from dynid.constraints.prior import prior_dynamics
+from dynid.constraints.prior import prior_dynamics, prior_link
 from dynid.constraints.settings import ConstraintSettings
 from dynid.constraints.speed import MovingPoints
 from dynid.constraints.usage import DISTANCES, RATIOS, Usage, Worst
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError
+from dynid.robot.inertia import from_body
 from dynid.robot.model import RobotModel
 
 
@@ -40,8 +42,9 @@ class MotionConstraints:
         self.settings = settings
         notes: list[str] = []
         self.surroundings = surroundings_of(robot, settings, notes)
-        self.torque = _torque_judge(robot, settings, notes)
-        self.points: dict[str, tuple[MovingPoints, float]] = judged_points(robot, settings, notes)
+        loaded = _loaded(robot, settings)
+        self.torque = _torque_judge(loaded, settings, notes)
+        self.points: dict[str, tuple[MovingPoints, float]] = judged_points(loaded, settings, notes)
         self.notes = tuple(notes)
         """What is not judged, and what was assumed, in words."""
 
@@ -171,6 +174,18 @@ class MotionConstraints:
             expected = (len(q), self.robot.joints)
             if array.shape != expected:
                 raise InputError(f"{name} does not fit", value=array.shape, limit=expected)
+
+
+def _loaded(robot: RobotModel, settings: ConstraintSettings) -> RobotModel:
+    """The robot with its payload as a part of the last link."""
+    if not settings.payload_mass or np.isnan(robot.inertias[-1, :4]).any():
+        return robot
+    place = robot.flange[:3, :3] @ settings.payload_com + robot.flange[:3, 3]
+    inertias = np.array(robot.inertias)
+    inertias[-1] = prior_link(robot, robot.joints - 1) + from_body(
+        settings.payload_mass, place, np.zeros((3, 3))
+    )
+    return replace(robot, inertias=inertias)
 
 
 def _torque_judge(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.constraints.motion import MotionConstraints
@@ -45,6 +46,8 @@ def safe_constraints(
     collision: bool = True,
     acceleration: ArrayLike | None = None,
     clearance: float = 0.01,
+    payload_mass: float = 0.0,
+    payload_com: ArrayLike = (0.0, 0.0, 0.0),
 ) -> MotionConstraints:
     """Everything that is known of the robot, and its surroundings.
 
@@ -53,7 +56,9 @@ def safe_constraints(
         scene: What stands around it and what it carries.
         collision: Whether to look at collisions (`--no-collision` switches it off).
         acceleration: Bounds where the robot knows none [rad/s^2 or m/s^2].
-        clearance: Smallest distance between bodies [m].
+        clearance: Smallest distance to the scene [m].
+        payload_mass: Mass of what the flange carries [kg].
+        payload_com: (3) its centre of mass in the flange's frame [m].
 
     Raises:
         InputError: Bounds that leave no room, or a scene in which the robot cannot stand.
@@ -63,5 +68,7 @@ def safe_constraints(
         self_collision=collision,
         scene=scene if collision else None,
         clearance=clearance,
+        payload_mass=payload_mass,
+        payload_com=np.asarray(payload_com, dtype=np.float64),
     )
     return MotionConstraints(robot, settings)

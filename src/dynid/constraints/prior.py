@@ -49,7 +49,16 @@ def prior_dynamics(robot: RobotModel) -> PriorDynamics | None:
     if np.isnan(robot.inertias[:, :4]).any():
         return None
     notes: list[str] = []
-    links = np.array([_link(robot, k, notes) for k in range(robot.joints)])
+    links = np.array([prior_link(robot, k) for k in range(robot.joints)])
+    unknown = np.isnan(robot.inertias).any(axis=1)
+    shaped = np.isin(np.arange(robot.joints) + 1, [item.link for item in robot.capsules])
+    for rows, guess in (
+        (unknown & shaped, "uniform solids in their capsules"),
+        (unknown & ~shaped, "point masses"),
+    ):
+        if rows.any():
+            names = ", ".join(robot.joint_names[k] for k in np.flatnonzero(rows))
+            notes.append(f"no inertia tensor is known for {names}: taken as {guess}")
     model = InverseDynamicModel(
         robot=robot, friction=FrictionTerms(terms=(("fv", None), ("im", None)))
     )
@@ -74,17 +83,19 @@ def prior_dynamics(robot: RobotModel) -> PriorDynamics | None:
     )
 
 
-def _link(robot: RobotModel, k: int, notes: list[str]) -> Array:
+def prior_link(robot: RobotModel, k: int) -> Array:
+    """The ten parameters of link k + 1 about its joint frame, its tensor guessed if unknown.
+
+    Args:
+        robot: A robot whose masses and centres of mass are known.
+        k: Index of the joint that moves the link.
+    """
     row = robot.inertias[k]
     if not np.isnan(row).any():
         return row
     mass = float(row[0])
     centre = row[1:4] / mass if mass > 0 else np.zeros(3)
     solids = [item for item in robot.capsules if item.link == k + 1]
-    notes.append(
-        f"no inertia tensor is known for {robot.joint_names[k]}: "
-        + ("uniform solids in its capsules" if solids else "a point mass")
-    )
     if not solids or mass == 0:
         return from_body(mass, centre, np.zeros((3, 3)))
     volumes = np.array([_volume(item) for item in solids])

@@ -38,6 +38,7 @@ _KEYS = {
     "cylinder": ("radius", "length", "position", "rpy"),
     "sphere": ("radius", "position"),
 }
+_OPTIONAL = ("height", "rpy", "thickness")
 _CARRIED = ("box", "cylinder", "sphere")
 
 
@@ -116,6 +117,9 @@ def _shape(item: object, where: str, kinds: tuple[str, ...]) -> Shape:
         raise InputError("unknown shape", where=where, value=kind, limit=", ".join(kinds))
     name = str(kind)
     _known(fields.values, ("type", "name", *_KEYS[name]), f"{where} ({name})")
+    for key in _KEYS[name]:
+        if key not in fields.values and key not in _OPTIONAL:
+            raise InputError(f"'{key}' is missing", where=f"{where} ({name})")
     label = fields.text("name") if "name" in fields.values else f"{name} {where.split()[-1]}"
     try:
         code, pose, size = _solid(name, fields)

@@ -12,6 +12,8 @@ from dynid.core.arrays import Array, frozen
 from dynid.core.errors import InputError
 from dynid.trajectory.bounds import MotionBounds
 
+_HEAVIEST = 1000.0
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConstraintSettings:
@@ -43,6 +45,10 @@ class ConstraintSettings:
     """Share by which the prior model may underestimate a torque."""
     tcp: Array = field(default_factory=lambda: np.zeros(3))
     """(3) the tool's point in the flange's frame [m]."""
+    payload_mass: float = 0.0
+    """What the flange carries, as a point: it counts for torque, momentum and power [kg]."""
+    payload_com: Array = field(default_factory=lambda: np.zeros(3))
+    """(3) its centre of mass in the flange's frame [m]."""
 
     def __post_init__(self) -> None:
         for name in ("lower", "upper", "velocity", "acceleration"):
@@ -57,6 +63,12 @@ class ConstraintSettings:
                 value=(float(self.bounds.lower[joint]), float(self.bounds.upper[joint])),
             )
         object.__setattr__(self, "tcp", frozen(self.tcp, shape=(3,), name="tool point"))
+        centre = frozen(self.payload_com, shape=(3,), name="centre of the payload")
+        object.__setattr__(self, "payload_com", centre)
+        if not (math.isfinite(self.payload_mass) and 0 <= self.payload_mass < _HEAVIEST):
+            raise InputError(
+                "mass of the payload", value=self.payload_mass, limit=f"0 to {_HEAVIEST:g} kg"
+            )
         for name in ("clearance", "self_clearance"):
             value = getattr(self, name)
             if not (math.isfinite(value) and 0 <= value < 1):

@@ -40,7 +40,7 @@ class Shape:
         object.__setattr__(self, "size", frozen(self.size, shape=(3,), name="shape size"))
         needed = (0, 3, 2, 1)[self.kind]
         if not all(math.isfinite(x) and x > 0 for x in self.size[:needed]):
-            raise InputError("sizes must be positive", where=self.name, value=self.size.tolist())
+            raise InputError("sizes must be positive", where=self.name)
 
 
 def packed(shapes: tuple[Shape, ...]) -> Array:

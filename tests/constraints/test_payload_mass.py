@@ -1,0 +1,91 @@
+"""What the flange carries weighs on torque, momentum and power; judged by pinocchio."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from dynid.constraints.presets import safe_constraints
+from dynid.core.errors import InputError
+from dynid.robot.kinematics import joint_poses
+from dynid.robot.load import load_robot
+
+MASS, COM = 4.0, np.array([0.02, -0.01, 0.08])
+CLOSE = 1e-9
+
+
+def pinocchio_arm() -> tuple[pin.Model, np.ndarray]:
+    """The UR5's links as point masses would do for momentum; here masses and centres alone."""
+    robot = load_robot("ur5")
+    model, parent = pin.Model(), 0
+    for k in range(robot.joints):
+        joint = pin.JointModelRevoluteUnaligned(robot.axes[k])
+        parent = model.addJoint(parent, joint, pin.SE3(robot.placements[k]), f"j{k}")
+        mass, lever = float(robot.inertias[k, 0]), robot.inertias[k, 1:4]
+        model.appendBodyToJoint(
+            parent, pin.Inertia(mass, lever / mass, np.zeros((3, 3))), pin.SE3.Identity()
+        )
+    place = robot.flange[:3, :3] @ COM + robot.flange[:3, 3]
+    return model, place
+
+
+def test_momentum_is_pinocchios_with_the_payload_on() -> None:
+    robot = load_robot("ur5")
+    judge = safe_constraints(robot, collision=False, payload_mass=MASS, payload_com=COM)
+    model, place = pinocchio_arm()
+    model.appendBodyToJoint(6, pin.Inertia(MASS, place, np.zeros((3, 3))), pin.SE3.Identity())
+    data = model.createData()
+    random = np.random.default_rng(0)
+    points, _ = judge.points["momentum"]
+    q, dq = random.uniform(-3, 3, (2, 8, 6))
+    theirs = [
+        np.linalg.norm(np.asarray(pin.computeCentroidalMomentum(model, data, a, b).linear))
+        for a, b in zip(q, dq, strict=True)
+    ]
+    np.testing.assert_allclose(points.norms(q, dq), theirs, rtol=CLOSE)
+
+
+def test_torque_at_rest_grows_by_the_payloads_weight() -> None:
+    robot = load_robot("ur5")
+    q = np.random.default_rng(1).uniform(-3, 3, (6, 6))
+    rest = np.zeros(q.shape)
+    step = 1e-6
+    height = []
+    for sign in (1, -1):
+        for k in range(6):
+            moved = q.copy()
+            moved[:, k] += sign * step
+            poses = np.array([joint_poses(robot, one)[-1] @ robot.flange for one in moved])
+            height.append(poses[:, 2, :3] @ COM + poses[:, 2, 3])
+    weight = MASS * -robot.gravity[2]
+    expected = weight * (np.array(height[:6]) - np.array(height[6:])).T / (2 * step)
+    bare, loaded = (
+        safe_constraints(robot, collision=False, payload_mass=mass, payload_com=COM)
+        for mass in (0.0, MASS)
+    )
+    assert bare.torque is not None
+    assert loaded.torque is not None
+    # Taken at their worst both, so look at the models beneath.
+    share = 1.0 + bare.torque.uncertainty
+    signed = []
+    for judge in (bare.torque, loaded.torque):
+        model = judge.prior.model
+        signed.append(model.inverse_dynamics(q, rest, rest, judge.prior.parameters))
+        worst = share * np.abs(signed[-1]) + judge.prior.coulomb
+        np.testing.assert_allclose(judge.largest(q, rest, rest)[0], worst, rtol=CLOSE)
+    np.testing.assert_allclose(signed[1] - signed[0], expected, atol=1e-6)
+
+
+def test_no_mass_changes_nothing_and_unknown_arms_stay_unjudged() -> None:
+    robot = load_robot("ur5")
+    bare = replace(robot, inertias=np.full((6, 10), np.nan))
+    judge = safe_constraints(bare, collision=False, payload_mass=MASS, payload_com=COM)
+    assert judge.torque is None
+    assert "momentum" not in judge.points
+
+
+@pytest.mark.parametrize("mass", [-1.0, np.nan, np.inf, 1e6])
+def test_a_mass_that_cannot_be_is_refused(mass: float) -> None:
+    with pytest.raises(InputError, match="mass of the payload"):
+        safe_constraints(load_robot("ur5"), payload_mass=mass)
