@@ -135,7 +135,9 @@ def test_help_loads_nothing_heavy(words: list[str]) -> None:
 
 
 BRIEF = tuple(
-    name for name in COMMANDS if name not in {"design", "controller", "run", "report", "studio", "demo"}
+    name
+    for name in COMMANDS
+    if name not in {"design", "controller", "run", "report", "studio", "demo"}
 )
 """Commands that neither search, serve nor move."""
 WORDS = st.sampled_from(

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from cli_runs import LISTED, Recordings, Run
 
 import dynid
 from dynid.core.provenance import provenance
 from dynid.simulation.controller.process import controller_process
+from dynid.simulation.library import simulated_arm
 from dynid.trajectory.files import write_trajectory
 
+POINTS = 5.0
+"""Percentage points by which a change of viscous friction may be missed."""
+SIGMAS = 3.0
 TEXT = (Path(__file__).parents[2] / "docs" / "json.md").read_text()
 METRICS = set(re.findall(r"`(\w+)`", TEXT.split("**METRICS**:")[1].split("Lists")[0]))
 
@@ -89,3 +95,25 @@ def test_demo(run: Run, tmp_path: Path) -> None:
     record = dynid.read_record(folder / "cold_identification.parquet")
     assert "current" in record.signals
     assert "effort" not in record.signals
+    check_against_the_truth(data, folder)
+
+
+def check_against_the_truth(data: dict[str, Any], folder: Path) -> None:
+    """Only tests know the simulated arm's true friction."""
+    friction = simulated_arm(dynid.load_robot("ur5")).truth.friction
+    viscous = [
+        friction.viscous_at(record.signals["temperature"].mean(axis=0))
+        for record in (
+            dynid.read_record(folder / f"{thermal}_identification.parquet")
+            for thermal in ("cold", "warm")
+        )
+    ]
+    true_percent = 100 * (viscous[1] / viscous[0] - 1)
+    rows = {row["name"]: row for row in data["comparison"]["parameters"]}
+    found = np.array([rows[f"Fv{j}"]["change_percent"] for j in range(1, 7)])
+    np.testing.assert_allclose(found, true_percent, atol=POINTS)
+    groups = data["comparison"]["groups"]
+    inertial = [abs(rows[name]["z"]) for name in groups["inertial"]["parameters"]]
+    assert max(inertial) < SIGMAS
+    assert groups["viscous"]["moved"]
+    assert not groups["inertial"]["moved"]
