@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Sequence
 
 from dynid.core.errors import InputError, JobError
+from dynid.protocol.modes import RobotMode, SafetyMode
 from dynid.simulation.controller.machine_arm import ControlledArm
 from dynid.simulation.controller.machine_core import Core, Message, Watchdog
 from dynid.simulation.controller.machine_guard import watch
@@ -14,7 +15,7 @@ from dynid.simulation.controller.machine_inputs import Inputs, InputValue
 from dynid.simulation.controller.machine_outputs import READERS, OutputValue
 from dynid.simulation.controller.machine_power import Power
 from dynid.simulation.controller.machine_program import Programs, compile_program
-from dynid.simulation.controller.machine_safety import RobotMode, Safety, SafetyLimits, SafetyMode
+from dynid.simulation.controller.machine_safety import Safety, SafetyLimits
 from dynid.simulation.controller.urscript.program import Program
 from dynid.simulation.thermal import Thermal
 from dynid.simulation.truth import SimulatedArm

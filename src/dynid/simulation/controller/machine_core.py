@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dynid.core.arrays import Array
+from dynid.protocol.modes import RobotMode
 from dynid.simulation.controller.machine_arm import PROGRAM_STOP, PROTECTIVE_STOP, ControlledArm
 from dynid.simulation.controller.machine_registers import Registers, Signals
-from dynid.simulation.controller.machine_safety import RobotMode, Safety
+from dynid.simulation.controller.machine_safety import Safety
 from dynid.simulation.controller.motion_poses import to_matrix
 from dynid.simulation.controller.urscript.errors import ScriptFault
 from dynid.simulation.servo import Servo

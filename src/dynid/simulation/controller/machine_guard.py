@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from dynid.protocol.modes import RobotMode
 from dynid.simulation.controller.machine_core import Core
-from dynid.simulation.controller.machine_safety import RobotMode
 
 _AT_REST = 1e-4
 """Too slow to break any limit [rad/s]."""

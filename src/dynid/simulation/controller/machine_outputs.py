@@ -11,9 +11,9 @@ from collections.abc import Callable
 import numpy as np
 
 from dynid.core.arrays import Array
+from dynid.protocol.modes import RobotMode
 from dynid.simulation.controller.machine_core import Core
 from dynid.simulation.controller.machine_registers import BITS, COUNT
-from dynid.simulation.controller.machine_safety import RobotMode
 from dynid.simulation.controller.motion_poses import to_pose
 
 OutputValue = bool | int | float | list[int] | list[float]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from dynid.protocol.modes import RobotMode, SafetyMode
 from dynid.simulation.controller.machine_core import Core
-from dynid.simulation.controller.machine_safety import RobotMode, SafetyMode
 
 _BOOT_S, _RELEASE_S = 1.0, 0.5
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from dynid.protocol.modes import RobotMode
 from dynid.simulation.controller.machine_builtins import BUILTINS
 from dynid.simulation.controller.machine_core import Core
-from dynid.simulation.controller.machine_safety import RobotMode
 from dynid.simulation.controller.urscript.errors import ScriptError
 from dynid.simulation.controller.urscript.execution import Execution
 from dynid.simulation.controller.urscript.program import Program, compile_script

@@ -5,34 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 
 from dynid.core.errors import InputError
-
-
-class SafetyMode(IntEnum):
-    """Safety modes by their RTDE numbers."""
-
-    NORMAL = 1
-    REDUCED = 2
-    PROTECTIVE_STOP = 3
-    RECOVERY = 4
-    SAFEGUARD_STOP = 5
-    SYSTEM_EMERGENCY_STOP = 6
-    ROBOT_EMERGENCY_STOP = 7
-    VIOLATION = 8
-    FAULT = 9
-
-
-class RobotMode(IntEnum):
-    """Robot modes by their RTDE numbers."""
-
-    POWER_OFF = 3
-    POWER_ON = 4
-    IDLE = 5
-    BACKDRIVE = 6
-    RUNNING = 7
-
+from dynid.protocol.modes import SafetyMode
 
 _STOPPED_DUE_TO_SAFETY = 1 << 10
 _EMERGENCY = 1 << 7
