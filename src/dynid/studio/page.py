@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections.abc import Sequence
@@ -27,6 +28,7 @@ _FRAME_S = 1 / 25
 _FRAME_WHILE_RUNNING_S = 1 / 8
 """A recording needs the machine more than the page does."""
 _IDLE_S = 0.2
+_NICE = 10
 
 
 class Page:
@@ -67,7 +69,12 @@ class Page:
         self._done: Supervisor | None = None
 
     def run(self, stop: threading.Event) -> None:
-        """Keep the page up to date until `stop` is set."""
+        """Keep the page up to date until `stop` is set.
+
+        The calling thread steps back behind the processes of jobs, for good.
+        """
+        # On Linux a thread has a priority of its own; jobs are started by other threads.
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
         # The first certificate compiles for seconds on a new machine: visitors need not wait.
         threading.Thread(target=self._first_look, daemon=True).start()
         while not stop.is_set():
