@@ -12,7 +12,7 @@ import pytest
 from known_robot import MASSES, oracle, recording, ur5
 from scipy.optimize import minimize
 
-from dynid.core.errors import MissingExtraError
+from dynid.core.errors import JobError, MissingExtraError
 from dynid.identification.accumulate import joint_factors
 from dynid.identification.consistent_conic import solve_conic
 from dynid.identification.consistent_problem import (
@@ -20,6 +20,7 @@ from dynid.identification.consistent_problem import (
     body_constraints,
     sign_constraints,
 )
+from dynid.identification.consistent_regions import one_standard_error, pose_regions
 from dynid.identification.estimate_file import estimate_to_json, read_estimate, write_estimate
 from dynid.identification.least_squares import WeightedLeastSquares
 from dynid.identification.physical import EXCESS, PhysicallyConsistent, residual_sum
@@ -112,6 +113,38 @@ def test_the_solution_meets_its_optimality_conditions(seed: int) -> None:
     slack = problem.constraints @ p
     assert slack.min() > -1e-9
     assert np.abs(slack * solution.multipliers).max() < SOLVERS_AGREE
+
+
+@pytest.mark.parametrize("size", [1e-4, 1e4])
+def test_the_solution_does_not_depend_on_the_size_of_friction(size: float) -> None:
+    problem = small_problem(2)
+    scale = np.ones(22)
+    scale[20:] = size
+    other = replace(problem, matrix=problem.matrix / scale, constraints=problem.constraints / scale)
+    here, there = solve_conic(problem, 0.1), solve_conic(other, 0.1)
+    atol = SOLVERS_AGREE * np.abs(here.values).max()
+    np.testing.assert_allclose(there.values / scale, here.values, rtol=0, atol=atol)
+
+
+def test_one_standard_error_takes_the_strongest_that_cannot_be_told_from_the_best() -> None:
+    scores = np.array([[3.0, 1.0, 1.1, 2.5, np.inf], [3.2, 1.4, 1.5, 2.5, 3.0]])
+    assert one_standard_error(scores) == 2
+    # The best one has no doubt: nothing else may be taken.
+    assert one_standard_error(np.array([[1.0, 1.0, 1.1], [1.0, 0.9, 1.1], [1.0, 0.95, 1.2]])) == 1
+    with pytest.raises(JobError, match="no weight"):
+        one_standard_error(np.full((3, 2), np.inf))
+
+
+def test_regions_left_out_are_the_ends_of_the_motion() -> None:
+    t = np.linspace(0.0, 1.0, 1000)
+    q = np.column_stack([t, 0.5 * t, np.zeros(1000)])
+    marks = pose_regions(q)
+    assert marks.sum(axis=1)[:1] == 250
+    first, last = marks[0], marks[len(marks) // 2]
+    # Either end may come first.
+    ends = sorted([float(t[first].mean()), float(t[last].mean())])
+    np.testing.assert_allclose(ends, [0.125, 0.875], atol=1e-3)
+    assert not (first & last).any()
 
 
 def test_the_divergence_is_zero_at_the_prior_and_infinite_outside() -> None:

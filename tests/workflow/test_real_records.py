@@ -104,7 +104,8 @@ def test_tx40_with_its_coupled_wrist() -> None:
     assert result.validation.metrics.r2[5] >= 0.84
 
 
-def test_kr300_warns_and_still_predicts() -> None:
+@pytest.fixture(scope="module")
+def kr300() -> tuple[RobotModel, ExperimentRecord, ExperimentRecord]:
     robot = load_robot(ROBOTS / "kr300.toml")
     a, b = (
         read_recording(
@@ -116,11 +117,18 @@ def test_kr300_warns_and_still_predicts() -> None:
         )
         for name in "AB"
     )
+    return robot, a, b
+
+
+def test_kr300_warns_and_still_predicts(
+    kr300: tuple[RobotModel, ExperimentRecord, ExperimentRecord],
+) -> None:
+    robot, a, b = kr300
     result = identify([a], robot, validation=b)
     assert "ill_conditioned" in codes(result)
-    assert result.estimate.estimator == "wls"
+    assert result.estimate.estimator == "sdp"
     assert result.validation is not None
-    assert result.validation.metrics.normalized_error <= 22.0
+    assert result.validation.metrics.normalized_error <= 15.0
     plain = identify([a], robot, IdentifySettings(preset="paper"), validation=b)
     assert {"ill_conditioned", "over_fitted"} <= codes(plain)
 
@@ -134,3 +142,28 @@ def test_short_one_way_moves_are_refused_in_words(name: str, preset: str) -> Non
     messages = {notice.code: notice.message for notice in result.warnings}
     assert "must not be used" in messages["ill_conditioned"]
     assert "must not be used" in messages["low_excitation"]
+
+
+def test_bodies_that_exist_predict_further_on_poor_motions(
+    kr300: tuple[RobotModel, ExperimentRecord, ExperimentRecord],
+) -> None:
+    robot, a, b = kr300
+    # The other way round: nothing was chosen with this direction in view.
+    consistent = identify([b], robot, validation=a)
+    plain = identify([b], robot, IdentifySettings(estimator="wls"), validation=a)
+    errors = [r.validation.metrics.normalized_error for r in (consistent, plain) if r.validation]
+    assert len(errors) == 2
+    assert errors[0] < 0.9 * errors[1]
+
+
+def test_without_the_solver_a_poor_motion_is_fitted_with_a_stronger_prior(
+    kr300: tuple[RobotModel, ExperimentRecord, ExperimentRecord],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    robot, a, b = kr300
+    monkeypatch.setattr("dynid.workflow.identify_settings.installed", lambda _module: False)
+    result = identify([a], robot, validation=b)
+    assert "ill_conditioned" in codes(result)
+    assert result.estimate.estimator == "wls"
+    assert result.validation is not None
+    assert result.validation.metrics.normalized_error <= 18.0

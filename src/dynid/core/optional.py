@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 from types import ModuleType
 
 from dynid.core.errors import MissingExtraError
+
+
+def installed(module: str) -> bool:
+    """Whether a top-level module can be imported."""
+    return importlib.util.find_spec(module) is not None
 
 
 def require(module: str, extra: str) -> ModuleType:

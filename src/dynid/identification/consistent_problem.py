@@ -7,6 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynid.core.arrays import Array
+from dynid.core.linalg import upper_triangle
+from dynid.identification.conditioning import base_mapping
+from dynid.identification.prior import InertialPrior
+from dynid.identification.problem import IdentificationProblem
 from dynid.regressor.model import InverseDynamicModel
 from dynid.robot.inertia import frame_map, to_pseudo_inertia
 
@@ -66,6 +70,33 @@ class ConsistentProblem:
         known = np.linalg.slogdet(prior)[1].sum()
         trace = np.trace(np.linalg.solve(prior, bodies), axis1=1, axis2=2).sum()
         return float(trace - size + known - 4.0 * self.links)
+
+
+def reduced_problem(
+    problem: IdentificationProblem, factors: Array, weights: Array, prior: InertialPrior
+) -> tuple[ConsistentProblem, float]:
+    """The reduced problem, and the residual sum that no parameters can go below.
+
+    Args:
+        problem: The problem.
+        factors: (n, r + 1, r + 1) from `joint_factors`.
+        weights: (n) weight of each joint [1/(N.m)].
+        prior: Inertias in the model's parameter frames.
+    """
+    rank = problem.base.rank
+    upper = upper_triangle((factors * weights[:, None, None]).reshape(-1, rank + 1))
+    signs = sign_constraints(problem.base.model)
+    bodies, floors = body_constraints(problem.base.model)
+    return (
+        ConsistentProblem(
+            matrix=upper[:rank, :rank] @ base_mapping(problem.base),
+            target=upper[:rank, rank],
+            prior=prior.parameters,
+            constraints=np.vstack([signs, bodies]),
+            floor=np.concatenate([np.zeros(len(signs)), floors]),
+        ),
+        float(upper[rank, rank] ** 2),
+    )
 
 
 def sign_constraints(model: InverseDynamicModel) -> Array:

@@ -7,15 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core.arrays import Array
-from dynid.core.linalg import upper_triangle
 from dynid.identification.accumulate import joint_factors
 from dynid.identification.conditioning import base_mapping
 from dynid.identification.consistent_conic import ConsistentSolution, solve_conic
 from dynid.identification.consistent_problem import (
     ConsistentProblem,
-    body_constraints,
-    sign_constraints,
+    reduced_problem,
 )
+from dynid.identification.consistent_regions import held_out_weight
 from dynid.identification.least_squares import (
     Estimator,
     Fit,
@@ -40,7 +39,8 @@ class PhysicallyConsistent(Estimator):
 
     On the QR-reduced problem (Sousa and Cortesao 2014) with the pseudo-inertia of every link
     positive (Wensing, Kim and Slotine 2018) and the entropic divergence of Lee, Wensing and Park
-    (2020), whose weight is the largest that the data allow (discrepancy principle).
+    (2020), whose weight is the largest that the data allow (discrepancy principle), or on poor
+    motions the one that predicts the regions left out.
     """
 
     prior: InertialPrior | None = None
@@ -49,6 +49,8 @@ class PhysicallyConsistent(Estimator):
     """See `WeightedLeastSquares`, whose weights and residual sum are the measure."""
     excess: float = EXCESS
     """Share by which the weighted residual sum may grow."""
+    by_regions: bool = False
+    """Choose the weight on regions of the motion left out instead, see `held_out_weight`."""
 
     @property
     def name(self) -> str:
@@ -64,8 +66,15 @@ class PhysicallyConsistent(Estimator):
         least = residual_sum(factors, plain.weights, plain.values)
         # In units of the plain residual sum, weights of the prior mean the same on all records.
         weights = plain.weights / np.sqrt(max(least, 1e-300))
-        consistent, floor = consistent_problem(problem, factors, weights, prior)
-        gamma, solution = largest_weight(consistent, floor, self.excess)
+        consistent, floor = reduced_problem(problem, factors, weights, prior)
+        words: tuple[str, ...] = ()
+        if self.by_regions:
+            held_out = held_out_weight(problem, weights, prior)
+            gamma = held_out.gamma
+            solution = solve_conic(consistent, gamma)
+            words = (f"prior weight from {held_out.regions} regions of the motion left out",)
+        else:
+            gamma, solution = largest_weight(consistent, floor, self.excess)
         values = base_mapping(problem.base) @ solution.values
         return replace(
             plain,
@@ -74,40 +83,13 @@ class PhysicallyConsistent(Estimator):
             standard=standard_fit(
                 consistent, gamma, solution, consistent.matrix[:, list(problem.base.independent)]
             ),
-            choices=_words(consistent, solution, gamma, floor, model.names, prior),
+            choices=(*words, *_words(consistent, solution, gamma, floor, model.names, prior)),
         )
 
 
 def residual_sum(factors: Array, weights: Array, values: Array) -> float:
     """Weighted residual sum of squares of base parameters (r)."""
     return float(np.square(weights[:, None] * (factors @ np.append(values, -1.0))).sum())
-
-
-def consistent_problem(
-    problem: IdentificationProblem, factors: Array, weights: Array, prior: InertialPrior
-) -> tuple[ConsistentProblem, float]:
-    """The reduced problem, and the residual sum that no parameters can go below.
-
-    Args:
-        problem: The problem.
-        factors: (n, r + 1, r + 1) from `joint_factors`.
-        weights: (n) weight of each joint [1/(N.m)].
-        prior: Inertias in the model's parameter frames.
-    """
-    rank = problem.base.rank
-    upper = upper_triangle((factors * weights[:, None, None]).reshape(-1, rank + 1))
-    signs = sign_constraints(problem.base.model)
-    bodies, floors = body_constraints(problem.base.model)
-    return (
-        ConsistentProblem(
-            matrix=upper[:rank, :rank] @ base_mapping(problem.base),
-            target=upper[:rank, rank],
-            prior=prior.parameters,
-            constraints=np.vstack([signs, bodies]),
-            floor=np.concatenate([np.zeros(len(signs)), floors]),
-        ),
-        float(upper[rank, rank] ** 2),
-    )
 
 
 def largest_weight(

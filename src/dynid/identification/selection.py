@@ -37,6 +37,8 @@ class Selection:
     """(n) held-out RMS error [N.m or N]."""
     prior_gain: float
     """Strength of the weak prior; the default unless the record is ill-conditioned."""
+    ill_conditioned: bool
+    """Whether the motion does not tell the parameters apart."""
 
 
 def select(
@@ -95,6 +97,7 @@ def select(
         score=score,
         noise=noise,
         prior_gain=gain,
+        ill_conditioned=ill,
     )
 
 

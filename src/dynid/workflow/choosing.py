@@ -22,6 +22,7 @@ class Choice:
     processing: ProcessingSettings
     friction: FrictionTerms
     prior_gain: float
+    ill_conditioned: bool
     words: tuple[str, ...]
 
 
@@ -53,6 +54,7 @@ def choose(
         processing=chosen.settings,
         friction=chosen.friction,
         prior_gain=chosen.prior_gain,
+        ill_conditioned=chosen.ill_conditioned,
         words=(*averaged, *_words(chosen)),
     )
 

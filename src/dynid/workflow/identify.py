@@ -132,19 +132,21 @@ def _identify(
         decimate=settings.preset == "best" or max(r.samples for r in records) > LONG_RECORD,
     )
     friction, prior_gain, words = settings.terms or FrictionTerms(), None, ()
+    ill_conditioned = False
     if settings.preset == "best":
         choice = choose(
             records, robot, settings.frames, processing, terms=settings.terms, progress=progress
         )
         processing, friction = choice.processing, choice.friction
         prior_gain, words = choice.prior_gain, choice.words
+        ill_conditioned = choice.ill_conditioned
     parts = [process(record, robot, processing) for record in records]
     samples = parts[0] if len(parts) == 1 else joined(parts)
     model = InverseDynamicModel(robot=robot, frames=settings.frames, friction=friction)
     estimate = fit_estimate(
         with_load(model, samples, prior_gain),
         samples,
-        chosen_estimator(settings, robot, prior_gain),
+        chosen_estimator(settings, robot, prior_gain, ill_conditioned=ill_conditioned),
         record=records[0],
         settings=processing,
         preset=settings.preset,

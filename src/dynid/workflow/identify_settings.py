@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 
 from dynid.core.errors import InputError
+from dynid.core.optional import installed
 from dynid.identification.least_squares import Estimator, WeightedLeastSquares
+from dynid.identification.physical import PhysicallyConsistent
 from dynid.identification.registry import ESTIMATORS, estimator_of
 from dynid.regressor.terms import FrictionTerms
 from dynid.robot.model import RobotModel
@@ -60,14 +62,33 @@ class IdentifySettings:
 
 
 def chosen_estimator(
-    settings: IdentifySettings, robot: RobotModel, prior: float | None
+    settings: IdentifySettings,
+    robot: RobotModel,
+    prior: float | None,
+    *,
+    ill_conditioned: bool = False,
 ) -> Estimator:
     """The estimator that settings ask for.
+
+    Where nothing is asked for and the motion does not tell the parameters apart, only bodies
+    that can exist are fitted, if the extra `sdp` is installed: what they predict elsewhere is
+    bounded.
+
+    Args:
+        settings: What the user asked for.
+        robot: The robot.
+        prior: Strength of the weak prior, see `WeightedLeastSquares`.
+        ill_conditioned: Whether the motion does not tell the parameters apart.
 
     Raises:
         InputError: Weighting by joint size without torque limits.
     """
     word = settings.estimator or ("ols" if settings.preset == "paper" else "wls")
+    consistent = word == "sdp" or (
+        settings.estimator is None and settings.weighting == "joint" and installed("clarabel")
+    )
+    if ill_conditioned and consistent:
+        return PhysicallyConsistent(prior_gain=prior, by_regions=True)
     if word != "wls":
         return estimator_of(word, prior)
     groups = None
