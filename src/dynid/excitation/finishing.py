@@ -94,7 +94,7 @@ def without_turns(evaluation: DesignEvaluation, x: Array) -> Array:
     bounds = problem.constraints.bounds
     # Of the range, not of the mean: a range that is nearer to the middle cannot leave the bounds.
     away = (q.min(axis=0) + q.max(axis=0) - bounds.lower - bounds.upper) / 2
-    turns: Array = np.round(away / (2 * np.pi))
+    turns: Array = np.rint(away / (2 * np.pi))
     turns[np.array(evaluation.constraints.robot.prismatic, dtype=bool)] = 0.0
     if not turns.any():
         return x

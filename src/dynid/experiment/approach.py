@@ -15,8 +15,15 @@ from dynid.trajectory.quintic import Quintic
 
 APPROACH_SPEED = 0.5
 """Joint speed of the way to the start [rad/s]."""
-ROOMS = (0.005,) * 2 + (0.002,) * 4 + (0.001,) * 6 + (0.0003,) * 3
-"""Distances kept beyond the clearance in one search after the other [m]."""
+SEARCHES = (
+    *[(0.005, 400)] * 2,
+    *[(0.002, 400)] * 4,
+    *[(0.001, 400)] * 6,
+    *[(0.0003, 400)] * 3,
+    (0.0003, 1500),
+)
+"""Distances kept beyond the clearance in one search after the other [m], and the growths of its
+trees: trees that have not met early rarely do, new ones may."""
 _NEAR = 1e-3
 _PEAK = 15.0 / 8.0
 
@@ -77,9 +84,9 @@ def plan_approach(
     verdict = certify_straight(q, start, constraints)
     if verdict.feasible:
         return Approach(poses=straight)
-    for number, room in enumerate(ROOMS):
+    for number, (room, growths) in enumerate(SEARCHES):
         space = FreeSpace(constraints, q, start, speed=APPROACH_SPEED, room=room)
-        poses = find_way(space, np.random.default_rng([seed, number]))
+        poses = find_way(space, np.random.default_rng([seed, number]), growths)
         if poses is not None and all(
             certify_straight(a, b, constraints).feasible for a, b in pairwise(poses)
         ):

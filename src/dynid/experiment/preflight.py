@@ -8,7 +8,6 @@ import numpy as np
 
 from dynid.constraints.certificate import Certificate, certify
 from dynid.constraints.motion import MotionConstraints
-from dynid.core.arrays import Array
 from dynid.core.errors import InputError, JobError
 from dynid.drivers.ur.state import ControllerState
 from dynid.drivers.watchdog import mode_name
@@ -134,7 +133,7 @@ def _payload(plan: ExperimentPlan, state: ControllerState) -> Check:
 def _approach(approach: Approach) -> Check:
     finding = approach.describe()
     if approach.refused is not None:
-        start: Array = np.round(approach.poses[-1], 3)
+        start = [round(float(value), 3) for value in approach.poses[-1]]
         finding += f", {_broken(approach.refused)}: jog the robot closer to {start}"
     return Check("way to the start", approach.free, finding)
 

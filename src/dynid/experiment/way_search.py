@@ -16,8 +16,6 @@ SPACING = 0.03
 """Largest joint motion between two looks at a way [rad or m]."""
 STEP = 0.8
 """Longest growth of a tree at once [rad or m]."""
-ROUNDS = 400
-"""Growths before a search gives up: trees that have not met by then rarely do, new ones may."""
 SHORTCUTS = 40
 """Attempts to leave out a piece of the way that was found."""
 _SHARE = 0.02
@@ -105,18 +103,19 @@ class _Tree:
         return found[::-1]
 
 
-def find_way(space: FreeSpace, random: np.random.Generator) -> Array | None:
+def find_way(space: FreeSpace, random: np.random.Generator, growths: int) -> Array | None:
     """A free way from the space's first pose to its goal.
 
     Args:
         space: Where the way may go.
         random: What decides where the trees grow.
+        growths: Attempts to grow before the search gives up.
 
     Returns:
         (k, n) poses from one end to the other, few of them; None if none was found.
     """
     trees = _Tree(space.q), _Tree(space.goal)
-    for number in range(ROUNDS):
+    for number in range(growths):
         one, other = trees if number % 2 == 0 else trees[::-1]
         new = one.grow(space, random.uniform(space.lower, space.upper))
         if new is None:

@@ -1,0 +1,93 @@
+"""What `dynid design` makes runs on a controller that has just been switched on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from controllers import Observer, free_host
+from gentle_motion import write_gentle
+
+from dynid.constraints.presets import safe_constraints
+from dynid.core.errors import JobError
+from dynid.drivers.ur.layout import APPROACHING, DONE, MOVING, STATE
+from dynid.robot.load import load_robot
+from dynid.simulation.controller.machine import UPRIGHT
+from dynid.simulation.controller.process import controller_process
+from dynid.trajectory.files import read_trajectory
+from dynid.workflow.design_settings import DesignSettings
+from dynid.workflow.designing import design
+from dynid.workflow.run_files import load_design
+from dynid.workflow.run_settings import RunSettings
+from dynid.workflow.running import run_design
+
+JUDGE = safe_constraints(load_robot("ur5"))
+PERIOD_S, HARMONICS, CYCLES = 6.0, 4, 750
+APPROACH_RAD_S = 0.5
+TRACKING_RAD = 1e-3
+"""By which the arm's measured pose may lie beside its target."""
+
+
+def designed(path: Path, seed: int, mount: str | None = None) -> Path:
+    settings = DesignSettings(
+        period_s=PERIOD_S, harmonics=HARMONICS, starts=1, seed=seed, jobs=1, mount=mount
+    )
+    assert design("ur5", settings, output=path).feasible
+    return path
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_design_runs_from_where_a_new_controller_stands(tmp_path: Path, seed: int) -> None:
+    path = designed(tmp_path / "design.json", seed)
+    start = read_trajectory(path).trajectory.evaluate([0.0]).q[0]
+    said: list[str] = []
+    with (
+        controller_process("ur5", host=free_host(), virtual_time=True) as running,
+        Observer(running.host) as observer,
+    ):
+        run = run_design(
+            path,
+            tmp_path / "run.parquet",
+            on=f"ur://{running.host}",
+            settings=RunSettings(repeat=1),
+            confirm=lambda words, _: said.append(words),
+        )
+        observer.wait_for(lambda package: observer.number(package, STATE) == DONE)
+        state, q, qd = observer.columns(STATE, "target_q", "target_qd")
+    assert run.abort is None
+    assert run.to_json()["samples"] == CYCLES
+    assert "way to the start: " in said[0]
+    moving = np.flatnonzero(state == MOVING)
+    begun = int(moving[0])
+    way, speed = q[:begun], np.abs(qd[:begun])
+    np.testing.assert_allclose(way[0], UPRIGHT, rtol=0, atol=TRACKING_RAD)
+    np.testing.assert_allclose(way[-1], start, rtol=0, atol=TRACKING_RAD)
+    assert speed.max() <= APPROACH_RAD_S * (1 + 1e-6)
+    assert state[begun - 1] == APPROACHING
+    # Whatever way it took, every target on it keeps the clearance.
+    assert JUDGE.surroundings is not None
+    apart = JUDGE.surroundings.bodies.nearest(way, around=False).distance
+    assert apart.min() >= JUDGE.settings.self_clearance - 1e-6
+
+
+def test_who_is_asked_agrees_to_a_robot_that_stands_still(tmp_path: Path) -> None:
+    rtde = pytest.importorskip("rtde_control")
+    path = write_gentle(tmp_path / "design.json")
+    with controller_process("ur5", host=free_host(), virtual_time=True) as running:
+        target = f"ur://{running.host}"
+
+        def jog(_: str, host: str) -> None:
+            control = rtde.RTDEControlInterface(host)
+            control.moveJ([value + 0.05 for value in UPRIGHT], 1.0, 1.0)
+            control.stopScript()
+            control.disconnect()
+
+        with pytest.raises(JobError, match="has moved since it was checked"):
+            run_design(path, tmp_path / "run.parquet", on=target, confirm=jog)
+
+
+def test_a_run_is_mounted_as_its_design(tmp_path: Path) -> None:
+    path = designed(tmp_path / "design.json", 1, mount="ceiling")
+    assert load_design(path, RunSettings()).robot.mount == "ceiling"
+    assert load_design(path, RunSettings(mount="floor")).robot.mount == "floor"
