@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from controllers import Observer, free_host
-from gentle_motion import CYCLES, RATE, ListRecorder, gentle, gentle_execution
+from gentle_motion import CYCLES, MIDDLE, RATE, ListRecorder, gentle, gentle_execution
 
 from dynid.core.errors import InputError, JobError
 from dynid.drivers.driver import Outcome
 from dynid.drivers.ur.driver import UrDriver
 from dynid.drivers.ur.link import RtdeLink
-from dynid.drivers.ur.servoj import SLACK, ServojDriver
+from dynid.drivers.ur.servoj import SLACK, ServojDriver, approach
 from dynid.drivers.ur.state import inspect
 from dynid.simulation.controller.process import RunningController, controller_process
 
 SAME = 1e-12
 """Between periods [rad]."""
+SAME_PLACE = 1e-4
+"""[rad]"""
+SLOW = 0.01
+"""[rad/s]"""
 STILL = 1e-6
 """[rad/s]"""
 FOLLOWS = 0.004
@@ -145,6 +150,62 @@ def test_another_run_follows_a_stop(controller: RunningController) -> None:
     assert outcome.samples == CYCLES
 
 
+POINTS = tuple(MIDDLE + np.array(by) for by in ([0.2] * 6, [0.2, -0.1, 0.1, 0.3, 0.0, -0.4]))
+
+
+def test_it_rests_at_every_way_point(controller: RunningController) -> None:
+    execution = replace(gentle_execution(1), via=POINTS)
+    with Observer(controller.host) as observer:
+        outcome = UrDriver(inspect(controller.host)).execute(execution, None)
+        q, qd = observer.columns("target_q", "target_qd")
+    assert outcome.abort is None
+    away = np.stack([np.abs(q - point).max(axis=1) for point in POINTS])
+    reached = away.argmin(axis=1)
+    assert away.min(axis=1).max() < SAME_PLACE
+    # A blend would pass at half a rad/s; one cycle of braking is 0.004 rad/s.
+    assert np.abs(qd[reached]).max() < SLOW
+    assert reached[0] < reached[1]
+
+
+class _Control:
+    """Stands for ur_rtde's, with moves that take two looks."""
+
+    def __init__(self, cancel: threading.Event | None = None) -> None:
+        self.moves: list[list[float]] = []
+        self.stopped = False
+        self._left, self._cancel = 0, cancel
+
+    def moveJ(self, q: list[float], speed: float, acceleration: float, wait: bool) -> None:
+        assert self._left == 0, "the last move has not ended"
+        self.moves.append(q)
+        self._left = 2
+        if self._cancel is not None and len(self.moves) == 2:
+            self._cancel.set()
+
+    def getAsyncOperationProgress(self) -> int:
+        self._left = max(self._left - 1, 0)
+        return 0 if self._left > 0 else -1
+
+    def isProgramRunning(self) -> bool:
+        return True
+
+    def stopJ(self, deceleration: float) -> None:
+        self.stopped = True
+
+
+def test_streaming_starts_after_the_same_way() -> None:
+    poses = [*POINTS, MIDDLE]
+    control = _Control()
+    assert approach(control, poses, threading.Event()) is None
+    np.testing.assert_array_equal(control.moves, poses)
+    wish = threading.Event()
+    stopped = _Control(wish)
+    abort = approach(stopped, poses, wish)
+    assert abort is not None
+    assert stopped.stopped
+    assert len(stopped.moves) == 2
+
+
 def test_set_points_can_be_streamed_by_ur_rtde(controller: RunningController) -> None:
     pytest.importorskip("rtde_control")
     recorder = ListRecorder()
@@ -167,7 +228,5 @@ def test_another_client_on_our_register_is_named(controller: RunningController) 
 
 
 def test_another_rate_is_refused(controller: RunningController) -> None:
-    from dataclasses import replace
-
     with pytest.raises(InputError, match="another rate"):
         UrDriver(inspect(controller.host)).execute(replace(gentle_execution(), rate_hz=500.0), None)

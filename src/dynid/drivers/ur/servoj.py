@@ -70,7 +70,7 @@ class ServojDriver(Driver):
             return Outcome(samples=0, periods=0, gaps=0, abort=INTERRUPTED)
         control = self._control(self.state.host)
         try:
-            abort = _approach(control, (*execution.via, setpoints[0]), wish)
+            abort = approach(control, (*execution.via, setpoints[0]), wish)
             if abort is not None:
                 return Outcome(samples=0, periods=0, gaps=0, abort=abort)
             control.setWatchdog(WATCHDOG_HZ)
@@ -150,8 +150,17 @@ class _Stream:
         return self._next > self._execution.total + self._hold
 
 
-def _approach(control: Any, poses: Sequence[Array], cancel: threading.Event) -> Abort | None:
-    """Move from pose to pose, the start last; why that was ended early, if it was."""
+def approach(control: Any, poses: Sequence[Array], cancel: threading.Event) -> Abort | None:
+    """Move from pose to pose, resting at each.
+
+    Args:
+        control: ur_rtde's control interface.
+        poses: Way points, then the start, each (n) [rad].
+        cancel: Stops the robot when it is set.
+
+    Returns:
+        Why that was ended early; None if it was not.
+    """
     for pose in poses:
         control.moveJ(pose.tolist(), APPROACH, APPROACH, True)
         while control.getAsyncOperationProgress() >= 0:
