@@ -112,8 +112,10 @@ class MotionRegion:
 
     def longest_step(self, slack: Array, step: Array, most: float = 1.0) -> float:
         """The largest factor on a step, at most `most`, that keeps a hundredth of each slack."""
-        change = self.slack(step) - self.slack(np.zeros_like(step))
         finite = np.isfinite(slack)
+        # Bounds that are not there leave infinite slack before and after.
+        change = np.zeros_like(slack)
+        np.subtract(self.slack(step), self.slack(np.zeros_like(step)), out=change, where=finite)
         use = float(np.max(-change[finite] / slack[finite], initial=0.0))
         return most if use * most <= 0.99 else 0.99 / use
 

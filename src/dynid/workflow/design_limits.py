@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from dynid.constraints.motion import MotionConstraints
-from dynid.constraints.presets import paper_constraints, safe_constraints
+from dynid.constraints.presets import PRESETS, paper_constraints, safe_constraints
 from dynid.constraints.scene import Scene, scene_from_json
 from dynid.core.errors import InputError
 from dynid.robot.model import RobotModel
@@ -21,7 +21,11 @@ keeps 13 mm there whatever it does."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignLimits:
-    """Which limits hold, and around what."""
+    """Which limits hold, and around what.
+
+    Raises:
+        InputError: Limits that are not known.
+    """
 
     preset: str = "safe"
     """`safe` or `paper`."""
@@ -31,8 +35,25 @@ class DesignLimits:
     scene_file: str = ""
     """Where it was read."""
 
-    def constraints(self, robot: RobotModel) -> MotionConstraints:
+    def __post_init__(self) -> None:
+        if self.preset not in PRESETS:
+            raise InputError(
+                "unknown limits", where="--limits", value=self.preset, limit=", ".join(PRESETS)
+            )
+
+    def constraints(
+        self,
+        robot: RobotModel,
+        *,
+        payload_mass: float = 0.0,
+        payload_com: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> MotionConstraints:
         """The judge of these limits.
+
+        Args:
+            robot: The robot.
+            payload_mass: What it carries [kg].
+            payload_com: Where, in the flange's frame [m].
 
         Raises:
             InputError: Contradictory bounds, a scene that is none, or one without room for the
@@ -40,7 +61,14 @@ class DesignLimits:
         """
         if self.preset == "paper":
             return paper_constraints(robot)
-        return safe_constraints(robot, self._scene(), collision=self.collision, clearance=CLEARANCE)
+        return safe_constraints(
+            robot,
+            self._scene(),
+            collision=self.collision,
+            clearance=CLEARANCE,
+            payload_mass=payload_mass,
+            payload_com=payload_com,
+        )
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
@@ -61,7 +89,7 @@ def given_limits(preset: str, collision: bool, scene: Path | None) -> DesignLimi
     """Limits from the command line's words.
 
     Raises:
-        InputError: A scene that cannot be read.
+        InputError: An unknown word, or a scene that cannot be read.
     """
     return DesignLimits(
         preset=preset,
@@ -78,8 +106,8 @@ def limits_from_json(fields: JsonFields) -> DesignLimits:
         InputError: Missing keys or values of the wrong type.
     """
     preset, collision = fields.text("preset"), fields.get("collision")
-    if preset not in ("safe", "paper") or not isinstance(collision, bool):
-        raise InputError("limits that are not known", value=preset, limit="safe, paper")
+    if not isinstance(collision, bool):
+        raise InputError("collision must be true or false", value=collision)
     scene = fields.get("scene")
     return DesignLimits(
         preset=preset,

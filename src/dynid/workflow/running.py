@@ -110,7 +110,10 @@ def run_design(
         return _finished(result, path)
     state = inspect(_host(on))
     plan = _plan(loaded, asked, state.rate_hz, warm_up_s=asked.warm_up_s)
-    plan = made_ready(plan, state, loaded.limits.constraints(loaded.robot), confirm)
+    judge = loaded.limits.constraints(
+        loaded.robot, payload_mass=asked.payload.mass, payload_com=asked.payload.com
+    )
+    plan = made_ready(plan, state, judge, confirm)
     if asked.method == "servoj":
         from dynid.drivers.ur.servoj import ServojDriver
 
