@@ -37,6 +37,7 @@ def gallery(identified: dynid.Identification) -> dict[str, Canvas]:
         "trajectory": motion.trajectory(series, names),
         "limits": motion.limit_usage(samples, copied_bounds(robot.limits), names),
         "distances": motion.distances(samples.t, gaps, ("a", "b", "c"), 0.02),
+        "safety": motion.safety_usage(samples.t, gaps, ("torque", "tcp_speed", "power")),
         "convergence": motion.convergence(np.arange(1.0, 9), 90 / np.arange(1.0, 9), "cond"),
         "prediction": torque.prediction(result, names, slides),
         "residuals": torque.residuals(result, names),

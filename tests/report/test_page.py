@@ -133,3 +133,22 @@ def test_wrong_places_are_said(tmp_path: Path, finished_run: Path) -> None:
     contents = ReportContents(title="t", directory=tmp_path)
     with pytest.raises(dynid.JobError, match="cannot be written"):
         write_report(contents, tmp_path / "none" / "r.html")
+
+
+def test_a_design_is_shown_with_its_limits_over_time(finished_run: Path, tmp_path: Path) -> None:
+    settings = dynid.DesignSettings(method="ga", population=20, generations=1, limits="paper")
+    designed = dynid.design("ur5", settings, output=tmp_path / "design.json")
+    document = json.loads((tmp_path / "design.json").read_text())
+    document["design"]["limits"]["preset"] = "safe"
+    (tmp_path / "design.json").write_text(json.dumps(document))
+    dynid.write_estimate(
+        dynid.read_estimate(finished_run / "estimate.json"), tmp_path / "estimate.json"
+    )
+    path, contents = report(tmp_path, tmp_path / "report.html")
+    (shown,) = contents.designs
+    assert shown.judged is not None
+    worst = dynid.check(tmp_path / "design.json").certificate.margins
+    largest = dict(zip(shown.judged.kinds, shown.judged.shares.max(axis=0), strict=True))
+    # The certificate looks closer than two hundred instants, and adds what it is not sure of.
+    assert 1 - largest["tcp_speed"] == pytest.approx(worst["tcp_speed"], abs=0.02)
+    assert number(designed.condition_number, 4) in visible(path.read_text())

@@ -80,6 +80,24 @@ def limit_usage(samples: JointMotion, bounds: MotionBounds, names: Sequence[str]
     return drawn
 
 
+def safety_usage(t: Array, shares: Array, kinds: Sequence[str]) -> Canvas:
+    """How much of each limit of the whole arm is used over time: 100 % is the limit.
+
+    Args:
+        t: (N) time [s].
+        shares: (N, k) value over limit; NaN where a kind is not judged.
+        kinds: (k) such as `torque` or `tcp_speed`.
+    """
+    drawn = figure(title="Use of the arm's limits", x="time [s]", y="share of the limit [%]")
+    for k, kind in enumerate(kinds):
+        if np.isfinite(shares[:, k]).all():
+            drawn.add_trace(
+                line(t, 100 * shares[:, k], label(kind.replace("_", " ")), color=colour(k))
+            )
+    drawn.add_hline(100, line={"color": LIMIT, "dash": "dash"})
+    return drawn
+
+
 def distances(t: Array, gaps: Array, pairs: Sequence[str], clearance: float) -> Canvas:
     """Distances between bodies over time.
 

@@ -52,6 +52,22 @@ class ReportedEstimate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class JudgedMotion:
+    """Limits of the whole arm over time."""
+
+    t: Array
+    """(N) time [s]."""
+    kinds: tuple[str, ...]
+    shares: Array
+    """(N, k) value over limit, NaN where not judged."""
+    distance_kinds: tuple[str, ...]
+    distances: Array
+    """(N, d) signed distances [m], NaN where not judged."""
+    clearance: float
+    """Smallest value allowed for them [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ReportedDesign:
     """An excitation trajectory."""
 
@@ -61,6 +77,10 @@ class ReportedDesign:
     bounds: MotionBounds
     facts: tuple[tuple[str, str], ...] = ()
     """What is known of its making, in words."""
+    search: tuple[Array, Array] | None = None
+    """(k) evaluations and (k) best criterion so far."""
+    judged: JudgedMotion | None = None
+    """The limits of the whole arm over time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

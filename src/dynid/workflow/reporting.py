@@ -20,12 +20,11 @@ from dynid.recording.record import ExperimentRecord
 from dynid.reduction.base import reduce_model
 from dynid.report.contents import ReportContents, ReportedDesign, ReportedEstimate
 from dynid.report.page import write_report
-from dynid.robot.load import load_robot
 from dynid.signals.process import process
-from dynid.trajectory.files import read_trajectory
 from dynid.validation.comparison import ParameterComparison, compare
 from dynid.validation.prediction import ValidationResult, reproduce, validate
 from dynid.workflow.identify import Identification, over_fitted
+from dynid.workflow.reported_design import reported_design
 from dynid.workflow.verdict import verdict
 
 MOST_ESTIMATES = 6
@@ -109,7 +108,7 @@ def _search(folder: Path, tell: Progress) -> _Found:
             if kind == FORMAT:
                 estimates[path.name] = read_estimate(path)
             elif kind == "trajectory":
-                designs.append(_design(path))
+                designs.append(reported_design(path))
         except DynidError as error:
             skipped.append((path.name, str(error)))
     return _Found(
@@ -132,20 +131,6 @@ def _kind(path: Path) -> str:
         return FORMAT
     kind = str(fields.get("kind", ""))
     return "trajectory" if kind.startswith("dynid.") else ""
-
-
-def _design(path: Path) -> ReportedDesign:
-    stored = read_trajectory(path)
-    return ReportedDesign(
-        name=path.name,
-        trajectory=stored.trajectory,
-        robot=load_robot(stored.robot),
-        bounds=stored.limits,
-        facts=(
-            ("duration", f"{stored.trajectory.duration:g} s"),
-            *((key, str(value)) for key, value in stored.provenance.settings.items()),
-        ),
-    )
 
 
 def _reported(

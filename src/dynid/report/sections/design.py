@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dynid.figures.motion import limit_usage, trajectory
+from dynid.figures.canvas import Canvas
+from dynid.figures.motion import convergence, distances, limit_usage, safety_usage, trajectory
 from dynid.report.contents import ReportContents, ReportedDesign
 from dynid.report.section import Part, Section, Table
 
@@ -33,5 +34,24 @@ def _part(item: ReportedDesign) -> Part:
             "slow, both ways, in many poses. Dashed lines are the limits.",
         ),
         tables=facts,
-        figures=(trajectory(item.trajectory, names), limit_usage(motion, item.bounds, names)),
+        figures=(
+            trajectory(item.trajectory, names),
+            limit_usage(motion, item.bounds, names),
+            *_judged(item),
+            *((convergence(*item.search, "best criterion so far"),) if item.search else ()),
+        ),
     )
+
+
+def _judged(item: ReportedDesign) -> tuple[Canvas, ...]:
+    judged = item.judged
+    if judged is None:
+        return ()
+    drawn = [safety_usage(judged.t, judged.shares, judged.kinds)]
+    known = [
+        k for k in range(len(judged.distance_kinds)) if np.isfinite(judged.distances[:, k]).all()
+    ]
+    if known:
+        kinds = [judged.distance_kinds[k] for k in known]
+        drawn.append(distances(judged.t, judged.distances[:, known], kinds, judged.clearance))
+    return tuple(drawn)
