@@ -17,7 +17,8 @@ NEWCOMER_S = 1.0
 PRIMARY, SECONDARY, REALTIME = 30001, 30002, 30003
 PORTS = (dashboard.PORT, PRIMARY, SECONDARY, REALTIME, rtde.PORT)
 """The ports of a UR controller; clients cannot be told others."""
-_BACKLOG = 256
+# Where the kernel's queue is full, a client believes itself connected and nobody knows of it.
+_BACKLOG = 1024
 _SEND_BUFFER = 1 << 17
 
 
