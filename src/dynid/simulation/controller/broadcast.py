@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import partial
 
 from dynid.protocol import rtde
-from dynid.simulation.controller.clients import Client, RtdeClient, ScriptClient
-from dynid.simulation.controller.doors import PRIMARY, REALTIME
+from dynid.simulation.controller.clients import Client, RtdeClient, WatchingClient
+from dynid.simulation.controller.doors import PRIMARY, READ_ONLY, REALTIME
 from dynid.simulation.controller.machine import ControllerMachine
-from dynid.simulation.controller.machine_core import Message
+from dynid.simulation.controller.machine_messages import Message
 from dynid.simulation.controller.packages import Packer
-from dynid.simulation.controller.primary import (
-    realtime_state,
-    robot_state,
-    text_message,
-    version_message,
-)
+from dynid.simulation.controller.primary import robot_state
+from dynid.simulation.controller.primary_messages import packets, version_message
+from dynid.simulation.controller.realtime import realtime_state
 
 _STATES_HZ = 10
 
@@ -36,7 +34,7 @@ class Broadcast:
 
     def greet(self, client: Client) -> None:
         """What a client reads before it says anything."""
-        if isinstance(client, ScriptClient) and client.port != REALTIME:
+        if isinstance(client, WatchingClient) and _stream(client) != REALTIME:
             core = self._machine.core
             client.connection.send(version_message(core.version, core.now))
         else:
@@ -54,20 +52,20 @@ class Broadcast:
         # Ten states a second, also where 10 Hz is no whole number of cycles.
         states = int(machine.core.cycles * machine.cycle * _STATES_HZ + 1e-9)
         due, self._states = states != self._states, states
-        packed: dict[int, bytes] = {}
+        states_due = _States(machine)
+        news = b"".join(packets(message) for message in messages) if messages else b""
         for client in clients:
             if isinstance(client, RtdeClient):
                 self._tell(client, messages)
-            elif isinstance(client, ScriptClient):
-                realtime = client.port == REALTIME
-                if client.port == PRIMARY:
-                    for message in messages:
-                        client.connection.offer(text_message(message.text, message.timestamp))
+            elif isinstance(client, WatchingClient):
+                stream = _stream(client)
+                if stream == PRIMARY and news:
+                    client.connection.offer(news)
                 # Whoever never reads this port (ur_rtde does not) costs nothing.
-                if (due or realtime) and not client.connection.still_full():
-                    if realtime not in packed:
-                        packed[realtime] = (realtime_state if realtime else robot_state)(machine)
-                    client.connection.offer(packed[realtime])
+                if (due or stream == REALTIME) and not client.connection.still_full():
+                    first = not client.introduced
+                    if client.connection.offer(states_due.of(stream, first=first)):
+                        client.introduced = True
 
     def _tell(self, client: RtdeClient, messages: Sequence[Message]) -> None:
         session = client.session
@@ -80,3 +78,26 @@ class Broadcast:
         if recipe is not None and self._machine.core.cycles % session.every == 0:
             together = int(self._together / session.every + 1e-9)
             client.connection.offer(self._packer.package(recipe), together)
+
+
+class _States:
+    """The states of one cycle, each packed once."""
+
+    def __init__(self, machine: ControllerMachine) -> None:
+        self._machine = machine
+        self._packed: dict[tuple[bool, bool], bytes] = {}
+
+    def of(self, stream: int, *, first: bool) -> bytes:
+        """What a port sends in this cycle."""
+        realtime = stream == REALTIME
+        key = (realtime, first and not realtime)
+        packed = self._packed.get(key)
+        if packed is None:
+            state = realtime_state if realtime else partial(robot_state, first=first)
+            packed = self._packed[key] = state(self._machine)
+        return packed
+
+
+def _stream(client: Client) -> int:
+    """The port whose packets a client gets."""
+    return READ_ONLY.get(client.port, client.port)

@@ -124,7 +124,17 @@ class DashboardClient(Client):
         return words.encode() + b"\n"
 
 
-class ScriptClient(Client):
+class WatchingClient(Client):
+    """A client of port 30011, 30012 or 30013: it reads states; what it sends is not looked at."""
+
+    introduced = False
+    """Whether it was told of the arm itself."""
+
+    def take(self, data: bytes) -> None:
+        """Throw it away."""
+
+
+class ScriptClient(WatchingClient):
     """A client of port 30001, 30002 or 30003: it reads states and may send programs.
 
     Args:

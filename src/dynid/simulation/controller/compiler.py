@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from dynid.core.errors import DynidError
+from dynid.simulation.controller.urscript.errors import ScriptError
 from dynid.simulation.controller.urscript.program import Program
 
 WAITING = 8
@@ -21,7 +22,7 @@ class Compiled:
 
     program: Program | None
     """The program; None when it does not compile."""
-    problem: str = ""
+    problem: ScriptError | None = None
     """What is wrong with it."""
 
 
@@ -85,9 +86,11 @@ class ScriptCompiler:
     def _one(self, text: str) -> Compiled:
         try:
             return Compiled(self._compile(text))
+        except ScriptError as error:
+            return Compiled(None, error)
         except DynidError as error:
-            return Compiled(None, str(error))
+            return Compiled(None, ScriptError(str(error), 1))
         except RecursionError:
-            return Compiled(None, "the script is nested too deeply to compile")
+            return Compiled(None, ScriptError("nested too deeply to compile", 1))
         except MemoryError:
-            return Compiled(None, "the script needs more memory than there is")
+            return Compiled(None, ScriptError("the script needs more memory than there is", 1))

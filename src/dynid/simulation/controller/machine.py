@@ -9,13 +9,15 @@ from collections.abc import Sequence
 from dynid.core.errors import InputError, JobError
 from dynid.protocol.modes import RobotMode, SafetyMode
 from dynid.simulation.controller.machine_arm import ControlledArm
-from dynid.simulation.controller.machine_core import Core, Message, Watchdog
+from dynid.simulation.controller.machine_core import Core, Watchdog
 from dynid.simulation.controller.machine_guard import watch
 from dynid.simulation.controller.machine_inputs import Inputs, InputValue
+from dynid.simulation.controller.machine_messages import Message, MessageKind
 from dynid.simulation.controller.machine_outputs import READERS, OutputValue
 from dynid.simulation.controller.machine_power import Power
-from dynid.simulation.controller.machine_program import Programs, compile_program
+from dynid.simulation.controller.machine_program import Programs, compile_program, refuse
 from dynid.simulation.controller.machine_safety import Safety, SafetyLimits
+from dynid.simulation.controller.urscript.errors import ScriptError
 from dynid.simulation.controller.urscript.program import Program
 from dynid.simulation.thermal import Thermal
 from dynid.simulation.truth import SimulatedArm
@@ -132,6 +134,10 @@ class ControllerMachine:
         """Run a compiled script as if sent to a script port."""
         self._programs.start(program)
 
+    def refuse(self, error: ScriptError) -> None:
+        """Say why a script sent to a script port does not compile."""
+        refuse(self.core, error)
+
     def protective_stop(self, reason: str) -> None:
         """Stop the arm hard and lock it."""
         self.core.protective_stop(reason)
@@ -216,7 +222,7 @@ class ControllerMachine:
         self._programs.stop("")
         self._power.off()
         self.core.safety.fail(reason, self.core.now)
-        self.core.say(reason, "safety", 0, popup=True)
+        self.core.say(reason, "safety", 0, MessageKind.STOP)
 
     def _guard_watchdogs(self) -> None:
         starved = self.core.starved() if self.core.playing else None

@@ -7,6 +7,7 @@ from collections.abc import Callable, Generator
 from typing import Any
 
 from dynid.simulation.controller.machine_core import Core, Watchdog
+from dynid.simulation.controller.machine_messages import MessageKind
 from dynid.simulation.controller.machine_registers import Registers
 from dynid.simulation.controller.urscript.builtin import Builtin, Kind, builtin
 from dynid.simulation.controller.urscript.errors import ScriptFault
@@ -52,8 +53,9 @@ def _popup(
     blocking: Value = False,
 ) -> Generator[None, None, None]:
     level = 1 if truth(error) else 2 if truth(warning) else 3
-    core.say(f"{shown(title)}: {shown(s)}", level=level, popup=True)
-    if truth(blocking):
+    waits = truth(blocking)
+    core.say(shown(s), "program", level, MessageKind.POPUP, title=shown(title), blocking=waits)
+    if waits:
         core.blocking_popup = True
         while core.blocking_popup:
             yield

@@ -11,6 +11,7 @@ import numpy as np
 from dynid.core.arrays import Array
 from dynid.protocol.modes import RobotMode
 from dynid.simulation.controller.machine_arm import PROGRAM_STOP, PROTECTIVE_STOP, ControlledArm
+from dynid.simulation.controller.machine_messages import Message, MessageKind
 from dynid.simulation.controller.machine_registers import Registers, Signals
 from dynid.simulation.controller.machine_safety import Safety
 from dynid.simulation.controller.motion_poses import to_matrix
@@ -21,22 +22,8 @@ MESSAGES_KEPT = 1000
 START_CYCLES_S = 60
 """Controller time at the start [s]: clients take less than 40 s for a robot that just booted."""
 _HISTORY_S = 1.0
+_LONGEST = 2_000
 _SCALING_RATE = 4.0
-
-
-@dataclass(frozen=True, slots=True)
-class Message:
-    """Something for the screen or the log of the controller."""
-
-    text: str
-    source: str
-    """`program`, `safety` or `controller`."""
-    level: int
-    """As in RTDE: 0 exception, 1 error, 2 warning, 3 information."""
-    timestamp: float
-    """Controller time [s]."""
-    popup: bool = False
-    """Whether it covers the screen."""
 
 
 @dataclass(slots=True)
@@ -158,10 +145,28 @@ class Core:
             self.say(f"{what} is not simulated: it does nothing", level=2)
 
     def say(
-        self, text: str, source: str = "program", level: int = 3, *, popup: bool = False
+        self,
+        text: str,
+        source: str = "program",
+        level: int = 3,
+        kind: MessageKind = MessageKind.TEXT,
+        *,
+        title: str = "",
+        line: int = 0,
+        blocking: bool = False,
     ) -> None:
         """Put a message out; the oldest is dropped when nobody takes them."""
-        self.messages.append(Message(text[:2000], source, level, self.now, popup))
+        message = Message(
+            text=text[:_LONGEST],
+            source=source,
+            level=level,
+            timestamp=self.now,
+            kind=kind,
+            title=title[:_LONGEST],
+            line=line,
+            blocking=blocking,
+        )
+        self.messages.append(message)
 
     def protective_stop(self, reason: str) -> None:
         """Stop the arm hard and lock it; the program ends."""
@@ -170,7 +175,7 @@ class Core:
         self.safety.stop(reason, self.now)
         self.arm.refuse()
         self.arm.braking = PROTECTIVE_STOP
-        self.say(reason, "safety", 1, popup=True)
+        self.say(reason, "safety", 1, MessageKind.STOP)
 
     def rest_brake(self) -> None:
         """Brake as at the end of a program."""

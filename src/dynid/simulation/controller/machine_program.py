@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import re
+
 from dynid.protocol.modes import RobotMode
 from dynid.simulation.controller.machine_builtins import BUILTINS
 from dynid.simulation.controller.machine_core import Core
+from dynid.simulation.controller.machine_messages import (
+    PROGRAM_STARTED,
+    PROGRAM_STOPPED,
+    MessageKind,
+)
 from dynid.simulation.controller.urscript.errors import ScriptError
 from dynid.simulation.controller.urscript.execution import Execution
 from dynid.simulation.controller.urscript.program import Program, compile_script
 
 _SECONDARY = 10
+_LINE = re.compile(r"\bline (\d+)\b")
 
 
 def compile_program(text: str) -> Program:
@@ -19,6 +27,18 @@ def compile_program(text: str) -> Program:
         ScriptError: It does not compile, or is too long.
     """
     return compile_script(text, BUILTINS)
+
+
+def refuse(core: Core, error: ScriptError) -> None:
+    """Say why a script does not compile."""
+    core.say(
+        f"compile error: {error}",
+        "program",
+        0,
+        MessageKind.EXCEPTION,
+        title=error.code,
+        line=error.line,
+    )
 
 
 class Programs:
@@ -64,6 +84,7 @@ class Programs:
         core.watchdogs.clear()
         core.lacking.clear()
         core.rest_brake()
+        core.say(self.name, "controller", 3, MessageKind.KEY, title=PROGRAM_STARTED)
 
     def load(self, name: str, text: str) -> bool:
         """Load a script as the program `name`; whether it compiles."""
@@ -110,6 +131,7 @@ class Programs:
         core.arm.refuse()
         if reason:
             core.say(f"program {self.name} stopped: {reason}", "controller", 2)
+        core.say(self.name, "controller", 3, MessageKind.KEY, title=PROGRAM_STOPPED)
         return True
 
     def step(self) -> None:
@@ -117,7 +139,7 @@ class Programs:
         for execution in self._beside:
             execution.step()
             if execution.fault is not None:
-                self._core.say(f"secondary program: {execution.fault}", level=0)
+                self._fault("secondary program", execution.fault)
         self._beside = [each for each in self._beside if not each.finished]
         main = self._main
         if main is None or self._core.paused:
@@ -125,7 +147,7 @@ class Programs:
         main.step()
         if main.finished:
             if main.fault is not None:
-                self._core.say(f"{self.name}: {main.fault}", level=0, popup=True)
+                self._fault(self.name, main.fault)
             # The last set point of a program that ended well still counts.
             held = self._core.arm.pending if main.fault is None else None
             self.stop("")
@@ -136,5 +158,11 @@ class Programs:
         try:
             return compile_program(text)
         except ScriptError as error:
-            self._core.say(f"compile error: {error}", level=0, popup=True)
+            refuse(self._core, error)
             return None
+
+    def _fault(self, name: str, fault: str) -> None:
+        """A program has failed: say so, and where."""
+        found = _LINE.search(fault)
+        line = int(found.group(1)) if found else 0
+        self._core.say(f"{name}: {fault}", "program", 0, MessageKind.EXCEPTION, line=line)

@@ -15,15 +15,17 @@ from dynid.simulation.controller.clients import (
     LeavingClient,
     RtdeClient,
     ScriptClient,
+    WatchingClient,
 )
 from dynid.simulation.controller.clock import Pace
+from dynid.simulation.controller.commands import obey
 from dynid.simulation.controller.compiler import ScriptCompiler
 from dynid.simulation.controller.connection import Connection
 from dynid.simulation.controller.dashboard import DashboardSession
-from dynid.simulation.controller.doors import Door, open_doors, place_for_another
+from dynid.simulation.controller.doors import READ_ONLY, Door, open_doors, place_for_another
 from dynid.simulation.controller.log import Log
 from dynid.simulation.controller.machine import ControllerMachine
-from dynid.simulation.controller.machine_core import Message
+from dynid.simulation.controller.machine_messages import Message
 from dynid.simulation.controller.rtde import Owners, RtdeSession
 from dynid.simulation.controller.script_text import Pool, ScriptReader
 from dynid.simulation.controller.virtual import TOGETHER_S, VirtualPace
@@ -151,7 +153,7 @@ class ControllerServer:
         while self._machine.messages:
             message = self._machine.messages.popleft()
             messages.append(message)
-            self._log.say(f"{message.source}: {message.text}")
+            self._log.say(f"{message.source}: {message.words}")
         return messages
 
     def _sweep(self, now: float) -> None:
@@ -169,12 +171,14 @@ class ControllerServer:
 
     def _run_compiled(self) -> None:
         for compiled in self._compiler.take():
-            if compiled.program is None:
-                self._complain(compiled.problem)
-            else:
+            if compiled.program is not None:
                 self._machine.run_program(compiled.program)
+            elif compiled.problem is not None:
+                self._machine.refuse(compiled.problem)
 
     def _submit(self, text: str) -> None:
+        if obey(text, self._machine):
+            return
         if not self._compiler.submit(text):
             self._complain("a program was refused: too many are waiting to be compiled")
 
@@ -211,6 +215,8 @@ class ControllerServer:
         if port == dashboard.PORT:
             session = DashboardSession(machine, settings.model, settings.serial, settings.programs)
             return DashboardClient(connection, port, session)
+        if port in READ_ONLY:
+            return WatchingClient(connection, port)
         return ScriptClient(connection, port, ScriptReader(self._pool), self._submit)
 
     def _part(self, client: Client, now: float) -> None:

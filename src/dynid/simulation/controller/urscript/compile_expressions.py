@@ -9,7 +9,13 @@ from dynid.simulation.controller.urscript.access import element, listed, posed
 from dynid.simulation.controller.urscript.builtin import Builtin, Kind
 from dynid.simulation.controller.urscript.chains import LOGIC, arithmetic, logic
 from dynid.simulation.controller.urscript.code import Code, compose
-from dynid.simulation.controller.urscript.errors import ScriptError, ScriptFault
+from dynid.simulation.controller.urscript.errors import (
+    UNKNOWN_FUNCTION,
+    UNKNOWN_NAME,
+    UNKNOWN_THREAD,
+    ScriptError,
+    ScriptFault,
+)
 from dynid.simulation.controller.urscript.execution import Execution, Frame
 from dynid.simulation.controller.urscript.functions import Function
 from dynid.simulation.controller.urscript.syntax import (
@@ -119,7 +125,7 @@ class Scope:
 
             return Code(own, False, 1, fresh=False)
         if name not in self.shared:
-            raise ScriptError("unknown name", tree.line, value=name)
+            raise ScriptError(UNKNOWN_NAME, tree.line, value=name)
         place = self.shared[name]
 
         def shared(x: Execution, v: Frame) -> Value:
@@ -136,7 +142,7 @@ class Scope:
             return self._own_call(tree, function)
         known = self.builtins.get(tree.name)
         if known is None:
-            raise ScriptError("unknown function", tree.line, value=tree.name)
+            raise ScriptError(UNKNOWN_FUNCTION, tree.line, value=tree.name)
         operands = self._arguments(tree, known.parameters, _constants(known))
         call = known.function
         if known.kind == Kind.PURE:
@@ -157,7 +163,7 @@ class Scope:
     def _run(self, tree: Run) -> Code:
         function = self.functions.get(tree.call.name)
         if function is None:
-            raise ScriptError("unknown thread", tree.line, value=tree.call.name)
+            raise ScriptError(UNKNOWN_THREAD, tree.line, value=tree.call.name)
         operands = self._own_arguments(tree.call, function)
         return compose(operands, function.starter(), weight=_CALL_WEIGHT)
 

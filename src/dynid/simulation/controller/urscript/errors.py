@@ -4,6 +4,13 @@ from __future__ import annotations
 
 from dynid.core.errors import InputError, JobError
 
+UNKNOWN_NAME, UNKNOWN_FUNCTION, UNKNOWN_THREAD = (
+    "unknown name",
+    "unknown function",
+    "unknown thread",
+)
+_NAMES = (UNKNOWN_NAME, UNKNOWN_FUNCTION, UNKNOWN_THREAD)
+
 
 class ScriptError(InputError):
     """A script that does not compile; the program never starts."""
@@ -11,6 +18,15 @@ class ScriptError(InputError):
     def __init__(self, what: str, line: int, *, value: object = None, limit: object = None) -> None:
         super().__init__(what, where=f"line {line}", value=value, limit=limit)
         self.line = line
+
+    @property
+    def code(self) -> str:
+        """What UR's controller calls it."""
+        if self.what in _NAMES:
+            return f"compile_error_name_not_found:{self.value}:"
+        return (
+            f"syntax_error_on_line:{self.line}:{self.what if self.value is None else self.value}:"
+        )
 
 
 class ScriptFault(JobError):
