@@ -181,3 +181,16 @@ def test_messages_are_kept_to_a_bound(arm: SimulatedArm) -> None:
     machine.run_script('def f():\n while True:\n textmsg("y")\n sync()\n end\nend')
     ticks(machine, 8.0)
     assert len(machine.messages) == MESSAGES_KEPT
+
+
+def test_signals_have_the_names_of_old_scripts_too(machine):
+    # python-urx, urx/urrobot.py, sends `digital_out[2]=True`.
+    machine.run_script(
+        "def f():\n digital_out[2] = True\n analog_out[1] = 0.25\n"
+        " write_output_boolean_register(5, digital_out[2] and not digital_in[3])\nend\n"
+    )
+    machine.tick()
+    machine.tick()
+    assert machine.output("actual_digital_output_bits") == 4
+    assert machine.output("standard_analog_output1") == 0.25
+    assert machine.output("output_bit_registers0_to_31") == 1 << 5

@@ -110,6 +110,11 @@ def test_numbers(expression: str, expected: float) -> None:
     ("expression", "expected"),
     [
         ('str_cat("a", "b")', "ab"),
+        ('str_cat("a ", str_cat(1, [2, True]))', "a 1[2, True]"),
+        ("[1, 2] + [3, 4.5]", [4, 6.5]),
+        ("2 * [1, 2.5] - 1", [1, 4.0]),
+        ("-[1, 2] / 2", [-0.5, -1.0]),
+        ("norm([3, 4] - [0, 0])", 5.0),
         ('str_sub("abcdef", 2, 3)', "cde"),
         ('str_at("abc", 1)', "b"),
         ("to_str(p[1, 0, 0, 0, 0, 0.5])", "p[1, 0, 0, 0, 0, 0.5]"),

@@ -7,6 +7,7 @@ from typing import Any
 
 from dynid.simulation.controller.machine_builtins_io import IO
 from dynid.simulation.controller.machine_builtins_model import MODEL
+from dynid.simulation.controller.machine_builtins_socket import SOCKETS
 from dynid.simulation.controller.machine_builtins_state import STATE
 from dynid.simulation.controller.machine_core import Core
 from dynid.simulation.controller.motion_joint import (
@@ -153,8 +154,6 @@ _NOT_SIMULATED: dict[str, tuple[bool | int, int]] = {
     "tool_contact": (0, 1),
     "ft_rtde_input_enable": (True, 4),
     "enable_external_ft_sensor": (True, 4),
-    "socket_open": (False, 3),
-    "socket_close": (False, 1),
     "set_conveyor_tick_count": (True, 2),
     "set_tool_communication": (True, 6),
     "set_tool_output_mode": (True, 1),
@@ -182,6 +181,7 @@ BUILTINS: dict[str, Builtin] = table(
     IO,
     STATE,
     MODEL,
+    SOCKETS,
     (
         builtin(function, Kind.BLOCKING, name=name, weight=_MOTION_WEIGHT)
         for name, function in _MOTIONS.items()

@@ -140,6 +140,7 @@ def _protective_stop(core: Core) -> None:
 
 
 _ASK: dict[str, Callable[[Core], Value]] = {
+    "get_joint_positions": lambda core: core.arm.measured("position"),
     "get_actual_joint_positions": lambda core: core.arm.measured("position"),
     "get_actual_joint_speeds": lambda core: core.arm.measured("velocity"),
     "get_target_joint_positions": lambda core: core.arm.state.target.q.tolist(),

@@ -12,6 +12,7 @@ from dynid.core.arrays import Array
 from dynid.protocol.modes import RobotMode
 from dynid.simulation.controller.machine_arm import PROGRAM_STOP, PROTECTIVE_STOP, ControlledArm
 from dynid.simulation.controller.machine_messages import Message, MessageKind
+from dynid.simulation.controller.machine_network import Network, on_this_machine
 from dynid.simulation.controller.machine_registers import Registers, Signals
 from dynid.simulation.controller.machine_safety import Safety
 from dynid.simulation.controller.motion_poses import to_matrix
@@ -69,6 +70,7 @@ class Core:
         self.inputs, self.outputs, self.signals = Registers(), Registers(), Signals()
         self.mode = RobotMode.RUNNING
         self.messages: deque[Message] = deque(maxlen=MESSAGES_KEPT)
+        self.network = Network(on_this_machine)
         self.payload = Payload()
         self.tcp = [0.0] * 6
         self.tcp_matrix: Array = np.eye(4)

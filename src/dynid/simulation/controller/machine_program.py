@@ -128,6 +128,7 @@ class Programs:
         self._main = None
         core.playing = core.paused = core.teaching = core.blocking_popup = False
         core.watchdogs.clear()
+        core.network.close_all()
         core.arm.refuse()
         if reason:
             core.say(f"program {self.name} stopped: {reason}", "controller", 2)

@@ -26,6 +26,7 @@ from dynid.simulation.controller.doors import READ_ONLY, Door, open_doors, place
 from dynid.simulation.controller.log import Log
 from dynid.simulation.controller.machine import ControllerMachine
 from dynid.simulation.controller.machine_messages import Message
+from dynid.simulation.controller.machine_network import Network, on_this_machine
 from dynid.simulation.controller.rtde import Owners, RtdeSession
 from dynid.simulation.controller.script_text import Pool, ScriptReader
 from dynid.simulation.controller.virtual import TOGETHER_S, VirtualPace
@@ -77,6 +78,8 @@ class ControllerServer:
         self._owners, self._pool = Owners(), Pool()
         self._compiler = ScriptCompiler(machine.compile)
         self._broadcast = Broadcast(machine, TOGETHER_S if settings.virtual else 0.0)
+        if not on_this_machine(settings.host):
+            machine.core.network = Network(lambda _: True)
         self._virtual = VirtualPace(machine) if settings.virtual else None
         self._held = settings.hold
         for fd in (*self._doors, self._compiler.signal.fileno()):

@@ -21,6 +21,7 @@ from dynid.simulation.controller.urscript.syntax import (
     Statement,
     While,
 )
+from dynid.simulation.controller.urscript.threads import BACK, ENTERING, LISTENING
 from dynid.simulation.controller.urscript.values import Value, truth
 
 BREAK, CONTINUE = "break", "continue"
@@ -61,7 +62,7 @@ def _statement(scope: Scope, statement: Statement, in_loop: bool) -> Code:
     if isinstance(statement, OnThread):
         return _on_thread(scope, statement)
     if isinstance(statement, Simple):
-        return _simple(statement, in_loop)
+        return _simple(scope, statement, in_loop)
     raise TypeError(statement)
 
 
@@ -197,13 +198,18 @@ def _on_thread(scope: Scope, statement: OnThread) -> Code:
         raise ScriptError("a secondary program must not take time", statement.line, value="join")
 
     def wait(x: Execution, value: Value) -> Routine:
+        # Whoever joins in a critical section lets others have it: they could not end else.
+        waited = False
         while x.lives(value):
-            yield
+            waited = True
+            yield LISTENING
+        if waited:
+            yield BACK
 
     return compose([handle], wait, slow=True)
 
 
-def _simple(statement: Simple, in_loop: bool) -> Code:
+def _simple(scope: Scope, statement: Simple, in_loop: bool) -> Code:
     word = statement.word
     if word in (BREAK, CONTINUE):
         if not in_loop:
@@ -213,8 +219,15 @@ def _simple(statement: Simple, in_loop: bool) -> Code:
     if word == "halt":
         return Code(_halt, False, 1)
     if word == "enter_critical":
-        return Code(lambda x, v: x.hold(), False, 1)
+        return Code(_enter, True, 1) if scope.may_wait else Code(lambda x, v: x.hold(), False, 1)
     return Code(lambda x, v: x.let_go(), False, 1)
+
+
+def _enter(x: Execution, v: Frame) -> Routine:
+    if x.section.open_to(x.thread):
+        x.hold()
+    else:
+        yield ENTERING
 
 
 def _halt(x: Execution, v: Frame) -> None:

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
 from typing import Any
 
 from dynid.core.errors import DynidError
 from dynid.simulation.controller.urscript.errors import ScriptFault, ScriptHalt
+from dynid.simulation.controller.urscript.threads import (
+    BACK,
+    ENTERING,
+    CriticalSection,
+    Frame,
+    Routine,
+    Thread,
+    ThreadEnd,
+)
 from dynid.simulation.controller.urscript.values import Value, size
 
 MAX_THREADS = 50
@@ -20,25 +28,6 @@ MAX_MEMORY = 2_000_000
 OPERATIONS_PER_SECOND = 6_000_000
 """Operations that a script may do, spread over the control cycles."""
 
-Frame = list[Value]
-Routine = Generator[None, None, Any]
-
-
-class ThreadEnd(Exception):
-    """A thread killed itself."""
-
-
-class Thread:
-    """One thread of a program."""
-
-    __slots__ = ("alive", "frames", "handle", "routine")
-
-    def __init__(self, handle: int) -> None:
-        self.handle = handle
-        self.alive = True
-        self.frames: list[Frame] = []
-        self.routine: Routine | None = None
-
 
 class Execution:
     """The state that compiled code works on.
@@ -50,9 +39,7 @@ class Execution:
     """
 
     __slots__ = (
-        "_critical",
         "_handles",
-        "_held",
         "_slots",
         "budget",
         "copied",
@@ -60,6 +47,7 @@ class Execution:
         "finished",
         "left",
         "port",
+        "section",
         "shared",
         "thread",
         "threads",
@@ -76,8 +64,7 @@ class Execution:
         self.finished = False
         self.fault: str | None = None
         """Why it stopped, if it did not stop by itself."""
-        self._critical: Thread | None = None
-        self._held = 0
+        self.section = CriticalSection()
         self._slots = slots
         self._handles = 0
 
@@ -98,14 +85,28 @@ class Execution:
         return Thread(self._handles)
 
     def step(self) -> None:
-        """One control cycle: every thread runs up to its next wait."""
+        """One control cycle: every thread runs up to its next wait.
+
+        Who stands before a critical section runs as soon as it is free, in the same cycle,
+        those who came first before the others.
+        """
         self.left = self.budget
-        for thread in self.threads:
-            if self._critical is not None and self._critical is not thread:
-                continue
-            self._resume(thread)
-            if self.finished:
-                return
+        section = self.section
+        pending, progress = self.threads, True
+        while pending and progress:
+            again: list[Thread] = []
+            progress = False
+            for thread in pending:
+                if (section.holder or thread.waits) and section.stops(thread):
+                    again.append(thread)
+                    continue
+                progress = True
+                self._resume(thread)
+                if self.finished:
+                    return
+                if thread.alive and (thread.waits is ENTERING or thread.waits is BACK):
+                    again.append(thread)
+            pending = again
         self.threads = [thread for thread in self.threads if thread.alive]
 
     def stop(self) -> None:
@@ -183,21 +184,22 @@ class Execution:
 
     def hold(self) -> None:
         """Keep the other threads from running."""
-        self._critical = self.thread
-        self._held += 1
+        self.section.enter(self.thread)
 
     def let_go(self) -> None:
         """Let the other threads run again."""
-        self._held = max(self._held - 1, 0)
-        if self._held == 0:
-            self._critical = None
+        self.section.leave()
 
     def _resume(self, thread: Thread) -> None:
         if not thread.alive or thread.routine is None:
             return
         self.thread = thread
+        if thread.waits is not None:
+            self.section.go(thread)
         try:
-            next(thread.routine)
+            waits = next(thread.routine)
+            if waits is not None:
+                self.section.wait(thread, waits)
             return
         except (StopIteration, ThreadEnd):
             pass
@@ -220,7 +222,6 @@ class Execution:
         thread.alive = False
         self._slots -= sum(len(frame) for frame in thread.frames)
         thread.frames.clear()
-        if self._critical is thread:
-            self._critical, self._held = None, 0
+        self.section.forget(thread)
         if thread.routine is not None and thread is not self.thread:
             thread.routine.close()

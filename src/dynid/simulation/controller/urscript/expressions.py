@@ -12,6 +12,7 @@ from dynid.simulation.controller.urscript.syntax import (
     ListOf,
     Name,
     Run,
+    Signal,
     Unary,
 )
 from dynid.simulation.controller.urscript.tokens import Token
@@ -27,6 +28,8 @@ _RANKS: tuple[tuple[str, ...], ...] = (
 )
 _POSE = 6
 _LONG_NUMBER, _LARGEST_INTEGER = 12, 2**31 - 1
+SIGNALS = ("digital_in", "digital_out", "analog_in", "analog_out")
+"""Names that stand for the signals of the controller where they have an index."""
 
 
 class ExpressionParser:
@@ -199,7 +202,10 @@ class ExpressionParser:
                 continue
             if not 1 <= len(indices) <= 2:
                 raise self.wrong("one or two indices expected")
-            found = Index(found.line, found, indices)
+            if isinstance(found, Name) and found.name in SIGNALS:
+                found = Signal(found.line, f"get_{found.name}", indices, {})
+            else:
+                found = Index(found.line, found, indices)
         return found
 
     def _atom(self) -> Expression:

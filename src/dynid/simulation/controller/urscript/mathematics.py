@@ -85,7 +85,7 @@ def _str_at(src: Value, index: Value) -> str:
 
 
 def _str_cat(op1: Value, op2: Value) -> str:
-    return _to_str(_text(op1) + _text(op2))
+    return _to_str(shown(op1) + shown(op2))
 
 
 def _str_find(src: Value, target: Value, start_from: Value = 0) -> int:

@@ -24,6 +24,7 @@ from dynid.simulation.controller.urscript.syntax import (
     OnThread,
     Return,
     Run,
+    Simple,
     Statement,
     Unary,
     While,
@@ -143,7 +144,9 @@ def _slow(functions: Mapping[str, Definition], builtins: Mapping[str, Builtin]) 
     found: list[str] = []
     for name, definition in functions.items():
         for statement in walk(definition.body):
-            waits = isinstance(statement, OnThread) and statement.word == "join"
+            waits = (isinstance(statement, OnThread) and statement.word == "join") or (
+                isinstance(statement, Simple) and statement.word == "enter_critical"
+            )
             for call in (call for part in expressions(statement) for call in calls(part)):
                 callers.setdefault(call.name, set()).add(name)
                 known = None if call.name in functions else builtins.get(call.name)

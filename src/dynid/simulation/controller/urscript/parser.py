@@ -6,6 +6,7 @@ from dynid.simulation.controller.urscript.errors import ScriptError
 from dynid.simulation.controller.urscript.expressions import ExpressionParser
 from dynid.simulation.controller.urscript.syntax import (
     Assign,
+    Call,
     Definition,
     Do,
     Expression,
@@ -15,6 +16,7 @@ from dynid.simulation.controller.urscript.syntax import (
     OnThread,
     Return,
     Script,
+    Signal,
     Simple,
     Statement,
     While,
@@ -22,6 +24,7 @@ from dynid.simulation.controller.urscript.syntax import (
 from dynid.simulation.controller.urscript.tokens import tokenize
 
 _DEFINITIONS = ("def", "thread", "sec")
+_SETTABLE = ("get_digital_out", "get_analog_out")
 _SIMPLE = ("break", "continue", "halt", "enter_critical", "exit_critical")
 
 
@@ -107,8 +110,16 @@ class _Parser(ExpressionParser):
             raise self.wrong("'end' expected")
         expression = self.expression()
         if self.at("="):
-            return self._assignment(expression, "")
+            return self._signal(expression) or self._assignment(expression, "")
         return Do(token.line, expression)
+
+    def _signal(self, target: Expression) -> Do | None:
+        """`digital_out[2] = True` and its like."""
+        if not isinstance(target, Signal) or target.name not in _SETTABLE:
+            return None
+        self.expect("=")
+        values = [*target.positional, self.expression()]
+        return Do(target.line, Call(target.line, target.name.replace("get", "set"), values, {}))
 
     def _if(self, line: int) -> If:
         branches: list[tuple[Expression, list[Statement]]] = []

@@ -57,6 +57,11 @@ class Call(Expression):
 
 
 @dataclass(slots=True)
+class Signal(Call):
+    """`digital_in[2]` and its like, from before there were functions for them."""
+
+
+@dataclass(slots=True)
 class Run(Expression):
     """A thread that starts; its value is the handle."""
 

@@ -98,6 +98,17 @@ def _wrapped(value: int) -> int:
     )
 
 
+def _elementwise(operation: Callable[[Value, Value], Value], a: Value, b: Value) -> Value:
+    """Lists with lists of the same length, or with a number."""
+    if a.__class__ is not list:
+        return [operation(a, item) for item in b]
+    if b.__class__ is not list:
+        return [operation(item, b) for item in a]
+    if len(a) != len(b):
+        raise ScriptFault("lists of different length", value=(len(a), len(b)))
+    return [operation(x, y) for x, y in zip(a, b, strict=True)]
+
+
 def _add(a: Value, b: Value) -> Value:
     if a.__class__ is float and b.__class__ is float:
         return a + b
@@ -108,22 +119,30 @@ def _add(a: Value, b: Value) -> Value:
         if len(text) > MAX_LENGTH:
             raise ScriptFault("the string is too long", value=len(text), limit=MAX_LENGTH)
         return text
+    if a.__class__ is list or b.__class__ is list:
+        return _elementwise(_add, a, b)
     return _number_result(number(a) + number(b))
 
 
 def _subtract(a: Value, b: Value) -> Value:
     if a.__class__ is float and b.__class__ is float:
         return a - b
+    if a.__class__ is list or b.__class__ is list:
+        return _elementwise(_subtract, a, b)
     return _number_result(number(a) - number(b))
 
 
 def _multiply(a: Value, b: Value) -> Value:
     if a.__class__ is float and b.__class__ is float:
         return a * b
+    if a.__class__ is list or b.__class__ is list:
+        return _elementwise(_multiply, a, b)
     return _number_result(number(a) * number(b))
 
 
 def _divide(a: Value, b: Value) -> Value:
+    if a.__class__ is list or b.__class__ is list:
+        return _elementwise(_divide, a, b)
     return float(number(a)) / number(b)
 
 
@@ -160,4 +179,6 @@ def negated(value: Value) -> Value:
     Raises:
         ScriptFault: It is no number.
     """
+    if value.__class__ is list:
+        return [negated(item) for item in value]
     return _number_result(-number(value))
