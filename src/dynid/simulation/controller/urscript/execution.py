@@ -95,9 +95,10 @@ class Execution:
         pending, progress = self.threads, True
         while pending and progress:
             again: list[Thread] = []
-            progress = False
+            progress = section.passed = False
             for thread in pending:
                 if (section.holder or thread.waits) and section.stops(thread):
+                    section.passed = section.passed or thread.waits is None
                     again.append(thread)
                     continue
                 progress = True

@@ -39,16 +39,18 @@ class Thread:
 class CriticalSection:
     """Who is in it keeps all others from running; who wants in gets in by turns."""
 
-    __slots__ = ("_depth", "_line", "holder")
+    __slots__ = ("_depth", "_line", "holder", "passed")
 
     def __init__(self) -> None:
         self.holder: Thread | None = None
+        self.passed = False
+        """Whether it has kept somebody from running who is to run before it is entered again."""
         self._depth = 0
         self._line: deque[Thread] = deque()
 
     def open_to(self, thread: Thread) -> bool:
         """Whether a thread can enter at once."""
-        return self.holder is thread or not (self.holder or self._line)
+        return self.holder is thread or not (self.holder or self._line or self.passed)
 
     def enter(self, thread: Thread) -> None:
         """The thread is in, once more."""
