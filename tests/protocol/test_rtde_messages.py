@@ -150,3 +150,44 @@ def test_the_variables_of_the_guide_by_version():
     assert not has("actual_current_as_torque", e_last)
     assert has("actual_current_as_torque", (10, 11, 0))
     assert len([name for name in INPUTS if "register" in name]) == 2 + 64 + 2 * 48
+
+
+# Universal_Robots_Client_Library, tests/fake_rtde_server.cpp, in 2026: all outputs of UR's
+# software and their types, registers apart.
+UR_TYPES = {
+    "DOUBLE": """timestamp actual_execution_time target_execution_time speed_scaling
+        target_speed_fraction actual_momentum actual_main_voltage actual_robot_voltage
+        actual_robot_current standard_analog_input0 standard_analog_input1
+        standard_analog_output0 standard_analog_output1 io_current euromap67_24V_voltage
+        euromap67_24V_current tool_analog_input0 tool_analog_input1 tool_output_current
+        tool_temperature tcp_force_scalar joint_position_deviation_ratio
+        collision_detection_ratio payload actual_robot_energy_consumed
+        actual_robot_braking_energy_dissipated""",
+    "VECTOR6D": """target_q target_qd target_qdd target_current target_moment actual_q actual_qd
+        actual_current actual_current_window actual_current_as_torque joint_control_output
+        actual_TCP_pose actual_TCP_speed actual_TCP_force target_TCP_pose target_TCP_speed
+        tcp_offset actual_TCP_acceleration target_TCP_acceleration joint_temperatures
+        actual_joint_voltage ft_raw_wrench wrench_calc_from_currents payload_inertia
+        target_base_acceleration target_base_wrench""",
+    "VECTOR3D": """actual_tool_accelerometer elbow_position elbow_velocity payload_cog
+        target_gravity""",
+    "VECTOR6INT32": "joint_mode",
+    "INT32": """robot_mode safety_mode safety_status tool_output_voltage time_scale_source
+        encoder0_raw encoder1_raw""",
+    "UINT32": """runtime_state robot_status_bits safety_status_bits analog_io_types
+        euromap67_input_bits euromap67_output_bits tool_mode tool_analog_input_types
+        script_control_line input_bit_registers0_to_31 input_bit_registers32_to_63
+        output_bit_registers0_to_31 output_bit_registers32_to_63""",
+    "UINT64": """actual_digital_input_bits actual_configurable_digital_input_bits
+        actual_digital_output_bits actual_configurable_digital_output_bits control_step""",
+    "UINT8": "tool_output_mode tool_digital_output0_mode tool_digital_output1_mode",
+}
+
+
+def test_every_output_has_the_type_that_ur_s_library_expects():
+    expected = {name: kind for kind, names in UR_TYPES.items() for name in names.split()}
+    for side in ("input", "output"):
+        expected |= {f"{side}_bit_register_{k}": "BOOL" for k in range(64, 128)}
+        expected |= {f"{side}_int_register_{k}": "INT32" for k in range(48)}
+        expected |= {f"{side}_double_register_{k}": "DOUBLE" for k in range(48)}
+    assert {name: field.type.name for name, field in OUTPUTS.items()} == expected

@@ -83,6 +83,10 @@ _ALWAYS: dict[DataType, str] = {
         euromap67_input_bits euromap67_output_bits tool_mode tool_analog_input_types""",
     DataType.UINT64: "actual_digital_input_bits actual_digital_output_bits",
 }
+# In the lists of UR's client library of 2026 (Universal_Robots_Client_Library,
+# tests/resources/exhaustive_rtde_output_recipe.txt, types in tests/fake_rtde_server.cpp), not in
+# guides before 5.23; no source found names the version.
+_NEWEST, _POLYSCOPE_X = (5, 23, 0), (10, 0, 0)
 _LATER: tuple[tuple[str, DataType, Version | None, Version | None], ...] = (
     ("elbow_position", DataType.VECTOR3D, (3, 5, 0), (5, 0, 0)),
     ("elbow_velocity", DataType.VECTOR3D, (3, 5, 0), (5, 0, 0)),
@@ -99,6 +103,25 @@ _LATER: tuple[tuple[str, DataType, Version | None, Version | None], ...] = (
     ("tool_digital_output0_mode", DataType.UINT8, None, (5, 2, 0)),
     ("tool_digital_output1_mode", DataType.UINT8, None, (5, 2, 0)),
     ("actual_current_as_torque", DataType.VECTOR6D, None, (5, 23, 0)),
+    *(
+        (name, DataType.VECTOR6D, None, _NEWEST)
+        for name in (
+            "actual_TCP_acceleration",
+            "target_TCP_acceleration",
+            "wrench_calc_from_currents",
+            "target_base_acceleration",
+            "target_base_wrench",
+        )
+    ),
+    ("target_gravity", DataType.VECTOR3D, None, _NEWEST),
+    ("target_execution_time", DataType.DOUBLE, None, _NEWEST),
+    ("actual_configurable_digital_input_bits", DataType.UINT64, None, _NEWEST),
+    ("actual_configurable_digital_output_bits", DataType.UINT64, None, _NEWEST),
+    ("control_step", DataType.UINT64, None, _NEWEST),
+    ("encoder0_raw", DataType.INT32, None, _NEWEST),
+    ("encoder1_raw", DataType.INT32, None, _NEWEST),
+    ("actual_robot_energy_consumed", DataType.DOUBLE, None, _POLYSCOPE_X),
+    ("actual_robot_braking_energy_dissipated", DataType.DOUBLE, None, _POLYSCOPE_X),
 )
 _INPUTS: dict[DataType, str] = {
     DataType.UINT32: "speed_slider_mask",

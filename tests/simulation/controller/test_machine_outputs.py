@@ -7,8 +7,10 @@ from scripts import finish, ticks
 
 from dynid.core.errors import InputError
 from dynid.protocol.fields import INPUTS, OUTPUTS, DataType
+from dynid.robot.load import load_robot
 from dynid.simulation.controller.machine import ControllerMachine
 from dynid.simulation.controller.machine_core import MESSAGES_KEPT
+from dynid.simulation.library import simulated_arm
 from dynid.simulation.truth import SimulatedArm
 
 START = HOME.tolist()
@@ -194,3 +196,33 @@ def test_signals_have_the_names_of_old_scripts_too(machine):
     assert machine.output("actual_digital_output_bits") == 4
     assert machine.output("standard_analog_output1") == 0.25
     assert machine.output("output_bit_registers0_to_31") == 1 << 5
+
+
+def test_the_tool_accelerates_as_its_speed_changes():
+    """Checked against differences of the speed, while all joints swing."""
+    machine = ControllerMachine(
+        simulated_arm(load_robot("ur5e")), rate_hz=500.0, version=(5, 25, 0, 0)
+    )
+    machine.run_script(
+        "def f():\n k = 0\n while True:\n x = 0.3 * (1 - cos(k * 0.005))\n"
+        " servoj([x, x - 1.57, x, x - 1.57, x, x], t=0.002, lookahead_time=0.03, gain=500)\n"
+        " k = k + 1\n end\nend\n"
+    )
+    for _ in range(400):
+        machine.tick()
+    speeds, told = [], []
+    for _ in range(50):
+        machine.tick()
+        speeds.append(machine.output("target_TCP_speed"))
+        told.append(machine.output("target_TCP_acceleration"))
+    measured = np.gradient(np.array(speeds), machine.cycle, axis=0)
+    scale = np.abs(measured).max()
+    assert scale > 0.1
+    np.testing.assert_allclose(told[2:-2], measured[2:-2], rtol=0, atol=0.05 * scale)
+
+
+def test_time_is_scaled_by_nothing_while_a_program_runs(machine):
+    assert machine.output("time_scale_source") == 0
+    machine.run_script("def f():\n while True:\n sync()\n end\nend\n")
+    machine.tick()
+    assert machine.output("time_scale_source") == 1

@@ -13,7 +13,6 @@ from dynid.simulation.controller.urscript.pose_functions import matrix_of, numbe
 from dynid.simulation.controller.urscript.values import Value
 
 _WEIGHT = 1_500
-_STEP_S = 1e-4
 
 
 def _joints(core: Core, q: Value) -> Array:
@@ -34,19 +33,15 @@ def _coriolis(core: Core, q: Value = None, qd: Value = None) -> Value:
     return core.arm.plant.tracker.coriolis(_joints(core, q), _speeds(core, qd)).tolist()
 
 
-def _jacobian_at(core: Core, q: Array, tcp: Value) -> Array:
-    tool = core.tcp_matrix if tcp is None else matrix_of(tcp)
-    return core.arm.kinematics.jacobian(q.tolist(), tool)[1]
-
-
 def _jacobian(core: Core, q: Value = None, tcp: Value = None) -> Value:
-    return _jacobian_at(core, _joints(core, q), tcp).tolist()
+    tool = core.tcp_matrix if tcp is None else matrix_of(tcp)
+    return core.arm.kinematics.jacobian(_joints(core, q).tolist(), tool)[1].tolist()
 
 
 def _jacobian_rate(core: Core, q: Value = None, qd: Value = None, tcp: Value = None) -> Value:
-    place, way = _joints(core, q), _STEP_S * _speeds(core, qd)
-    later, before = _jacobian_at(core, place + way, tcp), _jacobian_at(core, place - way, tcp)
-    return ((later - before) / (2.0 * _STEP_S)).tolist()
+    tool = core.tcp_matrix if tcp is None else matrix_of(tcp)
+    joints, speeds = _joints(core, q).tolist(), _speeds(core, qd)
+    return core.arm.kinematics.jacobian_rate(joints, speeds, tool).tolist()
 
 
 _TABLE: dict[str, Any] = {

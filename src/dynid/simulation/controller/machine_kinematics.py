@@ -18,6 +18,7 @@ _ELBOW = 2
 _ITERATIONS = 60
 _RESTARTS = 5
 _STEP = 0.5
+_RATE_STEP_S = 1e-4
 
 
 class ToolKinematics:
@@ -45,6 +46,14 @@ class ToolKinematics:
         """
         tool, jacobian, _ = self._solve(q, tcp)
         return tool, jacobian
+
+    def jacobian_rate(self, q: Sequence[float], dq: Array, tcp: Array) -> Array:
+        """How the Jacobian (6, n) changes at joint speeds `dq` (n), by central differences."""
+        way = _RATE_STEP_S * dq
+        place = np.array(q, dtype=np.float64)
+        later = self.jacobian((place + way).tolist(), tcp)[1]
+        before = self.jacobian((place - way).tolist(), tcp)[1]
+        return (later - before) / (2.0 * _RATE_STEP_S)
 
     def elbow(self, q: Sequence[float]) -> tuple[list[float], list[list[float]]]:
         """The elbow (3) in the base frame [m], and its velocity per joint speed (3, n)."""

@@ -15,6 +15,7 @@ from dynid.protocol.modes import RobotMode
 from dynid.simulation.controller.machine_core import Core
 from dynid.simulation.controller.machine_registers import BITS, COUNT
 from dynid.simulation.controller.motion_poses import to_pose
+from dynid.simulation.state import PlantState, Target
 
 OutputValue = bool | int | float | list[int] | list[float]
 _Reader = Callable[[Core], OutputValue]
@@ -51,6 +52,14 @@ def _tool(core: Core, q: Array) -> list[float]:
 
 def _tool_speed(core: Core, q: Array, dq: Array) -> list[float]:
     return (core.arm.kinematics.jacobian(q.tolist(), core.tcp_matrix)[1] @ dq).tolist()
+
+
+def _tool_acceleration(core: Core, motion: PlantState | Target) -> list[float]:
+    """Of the tool in the base frame, linear and angular."""
+    q, dq = motion.q.tolist(), motion.dq
+    kinematics = core.arm.kinematics
+    jacobian = kinematics.jacobian(q, core.tcp_matrix)[1]
+    return (jacobian @ motion.ddq + kinematics.jacobian_rate(q, dq, core.tcp_matrix) @ dq).tolist()
 
 
 def _acceleration(core: Core) -> OutputValue:
@@ -142,7 +151,13 @@ READERS: dict[str, _Reader] = {
     "target_TCP_speed": lambda core: _tool_speed(
         core, core.arm.state.target.q, core.arm.state.target.dq
     ),
+    "actual_TCP_acceleration": lambda core: _tool_acceleration(core, core.arm.state),
+    "target_TCP_acceleration": lambda core: _tool_acceleration(core, core.arm.state.target),
     "actual_TCP_force": _constant([0.0] * 6),
+    "wrench_calc_from_currents": _constant([0.0] * 6),
+    "target_base_wrench": _constant([0.0] * 6),
+    "target_base_acceleration": _constant([0.0] * 6),
+    "target_gravity": lambda core: core.gravity,
     "tcp_force_scalar": _constant(0.0),
     "ft_raw_wrench": _constant([0.0] * 6),
     "actual_tool_accelerometer": _acceleration,
@@ -164,8 +179,10 @@ READERS: dict[str, _Reader] = {
     "actual_momentum": lambda core: core.arm.plant.tracker.momentum(),
     "joint_position_deviation_ratio": _deviation,
     "collision_detection_ratio": _constant(0.0),
-    "time_scale_source": _constant(0),
+    "time_scale_source": lambda core: int(core.playing),
     "actual_execution_time": _constant(0.1),
+    "target_execution_time": lambda core: 1e3 * core.arm.cycle,
+    "control_step": lambda core: core.cycles,
     "script_control_line": _constant(0),
     "actual_main_voltage": _constant(_BUS),
     "actual_robot_voltage": lambda core: 0.0 if core.mode == RobotMode.POWER_OFF else _BUS,
@@ -173,6 +190,8 @@ READERS: dict[str, _Reader] = {
     "actual_joint_voltage": lambda core: [0.0 if core.mode == RobotMode.POWER_OFF else _BUS] * 6,
     "actual_digital_input_bits": lambda core: core.signals.digital_in,
     "actual_digital_output_bits": lambda core: core.signals.digital_out,
+    "actual_configurable_digital_input_bits": lambda core: core.signals.digital_in >> 8 & 0xFF,
+    "actual_configurable_digital_output_bits": lambda core: core.signals.digital_out >> 8 & 0xFF,
     "analog_io_types": lambda core: core.signals.analog_types,
     "standard_analog_input0": lambda core: core.signals.analog_in[0],
     "standard_analog_input1": lambda core: core.signals.analog_in[1],
@@ -180,6 +199,10 @@ READERS: dict[str, _Reader] = {
     "standard_analog_output1": lambda core: core.signals.analog_out[1],
     "tool_output_voltage": lambda core: core.signals.tool_voltage,
     "io_current": _constant(0.05),
+    "encoder0_raw": _constant(0),
+    "encoder1_raw": _constant(0),
+    "actual_robot_energy_consumed": _constant(0.0),
+    "actual_robot_braking_energy_dissipated": _constant(0.0),
     "euromap67_input_bits": _constant(0),
     "euromap67_output_bits": _constant(0),
     "euromap67_24V_voltage": _constant(0.0),
