@@ -93,9 +93,9 @@ def test_names_tell_units() -> None:
     assert parse_name("Time (ms)").time_scale == 1e-3
     assert parse_name("time_us").time_scale == 1e-6
     assert parse_name("time").time_scale is None
-    assert parse_name("q_1 [deg]").degrees
-    assert parse_name("position_deg_1").degrees
-    assert not parse_name("q_1 [rad]").degrees
+    assert parse_name("q_1 [deg]").unit == "deg"
+    assert parse_name("position_deg_1").unit == "deg"
+    assert parse_name("q_1 [rad]").unit == "rad"
     assert says_degrees("rec.act_pos_mot_deg")
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from dynid.core.errors import RecordError
 from dynid.recording.files import read_recording
+from dynid.recording.units import factor_of
 from dynid.robot.load import load_robot
 
 JOINTS = range(1, 7)
@@ -36,19 +37,75 @@ def test_si_units_pass(tmp_path: Path, names: dict[str, str]) -> None:
 
 
 @pytest.mark.parametrize(
+    ("names", "quantity", "factor"),
+    [
+        ({"torque": "current{} [mA]"}, "current", 1e-3),
+        ({"torque": "tau{} [mNm]"}, "effort", 1e-3),
+        ({"torque": "tau{}_kNm"}, "effort", 1e3),
+        ({"torque": "torque_{} (N.cm)"}, "effort", 1e-2),
+        ({"q": " [rev]"}, "q", 2 * np.pi),
+        ({"q": "_deg"}, "q", np.pi / 180),
+        ({"q": " [mrad]"}, "q", 1e-3),
+        ({"time": "Time [min]"}, "t", 60.0),
+        ({"time": "time_ms"}, "t", 1e-3),
+    ],
+)
+def test_known_units_are_converted(
+    tmp_path: Path, names: dict[str, str], quantity: str, factor: float
+) -> None:
+    plain = read_recording(write(tmp_path / "plain.csv"))
+    record = read_recording(write(tmp_path / "x.csv", **names))
+    was = plain.t if quantity == "t" else plain.signals.get(quantity, plain.signals["effort"])
+    now = record.t if quantity == "t" else record.signals[quantity]
+    np.testing.assert_allclose(now, factor * was, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor"),
+    [
+        ("rpm", 2 * np.pi / 60),
+        ("1/min", 2 * np.pi / 60),
+        ("rev/s", 2 * np.pi),
+        ("deg/s", np.pi / 180),
+        ("°/s", np.pi / 180),
+        ("deg_per_s", np.pi / 180),
+        ("rad/s", 1.0),
+        ("rad s^-1", 1.0),
+        ("rad·s⁻¹", 1.0),
+        ("mm/s", 1e-3),
+    ],
+)
+def test_units_of_velocities(unit: str, factor: float) -> None:
+    assert factor_of("qd", unit) == pytest.approx(factor)
+
+
+@pytest.mark.parametrize("unit", ["rad/s^2", "rad/s²", "rad/s/s", "rad/s2", "rad s^-2"])
+def test_units_of_accelerations(unit: str) -> None:
+    assert factor_of("qdd", unit) == 1.0
+    assert factor_of("qd", unit) is None
+
+
+@pytest.mark.parametrize(
     ("names", "unit"),
     [
-        ({"torque": "current{} [mA]"}, "ma"),
-        ({"torque": "tau{} [mNm]"}, "mnm"),
         ({"torque": "tau{} [%]"}, "%"),
-        ({"q": " [rev]"}, "rev"),
-        ({"time": "Time [min]"}, "min"),
+        ({"torque": "tau{} [rad]"}, "rad"),
+        ({"torque": "current{} [Nm]"}, "nm"),
+        ({"q": " [counts]"}, "counts"),
+        ({"q": " [Nm]"}, "nm"),
     ],
 )
 def test_other_units_are_refused_by_name(tmp_path: Path, names: dict[str, str], unit: str) -> None:
+    path = write(tmp_path / "x.csv", **names)
     with pytest.raises(RecordError, match="does not convert") as caught:
-        read_recording(write(tmp_path / "x.csv", **names), robot=load_robot("ur5"))
-    assert str(caught.value.value).replace("_", "") == unit
+        read_recording(path, robot=load_robot("ur5"))
+    assert str(caught.value.value) == unit
+    # What the refusal tells to do works.
+    record = read_recording(
+        path, robot=load_robot("ur5"), columns="t=0,q=1:7,current=7:13", gains=[0.5] * 6
+    )
+    assert record.samples == 400
+    assert "unit_suspect" in {notice.code for notice in record.problems}
 
 
 @pytest.mark.parametrize("rate", [0.0, -5.0, float("nan"), float("inf")])

@@ -86,7 +86,9 @@ def test_missing_variable_is_named_with_what_there_is(tmp_path: Path) -> None:
     path = write_mat(Motion(), tmp_path / "run.mat")
     with pytest.raises(RecordError, match=r"q=rec\.pos.*rec\.act_pos \(6, 500\)"):
         read_recording(path, columns="q=rec.pos,t=rec.time")
-    with pytest.raises(RecordError, match="--columns"):
+    assert read_recording(path).metadata.joint_names == ()
+    scipy.io.savemat(path, {"rec": {"a": np.zeros((500, 6)), "b": np.zeros((500, 6))}})
+    with pytest.raises(RecordError, match=r"rec\.a \(500, 6\).*--columns"):
         read_recording(path)
 
 
@@ -153,14 +155,13 @@ def test_npz(tmp_path: Path) -> None:
     np.testing.assert_array_equal(record.signals["current"], motion.current(motion.t))
 
 
-def test_paths_that_say_degrees_need_the_flag(tmp_path: Path) -> None:
+def test_paths_that_say_degrees_are_converted_once(tmp_path: Path) -> None:
     motion = Motion()
     t = motion.t
     path = tmp_path / "x.mat"
     rec = {"pos_deg": np.degrees(motion.position(t)), "tau": motion.current(t), "t": t}
     scipy.io.savemat(path, {"rec": rec})
     columns = "q=rec.pos_deg,effort=rec.tau,t=rec.t"
-    with pytest.raises(RecordError, match="--degrees"):
-        read_recording(path, columns=columns)
-    record = read_recording(path, columns=columns, degrees=True)
-    np.testing.assert_allclose(record.signals["q"], motion.position(t))
+    for degrees in (False, True):
+        record = read_recording(path, columns=columns, degrees=degrees)
+        np.testing.assert_allclose(record.signals["q"], motion.position(t))

@@ -113,7 +113,7 @@ def test_decimal_comma(tmp_path: Path) -> None:
             + "\n"
             + text.split("\n", 1)[1]
         ),
-        lambda text: text.replace("\n", "\n" + ",".join(["s"] + ["rad"] * 18) + "\n", 1),
+        lambda text: text.replace("\n", f"\ns{',rad' * 6}{',rad/s' * 6}{',A' * 6}\n", 1),
         lambda text: "Run 7 of the arm\n" + text,
     ],
     ids=[

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from dynid.core.errors import RecordError
-from dynid.recording.naming import parse_name
+from dynid.recording.naming import Name, parse_name
 from dynid.recording.record import JOINT_QUANTITIES
 from dynid.recording.table import plain
 
@@ -79,8 +79,8 @@ def select(quantity: str, selector: str, width: int, names: Sequence[str] | None
         raise _wrong(item, "asks for columns that are not there", f"0 to {width - 1}")
     if len(set(found)) != len(found):
         raise _wrong(item, "names a column twice")
-    if quantity == "t" and len(found) != 1:
-        raise _wrong(item, "must be one column")
+    if quantity == "t" and len(found) != 1 and not (len(found) == 2 and "+" in selector):
+        raise _wrong(item, "must be one column, or those of s and ns as in t=0+1")
     return found
 
 
@@ -88,21 +88,35 @@ def _named(item: str, name: str, names: Sequence[str] | None) -> list[int]:
     if names is None:
         raise _wrong(item, "is neither a column number nor a range, and there is no header")
     exact = [k for k, header in enumerate(names) if header == name]
+    exact = exact or [k for k, header in enumerate(names) if header.partition(" [")[0] == name]
     if len(exact) == 1:
         return exact
     if len(exact) > 1:
         raise _wrong(item, f"fits {len(exact)} columns of the same name")
     stem = name.lower().rstrip("_")
-    parsed = [(parse_name(header), k, header) for k, header in enumerate(names)]
-    numbered = sorted(
-        (key.index, k)
-        for key, k, header in parsed
-        if key.index is not None and (key.base == stem or header.lower().startswith(stem + "_"))
+    for same in (_starts, _means):
+        numbered = sorted(
+            (key.index, k)
+            for k, header in enumerate(names)
+            for key in [parse_name(header)]
+            if key.index is not None and same(header, key, stem)
+        )
+        indices = [index for index, _ in numbered]
+        if numbered and indices == list(range(indices[0], indices[0] + len(indices))):
+            return [k for _, k in numbered]
+    raise _wrong(item, f"is no column of the header ({plain(name)!r})", tuple(names))
+
+
+def _starts(header: str, name: Name, stem: str) -> bool:
+    """Whether a header is the stem with a number behind it: `state.q[3]` of `state.q`."""
+    return bool(
+        re.fullmatch(re.escape(stem) + r"[\s_\-.\[(/]*\d+[\])]?(\s*\[.*\])?", header.lower())
     )
-    indices = [index for index, _ in numbered]
-    if not numbered or indices != list(range(indices[0], indices[0] + len(indices))):
-        raise _wrong(item, f"is no column of the header ({plain(name)!r})", tuple(names))
-    return [k for _, k in numbered]
+
+
+def _means(header: str, name: Name, stem: str) -> bool:
+    """Whether the stem is what a header is without its path and number."""
+    return name.base == stem or header.lower().startswith(stem + "_")
 
 
 def _wrong(item: str, why: str, limit: object = None) -> RecordError:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from dynid.core.errors import RecordError
-from dynid.recording.columns import parse_columns, select
-from dynid.recording.headers import match_headers
-from dynid.recording.naming import parse_name
+from dynid.recording.assignment import assign
+from dynid.recording.stamping import stamps_of
 from dynid.recording.table import RawTable
 from dynid.recording.text.dialect import sniff
 from dynid.recording.text.sheets import Sheet, lay_side_by_side, paste
@@ -20,6 +21,7 @@ _MAX_CHANNEL_CELLS = 20_000_000
 def read_csv(
     paths: Sequence[Path],
     *,
+    joints: Sequence[str] = (),
     columns: str | Mapping[str, str] | None = None,
     header: bool | None = None,
     delimiter: str | None = None,
@@ -32,6 +34,7 @@ def read_csv(
 
     Args:
         paths: The files.
+        joints: The robot's joint names; empty if it is not known.
         columns: Quantity to columns; None to go by the header.
         header: Whether there is a header line; None to find out.
         delimiter: One character; None to find out.
@@ -51,25 +54,9 @@ def read_csv(
         for sheet in sheets
         if sheet.width > 1 and sheet.numbers is not None
     )
-    joint_names: tuple[str, ...] = ()
-    time_scale: float | None = None
-    if columns is not None:
-        spec = parse_columns(columns)
-        mapping = {name: select(name, value, width, names) for name, value in spec.items()}
-        degrees = frozenset(
-            quantity
-            for quantity, cols in mapping.items()
-            if names and quantity != "t" and any(parse_name(names[k]).degrees for k in cols)
-        )
-        if names and "t" in mapping:
-            time_scale = parse_name(names[mapping["t"][0]]).time_scale
-    else:
-        if names is None:
-            raise _no_header(sheets, where)
-        match = match_headers(names, where)
-        mapping, degrees = dict(match.columns), match.in_degrees
-        joint_names, time_scale = match.joint_names, match.time_scale
-        notes = (*notes, *match.notes)
+    if columns is None and names is None:
+        raise _no_header(sheets, where)
+    found = assign(names, columns, width, where, joints)
     if format == "auto":
         format = _format(names, sheets[0].dialect.delimiter)
     elif format != "csv" and not is_ur_header(names):
@@ -78,33 +65,47 @@ def read_csv(
             where=where,
             next_step="Use --format csv, with --columns where needed.",
         )
-    extras = _channels(sheets, mapping, names, width)
-    wanted = sorted({column for cols in mapping.values() for column in cols} | set(extras))
-    pasted = paste(sheets, wanted, frozenset(extras), where)
+    times = {k for clock in found.clocks for k in clock.columns}
+    main = {k for cols in found.columns.values() for k in cols}
+    # The one clock there is must be sound on every row; of several, some may be empty.
+    needed = main | times if len(found.clocks) == 1 else main
+    extras = _channels(sheets, needed | times, names, width)
+    wanted = sorted(needed | times | set(extras))
+    pasted = paste(sheets, wanted, frozenset(wanted) - needed, where)
     values = pasted.values
     position = {column: k for k, column in enumerate(wanted)}
+    moments = sheets[0].dialect.stamps if len(sheets) == 1 else frozenset[int]()
+    stamps = stamps_of(found.clocks, lambda k: values[:, position[k]], moments)
     return RawTable(
         source=where,
         format=format,
         rows=pasted.rows,
         signals={
-            name: values[:, [position[k] for k in cols]]
-            for name, cols in mapping.items()
-            if name != "t"
+            name: values[:, [position[k] for k in cols]] * np.array(found.factors.get(name, (1.0,)))
+            for name, cols in found.columns.items()
         },
-        t=values[:, position[mapping["t"][0]]] if "t" in mapping else None,
-        time_scale=time_scale,
+        t=stamps.t,
+        time_scale=stamps.scale,
+        t0=stamps.t0,
         labels={
             name: tuple(names[k] if names else f"column {k}" for k in cols)
-            for name, cols in mapping.items()
+            for name, cols in found.columns.items()
         },
-        in_degrees=degrees,
-        joint_names=joint_names,
+        columns=dict(found.columns),
+        clock_columns=found.clocks[0].columns if found.clocks else (),
+        said=found.said,
+        joint_names=found.joint_names or _named_in_rows(sheets, len(found.columns["q"])),
         channels={name: values[:, position[k]] for k, name in extras.items()},
         reported=pasted.reported,
-        notices=pasted.notices,
-        notes=notes,
+        notices=(*found.notices, *pasted.notices),
+        notes=(*notes, *found.notes, *filter(None, (stamps.note,))),
     )
+
+
+def _named_in_rows(sheets: list[Sheet], joints: int) -> tuple[str, ...]:
+    """Joint names that stand beside the values, as `rostopic echo -p` writes them."""
+    names = sheets[0].dialect.joint_names if len(sheets) == 1 else ()
+    return names if len(names) == joints and len(set(names)) == joints else ()
 
 
 def is_ur_header(names: Sequence[str] | None) -> bool:
@@ -119,9 +120,15 @@ def _format(names: Sequence[str] | None, delimiter: str) -> str:
 
 
 def _all_names(sheets: list[Sheet]) -> tuple[str, ...] | None:
+    """Names of all columns, with the units of a line of their own in brackets."""
     if any(sheet.dialect.names is None for sheet in sheets):
         return None
-    return tuple(name for sheet in sheets for name in (sheet.dialect.names or ()))
+    return tuple(
+        f"{name} [{unit}]" if unit.strip("- ") else name
+        for sheet in sheets
+        for names in [sheet.dialect.names or ()]
+        for name, unit in zip(names, sheet.dialect.units or ("",) * len(names), strict=True)
+    )
 
 
 def _no_header(sheets: list[Sheet], where: str) -> RecordError:
@@ -141,13 +148,9 @@ def _no_header(sheets: list[Sheet], where: str) -> RecordError:
 
 
 def _channels(
-    sheets: list[Sheet],
-    mapping: Mapping[str, list[int]],
-    names: tuple[str, ...] | None,
-    width: int,
+    sheets: list[Sheet], taken: set[int], names: tuple[str, ...] | None, width: int
 ) -> dict[int, str]:
     """Columns kept as channels: numeric, named once, not mapped, and not too many."""
-    taken = {column for cols in mapping.values() for column in cols}
     if names is None or len(sheets) > 1:
         return {}
     free = [

@@ -169,20 +169,28 @@ def _read(
     order: tuple[str, ...] | None,
 ) -> RawTable:
     joints = robot.joints if robot is not None else None
+    names = robot.joint_names if robot is not None else ()
     if kind in _TEXT:
-        return read_csv(files, columns=columns, header=header, delimiter=delimiter, format=kind)
+        return read_csv(
+            files,
+            joints=names,
+            columns=columns,
+            header=header,
+            delimiter=delimiter,
+            format=kind,
+        )
     if kind in ("rosbag", "mcap"):
         return read_bag(
             files,
-            joints=robot.joint_names if robot is not None else (),
+            joints=names,
             columns=columns,
             topic=topic,
             joint_order=order,
             format=kind,
         )
     if kind == "npz":
-        return read_npz(files[0], columns=columns, joints=joints)
-    return read_mat(files[0], columns=columns, joints=joints)
+        return read_npz(files[0], columns=columns, joints=joints, names=names)
+    return read_mat(files[0], columns=columns, joints=joints, names=names)
 
 
 def _hash(files: list[Path]) -> str:

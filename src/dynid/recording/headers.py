@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from dynid.core.errors import RecordError
-from dynid.recording.naming import RANK, Name, parse_name
-from dynid.recording.table import ESSENTIAL, plain
-from dynid.recording.units import check_unit
+from dynid.recording.clocks import Clock, find_clocks
+from dynid.recording.families import Family, collect, spelled
+from dynid.recording.naming import Name, parse_name, split_joint
+from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES
+from dynid.recording.units import factor_of, refuse_unit
 
 _TORQUE_STEMS = ("torque", "tau", "effort", "current", "cur")
+_NOT_MEASURED = frozenset(
+    "ext external error err gravity grav friction coriolis residual model estimated est predicted "
+    "feedforward ff limit limits max min bias offset hat voltage cmd command desired target".split()
+)
+_MAIN_SCOPES = frozenset({"joint_states", "joint_state", "actual", "feedback", "measured", "state"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -18,53 +25,66 @@ class Match:
     """Which columns hold what."""
 
     columns: Mapping[str, list[int]]
-    """Quantity to column numbers, joint by joint; `t` has one."""
-    time_scale: float | None
-    """Seconds per unit of the time column, where its name says so."""
-    in_degrees: frozenset[str]
-    """Quantities whose names say degrees."""
+    """Quantity to column numbers, joint by joint; `t` to those of the best clock."""
+    clocks: tuple[Clock, ...]
+    """Columns of time, the best first."""
+    factors: Mapping[str, tuple[float, ...]]
+    """Quantity to what each column is multiplied by, to be in SI units."""
+    said: frozenset[str]
+    """Quantities whose units the header names."""
     joint_names: tuple[str, ...]
     """Joint names, where the header has them."""
     notes: tuple[str, ...]
     """Choices made, in words."""
 
 
-def match_headers(names: Sequence[str], where: str) -> Match:
+def match_headers(names: Sequence[str], where: str, joints: Sequence[str] = ()) -> Match:
     """Find the quantities in a header.
 
     Args:
         names: Column names.
         where: The file, for messages.
+        joints: The robot's joint names; empty if it is not known.
 
     Raises:
-        RecordError: No positions, a joint's column missing, or a name that is there twice.
+        RecordError: No positions, a joint's column missing, positions or torques that two
+            sets of columns claim, or a unit that is not known.
     """
-    families: dict[str, list[tuple[Name, int]]] = {}
-    for column, text in enumerate(names):
-        key = parse_name(text)
-        families.setdefault(key.base, []).append((key, column))
-    chosen, notes = _choose(families)
+    families = _families(names, joints)
+    chosen, notes = _choose(families, names, where)
+    scope = chosen["q"].scope if "q" in chosen else ""
+    clocks = tuple(find_clocks([parse_name(text) for text in names], names, scope, where))
     columns: dict[str, list[int]] = {}
+    factors: dict[str, tuple[float, ...]] = {}
+    said: set[str] = set()
     joint_names: tuple[str, ...] = ()
-    degrees: set[str] = set()
-    for quantity, base in chosen.items():
-        family = families[base]
-        if quantity == "t":
-            columns["t"] = [_only_time(family, names, where)]
-            check_unit("t", family[0][0].unit, names[columns["t"][0]], where)
-            continue
+    for quantity, family in chosen.items():
         try:
-            columns[quantity], joints = _by_joint(family, names, quantity, where)
+            columns[quantity], named = family.by_joint(names, quantity, where)
         except RecordError:
             if quantity in ESSENTIAL:
                 raise
             notes.append(f"{quantity} is left out: a joint's column is missing or there twice")
             continue
-        joint_names = joint_names or joints
-        for key, column in family:
-            check_unit(quantity, key.unit, names[column], where)
-        if any(key.degrees for key, _ in family):
-            degrees.add(quantity)
+        units = [family.unit_of(column) for column in columns[quantity]]
+        known = [factor_of(quantity, unit) for unit in units]
+        if None in known:
+            at = known.index(None)
+            if quantity in ESSENTIAL:
+                raise refuse_unit(quantity, units[at], names[columns[quantity][at]], where)
+            notes.append(f"{quantity} is left out: its unit {units[at]!r} is not known")
+            del columns[quantity]
+            continue
+        factors[quantity] = tuple(value for value in known if value is not None)
+        if all(units):
+            said.add(quantity)
+        if named and quantity == "q":
+            joint_names = named
+        elif named and joint_names:
+            columns[quantity] = _same_order(columns[quantity], named, joint_names)
+            if not columns[quantity]:
+                del columns[quantity]
+                notes.append(f"{quantity} is left out: its joints are not those of q")
     if "q" not in columns:
         raise RecordError(
             "no columns of positions are recognised",
@@ -72,92 +92,116 @@ def match_headers(names: Sequence[str], where: str) -> Match:
             value=tuple(names)[:40],
             next_step="Name them with --columns, for example t=0,q=1:7,current=13:19.",
         )
-    joints = len(columns["q"])
-    for quantity in [x for x in columns if x not in ("t", "q")]:
-        if len(columns[quantity]) == joints:
-            continue
-        # One lone column beside many joints is a counter or a total, not a damaged family.
-        if quantity in ESSENTIAL and len(columns[quantity]) > 1:
+    width = len(columns["q"])
+    for quantity in [name for name in columns if len(columns[name]) != width]:
+        if quantity in ESSENTIAL:
             raise RecordError(
-                f"{quantity} has {len(columns[quantity])} columns but q has {joints}",
+                f"{quantity} has {len(columns[quantity])} columns but q has {width}",
                 where=where,
                 next_step="Check the header, or name the columns with --columns.",
             )
-        del columns[quantity]
         notes.append(f"{quantity} is left out: its columns do not match the joints")
-    time = families[chosen["t"]][0][0] if "t" in columns else None
+        del columns[quantity]
     return Match(
-        columns=columns,
-        time_scale=time.time_scale if time else None,
-        in_degrees=frozenset(degrees),
+        columns={"t": list(clocks[0].columns), **columns} if clocks else columns,
+        clocks=clocks,
+        factors=factors,
+        said=frozenset(said),
         joint_names=joint_names,
         notes=tuple(notes),
     )
 
 
-def _choose(families: Mapping[str, Sequence[object]]) -> tuple[dict[str, str], list[str]]:
-    ranked: dict[str, list[tuple[int, str]]] = {}
-    for base in families:
-        if base in RANK:
-            quantity, rank = RANK[base]
-            ranked.setdefault(quantity, []).append((rank, base))
-    chosen = {quantity: min(options)[1] for quantity, options in ranked.items()}
-    notes = [
-        f"{quantity} is read from {chosen[quantity]!r}, not from "
-        + ", ".join(repr(base) for _, base in sorted(options)[1:])
-        for quantity, options in ranked.items()
-        if len(options) > 1
+def _families(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[Family]]:
+    """Families of each quantity.
+
+    By the robot's joint names where all of them are there, by the names' own structure, or by
+    what stands before and after a quantity's word.
+    """
+    if joints:
+        found = collect(parse_name(text, joints) for text in names)
+        wanted = {name.joint for joint in joints for name in [parse_name(joint, joints)]}
+        found = {
+            quantity: [_only(family, wanted) for family in families]
+            for quantity, families in found.items()
+        }
+        if any(set(family.joints) == wanted for family in found.get("q", [])):
+            return found
+    plainly = collect(map(parse_name, names))
+    if any(family.whole for family in plainly.get("q", [])):
+        return plainly
+    split = collect(split_joint(text) or parse_name(text) for text in names)
+    return split if any(family.joints for family in split.get("q", [])) else plainly
+
+
+def _only(family: Family, wanted: set[str]) -> Family:
+    """A family without the columns of other joints, as of a gripper, if it has all wanted."""
+    if set(family.joints) > wanted:
+        family.members = [item for item in family.members if item[0].joint in wanted]
+    return family
+
+
+def _choose(
+    families: Mapping[str, list[Family]], names: Sequence[str], where: str
+) -> tuple[dict[str, Family], list[str]]:
+    chosen: dict[str, Family] = {}
+    notes: list[str] = []
+    # Positions first: all other quantities are looked for beside them.
+    for quantity in sorted(filter(None, families), key=lambda name: name != "q"):
+        home = chosen["q"].scope if "q" in chosen else None
+        ranked = sorted(families[quantity], key=lambda family: _order(family, home))
+        tied = [family for family in ranked if _order(family, home) == _order(ranked[0], home)]
+        if len(tied) > 1 and quantity in ("q", *TORQUE_SOURCES):
+            columns = {quantity: [column for _, column in tied[0].members]}
+            raise RecordError(
+                f"{len(tied)} sets of columns can be {quantity}",
+                where=where,
+                value=", ".join(family.label for family in tied),
+                next_step=f"Say which with --columns: {spelled(columns)} is "
+                f"{tied[0].label} (name all quantities that are wanted).",
+            )
+        chosen[quantity] = ranked[0]
+        if len(ranked) > 1:
+            others = ", ".join(repr(family.label) for family in ranked[1:6])
+            notes.append(f"{quantity} is read from {ranked[0].label!r}, not from {others}")
+    others = [
+        family
+        for family in families.get("", [])
+        if family.base.startswith(_TORQUE_STEMS)
+        and not _NOT_MEASURED & set(family.label.replace(".", "_").split("_"))
     ]
-    taken = set(chosen.values())
-    others = sorted(
-        base
-        for base in families
-        if base not in RANK and base.startswith(_TORQUE_STEMS) and base not in taken
-    )
-    if "effort" not in chosen and "current" not in chosen and others:
-        stem = others[0]
-        chosen["current" if stem.startswith("cur") else "effort"] = stem
+    if others and "effort" not in chosen and "current" not in chosen:
+        if len(others) > 1:
+            raise RecordError(
+                "more than one set of columns can be torques",
+                where=where,
+                value=", ".join(family.label for family in others),
+                next_step="Say which with --columns, for example "
+                + spelled({"effort": [column for _, column in others[0].members]}),
+            )
+        stem = others[0].base
+        chosen["current" if stem.startswith("cur") else "effort"] = others[0]
         notes.append(f"the only torque-like columns are {stem!r}; they are taken")
     elif others:
-        kept = [chosen[x] for x in ("effort", "current") if x in chosen]
+        kept = [chosen[x].label for x in ("effort", "current") if x in chosen]
         notes.append(
             f"torques are read from {' and '.join(map(repr, kept))}; not used: "
-            + ", ".join(map(repr, others[:8]))
+            + ", ".join(repr(family.label) for family in others[:8])
         )
     return chosen, notes
 
 
-def _only_time(family: list[tuple[Name, int]], names: Sequence[str], where: str) -> int:
-    if len(family) > 1:
-        raise RecordError(
-            "more than one time column",
-            where=where,
-            value=[names[k] for _, k in family],
-            next_step="Say which with --columns t=...",
-        )
-    return family[0][1]
+def _order(family: Family, home: str | None) -> tuple[bool, bool, bool, int]:
+    """The best family has the smallest: complete, beside the positions, a well-known path."""
+    words = set(family.scope.split(".")) | set(family.scope.replace(".", "_").split("_"))
+    away = home is not None and family.scope != home
+    return (not family.whole, away, bool(family.scope) and not words & _MAIN_SCOPES, family.rank)
 
 
-def _by_joint(
-    family: list[tuple[Name, int]], names: Sequence[str], quantity: str, where: str
-) -> tuple[list[int], tuple[str, ...]]:
-    """Columns of a quantity, joint by joint, and joint names where the header has them."""
-    numbered = sorted((key.index, column) for key, column in family if key.index is not None)
-    if numbered:
-        indices = [index for index, _ in numbered]
-        if indices[0] in (0, 1) and indices == list(range(indices[0], indices[0] + len(indices))):
-            return [column for _, column in numbered], ()
-        raise RecordError(
-            f"a column of {quantity} is missing or there twice: joints {indices}",
-            where=where,
-            value=[names[column] for _, column in numbered],
-            next_step="Check the header, or name the columns with --columns.",
-        )
-    joints = tuple(key.joint for key, _ in family)
-    if len(family) > 1 and (not all(joints) or len(set(joints)) != len(joints)):
-        raise RecordError(
-            f"{len(family)} columns are called {plain(names[family[0][1]])!r}",
-            where=where,
-            next_step="Say which are meant with --columns.",
-        )
-    return [column for _, column in family], joints if len(family) > 1 else ()
+def _same_order(
+    columns: list[int], named: tuple[str, ...], joint_names: tuple[str, ...]
+) -> list[int]:
+    """Columns in the order of other joint names; none where a joint is missing."""
+    if not set(joint_names) <= set(named):
+        return []
+    return [columns[named.index(joint)] for joint in joint_names]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from dynid.core.errors import RecordError
@@ -15,7 +15,11 @@ _SAVE = "Save it again in MATLAB with: save(file, '-v7')."
 
 
 def read_mat(
-    path: Path, *, columns: str | Mapping[str, str] | None = None, joints: int | None = None
+    path: Path,
+    *,
+    columns: str | Mapping[str, str] | None = None,
+    joints: int | None = None,
+    names: Sequence[str] = (),
 ) -> RawTable:
     """Read a MATLAB file of version 5 to 7.
 
@@ -24,6 +28,7 @@ def read_mat(
         columns: Quantity to variable path, as in `q=rec.act_pos,t=rec.time`; None to go by
             the names.
         joints: Number of joints, if known.
+        names: The robot's joint names, if known.
 
     Raises:
         RecordError: Another version, damaged, or without the variables.
@@ -50,7 +55,9 @@ def read_mat(
             "there are no arrays of numbers", where=path.name, value=harm or None, next_step=_SAVE
         )
     try:
-        table = table_of(contents.arrays, columns, joints=joints, where=path.name, format="mat")
+        table = table_of(
+            contents.arrays, columns, joints=joints, where=path.name, format="mat", names=names
+        )
     except RecordError as error:
         if not harm:
             raise

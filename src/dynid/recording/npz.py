@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,11 @@ _MAX_BYTES = 2 << 30
 
 
 def read_npz(
-    path: Path, *, columns: str | Mapping[str, str] | None = None, joints: int | None = None
+    path: Path,
+    *,
+    columns: str | Mapping[str, str] | None = None,
+    joints: int | None = None,
+    names: Sequence[str] = (),
 ) -> RawTable:
     """Read a `.npz` or `.npy` file; nothing pickled is ever loaded.
 
@@ -27,6 +31,7 @@ def read_npz(
         path: The file.
         columns: Quantity to array name, as in `q=positions,t=time`; None to go by the names.
         joints: Number of joints, if known.
+        names: The robot's joint names, if known.
 
     Raises:
         RecordError: Damaged, too large, pickled, or without the arrays.
@@ -64,4 +69,4 @@ def read_npz(
         ) from error
     if not variables:
         raise RecordError("there are no arrays of numbers", where=path.name)
-    return table_of(variables, columns, joints=joints, where=path.name, format="npz")
+    return table_of(variables, columns, joints=joints, where=path.name, format="npz", names=names)

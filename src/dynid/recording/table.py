@@ -59,8 +59,12 @@ class RawTable:
     """`recorded`, `header`, `receive` or `rate`."""
     labels: Mapping[str, tuple[str, ...]] = field(default_factory=dict[str, tuple[str, ...]])
     """Quantity to the names of its columns in the file."""
-    in_degrees: frozenset[str] = frozenset()
-    """Quantities that the file itself calls degrees."""
+    columns: Mapping[str, list[int]] = field(default_factory=dict[str, list[int]])
+    """Quantity to the numbers of its columns in the file, where it has such."""
+    clock_columns: tuple[int, ...] = ()
+    """Numbers of the columns of time."""
+    said: frozenset[str] = frozenset()
+    """Quantities whose units the file itself names; they are in SI units already."""
     joint_names: tuple[str, ...] = ()
     """Joint names in column order, where the file gives them."""
     channels: Mapping[str, Array] = field(default_factory=dict[str, Array])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,8 @@ from dynid.core.errors import RecordError
 from dynid.recording.columns import parse_columns, select
 from dynid.recording.headers import match_headers
 from dynid.recording.naming import parse_name, says_degrees
-from dynid.recording.table import RawTable
+from dynid.recording.table import ANGLES, RawTable
+from dynid.recording.units import factor_of, refuse_unit
 
 _SLICE = re.compile(r"(.+?)\[(?::\s*,)?\s*([\d:+]+)\s*\]")
 _COLUMNS = re.compile(r"[\d:+]+")
@@ -37,6 +38,7 @@ def table_of(
     joints: int | None,
     where: str,
     format: str,
+    names: Sequence[str] = (),
 ) -> RawTable:
     """A raw table from named arrays.
 
@@ -50,28 +52,35 @@ def table_of(
         joints: Number of joints, if known.
         where: The file, for messages.
         format: The format, for the metadata.
+        names: The robot's joint names, if known.
 
     Raises:
         RecordError: A variable that is not there, or shapes that do not fit together.
     """
     notes: list[str] = []
     if columns is None:
-        mapping, notes = _guess(variables, where)
+        arrays, paths, notes = _guess(variables, where, names)
     else:
-        mapping = parse_columns(columns)
-    arrays = {name: _pick(variables, name, path, where) for name, path in mapping.items()}
+        paths = parse_columns(columns)
+        arrays = {name: _pick(variables, name, path, where) for name, path in paths.items()}
     length = _length(arrays, joints)
     width = joints if joints is not None else _width(arrays, length)
-    signals = {
-        name: _upright(value, length, width, f"{where}: {name}={mapping[name]}")
-        for name, value in arrays.items()
-        if name != "t"
-    }
+    said = {name: unit for name, path in paths.items() if (unit := _unit(name, path))}
+    factors = {name: factor_of(name, unit) for name, unit in said.items()}
+    signals: dict[str, Array] = {}
+    for name, value in arrays.items():
+        if name == "t":
+            continue
+        factor = factors.get(name, 1.0)
+        if factor is None:
+            raise refuse_unit(name, said[name], paths[name], where)
+        place = f"{where}: {name}={paths[name]}"
+        signals[name] = _upright(value, length, width, place) * factor
     rows = len(signals["q"])
     for name, value in signals.items():
         if value.shape != signals["q"].shape:
             raise RecordError(
-                f"{name}={mapping[name]} does not fit q={mapping['q']}",
+                f"{name}={paths[name]} does not fit q={paths['q']}",
                 where=where,
                 value=value.shape,
                 limit=signals["q"].shape,
@@ -79,10 +88,13 @@ def table_of(
     t = arrays["t"].ravel() if "t" in arrays else None
     if t is not None and len(t) != rows:
         raise RecordError(
-            f"t={mapping['t']} has {len(t)} values but q has {rows} samples",
+            f"t={paths['t']} has {len(t)} values but q has {rows} samples",
             where=where,
             value=signals["q"].shape,
         )
+    changed = [name for name, factor in factors.items() if name != "t" and factor != 1.0]
+    if changed:
+        notes.append(f"converted to SI units as the names say: {', '.join(changed)}")
     return RawTable(
         source=where,
         format=format,
@@ -90,35 +102,63 @@ def table_of(
         row_word="sample",
         signals=signals,
         t=t,
-        time_scale=parse_name(mapping["t"]).time_scale if "t" in mapping else None,
-        labels={name: (path,) * signals["q"].shape[1] for name, path in mapping.items()},
-        in_degrees=frozenset(name for name, path in mapping.items() if says_degrees(path)),
+        time_scale=parse_name(paths["t"]).time_scale if "t" in paths else None,
+        labels={name: (path,) * signals["q"].shape[1] for name, path in paths.items()},
+        said=frozenset(said),
         notes=tuple(notes),
     )
 
 
-def _guess(variables: Mapping[str, Array], where: str) -> tuple[dict[str, str], list[str]]:
-    """Quantities by the last word of each path."""
+def _unit(quantity: str, path: str) -> str:
+    """The unit that a variable's name gives: `vel_rpm`, `rec.act_pos_mot_deg`."""
+    match = _SLICE.fullmatch(path)
+    unit = parse_name(match.group(1) if match else path).unit
+    if not unit and quantity in ANGLES and says_degrees(path):
+        return {"q": "deg", "target_q": "deg"}.get(
+            quantity, "deg/s^2" if quantity.endswith("qdd") else "deg/s"
+        )
+    return unit
+
+
+def _guess(
+    variables: Mapping[str, Array], where: str, joints: Sequence[str]
+) -> tuple[dict[str, Array], dict[str, str], list[str]]:
+    """Quantities by the paths of the variables: the arrays, their paths, and notes."""
     paths = [path for path, value in variables.items() if value.size > 1]
-    words = [path.rpartition(".")[2] for path in paths]
     try:
-        match = match_headers(words, where)
+        match = match_headers(paths, where, joints)
+        arrays: dict[str, Array] = {}
+        labels: dict[str, str] = {}
+        for quantity, numbers in match.columns.items():
+            if quantity == "t":
+                continue
+            parts = [variables[paths[k]] for k in numbers]
+            labels[quantity] = paths[numbers[0]]
+            arrays[quantity] = parts[0]
+            if len(parts) > 1:
+                if len({part.size for part in parts}) > 1:
+                    raise RecordError(
+                        f"the variables of {quantity} are of different lengths",
+                        where=where,
+                        value=[f"{paths[k]} {variables[paths[k]].shape}" for k in numbers],
+                    )
+                # One vector a joint.
+                arrays[quantity] = np.column_stack([part.ravel() for part in parts])
     except RecordError as error:
         raise RecordError(
-            "the variables do not say what they are",
+            f"the variables do not say what they are: {error.what}",
             where=where,
             value="; ".join(f"{p} {variables[p].shape}" for p in paths[:25]),
             next_step="Name them with --columns, for example t=rec.time,q=rec.pos,effort=rec.tau.",
         ) from error
-    numbered = [name for name, cols in match.columns.items() if len(cols) > 1]
-    if numbered:
-        raise RecordError(
-            f"more than one variable can be {numbered[0]}",
-            where=where,
-            value=[paths[k] for k in match.columns[numbered[0]]],
-            next_step="Say which with --columns.",
-        )
-    return {name: paths[cols[0]] for name, cols in match.columns.items()}, list(match.notes)
+    clocks = [clock for clock in match.clocks if len(clock.columns) == 1]
+    longest = max(arrays["q"].shape)
+    for clock in clocks:
+        path = paths[clock.columns[0]]
+        if variables[path].size == longest:
+            arrays["t"], labels["t"] = variables[path], path
+            break
+    return arrays, labels, list(match.notes)
 
 
 def _pick(variables: Mapping[str, Array], quantity: str, selector: str, where: str) -> Array:

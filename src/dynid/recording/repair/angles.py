@@ -23,32 +23,24 @@ def revolute(joints: int, robot: RobotModel | None) -> Mask:
 
 
 def convert_degrees(table: RawTable, robot: RobotModel | None, degrees: bool) -> RawTable:
-    """Turn degrees into radians where the user says so.
+    """Turn degrees into radians where the user says so and the file says nothing.
 
     Args:
         table: Signals as they came.
         robot: The robot, if known; prismatic joints are never converted.
         degrees: Whether q, qd, qdd and their targets are in degrees.
-
-    Raises:
-        RecordError: The file itself calls its positions degrees and `degrees` is false.
     """
-    turning = revolute(table.joints, robot)
     if not degrees:
-        said = sorted(name for name in table.in_degrees if name in ("q", "qd", "qdd"))
-        if said and turning.any():
-            raise RecordError(
-                f"the file calls {', '.join(said)} degrees: {table.label(said[0], 0)}",
-                where=table.source,
-                next_step="Pass --degrees to convert them.",
-            )
         return table
+    turning = revolute(table.joints, robot)
+    # What the file says of its units is converted already.
+    open_ones = [name for name in table.signals if name in ANGLES and name not in table.said]
+    if not open_ones:
+        return table.note("--degrees changes nothing: the file says its units itself")
     factor = np.where(turning, math.pi / 180, 1.0)
     reach = float(np.abs(table.signals["q"][:, turning]).max(initial=0.0))
-    table = table.with_signals(
-        {name: value * factor for name, value in table.signals.items() if name in ANGLES}
-    )
-    if 0 < reach <= _TURN:
+    table = table.with_signals({name: table.signals[name] * factor for name in open_ones})
+    if 0 < reach <= _TURN and "q" in open_ones:
         table = table.report(
             "unit_suspect",
             f"positions reach {reach:.3g} in the file and were converted from degrees as asked; "

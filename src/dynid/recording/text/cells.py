@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import re
 
+from dynid.recording.text.stamps import is_stamp
+
 _MISSING = frozenset(
     {"", "nan", "+nan", "-nan", "na", "n/a", "#n/a", "null", "none", "nil", "-", "--", "nat"}
 )
@@ -51,7 +53,7 @@ def count(cells: list[str], decimal: str = ".") -> tuple[int, int]:
     """How many cells hold numbers, and how many hold something else than a missing value."""
     numbers = others = 0
     for cell in cells:
-        if is_number(cell, decimal):
+        if is_number(cell, decimal) or is_stamp(cell):
             numbers += 1
         elif not is_missing(cell):
             others += 1
@@ -60,7 +62,12 @@ def count(cells: list[str], decimal: str = ".") -> tuple[int, int]:
 
 def is_name(cell: str) -> bool:
     """Whether a cell can be a column name: it starts with a letter and is no number."""
-    return bool(_NAME.match(cell)) and not is_missing(cell) and not is_number(cell)
+    return (
+        bool(_NAME.match(cell))
+        and not is_missing(cell)
+        and not is_number(cell)
+        and not is_stamp(cell)
+    )
 
 
 def split(line: str, delimiter: str) -> list[str]:

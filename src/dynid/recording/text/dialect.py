@@ -8,39 +8,22 @@ from pathlib import Path
 
 from dynid.core.errors import RecordError
 from dynid.recording.text.cells import count, is_name, is_number, split
-from dynid.recording.text.lines import encoding_of, first_lines
+from dynid.recording.text.lines import SNIFFED, encoding_of, first_lines
+from dynid.recording.text.lists import (
+    echoed_names,
+    flatten,
+    has_lists,
+    joints_named,
+    spread,
+    widths,
+)
+from dynid.recording.text.stamps import is_stamp
+from dynid.recording.units import is_unit
 
 DELIMITERS = (",", ";", "\t", " ")
 MAX_COLUMNS = 5000
 COMMENT = ("#", "%", "//")
 _WORDS = {"comma": ",", "semicolon": ";", "tab": "\t", "\\t": "\t", "space": " ", "blank": " "}
-_UNITS = frozenset(
-    {
-        "s",
-        "ms",
-        "us",
-        "ns",
-        "rad",
-        "deg",
-        "rad/s",
-        "deg/s",
-        "a",
-        "ma",
-        "nm",
-        "n.m",
-        "n*m",
-        "n m",
-        "c",
-        "degc",
-        "°",
-        "°c",
-        "rad/s^2",
-        "deg/s^2",
-        "-",
-        "m",
-        "m/s",
-    }
-)
 _SAMPLE = 300
 _SCORED = 80
 
@@ -65,6 +48,16 @@ class Dialect:
     """Cells of a header that does not fit the rows; 0 where it fits or is absent."""
     numeric: frozenset[int]
     """Columns that hold numbers in the first rows."""
+    units: tuple[str, ...]
+    """Units from a line of their own under the header, one a column, or none."""
+    stamps: frozenset[int]
+    """Columns that hold dates or times of day."""
+    lists: bool
+    """Whether cells hold lists, each item of which counts as a column."""
+    joint_names: tuple[str, ...]
+    """Joint names that stand in the rows themselves, if any."""
+    joint_cells: str
+    """Those names as they stand in a row, from the first to the last."""
 
 
 def delimiter_of(given: str | None) -> str | None:
@@ -97,9 +90,11 @@ def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
         RecordError: There are no rows of numbers, or far too many columns.
     """
     with path.open("rb") as stream:
-        encoding = encoding_of(stream.read(4))
-    lines = first_lines(path, encoding, _SAMPLE)
+        encoding = encoding_of(stream.read(SNIFFED))
+    written = first_lines(path, encoding, _SAMPLE)
     given = delimiter_of(delimiter)
+    lists = any(map(has_lists, written[:_SCORED]))
+    lines = [flatten(line, given or _between_lists(line)) for line in written] if lists else written
     best, sign, width = _best(lines[:_SCORED], DELIMITERS if given is None else (given,))
     if width == 0:
         raise RecordError(
@@ -110,16 +105,24 @@ def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
     if width > MAX_COLUMNS:
         raise RecordError("too many columns", where=path.name, value=width, limit=MAX_COLUMNS)
     first = _first_row(lines, best, sign, header)
-    names = None if header is False else _names(lines, first, best, width, forced=bool(header))
+    names = None
+    units: tuple[str, ...] = ()
+    if header is not False:
+        sizes = widths(written[first], best) if lists else []
+        names, units = _names(written[:first], best, width, sizes, forced=bool(header))
     misfit = 0
     if names is not None and len(names) != width:
         misfit = len(names)
         names = None
     rows = [split(line, best) for line in lines[first:]]
     whole = [cells for cells in rows if len(cells) == width]
+    if names is None and header is None and misfit == 0 and whole:
+        names = echoed_names(whole[0])
+    stamps = frozenset(k for k in range(width) if any(is_stamp(cells[k]) for cells in whole[:5]))
     numeric = frozenset(
         k for k in range(width) if any(is_number(cells[k], sign) for cells in whole)
     )
+    named = joints_named(names, whole[0] if whole else ())
     return Dialect(
         path=path,
         encoding=encoding,
@@ -130,6 +133,11 @@ def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
         names=names,
         header_cells=misfit,
         numeric=numeric,
+        units=units,
+        stamps=stamps,
+        lists=lists,
+        joint_names=tuple(whole[0][k].strip() for k in named),
+        joint_cells=best.join(whole[0][named[0] : named[-1] + 1]) if named else "",
     )
 
 
@@ -177,21 +185,37 @@ def _first_row(lines: list[str], delimiter: str, decimal: str, header: bool | No
     return start
 
 
+def _between_lists(line: str) -> str:
+    """The delimiter between cells of which some are lists: semicolon and tab are sure ones."""
+    return next((sign for sign in (";", "\t") if sign in line), ",")
+
+
 def _names(
-    lines: list[str], first: int, delimiter: str, width: int, *, forced: bool
-) -> tuple[str, ...] | None:
-    """The header above the first row: the nearest line of names that is no line of units."""
+    above: list[str], delimiter: str, width: int, sizes: list[int], *, forced: bool
+) -> tuple[tuple[str, ...] | None, tuple[str, ...]]:
+    """The header above the first row, and the units of a line under it.
+
+    The header is the nearest line of names that is no line of units.
+    """
     misfit: tuple[str, ...] | None = None
-    for line in reversed(lines[:first]):
+    units: tuple[str, ...] = ()
+    for line in reversed(above):
         text = line.strip().lstrip("#%/ ") if line.lstrip().startswith(COMMENT) else line
         cells = [cell.strip().strip("\"'").strip() for cell in split(text, delimiter)]
-        if not any(cells) or all(cell.lower() in _UNITS for cell in cells if cell):
+        if not any(cells):
+            continue
+        if all(map(is_unit, filter(None, (cell.strip("[]()") for cell in cells)))):
+            fits = len(cells) == width
+            units = tuple(cell.strip("[]()") for cell in cells) if fits else units
             continue
         if len(cells) == width - 1 and delimiter != " ":
             # Rows that end in a delimiter have one empty cell more than the header.
             cells.append("")
+        wide = spread(cells, sizes) if sizes else None
+        if wide is not None and len(wide) == width:
+            return wide, units
         if len(cells) == width and (forced or 2 * sum(map(is_name, cells)) >= len(cells) - 1):
-            return tuple(cells)
+            return tuple(cells), units
         if misfit is None and not line.lstrip().startswith(COMMENT) and len(cells) > 1:
             misfit = tuple(cells)
-    return misfit
+    return misfit, units

@@ -15,6 +15,8 @@ from dynid.recording.table import Mask, Rows, plain
 from dynid.recording.text.cells import decimals, is_missing, number, split
 from dynid.recording.text.dialect import COMMENT, Dialect
 from dynid.recording.text.lines import line_blocks
+from dynid.recording.text.lists import flatten
+from dynid.recording.text.stamps import stamp
 
 _CHUNK = 512
 _PIECE = 16
@@ -64,7 +66,7 @@ def read_grid(dialect: Dialect, wanted: list[int], soft: frozenset[int] = frozen
     """
     draft = _Draft()
     notices: list[Notice] = []
-    line_number = 0
+    line_number = strangers = 0
     chunk: list[tuple[int, str]] = []
     closed = True
     for lines, closed in line_blocks(dialect.path, dialect.encoding):
@@ -74,7 +76,11 @@ def read_grid(dialect: Dialect, wanted: list[int], soft: frozenset[int] = frozen
                 continue
             if line.lstrip().startswith(COMMENT):
                 continue
-            chunk.append((line_number, line))
+            row = flatten(line, dialect.delimiter) if dialect.lists else line
+            if dialect.joint_cells and _names_others(row, dialect):
+                strangers += 1
+                continue
+            chunk.append((line_number, row))
         if not closed:
             break
         while len(chunk) > _CHUNK:
@@ -109,6 +115,13 @@ def read_grid(dialect: Dialect, wanted: list[int], soft: frozenset[int] = frozen
                 f"{len(draft.bad)} of {len(draft.rows)} rows of {dialect.path.name} cannot be "
                 f"read; first: {draft.first}",
             ),
+        )
+    if strangers:
+        notices.append(
+            Notice(
+                "dropped_rows",
+                f"{strangers} rows of {dialect.path.name} name other joints than its first row",
+            )
         )
     reported = np.zeros(len(draft.rows), dtype=np.bool_)
     reported[draft.bad] = True
@@ -186,6 +199,7 @@ def _fast(chunk: list[tuple[int, str]], dialect: Dialect, wanted: list[int]) -> 
             lines,
             delimiter=None if dialect.delimiter == " " else dialect.delimiter,
             usecols=wanted,
+            converters={k: _moment for k in dialect.stamps & set(wanted)} or None,
             ndmin=2,
             comments=None,
             dtype=np.float64,
@@ -208,7 +222,8 @@ def _slow(
     faulty = False
     for k, column in enumerate(wanted):
         try:
-            values[0, k] = number(cells[column], dialect.decimal)
+            read = _moment if column in dialect.stamps else number
+            values[0, k] = read(cells[column], dialect.decimal)
         except ValueError:
             if column in soft:
                 continue
@@ -222,6 +237,19 @@ def _slow(
         draft.bad.append(len(draft.rows) - 1)
 
 
+def _names_others(row: str, dialect: Dialect) -> bool:
+    """Whether a whole row has other joint names than the first, or in another order."""
+    return dialect.joint_cells not in row and (len(split(row, dialect.delimiter)) == dialect.width)
+
+
+def _moment(cell: str, decimal: str = ".") -> float:
+    """The number of a cell in a column of dates; NaN where the value is missing."""
+    try:
+        return stamp(cell)
+    except ValueError:
+        return number(cell, decimal)
+
+
 def _is_cut(line: str, before: list[str], dialect: Dialect) -> bool:
     """Whether the last number of a file without a last line end looks cut off.
 
@@ -233,8 +261,8 @@ def _is_cut(line: str, before: list[str], dialect: Dialect) -> bool:
     if is_missing(last):
         return not all(map(is_missing, above))
     try:
-        value = number(last, dialect.decimal)
-        others = np.array([number(x, dialect.decimal) for x in above], dtype=np.float64)
+        value = _moment(last, dialect.decimal)
+        others = np.array([_moment(x, dialect.decimal) for x in above], dtype=np.float64)
     except ValueError:
         return True
     others = others[np.isfinite(others)]

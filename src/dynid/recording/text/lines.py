@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,20 +15,50 @@ UNREADABLE = "\ufffd"
 _BLOCK = 1 << 20
 _MOST_SNIFFED = 4 << 20
 _TEXT = bytes([*range(9, 14), *range(32, 127)])
+_LETTERS = frozenset("°²³µ·äöüÄÖÜßéèàçñ±".encode("cp1252"))
+SNIFFED = 1 << 16
+"""Bytes from the start of a file that tell its encoding."""
 
 
 def encoding_of(head: bytes) -> str:
-    """The encoding that a byte order mark announces; UTF-8 without one."""
+    """The encoding of a text.
+
+    A byte order mark says it; zeros beside plain letters do; else it is UTF-8, or the
+    Windows code page where the bytes are no UTF-8 (a degree sign in a header).
+
+    Args:
+        head: The first bytes of the file.
+    """
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
+    wide = _wide(head)
+    if wide:
+        return wide
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)
+    except UnicodeDecodeError:
+        # A few wrong bytes in a long table are damage; in a header they are letters.
+        if b"\x00" not in head and _LETTERS.issuperset(head.translate(None, _TEXT)):
+            return "cp1252"
     return "utf-8-sig"
 
 
 def looks_like_text(head: bytes) -> bool:
     """Whether the first bytes of a file can be a table in text form."""
-    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")) or _wide(head):
         return True
     return len(head.translate(None, _TEXT)) <= 0.1 * len(head)
+
+
+def _wide(head: bytes) -> str:
+    """The sort of UTF-16 without a byte order mark, or nothing."""
+    even, odd = head[0:4096:2], head[1:4096:2]
+    if len(odd) < 8:
+        return ""
+    for zeros, letters, name in ((odd, even, "utf-16-le"), (even, odd, "utf-16-be")):
+        if zeros.count(0) >= 0.95 * len(zeros) and not letters.translate(None, _TEXT):
+            return name
+    return ""
 
 
 def line_blocks(path: Path, encoding: str) -> Iterator[tuple[list[str], bool]]:

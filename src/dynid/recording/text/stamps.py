@@ -1,0 +1,83 @@
+"""Cells that hold a date or a time of day instead of a number."""
+
+from __future__ import annotations
+
+import re
+from datetime import date
+
+import numpy as np
+
+from dynid.core.arrays import Array
+
+_CLOCK = r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,:]\d+)?))?"
+_TIME = re.compile(_CLOCK)
+_ISO = re.compile(
+    rf"(\d{{4}})[-/.](\d{{1,2}})[-/.](\d{{1,2}})[T_\s]+{_CLOCK}\s*(Z|UTC|[+-]\d{{2}}:?\d{{2}})?",
+    re.IGNORECASE,
+)
+_DAY_FIRST = re.compile(rf"(\d{{1,2}})\.(\d{{1,2}})\.(\d{{4}})[T_,\s]+{_CLOCK}")
+_DAY = 86400.0
+
+
+def stamp(cell: str) -> float:
+    """Seconds since 1970 of a date with its time, or since midnight of a time of day.
+
+    Args:
+        cell: `2024-03-01T12:00:00.008Z`, `1.3.2024 12:00:00,008` or `12:00:00.008`.
+
+    Raises:
+        ValueError: The cell is none of them.
+    """
+    text = cell.strip().strip("\"'").strip()
+    if match := _ISO.fullmatch(text):
+        year, month, day, *clock, zone = match.groups()
+        return _epoch(year, month, day) + _of_day(clock) - _zone(zone)
+    if match := _DAY_FIRST.fullmatch(text):
+        day, month, year, *clock = match.groups()
+        return _epoch(year, month, day) + _of_day(clock)
+    if (match := _TIME.fullmatch(text)) and match.group(3):
+        return _of_day(list(match.groups()))
+    raise ValueError(cell)
+
+
+def is_stamp(cell: str) -> bool:
+    """Whether a cell holds a date with its time, or a time of day."""
+    if ":" not in cell:
+        return False
+    try:
+        stamp(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def past_midnight(t: Array) -> Array:
+    """(N) times of day that go on where a day ends.
+
+    Args:
+        t: (N) seconds since midnight, or any other time, which stays as it is.
+    """
+    if np.nanmax(t, initial=0.0) > _DAY:
+        return t
+    there = np.isfinite(t)
+    days = np.zeros(len(t))
+    days[np.flatnonzero(there)[1:]] = np.diff(t[there]) < -0.9 * _DAY
+    return t + _DAY * np.cumsum(days)
+
+
+def _epoch(year: str, month: str, day: str) -> float:
+    return (date(int(year), int(month), int(day)).toordinal() - 719163) * _DAY
+
+
+def _of_day(clock: list[str | None]) -> float:
+    hours, minutes, seconds = (part or "0" for part in clock)
+    # 12:00:00:123 has milliseconds behind its last colon.
+    whole, _, rest = re.sub("[,:]", ".", seconds).partition(".")
+    return int(hours) * 3600.0 + int(minutes) * 60.0 + float(f"{whole}.{rest or 0}")
+
+
+def _zone(zone: str | None) -> float:
+    if not zone or zone[0] not in "+-":
+        return 0.0
+    seconds = int(zone[1:3]) * 3600.0 + int(zone[-2:]) * 60.0
+    return seconds if zone[0] == "+" else -seconds
