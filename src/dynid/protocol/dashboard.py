@@ -19,6 +19,39 @@ UNLOCK_TOO_EARLY = (
 )
 DISCONNECTED, SHUTTING_DOWN = "Disconnected", "Shutting down"
 NO_PROGRAM = "No program loaded"
+LOG_SAVED = "Log saved to disk"
+NO_REPORT = "Error: a simulated controller makes no flight report"
+NO_SUPPORT_FILE = "Error: Failed to create support report file. Invalid target location"
+_NEVER = (99, 0)
+# Universal_Robots_Client_Library, src/ur/dashboard_client_implementation_g5.cpp, the table of
+# commands; what is not here is as old as the dashboard.
+_SINCE: dict[str, tuple[tuple[int, int], tuple[int, int]]] = {
+    "version": ((5, 0), (5, 0)),
+    "set operational mode": (_NEVER, (5, 0)),
+    "get operational mode": (_NEVER, (5, 6)),
+    "clear operational mode": (_NEVER, (5, 0)),
+    "safetystatus": (_NEVER, (5, 4)),
+    "restart safety": ((3, 7), (5, 1)),
+    "is in remote control": (_NEVER, (5, 6)),
+    "get serial number": ((3, 12), (5, 6)),
+    "get robot model": ((3, 12), (5, 6)),
+    "generate flight report": ((3, 13), (5, 8)),
+    "generate support file": ((3, 13), (5, 8)),
+    "savelog": ((3, 13), (5, 8)),
+    "setuserrole": ((3, 1), _NEVER),
+    "getuserrole": ((3, 1), _NEVER),
+}
+
+
+def known_to(command: str, version: tuple[int, int]) -> bool:
+    """Whether software of a version has a command.
+
+    Args:
+        command: In small letters, without what follows it.
+        version: Major and minor number.
+    """
+    cb, e_series = _SINCE.get(command, ((0, 0), (0, 0)))
+    return version >= (cb if version[0] < 5 else e_series)
 
 
 def failed(command: str) -> str:

@@ -18,38 +18,94 @@ def run(machine, cycles):
         machine.tick()
 
 
-@pytest.mark.parametrize(
-    ("command", "reply"),
-    [
-        ("robotmode", "Robotmode: RUNNING"),
-        ("safetymode", "Safetymode: NORMAL"),
-        ("safetystatus", "Safetystatus: NORMAL"),
-        ("running", "Program running: false"),
-        ("programState", "STOPPED null"),
-        ("get loaded program", "No program loaded"),
-        ("get robot model", "UR5"),
-        ("get serial number", "20240001"),
-        ("is in remote control", "true"),
-        ("version", "3.15.8.106339"),
-        ("stop", "Stopped"),
-        ("play", "Failed to execute: play"),
-        ("pause", "Failed to execute: pause"),
-        ("load missing.urp", "File not found: missing.urp"),
-        ("load bad.urp", "Error while loading program: bad.urp"),
-        ("load /programs/work.urp", "Loading program: /programs/work.urp"),
-        ("popup hello", "showing popup"),
-        ("close popup", "closing popup"),
-        ("close safety popup", "closing safety popup"),
-        ("addToLog hello", "Added log message"),
-        ("setUserRole operator", "Setting user role: operator"),
-        ("setUserRole king", "Failed setting user role: king"),
-        ("  POWER   ON ", "Powering on"),
-        ("dance", "could not understand: 'dance'"),
-        ("", "could not understand: ''"),
-    ],
-)
-def test_replies(session, command, reply):
+# The answers of UR's dashboard article, as UR's own client reads them
+# (Universal_Robots_Client_Library, src/ur/dashboard_client_implementation_g5.cpp and its tests).
+EVERYWHERE = [
+    ("robotmode", "Robotmode: RUNNING"),
+    ("safetymode", "Safetymode: NORMAL"),
+    ("running", "Program running: false"),
+    ("programState", "STOPPED null"),
+    ("isProgramSaved", "true null"),
+    ("get loaded program", "No program loaded"),
+    ("get robot model", "UR5"),
+    ("get serial number", "20240001"),
+    ("stop", "Stopped"),
+    ("play", "Failed to execute: play"),
+    ("pause", "Failed to execute: pause"),
+    ("load missing.urp", "File not found: missing.urp"),
+    ("load bad.urp", "Error while loading program: bad.urp"),
+    ("load /programs/work.urp", "Loading program: /programs/work.urp"),
+    ("load installation default.installation", "Loading installation: default.installation"),
+    ("popup hello", "showing popup"),
+    ("close popup", "closing popup"),
+    ("close safety popup", "closing safety popup"),
+    ("unlock protective stop", "Protective stop releasing"),
+    ("addToLog hello", "Added log message"),
+    ("addToLog", "No log message to add"),
+    ("saveLog", "Log saved to disk"),
+    ("  POWER   ON ", "Powering on"),
+    ("power off", "Powering off"),
+    ("brake release", "Brake releasing"),
+    ("restart safety", "Restarting safety"),
+    ("shutdown", "Shutting down"),
+    ("quit", "Disconnected"),
+    ("dance", "could not understand: 'dance'"),
+    ("", "could not understand: ''"),
+]
+CB = [
+    ("setUserRole operator", "Setting user role: operator"),
+    ("setUserRole king", "Failed setting user role: king"),
+    ("getUserRole", "NONE"),
+    ("version", "could not understand: 'version'"),
+    ("safetystatus", "could not understand: 'safetystatus'"),
+    ("is in remote control", "could not understand: 'is in remote control'"),
+    ("get operational mode", "could not understand: 'get operational mode'"),
+    ("set operational mode manual", "could not understand: 'set operational mode manual'"),
+]
+E_SERIES = [
+    ("version", "5.12.0.1101319"),
+    ("safetystatus", "Safetystatus: NORMAL"),
+    ("is in remote control", "true"),
+    ("get operational mode", "NONE"),
+    ("set operational mode AUTOMATIC", "Operational mode 'AUTOMATIC' is set"),
+    ("set operational mode no", "Failed setting operational mode: no"),
+    (
+        "clear operational mode",
+        "No longer controlling the operational mode. Current operational mode: 'NONE'.",
+    ),
+    ("setUserRole operator", "could not understand: 'setUserRole operator'"),
+    ("getUserRole", "could not understand: 'getUserRole'"),
+]
+
+
+@pytest.mark.parametrize(("command", "reply"), EVERYWHERE + CB)
+def test_replies_of_the_cb_series(session, command, reply):
     assert session.answer(command) == reply
+
+
+@pytest.mark.parametrize(("command", "reply"), EVERYWHERE + E_SERIES)
+def test_replies_of_the_e_series(e_machine, command, reply):
+    programs = {"work.urp": PROGRAM, "bad.urp": "def ("}
+    session = DashboardSession(e_machine, "UR5", "20240001", programs)
+    assert session.answer(command) == reply
+
+
+def test_older_software_does_not_know_newer_commands():
+    assert not words.known_to("get serial number", (3, 11))
+    assert words.known_to("get serial number", (3, 12))
+    assert not words.known_to("get operational mode", (5, 5))
+    assert words.known_to("play", (3, 0))
+
+
+def test_reports_that_nobody_makes_are_refused(session):
+    assert session.answer("generate flight report system").startswith("Error")
+    assert session.answer("generate support file .").startswith("Error")
+
+
+def test_a_restart_of_the_safety_system_leaves_the_power_off(machine, session):
+    session.answer("restart safety")
+    run(machine, 2)
+    assert session.answer("robotmode") == "Robotmode: POWER_OFF"
 
 
 def test_the_version_has_four_numbers(session):

@@ -154,3 +154,51 @@ def test_the_same_seed_gives_the_same_record_in_real_and_in_virtual_time():
     assert list(np.unique(index[index > 0])) == list(range(1, 201))
     assert np.ptp(virtual["actual_q"][:, 0]) > 0.5
     assert real.tobytes() == virtual.tobytes()
+
+
+@pytest.mark.parametrize("rate", [125.0, 500.0])
+def test_set_points_streamed_in_virtual_time_are_neither_skipped_nor_repeated(rate):
+    """One for each package, as fast as the client can: bunched, delayed, never lost."""
+    echo = """def echo():
+  while True:
+    write_output_integer_register(24, read_input_integer_register(24))
+    write_output_float_register(24, read_input_float_register(24))
+    sync()
+  end
+end
+"""
+    with (
+        controller_process(virtual_time=True, rate_hz=rate) as controller,
+        RtdeClient(controller.host) as client,
+    ):
+        client.read_outputs(["timestamp", "output_int_register_24", "output_double_register_24"])
+        client.claim("input_int_register_24", "input_double_register_24")
+        client.start()
+        send_script(controller.host, echo)
+        seen = []
+        for k in range(1, 1001):
+            seen.append(client.row())
+            client.write(k, 0.5 * k)
+            if k % 100 == 0:
+                # Late, though not as late as a client that has stopped to stream.
+                time.sleep(0.004)
+        client.until(lambda row: seen.append(row) or row["output_int_register_24"] == 1000)
+    index = np.array([row["output_int_register_24"] for row in seen])
+    begun = index[np.argmax(index > 0) :]
+    assert set(np.diff(begun)) == {1}
+    assert all(
+        row["output_double_register_24"] == 0.5 * row["output_int_register_24"] for row in seen
+    )
+
+
+def test_virtual_time_goes_on_when_a_client_ends_its_stream(fast):
+    with RtdeClient(fast.host) as client:
+        client.read_outputs(["timestamp"])
+        client.claim("input_double_register_25")
+        client.start()
+        for _ in range(20):
+            client.row()
+            client.write(1.0)
+        begin, first = time.monotonic(), client.row()["timestamp"]
+        last = client.rows(1000)["timestamp"][-1]
+    assert last - first > 2 * (time.monotonic() - begin)

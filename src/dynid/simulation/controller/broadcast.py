@@ -78,6 +78,7 @@ class Broadcast:
         if recipe is not None and self._machine.core.cycles % session.every == 0:
             together = int(self._together / session.every + 1e-9)
             client.connection.offer(self._packer.package(recipe), together)
+            session.queue.asked = True
 
 
 class _States:

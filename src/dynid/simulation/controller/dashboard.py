@@ -30,16 +30,13 @@ class DashboardSession:
     ) -> None:
         self._machine, self._programs = machine, programs
         self._rest = b""
-        self._role = "NONE"
+        self._role = self._mode = "NONE"
         self.over = False
         """Whether the client said goodbye."""
         fixed = {
             "is in remote control": "true",
             "get serial number": serial,
             "get robot model": model,
-            "get operational mode": "NONE",
-            "clear operational mode": "operational mode is no longer controlled by "
-            "Dashboard Server",
             "version": _dotted(machine),
             "polyscopeversion": f"URSoftware {_dotted(machine)} (simulated by dynid)",
         }
@@ -66,6 +63,11 @@ class DashboardSession:
             "close popup": self._close_popup,
             "close safety popup": self._close_safety_popup,
             "getuserrole": lambda: self._role,
+            "get operational mode": lambda: self._mode,
+            "clear operational mode": self._clear_mode,
+            "restart safety": self._restart_safety,
+            "savelog": lambda: words.LOG_SAVED,
+            "shutdown": self._shut_down,
             "quit": self._quit,
         }
         self._with_text: dict[str, Callable[[str], str]] = {
@@ -74,7 +76,9 @@ class DashboardSession:
             "popup": lambda _: "showing popup",
             "addtolog": lambda text: "Added log message" if text else "No log message to add",
             "setuserrole": self._set_role,
-            "set operational mode": lambda mode: f"Setting operational mode: {mode.upper()}",
+            "set operational mode": self._set_mode,
+            "generate flight report": lambda _: words.NO_REPORT,
+            "generate support file": lambda _: words.NO_SUPPORT_FILE,
         }
 
     def receive(self, data: bytes) -> list[str]:
@@ -93,12 +97,15 @@ class DashboardSession:
     def answer(self, line: str) -> str:
         """The reply to one command."""
         command = " ".join(line.split()).lower()
+        version = self._machine.core.version[:2]
         plain = self._answers.get(command)
-        if plain is not None:
+        if plain is not None and words.known_to(command, version):
             return plain()
         for start, answer in self._with_text.items():
             if command == start or command.startswith(start + " "):
-                return answer(line[len(start) :].strip())
+                if not words.known_to(start, version):
+                    break
+                return answer(" ".join(line.split())[len(start) :].strip())
         return words.not_understood(line[:200])
 
     def _try(self, command: str, done: bool, reply: str) -> str:
@@ -142,6 +149,28 @@ class DashboardSession:
             return f"Failed setting user role: {role}"
         self._role = role.upper()
         return f"Setting user role: {role}"
+
+    def _set_mode(self, mode: str) -> str:
+        if mode.lower() not in ("manual", "automatic"):
+            return f"Failed setting operational mode: {mode}"
+        self._mode = mode.upper()
+        return f"Operational mode '{self._mode}' is set"
+
+    def _clear_mode(self) -> str:
+        self._mode = "NONE"
+        return (
+            f"No longer controlling the operational mode. Current operational mode: '{self._mode}'."
+        )
+
+    def _restart_safety(self) -> str:
+        self._machine.power_off()
+        self._machine.restart_safety()
+        return "Restarting safety"
+
+    def _shut_down(self) -> str:
+        self._machine.power_off()
+        self.over = True
+        return words.SHUTTING_DOWN
 
     def _quit(self) -> str:
         self.over = True

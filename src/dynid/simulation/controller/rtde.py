@@ -10,7 +10,8 @@ from dynid.core.errors import DynidError
 from dynid.protocol import rtde
 from dynid.protocol.fields import IN_USE, INPUTS, NOT_FOUND, OUTPUTS, Field, Version
 from dynid.protocol.framing import Framer, Kind, Packet, ProtocolError
-from dynid.protocol.recipe import Recipe
+from dynid.protocol.recipe import Recipe, Value
+from dynid.simulation.controller.input_queue import InputQueue
 from dynid.simulation.controller.machine import ControllerMachine
 
 LARGEST_REQUEST = 4096
@@ -60,10 +61,15 @@ class RtdeSession:
     Args:
         machine: The controller behind.
         owners: Who writes which input, shared by all sessions.
+        orderly: Whether inputs act one after another, a cycle each, however they arrive: in
+            virtual time many may come between two cycles. Else the newest acts.
     """
 
-    def __init__(self, machine: ControllerMachine, owners: Owners) -> None:
-        self._machine, self._owners = machine, owners
+    def __init__(
+        self, machine: ControllerMachine, owners: Owners, *, orderly: bool = False
+    ) -> None:
+        self._machine, self._owners, self._orderly = machine, owners, orderly
+        self.queue = InputQueue(machine.set_input)
         self._version: Version = machine.core.version[:3]
         self._framer = Framer(LARGEST_REQUEST)
         self._inputs: list[Recipe] = []
@@ -105,7 +111,8 @@ class RtdeSession:
         return max(times, default=-math.inf)
 
     def close(self) -> None:
-        """The client has left: others may write its inputs."""
+        """The client has left: what it wrote still acts, and others may write its inputs."""
+        self.queue.apply_all()
         self._owners.release(self)
 
     def _answer(self, packet: Packet) -> bytes:
@@ -167,17 +174,25 @@ class RtdeSession:
         if not 1 <= number <= len(self._inputs):
             return self._complain(f"there is no input recipe {number}")
         recipe = self._inputs[number - 1]
+        values: dict[str, Value] = {}
         try:
             # More than the recipe is no mistake: ur_rtde's getForwardKinematics(q, tcp) does so.
             for name, value in recipe.unpack(payload[: recipe.size]).items():
                 # A register may hold what a program wants; a speed slider may not.
                 if value != value and "register" not in name:
                     return self._complain(f"{name} is not a number")
-                self._machine.set_input(name, value)
+                values[name] = value
+            self._take(number, values)
         except DynidError as error:
             return self._complain(str(error))
-        self._written[number] = time.monotonic()
         return b""
+
+    def _take(self, number: int, values: dict[str, Value]) -> None:
+        """Inputs as a client wrote them."""
+        now = self._written[number] = time.monotonic()
+        self.queue.put(number, values, now)
+        if not self._orderly:
+            self.queue.apply_all()
 
     def _complain(self, words: str) -> bytes:
         """Tell the client what is wrong; give up on one that never learns.

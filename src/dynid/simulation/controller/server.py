@@ -147,6 +147,8 @@ class ControllerServer:
             self.pace.advance(now)
         else:
             self.pace.restart(now)
+        for client in self._rtde:
+            client.session.queue.apply_next()
         self._machine.tick()
         self._broadcast.cycle(self._clients.values(), self._news())
 
@@ -214,7 +216,9 @@ class ControllerServer:
     def _client(self, connection: Connection, port: int) -> Client:
         machine, settings = self._machine, self._settings
         if port == rtde.PORT:
-            return RtdeClient(connection, port, RtdeSession(machine, self._owners))
+            return RtdeClient(
+                connection, port, RtdeSession(machine, self._owners, orderly=settings.virtual)
+            )
         if port == dashboard.PORT:
             session = DashboardSession(machine, settings.model, settings.serial, settings.programs)
             return DashboardClient(connection, port, session)

@@ -5,6 +5,9 @@ Nobody looks at the wall clock; time goes as fast as the clients read:
 - a cycle begins once every client that has started RTDE has read what it was sent but for the
   last 24 ms, so that nobody misses a package or sees the robot late;
 - while a script is being compiled, time stands still;
+- what clients write acts in the order in which it came, one package of each recipe a cycle; while
+  one of them streams set points (double registers), the next cycle waits for those who have
+  written until just now, so that no set point is skipped or used twice;
 - an RTDE watchdog of a script starves when its time is over by both clocks: a client that
   writes often enough in real time is never too slow for virtual time;
 - without a client that has started RTDE, time goes at the pace of the wall clock.
@@ -52,6 +55,11 @@ class VirtualPace:
         if any(self._behind(client, now) for client in clients):
             self._asked += 1
             return _SOON if self._asked < _PATIENCE else _LATER
+        queues = [client.session.queue for client in clients]
+        if any(queue.steers(now) for queue in queues) and any(
+            queue.awaited(now) for queue in queues
+        ):
+            return _SOON
         self._asked = 0
         self._stuck.clear()
         return self._watchdogs(clients, now)
