@@ -14,6 +14,7 @@ from dynid.recording.repair.pipeline import RepairSettings, repair
 from dynid.recording.table import RawTable
 from dynid.robot.drives import Drives
 from dynid.robot.load import load_robot
+from dynid.signals.resample import GAP_STEPS
 
 MOTION = Motion(samples=1500)
 
@@ -295,15 +296,64 @@ def test_time_that_runs_backwards_is_refused() -> None:
         run(replace(table, t=table.t[::-1]))
     with pytest.raises(RecordError, match="forwards"):
         run(replace(table, t=np.zeros(1500)))
-    t = table.t.copy()
-    t[500:] -= 8.0
-    with pytest.raises(RecordError, match="repeat or run backwards"):
+    # A clock that is set back now and then leaves nothing to hold on to.
+    t = table.t - 0.3 * (np.arange(1500) // 40)
+    with pytest.raises(RecordError, match=r"repeat or run backwards.*--rate"):
         run(replace(table, t=t))
 
 
-def test_coarse_stamps_are_refused_with_the_way_out() -> None:
-    with pytest.raises(RecordError, match="--rate"):
-        run(raw(noise=1, t=np.round(MOTION.t, 1)))
+@pytest.mark.parametrize("digits", [1, 2])
+def test_coarse_stamps_are_spread_over_the_rows(digits: int) -> None:
+    record = run(raw(noise=1, t=np.round(MOTION.t, digits)))
+    assert codes(record) == ["clock_jitter"]
+    assert record.samples == 1500
+    np.testing.assert_allclose(record.t, MOTION.t - MOTION.t[0], atol=2e-3)
+    assert record.rate_hz == pytest.approx(125, rel=1e-4)
+
+
+def test_coarse_stamps_of_uneven_rows_are_not_spread() -> None:
+    # Every third row is missing in the second half: rows do not count time.
+    table = raw(t=np.round(MOTION.t, 2))
+    keep = (np.arange(1500) < 750) | (np.arange(1500) % 3 > 0)
+    holes = replace(
+        table,
+        rows=table.rows[keep],
+        t=table.t[keep],
+        signals={name: value[keep] for name, value in table.signals.items()},
+    )
+    record = run(holes)
+    assert {"clock_jitter", "dropped_rows"} & set(codes(record))
+    assert not any("spread" in problem.message for problem in record.problems)
+
+
+def runs_in_one(*pieces: slice, restart: bool = True) -> RawTable:
+    table = raw()
+    t = np.concatenate(
+        [table.t[piece] - (table.t[piece][0] if restart else 0.0) for piece in pieces]
+    )
+    parts = {
+        name: np.concatenate([value[piece] for piece in pieces])
+        for name, value in table.signals.items()
+    }
+    return replace(table, rows=np.arange(1, len(t) + 1), t=t, signals=parts)
+
+
+def test_runs_in_one_file_are_put_behind_each_other() -> None:
+    record = run(runs_in_one(slice(0, 600), slice(700, 1400)))
+    assert codes(record) == ["clock_mismatch"]
+    assert record.samples == 1300
+    steps = np.diff(record.t)
+    # The pause is longer than any step that is bridged when signals are put on a grid.
+    assert steps[599] > GAP_STEPS * 0.008
+    np.testing.assert_allclose(np.delete(steps, 599), 0.008, atol=1e-6)
+    np.testing.assert_array_equal(record.signals["q"][600:], raw().signals["q"][700:1400])
+
+
+def test_a_run_written_twice_counts_once() -> None:
+    record = run(runs_in_one(slice(0, 700), slice(0, 700)))
+    assert set(codes(record)) == {"clock_mismatch", "dropped_rows"}
+    assert record.samples == 700
+    assert record.duration_s == pytest.approx(699 * 0.008)
 
 
 def test_gaps_are_reported() -> None:

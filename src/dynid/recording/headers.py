@@ -2,20 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from dynid.core.errors import RecordError
 from dynid.recording.clocks import Clock, find_clocks
 from dynid.recording.families import Family, collect, spelled
-from dynid.recording.naming import Name, parse_name, split_joint
+from dynid.recording.naming import parse_name, split_joint
 from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES
 from dynid.recording.units import factor_of, refuse_unit
 
 _TORQUE_STEMS = ("torque", "tau", "effort", "current", "cur")
 _NOT_MEASURED = frozenset(
-    "ext external error err gravity grav friction coriolis residual model estimated est predicted "
-    "feedforward ff limit limits max min bias offset hat voltage cmd command desired target".split()
+    [
+        "ext",
+        "external",
+        "error",
+        "err",
+        "gravity",
+        "grav",
+        "friction",
+        "coriolis",
+        "residual",
+        "model",
+        "estimated",
+        "est",
+        "predicted",
+        "feedforward",
+        "ff",
+        "limit",
+        "limits",
+        "max",
+        "min",
+        "bias",
+        "offset",
+        "hat",
+        "voltage",
+        "cmd",
+        "command",
+        "desired",
+        "target",
+    ]
 )
 _MAIN_SCOPES = frozenset({"joint_states", "joint_state", "actual", "feedback", "measured", "state"})
 
@@ -125,7 +152,11 @@ def _families(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[Fam
             quantity: [_only(family, wanted) for family in families]
             for quantity, families in found.items()
         }
-        if any(set(family.joints) == wanted for family in found.get("q", [])):
+        if not found.get("q"):
+            # Columns that are called as the joints, beside `elbow_joint_effort`, are positions.
+            bare = [x for x in found.get("", []) if not x.base and set(x.joints) == wanted]
+            found["q"] = bare
+        if any(set(family.joints) == wanted for family in found["q"]):
             return found
     plainly = collect(map(parse_name, names))
     if any(family.whole for family in plainly.get("q", [])):

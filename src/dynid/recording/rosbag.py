@@ -14,16 +14,9 @@ from dynid.recording.bag.jointstates import FIELDS, Collector
 from dynid.recording.bag.mcap import MAGIC, mcap_messages
 from dynid.recording.columns import parse_columns
 from dynid.recording.table import Mask, RawTable, Rows, plain
+from dynid.recording.vocabulary import UR_JOINTS
 
 _DEFAULT = {"q": "position", "qd": "velocity", "effort": "effort"}
-_UR_ORDER = (
-    "shoulder_pan_joint",
-    "shoulder_lift_joint",
-    "elbow_joint",
-    "wrist_1_joint",
-    "wrist_2_joint",
-    "wrist_3_joint",
-)
 
 
 def read_bag(
@@ -171,7 +164,7 @@ def _joints(
         return tuple(order), []
     notes: list[str] = []
     for names in (common, *collector.groups):
-        for wanted in (robot, _UR_ORDER):
+        for wanted in (robot, UR_JOINTS):
             matched = _matched(wanted, names)
             # Without a robot the whole message is taken, so the order must cover all of it.
             if matched and (wanted == robot or len(names) == len(matched)):

@@ -2,6 +2,15 @@
 
 from __future__ import annotations
 
+UR_JOINTS = (
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    "wrist_1_joint",
+    "wrist_2_joint",
+    "wrist_3_joint",
+)
+"""Joint names of Universal Robots' ROS drivers, base to tip; their messages sort them by letter."""
 # The first that a file has wins.
 _SYNONYMS: dict[str, str] = {
     "t": (
@@ -25,7 +34,8 @@ _SYNONYMS: dict[str, str] = {
         "velocities joint_velocity joint_velocities joint_vel speed joint_speed dtheta qvel "
         "omega measured_joint_velocity measured_joint_velocities joint_velocity_measured "
         "joint_velocity_actual qp qdots q_dots jvel joints_velocity joints_velocities "
-        "velocity_actual vel_actual actual_vel actual_joint_velocity actual_joint_velocities joint_speeds speeds "
+        "velocity_actual vel_actual actual_vel actual_joint_velocity actual_joint_velocities "
+        "joint_speeds speeds "
         "vel_msr dq_msr qdot_measured dotq dot_q qd_measured dq_measured dq_actual qdot_meas "
         "angular_velocity joint_angular_velocity vels"
     ),
@@ -78,20 +88,69 @@ RANK: dict[str, tuple[str, int]] = {
 
 # Words that say nothing of their own, and words that make a target of a measured quantity.
 PLAIN = frozenset(
-    "actual act measured meas msr joint joints jnt arm robot state states link axis feedback fb "
-    "sensed real field".split()
+    [
+        "actual",
+        "act",
+        "measured",
+        "meas",
+        "msr",
+        "joint",
+        "joints",
+        "jnt",
+        "arm",
+        "robot",
+        "state",
+        "states",
+        "link",
+        "axis",
+        "feedback",
+        "fb",
+        "sensed",
+        "real",
+        "field",
+    ]
 )
 """Words around a quantity's name that do not change what it is."""
 TARGET = frozenset(
-    "target targets desired des cmd command commands commanded ref reference references setpoint "
-    "setpoints goal planned nominal".split()
+    [
+        "target",
+        "targets",
+        "desired",
+        "des",
+        "cmd",
+        "command",
+        "commands",
+        "commanded",
+        "ref",
+        "reference",
+        "references",
+        "setpoint",
+        "setpoints",
+        "goal",
+        "planned",
+        "nominal",
+    ]
 )
 """Words that turn a measured quantity into what was asked for."""
 OTHER = frozenset(
-    "error errors err output outputs estimated external ext tcp tool ee cartesian multi_dof".split()
+    [
+        "error",
+        "errors",
+        "err",
+        "output",
+        "outputs",
+        "estimated",
+        "external",
+        "ext",
+        "tcp",
+        "tool",
+        "ee",
+        "cartesian",
+        "multi_dof",
+    ]
 )
 """Words that make something else of a quantity."""
-CONTENT = frozenset("data value values signals".split())
+CONTENT = frozenset(["data", "value", "values", "signals"])
 """Last words of paths that only say that here are the numbers."""
 TARGET_OF = {
     "q": "target_q",

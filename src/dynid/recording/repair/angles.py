@@ -81,6 +81,37 @@ def unwrap_turns(table: RawTable, robot: RobotModel | None) -> RawTable:
     return table.with_signals(changes).report("unit_suspect", f"{'; '.join(found)}; unwrapped")
 
 
+def shift_turns(table: RawTable, robot: RobotModel | None) -> RawTable:
+    """Shift joints by whole turns into the robot's limits: 350 deg is -10 deg elsewhere."""
+    if robot is None:
+        return table
+    lower, upper = robot.limits.lower, robot.limits.upper
+    shifted: list[str] = []
+    for quantity in ("q", "target_q"):
+        if quantity not in table.signals:
+            continue
+        value = table.signals[quantity]
+        low, high = value.min(axis=0), value.max(axis=0)
+        turns = np.zeros(table.joints)
+        for joint in np.flatnonzero(revolute(table.joints, robot)).tolist():
+            if not (np.isfinite(lower[joint]) and np.isfinite(upper[joint])):
+                continue
+            outside = low[joint] < lower[joint] - 0.05 or high[joint] > upper[joint] + 0.05
+            middle = 0.5 * (low[joint] + high[joint] - lower[joint] - upper[joint])
+            count = round(middle / _TURN)
+            fits = (
+                low[joint] - count * _TURN >= lower[joint] - 0.05
+                and high[joint] - count * _TURN <= upper[joint] + 0.05
+            )
+            turns[joint] = count if outside and fits else 0
+        if turns.any():
+            table = table.with_signals({quantity: value - _TURN * turns})
+            shifted += [f"{quantity} of joint {k + 1}" for k in np.flatnonzero(turns)]
+    if not shifted:
+        return table
+    return table.note(f"shifted by whole turns into the limits: {', '.join(shifted)}")
+
+
 def refuse_degrees(table: RawTable, robot: RobotModel | None) -> RawTable:
     """Refuse positions that no joint can have in radians; report those that are odd.
 

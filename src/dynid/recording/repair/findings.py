@@ -10,6 +10,8 @@ from dynid.robot.model import RobotModel
 
 _LONG_REST = 1.0
 """Standstill at an end that is worth a word [s]."""
+_FAR_BEYOND, _FAR_BELOW = 3.0, 0.06
+"""Shares of the torque limits that no motion exceeds, and that any motion does."""
 
 
 def report_rest(table: RawTable) -> RawTable:
@@ -83,17 +85,30 @@ def _at_extreme(column: Array, extreme: float) -> Mask:
     return run
 
 
-def report_small_efforts(table: RawTable, robot: RobotModel | None) -> RawTable:
-    """Report efforts so small that they may be motor currents, as UR drivers send them."""
-    if robot is None or "effort" not in table.signals or "current" in table.signals:
+def report_odd_torques(table: RawTable, robot: RobotModel | None) -> RawTable:
+    """Report torques that are far beyond the robot's, and efforts that may be motor currents."""
+    if robot is None or np.isnan(robot.limits.torque).all():
         return table
-    if np.isnan(robot.drives.gain).any() or np.isnan(robot.limits.torque).all():
-        return table
-    share = np.quantile(np.abs(table.signals["effort"]), 0.98, axis=0) / robot.limits.torque
-    if float(np.nanmax(share)) > 0.06:
-        return table
-    return table.report(
-        "unit_suspect",
-        f"efforts stay below {100 * float(np.nanmax(share)):.2g} % of the torque limits: they may "
-        "be motor currents in A (map them as current, or pass --gains)",
-    )
+    gains = {"effort": np.ones(robot.joints), "current": np.abs(robot.drives.gain)}
+    for quantity, gain in gains.items():
+        if quantity not in table.signals or np.isnan(gain).any():
+            continue
+        share = np.quantile(np.abs(table.signals[quantity]), 0.98, axis=0) * gain
+        share = share / robot.limits.torque
+        if float(np.nanmax(share)) > _FAR_BEYOND:
+            joint = int(np.nanargmax(share))
+            table = table.report(
+                "unit_suspect",
+                f"{table.label(quantity, joint)} stands for {share[joint]:.3g} times the torque "
+                "limit: another unit (mA, mN.m, percent), or on the motor's side?",
+            )
+        # UR drivers send motor currents in A as effort.
+        alone = quantity == "effort" and "current" not in table.signals
+        small = float(np.nanmax(share)) <= _FAR_BELOW and not np.isnan(robot.drives.gain).any()
+        if alone and small:
+            table = table.report(
+                "unit_suspect",
+                f"efforts stay below {100 * float(np.nanmax(share)):.2g} % of the torque limits: "
+                "they may be motor currents in A (map them as current, or pass --gains)",
+            )
+    return table

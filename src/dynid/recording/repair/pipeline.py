@@ -8,21 +8,28 @@ import numpy as np
 
 from dynid.core.errors import RecordError
 from dynid.recording.record import ExperimentRecord, RecordMetadata
-from dynid.recording.repair.angles import convert_degrees, refuse_degrees, unwrap_turns
+from dynid.recording.repair.angles import (
+    convert_degrees,
+    refuse_degrees,
+    shift_turns,
+    unwrap_turns,
+)
 from dynid.recording.repair.bursts import (
     check_counted_rows,
     drop_bursts,
     drop_zero_positions,
 )
 from dynid.recording.repair.clock import check_velocities, report_clock, settle_unit
-from dynid.recording.repair.findings import report_rest, report_saturation, report_small_efforts
+from dynid.recording.repair.findings import report_odd_torques, report_rest, report_saturation
 from dynid.recording.repair.joints import settle_joints
 from dynid.recording.repair.missing import drop_missing
 from dynid.recording.repair.repeats import drop_repeats
+from dynid.recording.repair.runs import join_runs, spread_stamps
 from dynid.recording.repair.sides import to_joint_side
 from dynid.recording.repair.spikes import drop_spikes
 from dynid.recording.repair.stamps import repair_stamps
 from dynid.recording.repair.tails import drop_broken_ends
+from dynid.recording.repair.topics import lay_together
 from dynid.recording.table import RawTable
 from dynid.robot.model import RobotModel
 
@@ -58,14 +65,18 @@ def repair(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
     table = replace(table, index=np.arange(table.samples, dtype=np.int64))
     _check_gains(settings.gains, table)
     table = _start_clock(table, settings.rate_hz)
+    table = lay_together(table)
     table = drop_missing(table)
     table = drop_zero_positions(table)
     table = drop_repeats(table)
+    table = join_runs(table)
+    table = spread_stamps(table)
     table = repair_stamps(table)
     _require_rows(table)
     table = convert_degrees(table, robot, settings.degrees)
     table = unwrap_turns(table, robot)
     table = to_joint_side(table, robot)
+    table = shift_turns(table, robot)
     table = drop_spikes(table)
     table = drop_bursts(table)
     table = drop_broken_ends(table)
@@ -77,7 +88,7 @@ def repair(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
     table = check_velocities(table, settings.rate_hz)
     table = report_saturation(table)
     table = report_rest(table)
-    table = report_small_efforts(table, robot)
+    table = report_odd_torques(table, robot)
     return _record(table, settings)
 
 

@@ -93,7 +93,8 @@ def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
         encoding = encoding_of(stream.read(SNIFFED))
     written = first_lines(path, encoding, _SAMPLE)
     given = delimiter_of(delimiter)
-    lists = any(map(has_lists, written[:_SCORED]))
+    # A title or a header may have brackets as well: most lines must have lists.
+    lists = 2 * sum(map(has_lists, written[:_SCORED])) > min(len(written), _SCORED)
     lines = [flatten(line, given or _between_lists(line)) for line in written] if lists else written
     best, sign, width = _best(lines[:_SCORED], DELIMITERS if given is None else (given,))
     if width == 0:

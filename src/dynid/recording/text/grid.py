@@ -199,7 +199,7 @@ def _fast(chunk: list[tuple[int, str]], dialect: Dialect, wanted: list[int]) -> 
             lines,
             delimiter=None if dialect.delimiter == " " else dialect.delimiter,
             usecols=wanted,
-            converters={k: _moment for k in dialect.stamps & set(wanted)} or None,
+            converters=dict.fromkeys(dialect.stamps & set(wanted), _moment) or None,
             ndmin=2,
             comments=None,
             dtype=np.float64,

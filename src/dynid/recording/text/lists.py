@@ -9,15 +9,16 @@ from dynid.recording.text.cells import is_missing, is_number, split
 
 _ARRAY = re.compile(r"array\(\s*(?:['\"][a-z]['\"]\s*,\s*)?(\[[^\]]*\])[^()]*\)")
 _LIST = re.compile(r"(?<![\w\])])[\[(]([^\[\]()]*)[\])](?![\w\[(])")
+_WORD = re.compile(r"[A-Za-z_][\w/\-]*")
 _NAMES = frozenset({"name", "names", "joint_name", "joint_names"})
 
 
 def has_lists(line: str) -> bool:
-    """Whether some cell of a row is a list of numbers."""
+    """Whether some cell of a row is a list of numbers or of words."""
     return any(
-        len(_items(match.group(1))) > 1
-        and sum(map(is_number, _items(match.group(1)))) == len(_items(match.group(1)))
+        len(items) > 1 and (all(map(is_number, items)) or all(map(_WORD.fullmatch, items)))
         for match in _LIST.finditer(_ARRAY.sub(r"\1", line))
+        for items in [_items(match.group(1))]
     )
 
 
