@@ -1,0 +1,214 @@
+"""How well a record fits if one of its inputs is wrong: a torque's scale or sign, the mounting.
+
+Torques are linear in gravity, and a joint's gain scales its rows. From one set of sums of
+products, every such hypothesis is a small solve: the likelihood that the best parameters reach.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any, cast
+
+import numpy as np
+
+from dynid.core.arrays import Array
+from dynid.identification.problem import block_mean
+from dynid.reduction.base import reduce_model
+from dynid.regressor.model import CHUNK, InverseDynamicModel
+from dynid.regressor.terms import FrictionTerms
+from dynid.signals.samples import Samples
+
+STRETCHES = 8
+"""Contiguous parts of a record that are left out in turn."""
+MOST_ROWS = 2500
+"""Rows a joint; longer records are averaged, torques and columns alike."""
+_GENERAL_TILT = 0.2
+_RIDGE = 1e-8
+_SWEEPS = 3
+_FIRST_STEP = 0.05
+
+Objective = Callable[[Array, Array], float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Inputs:
+    """What a record is told about its robot, and what might be wrong with it."""
+
+    scales: Array
+    """(n) factor by which each joint's torque was recorded too large; negative: reversed."""
+    tilt: Array = field(default_factory=lambda: np.zeros(2))
+    """(2) gravity along the two axes across the mounting's, as a share of it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Profile:
+    """Products of one record's columns and torques, by stretch."""
+
+    products: Array
+    """(STRETCHES, n, 3r + 1, 3r + 1): columns, the same for gravity along each axis, torque."""
+    rank: int
+    """r, base parameters of the robot in any gravity."""
+    rows: int
+    """Rows a joint."""
+    axes: Array
+    """(2, 3) unit vectors across the mounting's gravity, base frame."""
+
+    def without(self, stretch: int | None = None) -> Array:
+        """(n, 3r + 1, 3r + 1) sums over all stretches, or all but one."""
+        total = self.products.sum(axis=0)
+        return total if stretch is None else total - self.products[stretch]
+
+    def log_noise(
+        self, sums: Array, inputs: Inputs, weights: Array | None = None
+    ) -> tuple[float, Array]:
+        """Sum over joints of the log of the noise that the best parameters leave.
+
+        Args:
+            sums: From `without`.
+            inputs: The hypothesis.
+            weights: (n) weight of each joint to start from [1/(N.m)].
+
+        Returns:
+            The sum [log N.m], and (n) the weights found.
+        """
+        matrix, vector, energy = self._systems(sums, inputs)
+        if weights is None:
+            weights = 1.0 / np.sqrt(np.maximum(energy / self.rows, 1e-18))
+        square = energy
+        for _ in range(_SWEEPS):
+            values = _solution(np.square(weights), matrix, vector)
+            explained = np.einsum("i,jik,k->j", values, matrix, values) - 2 * vector @ values
+            square = np.maximum((energy + explained) / self.rows, 1e-12 * energy / self.rows)
+            weights = 1.0 / np.sqrt(np.maximum(square, 1e-18))
+        return -float(np.log(weights).sum()), weights
+
+    def _systems(self, sums: Array, inputs: Inputs) -> tuple[Array, Array, Array]:
+        r = self.rank
+        matrix, vector = sums[:, :r, :r], sums[:, :r, -1]
+        if inputs.tilt.any():
+            turn = np.hstack([np.eye(r), inputs.tilt[0] * np.eye(r), inputs.tilt[1] * np.eye(r)])
+            matrix = turn @ sums[:, :-1, :-1] @ turn.T
+            vector = sums[:, :-1, -1] @ turn.T
+        scales = inputs.scales
+        return np.square(scales)[:, None, None] * matrix, scales[:, None] * vector, sums[:, -1, -1]
+
+
+def _solution(weights: Array, matrix: Array, vector: Array) -> Array:
+    total = np.tensordot(weights, matrix, axes=1)
+    diagonal = np.diag(total)
+    # Parameters that only a tilted base shows have no columns without one.
+    seen = diagonal > 1e-14 * diagonal.max()
+    scale = np.where(seen, 1.0 / np.sqrt(np.where(seen, diagonal, 1.0)), 0.0)
+    system = total * np.outer(scale, scale) + np.diag(np.where(seen, _RIDGE, 1.0))
+    solved = np.linalg.solve(system, (weights @ vector) * scale)
+    return np.asarray(solved * scale, dtype=np.float64)
+
+
+def profile_of(model: InverseDynamicModel, samples: Samples) -> Profile:
+    """Sum the products of a record.
+
+    Args:
+        model: The model that was identified.
+        samples: The samples that it was identified from.
+    """
+    robot = model.robot
+    size, axes = float(np.linalg.norm(robot.gravity)), across(robot.gravity)
+    # Tilted at random, the base set holds all that any gravity shows.
+    turned = replace(robot, gravity=robot.gravity + _GENERAL_TILT * size * (axes[0] + axes[1] / 2))
+    columns = reduce_model(replace(model, robot=turned)).independent
+    # Gravity's share of the columns: no friction, nothing moves.
+    still = [
+        InverseDynamicModel(
+            robot=replace(robot, gravity=size * axis),
+            frames=model.frames,
+            friction=FrictionTerms(terms=(("fv", None),)),
+        )
+        for axis in axes
+    ]
+    block = max(samples.block, -(-samples.count // MOST_ROWS))
+    rows = samples.count // block
+    width = 3 * len(columns) + 1
+    products = np.zeros((STRETCHES, robot.joints, width, width))
+    edges = np.linspace(0, rows, STRETCHES + 1).astype(int) * block
+    step = max(1, CHUNK // block) * block
+    for k, (start, stop) in enumerate(pairwise(edges.tolist())):
+        for first in range(start, stop, step):
+            part = slice(first, min(first + step, stop))
+            values = block_mean(_columns(model, still, columns, samples, part), block)
+            for j in range(robot.joints):
+                products[k, j] += values[:, j] @ values[:, j].T
+    return Profile(products=products, rank=len(columns), rows=rows, axes=axes)
+
+
+def _columns(
+    model: InverseDynamicModel,
+    still: list[InverseDynamicModel],
+    columns: tuple[int, ...],
+    samples: Samples,
+    part: slice,
+) -> Array:
+    """(3r + 1, n, T) columns, those of gravity along both axes, torque."""
+    q = samples.q[part]
+    rest = np.zeros_like(q)
+    chosen = list(columns)
+    inertial = [c for c in chosen if c < 10 * model.robot.joints]
+    stacks = [model.stack(q, samples.dq[part], samples.ddq[part])[chosen]]
+    for other in still:
+        gravity = np.zeros_like(stacks[0])
+        gravity[: len(inertial)] = other.stack(q, rest, rest)[inertial]
+        stacks.append(gravity)
+    torque = (samples.tau[part] + model.known_torque(q)).T
+    return np.concatenate([*stacks, torque[None]])
+
+
+def across(gravity: Array) -> Array:
+    """(2, 3) unit vectors at right angles to gravity and to each other, as `Profile.axes`."""
+    down = gravity / np.linalg.norm(gravity)
+    near = np.eye(3)[int(np.argmin(np.abs(down)))]
+    first = np.cross(down, near)
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(down, first)], dtype=np.float64)
+
+
+def minimum(objective: Objective, sums: Array, start: Array, widest: float) -> Array:
+    """(m) where an objective of m inputs is smallest, within +-widest of zero.
+
+    Args:
+        objective: Takes sums of products and (m) inputs.
+        sums: From `Profile.without`.
+        start: (m) where to start.
+        widest: Bound on each input.
+    """
+    from scipy.optimize import (  # pyright: ignore[reportMissingTypeStubs]
+        minimize,  # pyright: ignore[reportUnknownVariableType]
+    )
+
+    size = len(start)
+
+    def value(x: Array) -> float:
+        return objective(sums, x)
+
+    found = cast("Any", minimize)(
+        value,
+        start,
+        method="Nelder-Mead",
+        bounds=[(-widest, widest)] * size,
+        options={
+            "xatol": 2e-4,
+            "fatol": 1e-6,
+            "maxiter": 60,
+            "initial_simplex": np.vstack([start, start + _FIRST_STEP * np.eye(size)]),
+        },
+    )
+    return np.asarray(found.x, dtype=np.float64)
+
+
+def jackknife(profile: Profile, objective: Objective, best: Array, widest: float) -> Array:
+    """(m, m) covariance of a minimum, from leaving out one stretch after the other."""
+    minima = np.array(
+        [minimum(objective, profile.without(k), best, widest) for k in range(STRETCHES)]
+    )
+    away = minima - minima.mean(axis=0)
+    return np.asarray((STRETCHES - 1) / STRETCHES * away.T @ away, dtype=np.float64)

@@ -1,0 +1,104 @@
+"""Recordings of a three-joint arm whose torques pinocchio has worked out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from dynid.core.arrays import Array
+from dynid.identification.estimate import Estimate
+from dynid.recording.record import ExperimentRecord
+from dynid.robot.load import load_robot
+from dynid.robot.model import RobotModel
+from dynid.signals.process import process
+from dynid.signals.samples import Samples
+from dynid.workflow.identify import identify
+from dynid.workflow.identify_settings import IdentifySettings
+
+RATE = 125.0
+SECONDS = 12.0
+NOISE = np.array([0.1, 0.2, 0.05])
+"""[N.m] 1 to 2 % of the torques."""
+COULOMB = np.array([3.0, 4.0, 1.0])
+VISCOUS = np.array([2.0, 3.0, 0.7])
+
+_LINK = """
+<link name="l{k}"><inertial><origin xyz="{com}"/><mass value="{m}"/>
+<inertia ixx="{i}" iyy="{i}" izz="{i}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="j{k}" type="revolute"><parent link="l{p}"/><child link="l{k}"/>
+<origin xyz="{xyz}"/><axis xyz="{axis}"/>
+<limit lower="-3" upper="3" velocity="4" effort="200"/></joint>"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wrong:
+    """What is wrong with the recording."""
+
+    scales: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    tilt_deg: float = 0.0
+    load_friction: float = 0.0
+    push: float = 0.0
+    """Force on the flange from 6.0 to 6.4 s [N]."""
+    seed: int = 0
+
+
+@cache
+def urdf() -> str:
+    links = (
+        {"com": "0.02 0.01 0.1", "m": 6, "i": 0.05, "xyz": "0 0 0.2", "axis": "0 0 1"},
+        {"com": "0.2 0.03 0.02", "m": 5, "i": 0.04, "xyz": "0.05 0 0.1", "axis": "0 1 0"},
+        {"com": "0.15 -0.02 0.01", "m": 2, "i": 0.01, "xyz": "0.4 0 0", "axis": "0 1 0"},
+    )
+    text = "".join(_LINK.format(k=k + 1, p=k, **link) for k, link in enumerate(links))
+    return f'<robot name="arm"><link name="l0"/>{text}</robot>'
+
+
+def arm(folder: Path) -> RobotModel:
+    path = folder / "arm.urdf"
+    path.write_text(urdf())
+    return load_robot(path)
+
+
+def motion() -> tuple[Array, Array, Array, Array]:
+    """t, q, dq, ddq of three joints that never repeat within the record."""
+    t = np.arange(int(SECONDS * RATE)) / RATE
+    q, dq, ddq = np.zeros((3, len(t), 3))
+    random = np.random.default_rng(5)
+    for speed in 2 * np.pi * np.array([0.15, 0.31, 0.53, 0.79]):
+        size, phase = random.uniform(0.2, 0.5, 3), random.uniform(0, 6, 3)
+        angle = np.outer(t, np.full(3, speed)) + phase
+        q += size * np.sin(angle)
+        dq += size * speed * np.cos(angle)
+        ddq -= size * speed**2 * np.sin(angle)
+    return t, q, dq, ddq
+
+
+def recording(wrong: Wrong) -> ExperimentRecord:
+    t, q, dq, ddq = motion()
+    model = pin.buildModelFromXML(urdf())
+    lean = np.radians(wrong.tilt_deg)
+    model.gravity.linear = 9.80665 * np.array(
+        [0.6 * np.sin(lean), 0.8 * np.sin(lean), -np.cos(lean)]
+    )
+    data = model.createData()
+    link = np.array([pin.rnea(model, data, *state) for state in zip(q, dq, ddq, strict=True)])
+    push = np.array([0.0, wrong.push, wrong.push, 0.0, 0.0, 0.0])
+    for k in np.flatnonzero((t > 6.0) & (t < 6.4)):
+        pin.computeJointJacobians(model, data, q[k])
+        frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        link[k] += pin.getJointJacobian(model, data, 3, frame).T @ push
+    friction = (COULOMB + wrong.load_friction * np.abs(link)) * np.tanh(dq / 0.001) + VISCOUS * dq
+    noise = NOISE * np.random.default_rng(wrong.seed).normal(size=q.shape)
+    torque = (link + friction + noise) * np.array(wrong.scales)
+    return ExperimentRecord(t=t, signals={"q": q, "effort": torque})
+
+
+def identified(folder: Path, wrong: Wrong) -> tuple[Estimate, Samples]:
+    """The estimate from a recording, and the samples that it was fitted to."""
+    robot, record = arm(folder), recording(wrong)
+    estimate = identify(record, robot, IdentifySettings(preset="paper", estimator="wls")).estimate
+    return estimate, process(record, robot, replace(estimate.settings, decimate=True))
