@@ -214,10 +214,10 @@ def test_set_points_can_be_streamed_by_ur_rtde(controller: RunningController) ->
     assert outcome.abort is None
     index = recorder.channel("index")
     assert 2 * CYCLES - 1 - index[-1] <= SLACK
-    assert (np.diff(index) >= 0).all()
-    assert np.diff(index).max() <= 1 + SLACK
+    # Virtual time waits for each set point: none is skipped, none used twice.
+    assert set(np.diff(index)) == {1}
     np.testing.assert_allclose(np.diff(recorder.channel("timestamp")), 0.008, rtol=0, atol=1e-9)
-    assert follows(recorder)[1] < 5 * FOLLOWS
+    assert follows(recorder)[1] < FOLLOWS
 
 
 def test_another_client_on_our_register_is_named(controller: RunningController) -> None:

@@ -9,9 +9,9 @@ from dynid.protocol.recipe import Value
 
 LONGEST = 64
 """Packages that may wait; of a client that writes more than one a cycle the oldest act at once."""
-PATIENCE_S = 0.02
+PATIENCE_S = 0.2
 """How long virtual time waits for the next set point of a client that streams them [s]."""
-_SETPOINTS = "input_double_register"
+_SETPOINTS, _STREAM = "input_double_register", 3
 
 
 class InputQueue:
@@ -24,7 +24,8 @@ class InputQueue:
     def __init__(self, write: Callable[[str, Value], None]) -> None:
         self._write = write
         self._waiting: deque[tuple[int, Mapping[str, Value]]] = deque()
-        self._last = self._steered = -PATIENCE_S
+        self._last = -PATIENCE_S
+        self._streak = 0
         self.asked = False
         """Whether the client was sent a package since it wrote."""
 
@@ -38,8 +39,9 @@ class InputQueue:
         """
         self._waiting.append((recipe, values))
         self._last, self.asked = now, False
-        if any(name.startswith(_SETPOINTS) for name in values):
-            self._steered = now
+        # Commands that are answered, such as ur_rtde's moveJ, are followed by one without numbers.
+        steers = any(name.startswith(_SETPOINTS) for name in values)
+        self._streak = self._streak + 1 if steers else 0
         while len(self._waiting) > LONGEST:
             self._act()
 
@@ -57,7 +59,7 @@ class InputQueue:
 
     def steers(self, now: float) -> bool:
         """Whether the client streams numbers that may be set points."""
-        return now - self._steered < PATIENCE_S
+        return self._streak >= _STREAM and now - self._last < PATIENCE_S
 
     def awaited(self, now: float) -> bool:
         """Whether the client, which wrote a moment ago, owes an answer to its last package."""
