@@ -188,7 +188,6 @@ def test_a_disk_that_refuses_the_end_loses_no_rows(
 def test_bad_settings_are_refused(design: Path, tmp_path: Path) -> None:
     path = tmp_path / "run.parquet"
     for settings in (
-        RunSettings(slow=2.0),
         RunSettings(thermal="hot"),
         RunSettings(mount="moon"),
         RunSettings(robot="ur99"),
@@ -202,6 +201,16 @@ def test_bad_settings_are_refused(design: Path, tmp_path: Path) -> None:
         RunSettings(warm_up_s=-1.0)
     with pytest.raises(InputError, match="--method"):
         RunSettings(method="magic")
+    with pytest.raises(InputError, match="--method: the simulated arm"):
+        run_design(design, path, settings=RunSettings(method="servoj"))
+    for share in (0.0, 2.0, float("nan")):
+        with pytest.raises(InputError, match="--slow"):
+            RunSettings(slow=share)
+    with pytest.raises(InputError, match="--repeat"):
+        RunSettings(repeat=0)
+    for word in ("hot", "nan", "500", "-300"):
+        with pytest.raises(InputError, match="--thermal"):
+            parse_thermal(word)
     assert list(tmp_path.iterdir()) == []
 
 

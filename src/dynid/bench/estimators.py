@@ -63,11 +63,18 @@ def compare_estimators(
         InputError: No seeds, no estimators, or an unknown one.
         MissingExtraError: MuJoCo is not installed.
     """
-    if not estimators or not seeds:
-        raise InputError("needs at least one estimator and one seed")
+    if not estimators:
+        raise InputError("needs at least one estimator", where="--only")
+    if not seeds:
+        raise InputError("needs at least one seed", where="--seeds")
     unknown = set(estimators) - set(ESTIMATORS)
     if unknown:
-        raise InputError("unknown estimator", value=sorted(unknown), limit=", ".join(ESTIMATORS))
+        raise InputError(
+            "unknown estimator",
+            where="--only",
+            value=", ".join(sorted(unknown)),
+            limit=", ".join(ESTIMATORS),
+        )
     trials: list[Trial] = []
     total = len(seeds) * len(SCENARIOS) * len(estimators)
     with threadpool_limits(limits=1, user_api="blas"):

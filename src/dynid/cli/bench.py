@@ -30,7 +30,7 @@ def _estimators(
     only: Annotated[
         str | None, typer.Option(metavar="WORD,..", help="Some of the words of --estimator.")
     ] = None,
-    seeds: Annotated[int, typer.Option(metavar="N", help="Trajectories and noises.")] = 3,
+    seeds: Annotated[int, typer.Option(metavar="N", min=1, help="Trajectories and noises.")] = 3,
     json: JsonFlag = False,
 ) -> None:
     """Every estimator, three levels of noise, several seeds: BIRDy's figures of merit."""

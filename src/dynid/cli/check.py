@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dynid.cli.options import JsonFlag, RobotOption, examples
+from dynid.cli.options import JsonFlag, examples
 
 if TYPE_CHECKING:
     from dynid.workflow.checking import Check
@@ -39,7 +39,9 @@ def _check(
     no_collision: Annotated[
         bool, typer.Option("--no-collision", help="Do not look at collisions.")
     ] = False,
-    robot: RobotOption = None,
+    robot: Annotated[
+        str | None, typer.Option(metavar="ROBOT", help="If the design's robot file has moved.")
+    ] = None,
     mount: Annotated[
         str | None,
         typer.Option(

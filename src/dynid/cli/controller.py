@@ -83,21 +83,28 @@ def _controller(
     parent: Annotated[int | None, typer.Option("--parent", hidden=True)] = None,
     json: JsonFlag = False,
 ) -> None:
-    """A simulated UR controller: RTDE, script ports and dashboard, with a real arm's dynamics.
+    """A simulated UR controller: RTDE, script ports, dashboard.
 
-    It listens on UR's own ports 29999 and 30001 to 30004 until Ctrl-C. With --json, one object
-    on stdout tells when clients can connect.
+    It has a real arm's dynamics behind it and listens on UR's own ports 29999 and 30001 to 30004
+    until Ctrl-C. With --json, one object on stdout tells when clients can connect.
     """
     address = _address(host, expose=expose)
     announced = None if software is None else _version(software)
 
-    from dynid.cli.output import print_json
+    from dynid.cli.output import check_output, print_json
+    from dynid.workflow.run_settings import parse_thermal
+
+    state = parse_thermal(thermal)
+    for where, path in (("--truth", truth), ("--report", report)):
+        if path is not None:
+            check_output(path, where=where)
+
     from dynid.simulation.controller.serve import ControllerOptions, serve
 
     options = ControllerOptions(
         robot=robot,
         host=address,
-        thermal=_thermal(thermal),
+        thermal=state,
         virtual_time=virtual_time,
         hold=hold,
         seed=seed,
@@ -151,13 +158,6 @@ def _address(host: str, *, expose: bool) -> str:
             file=sys.stderr,
         )
     return str(address)
-
-
-def _thermal(text: str) -> str | float:
-    try:
-        return float(text)
-    except ValueError:
-        return text
 
 
 def _version(text: str) -> tuple[int, int, int]:

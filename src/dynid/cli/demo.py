@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -19,8 +18,8 @@ def register(app: typer.Typer) -> None:
 
 def _demo(
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", help="Where the files go.")
-    ] = Path("runs/demo"),
+        str, typer.Option("-o", "--output", metavar="DIR", help="Where the files go.")
+    ] = "runs/demo",
     quick: Annotated[
         bool,
         typer.Option(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from dynid.cli.failures import Interrupted
 from dynid.cli.options import JsonFlag, SeedOption, examples
 
 JOBS = 2
@@ -54,10 +56,10 @@ def _design(
     generations: Annotated[int, typer.Option(metavar="N", help="Of the genetic algorithm.")] = 5,
     starts: Annotated[
         int | None,
-        typer.Option(metavar="N", help="Of the gradient method; fixes the answer for a seed."),
+        typer.Option(metavar="N", help="Of the gradient method. [default: 12]"),
     ] = None,
     budget: Annotated[
-        float | None, typer.Option(metavar="S", help="Time to search; default: about ten seconds.")
+        float | None, typer.Option(metavar="S", help="Time to search; default: 12 starts.")
     ] = None,
     seed: SeedOption = 0,
     limits: Annotated[
@@ -95,7 +97,7 @@ def _design(
         str, typer.Option(metavar="fc,fv,im[,fo]", help="Friction terms of the model.")
     ] = "fc,fv,im",
     jobs: Annotated[
-        int, typer.Option(metavar="N", min=1, help="Processes that search side by side.")
+        int, typer.Option(metavar="N", min=1, help="Processes of the gradient method.")
     ] = JOBS,
     dask: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, instead of --jobs.")
@@ -121,8 +123,10 @@ def _design(
     inputs = [path for path in (scene, *(previous or ())) if path is not None]
     check_output(output, inputs=inputs, suffix=".json")
     exports = {"csv": csv, "urscript": urscript, "ros": ros}
-    for path in filter(None, exports.values()):
-        check_output(path, inputs=[*inputs, output])
+    for kind, path in exports.items():
+        if path is not None:
+            check_output(path, inputs=inputs, where=f"--{kind}")
+    _check_apart({"-o": output, **{f"--{kind}": path for kind, path in exports.items()}})
     settings = DesignSettings(
         method=method,
         criterion=DEFAULT_CRITERION if criterion is None else criterion,
@@ -156,14 +160,28 @@ def _design(
         print_json(data)
     else:
         _show(data, output)
+    for name in settings.unused:
+        print(f"dynid: {name} is not used by --method {method}", file=sys.stderr)
     if found.interrupted:
-        print(f"dynid: interrupted; the best design so far is in {output}", file=sys.stderr)
-        return 130
+        raise Interrupted(f"interrupted; the best design so far is in {output}")
     if not found.feasible:
         broken = ", ".join(found.certificate.broken)
         print(f"dynid: {output} is NOT feasible: {broken}. Do not run it.", file=sys.stderr)
         return 1
     return 0
+
+
+def _check_apart(paths: Mapping[str, Path | None]) -> None:
+    from dynid.core.errors import InputError
+
+    seen: dict[str, str] = {}
+    for where, path in paths.items():
+        if path is None:
+            continue
+        if str(path.absolute()) in seen:
+            first = seen[str(path.absolute())]
+            raise InputError(f"the same file as {first}", where=where, value=str(path))
+        seen[str(path.absolute())] = where
 
 
 def _numbers(text: str | None, where: str) -> tuple[float, ...] | None:
@@ -181,7 +199,7 @@ def _numbers(text: str | None, where: str) -> tuple[float, ...] | None:
 
 def _show(data: Mapping[str, Any], output: Path) -> None:
     from dynid.cli.certificate_table import print_certificate
-    from dynid.cli.output import console, number
+    from dynid.cli.output import console, count, number
 
     screen = console()
     verdict = "feasible" if data["feasible"] else "NOT feasible"
@@ -197,11 +215,13 @@ def _show(data: Mapping[str, Any], output: Path) -> None:
     )
     screen.print(
         f"{data['method']}, {data['criterion']}: {data['evaluations']} motions in "
-        f"{data['wall_s']:.1f} s, {data['starts']} "
-        f"{'generations' if data['method'] == 'ga' else 'starts'}, ended by {data['ended_by']}"
+        f"{data['wall_s']:.1f} s, "
+        f"{count(data['starts'], 'generation' if data['method'] == 'ga' else 'start')}, "
+        f"ended by {data['ended_by']}"
     )
     if data["repair"]:
         screen.print(f"made feasible afterwards: {data['repair']}")
     print_certificate(screen, data)
     screen.print()
-    screen.print(f"written to {output}; look at it again with: dynid check {output}")
+    again = shlex.quote(str(output))
+    screen.print(f"written to {output}; look at it again with: dynid check {again}", soft_wrap=True)

@@ -47,7 +47,7 @@ def _export(
         print_json(result.to_json())
         return
     screen, verified = console(), result.written.verified
-    screen.print(f"{to} model written to {output}")
+    screen.print(f"{to} model written to {output}", soft_wrap=True)
     if verified.max_torque_difference is None:
         screen.print(f"Not verified: {verified.loaded_with}.")
     else:

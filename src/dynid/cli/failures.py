@@ -10,6 +10,7 @@ import threading
 import traceback
 from collections.abc import Callable
 from types import FrameType
+from typing import Any
 
 import typer
 
@@ -18,6 +19,12 @@ from dynid.core.errors import DynidError
 TRACEBACK = "DYNID_TRACEBACK"
 """Set in the environment, this shows the traceback of any error."""
 BAD_INPUT, JOB_FAILED, INTERRUPTED, BROKEN_PIPE = 2, 1, 130, 1
+
+
+class Interrupted(DynidError):
+    """Ctrl-C ended a job that keeps what it has."""
+
+    exit_code = INTERRUPTED
 
 
 def exit_code_of(job: Callable[[], int]) -> int:
@@ -48,6 +55,7 @@ def exit_code_of(job: Callable[[], int]) -> int:
             f"Run again with {TRACEBACK}=1 to see the traceback, and report it",
             JOB_FAILED,
         )
+    # typer turns Ctrl-C into this code.
     if code == INTERRUPTED:
         return _say("interrupted; no file was left half-written", INTERRUPTED)
     return code
@@ -71,6 +79,9 @@ def _usage(error: typer.TyperException) -> str:
     context = getattr(error, "ctx", None)
     command = getattr(context, "command_path", "dynid")
     text = error.format_message().strip()
+    if isinstance(error.__cause__, ValueError) and "value for" in text:
+        found: list[Any] = getattr(error.__cause__, "errors", list)()
+        text += "".join(f"; got {fault['input']}" for fault in found[:1])
     return f"{text if text.endswith(('.', '?')) else text + '.'} See: {command} --help"
 
 

@@ -49,7 +49,7 @@ def print_identification(screen: Console, result: Identification, output: Path |
     if output is None:
         screen.print("Nothing was written; keep the estimate with -o ESTIMATE.json")
     else:
-        screen.print(f"Estimate written to {output}")
+        screen.print(f"Estimate written to {output}", soft_wrap=True)
 
 
 def _print_parameters(screen: Console, result: Identification) -> None:

@@ -14,8 +14,11 @@ from dynid.core.errors import InputError
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Column
 
 WIDTH = 80
+LONGEST_WORD = 20
+"""Words in tables are folded beyond so many characters, where the terminal is narrow."""
 
 
 def print_json(data: Mapping[str, Any]) -> None:
@@ -76,7 +79,24 @@ def print_table(
         table.add_row(*row)
     screen.print()
     screen.print(title, style="bold")
-    screen.print(table)
+    # Cells that do not fit are cut by rich, digits first: rather a line that the terminal wraps.
+    width, least = screen.width, sum(_least_width(column, screen) for column in table.columns)
+    screen.width = max(width, least + 2 * len(table.columns))
+    screen.print(table, soft_wrap=screen.width > width)
+    screen.width = width
+
+
+def _least_width(column: Column, screen: Console) -> int:
+    """What a column needs: its longest number, or its longest word up to `LONGEST_WORD`."""
+    from rich.measure import Measurement
+
+    cells = [
+        Measurement.get(screen, screen.options, screen.render_str(str(cell)))
+        for cell in (column.header, *column.cells)
+    ]
+    if column.no_wrap:
+        return max(cell.maximum for cell in cells)
+    return min(max(cell.minimum for cell in cells), LONGEST_WORD)
 
 
 def print_notices(screen: Console, title: str, notices: Iterable[Mapping[str, str]]) -> None:
@@ -103,18 +123,25 @@ def number(value: float | None, digits: int = 4) -> str:
     return f"{value:.{places}f}"
 
 
-def check_output(path: Path, inputs: Iterable[Path] = (), suffix: str | None = None) -> None:
+def count(number: int, noun: str) -> str:
+    """A number and its noun, in the plural where it is not one."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def check_output(
+    path: Path, inputs: Iterable[Path] = (), suffix: str | None = None, *, where: str = "-o"
+) -> None:
     """Find out before a long job whether its result can be written.
 
     Args:
         path: Where the result goes.
         inputs: Files that it must not overwrite.
         suffix: What the name must end in.
+        where: The option that named it.
 
     Raises:
         InputError: The directory is missing or closed, or the path is no place for the result.
     """
-    where = "-o"
     if suffix is not None and path.suffix.lower() != suffix:
         raise InputError(
             "the output has another format", where=where, value=str(path), limit=f"*{suffix}"

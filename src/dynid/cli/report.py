@@ -25,10 +25,11 @@ def _report(
     json: JsonFlag = False,
 ) -> None:
     """One self-contained page: can it be trusted, what was found, how it was made."""
-    from dynid.cli.output import console, print_json
+    from dynid.cli.output import check_output, console, print_json
     from dynid.cli.progress import progress_bar
     from dynid.workflow.reporting import report
 
+    check_output(output, suffix=".html")
     with progress_bar("report") as progress:
         path, contents = report(directory, output, progress=progress)
     if json:

@@ -49,7 +49,7 @@ def _run(
     ] = 0.0,
     method: Annotated[
         str,
-        typer.Option(metavar="program|servoj", help="On the controller, or streamed by ur_rtde."),
+        typer.Option(metavar="program|servoj", help="With ur://: on the controller, or streamed."),
     ] = "program",
     robot: Annotated[
         str | None, typer.Option(metavar="ROBOT", help="If the design's robot file has moved.")
@@ -124,10 +124,9 @@ def _ask(what: str, word: str) -> None:
 
 
 def _print(result: Run) -> None:
-    from dynid.cli.output import console
+    from dynid.cli.output import console, count
 
     outcome = result.result.outcome
-    console().print(
-        f"{outcome.samples} samples, {outcome.periods} whole periods, {outcome.gaps} gaps"
-    )
+    parts = ((outcome.samples, "sample"), (outcome.periods, "whole period"), (outcome.gaps, "gap"))
+    console().print(", ".join(count(number, noun) for number, noun in parts))
     console().print(f"Recording: {result.record}", soft_wrap=True)

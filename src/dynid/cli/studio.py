@@ -30,7 +30,7 @@ def _studio(
     path: Annotated[
         str | None,
         typer.Argument(
-            metavar="[PATH]", help="Directory, design, recording, or robot; default: here."
+            metavar="PATH", help="Directory, design, recording, or robot; default: here."
         ),
     ] = None,
     robot: Annotated[

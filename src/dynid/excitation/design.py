@@ -21,7 +21,9 @@ class ExcitationDesign:
     trajectory: Trajectory
     """One period."""
     robot: str
-    """Name or path of the robot."""
+    """Name or path of the robot, by which it can be loaded again."""
+    robot_name: str
+    """What the robot calls itself."""
     mount: str
     """The mounting it was designed for."""
     frames: str
@@ -85,7 +87,7 @@ class ExcitationDesign:
     def to_json(self) -> dict[str, Any]:
         """The keys that `dynid design --json` prints, and more."""
         return {
-            "robot": self.robot,
+            "robot": self.robot_name,
             "mount": self.mount,
             "frames": self.frames,
             "terms": self.terms,

@@ -43,7 +43,7 @@ class ExportedFile:
     """What the identified model has and the file has no place for, in words."""
 
 
-def write_model(estimate: Estimate, to: str, path: Path, note: str = "") -> ExportedFile:
+def write_model(estimate: Estimate, to: str, path: str | Path, note: str = "") -> ExportedFile:
     """Write a model, have another program load it, and compare torques on random states.
 
     The file appears only after it has passed. Where no other program is at hand it is written
@@ -61,6 +61,7 @@ def write_model(estimate: Estimate, to: str, path: Path, note: str = "") -> Expo
     """
     if to not in FORMATS:
         raise InputError("unknown format", where="--to", value=to, limit=", ".join(FORMATS))
+    path = Path(path)
     model, completed = completed_model(estimate)
     states = random_motion(model.joints, model.robot.prismatic)
     held = _HELD.get(to)

@@ -44,7 +44,7 @@ class StoredTrajectory:
 
 
 def write_trajectory(
-    path: Path,
+    path: str | Path,
     trajectory: Trajectory,
     *,
     robot: str,
@@ -86,7 +86,7 @@ def write_trajectory(
         text = json.dumps(document, indent=1, allow_nan=False)
     except (TypeError, ValueError) as error:
         raise InputError("settings and extras must be JSON values", value=error) from error
-    write_text(path, text + "\n")
+    write_text(Path(path), text + "\n")
 
 
 def write_text(path: Path, text: str) -> None:
@@ -107,7 +107,7 @@ def write_text(path: Path, text: str) -> None:
         part.unlink(missing_ok=True)
 
 
-def read_trajectory(path: Path) -> StoredTrajectory:
+def read_trajectory(path: str | Path) -> StoredTrajectory:
     """Read what `write_trajectory` wrote, now or in an earlier version, checking every number.
 
     Args:
@@ -119,8 +119,12 @@ def read_trajectory(path: Path) -> StoredTrajectory:
     """
     fields = load_object(path)
     if fields.get("kind") != _KIND:
+        found = fields.get("kind") or fields.get("format")
         raise InputError(
-            "not a trajectory file", where=str(path), value=fields.get("kind"), limit=_KIND
+            "not a design and no other trajectory",
+            where=str(path),
+            value="a JSON object of another kind" if found is None else found,
+            next_step="Make one: dynid design ROBOT -o DESIGN.json",
         )
     version = fields.whole("version") if "version" in fields.values else None
     if version not in _VERSIONS:

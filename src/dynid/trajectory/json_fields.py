@@ -75,7 +75,7 @@ class JsonFields:
         ]
 
 
-def load_object(path: Path) -> JsonFields:
+def load_object(path: str | Path) -> JsonFields:
     """The JSON object in a file.
 
     Raises:
@@ -83,15 +83,38 @@ def load_object(path: Path) -> JsonFields:
     """
     where = str(path)
     try:
-        document = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
+        content = Path(path).read_bytes()
     except OSError as error:
-        raise InputError("the file cannot be read", where=where, value=error.strerror) from error
-    except (ValueError, RecursionError) as error:
-        raise InputError("the file is not JSON", where=where, value=str(error)) from error
+        raise InputError(
+            f"the file cannot be read: {error.strerror or error}",
+            where=where,
+            next_step=f"Looked in {Path.cwd()}." if isinstance(error, FileNotFoundError) else None,
+        ) from error
+    except ValueError as error:
+        raise InputError("this can be no file's name", where=where) from error
+    try:
+        document = json.loads(content.decode("utf-8"), parse_constant=_refuse)
+    except UnicodeDecodeError as error:
+        raise InputError("the file is no text, so not JSON", where=where) from error
+    except RecursionError as error:
+        raise InputError("the file is nested too deeply for JSON", where=where) from error
+    except ValueError as error:
+        raise InputError(_fault(error, content), where=where) from error
     try:
         return JsonFields(_mapping(document, "the content"))
     except InputError as error:
         raise InputError(error.what, where=where, value=error.value) from error
+
+
+def _fault(error: ValueError, content: bytes) -> str:
+    if not content.strip():
+        return "the file is empty"
+    if not isinstance(error, json.JSONDecodeError):
+        return f"the file is not JSON: {error}"
+    if not error.doc[error.pos :].strip():
+        return f"the JSON stops in its midst, in line {error.lineno}: the file was cut short"
+    said = error.msg[0].lower() + error.msg[1:]
+    return f"the file is not JSON: {said} in line {error.lineno}, column {error.colno}"
 
 
 def _refuse(constant: str) -> float:

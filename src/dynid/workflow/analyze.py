@@ -12,6 +12,7 @@ from dynid.regressor.model import InverseDynamicModel
 from dynid.regressor.terms import FrictionTerms, parse_terms
 from dynid.robot.load import load_robot
 from dynid.robot.model import RobotModel
+from dynid.workflow.robot_units import unit_notes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +52,7 @@ class Analysis:
             "alone_names": [names[i] for i in base.classes.alone],
             "combined_names": [names[i] for i in base.classes.combined],
             "unidentifiable_names": [names[i] for i in base.classes.unidentifiable],
+            "notes": [*unit_notes(base.model.robot), *base.model.robot.notes],
             "warnings": [notice.to_json() for notice in self.warnings],
         }
 

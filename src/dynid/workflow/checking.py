@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from dynid.constraints.certificate import Certificate, certify
 from dynid.workflow.design_files import StoredDesign, read_design
 from dynid.workflow.design_limits import DesignLimits, given_limits
+from dynid.workflow.robot_units import unit_notes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,4 +74,6 @@ def check(
             scene_file=stored.limits.scene_file,
         )
     certificate = certify(stored.stored.trajectory, held.constraints(stored.robot))
+    notes = (*unit_notes(stored.robot), *certificate.notes)
+    certificate = replace(certificate, notes=notes)
     return Check(design=stored, limits=held, certificate=certificate)

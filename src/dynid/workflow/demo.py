@@ -85,7 +85,7 @@ def run_demo(
     """
     started = time.perf_counter()
     tell: Progress = progress or _silent
-    folder = _directory(Path(directory))
+    folder = _directory(directory)
     robot = load_robot(ROBOT)
     tell("analyze the UR5", 0.0)
     analysis = analyze(robot)
@@ -129,7 +129,10 @@ def _silent(_what: str, _share: float) -> None:
     """Nobody is watching."""
 
 
-def _directory(path: Path) -> Path:
+def _directory(directory: str | Path) -> Path:
+    if not str(directory).strip():
+        raise InputError("the directory has no name", where="-o")
+    path = Path(directory)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -35,7 +35,7 @@ def write_design(design: ExcitationDesign, path: str | Path) -> None:
         OSError: The file cannot be written.
     """
     write_trajectory(
-        Path(path),
+        path,
         design.trajectory,
         robot=design.robot,
         limits=design.limits,
@@ -57,7 +57,7 @@ def read_design(
     Raises:
         InputError: Not a design, or its robot cannot be read or has other joints.
     """
-    stored = read_trajectory(Path(path))
+    stored = read_trajectory(path)
     found = stored.extra.get("design")
     facts: dict[str, Any] = dict(JsonFields(stored.extra).object("design").values) if found else {}
     placed = mount if mount is not None else _mount(facts)
@@ -68,7 +68,8 @@ def read_design(
             f"the robot of the design: {error.what}",
             where=str(path),
             value=error.value,
-            next_step="Pass --robot.",
+            limit=error.limit,
+            next_step=f"{error.next_step} Or pass --robot." if error.next_step else "Pass --robot.",
         ) from error
     if model.joints != stored.trajectory.joints:
         raise InputError(

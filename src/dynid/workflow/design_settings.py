@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -13,10 +14,14 @@ from dynid.excitation.optimise import METHODS
 from dynid.trajectory.families import FAMILY_NAMES
 
 DEFAULT_CRITERION = "cond"
-DEFAULT_STARTS = 16
+DEFAULT_STARTS = 12
 """Of the gradient method, where neither starts nor a budget are given."""
-DEFAULT_BUDGET_S = 10.0
-"""[s] Time after which the default number of starts is cut short."""
+DEFAULT_BUDGET_S = 120.0
+"""[s] Time after which the default number of starts is cut short: ten times what they take on two
+idle cores, so that a seed gives the same answer again."""
+POPULATION, GENERATIONS = 300, 5
+"""The paper's."""
+MOST_HARMONICS = 100
 PATIENCE = 60
 """Starts without a better motion that end a search with a budget."""
 
@@ -39,9 +44,9 @@ class DesignSettings:
     period_s: float = 10.0
     rate_hz: float = 125.0
     """Samples a second at which criteria are computed."""
-    population: int = 300
+    population: int = POPULATION
     """Of the genetic algorithm."""
-    generations: int = 5
+    generations: int = GENERATIONS
     """Of the genetic algorithm, after the random one."""
     starts: int | None = None
     """Of the gradient method; None for the default, or for as many as fit into the budget."""
@@ -81,12 +86,12 @@ class DesignSettings:
             if value not in words:
                 raise InputError("unknown word", where=name, value=value, limit=", ".join(words))
         least = 1 if self.trajectory in ("bspline", "poses") else 2
-        if self.harmonics < least:
+        if not least <= self.harmonics <= MOST_HARMONICS:
             raise InputError(
-                "too few harmonics to move",
+                "too few harmonics to move" if self.harmonics < least else "too many harmonics",
                 where="--harmonics",
                 value=self.harmonics,
-                limit=f"{least} or more",
+                limit=f"{least} to {MOST_HARMONICS}",
             )
         if not 0.1 <= self.period_s <= 3600:
             raise InputError(
@@ -94,12 +99,27 @@ class DesignSettings:
             )
         if self.seed < 0:
             raise InputError("must not be negative", where="--seed", value=self.seed)
+        for name, numbers in (("--start", self.start_pose), ("--noise", self.noise)):
+            if numbers is not None and not all(math.isfinite(number) for number in numbers):
+                raise InputError("needs finite numbers", where=name, value=list(numbers))
         if self.scene is not None and (self.limits == "paper" or not self.collision):
             raise InputError(
                 "a scene is looked at only with --limits safe and collisions on",
                 where="--scene",
                 value=self.scene,
             )
+
+    @property
+    def unused(self) -> tuple[str, ...]:
+        """Options that were given and that the method has no use for."""
+        genetic = self.method == "ga"
+        given = {
+            "--population": not genetic and self.population != POPULATION,
+            "--generations": not genetic and self.generations != GENERATIONS,
+            "--starts": genetic and self.starts is not None,
+            "--dask": genetic and self.dask is not None,
+        }
+        return tuple(name for name, wrongly in given.items() if wrongly)
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,7 @@ from dynid.workflow.design_settings import (
     DesignSettings,
 )
 from dynid.workflow.recordings import open_record, robot_reference
+from dynid.workflow.robot_units import unit_notes
 
 
 def design(
@@ -156,7 +158,7 @@ def _design(
     limits: DesignLimits,
 ) -> ExcitationDesign:
     base, finished, search = problem.base, optimised.finished, optimised.search
-    robot = base.model.robot
+    robot, certificate = base.model.robot, finished.certificate
     # The figures are those of the motion alone and of rows as they are, whatever was optimised.
     judge = DesignEvaluation(problem) if problem.noise is None else None
     kernel = GramKernel(base.model, base, coulomb_width=None)
@@ -166,6 +168,7 @@ def _design(
     return ExcitationDesign(
         trajectory=finished.trajectory,
         robot=reference,
+        robot_name=robot.name,
         mount=robot.mount,
         frames=base.model.frames,
         terms=base.model.friction.describe(),
@@ -175,7 +178,7 @@ def _design(
         criteria=all_criteria(gram, scale=prior_scale(robot, base)),
         base_parameters=base.rank,
         samples=problem.samples,
-        certificate=finished.certificate,
+        certificate=replace(certificate, notes=(*unit_notes(robot), *certificate.notes)),
         repair=finished.repair,
         evaluations=optimised.evaluations,
         starts=search.starts,

@@ -15,6 +15,7 @@ from dynid.identification.payload import Payload, payload_of
 from dynid.identification.problem import IdentificationProblem
 from dynid.identification.shared import SharedProblem
 from dynid.identification.shared_fit import fit_shared
+from dynid.recording.identity import identity
 from dynid.recording.record import ExperimentRecord
 from dynid.reduction.base import reduce_model
 from dynid.regressor.load import LoadFriction
@@ -51,13 +52,19 @@ def identify_payload(
         cutoff_hz: Low-pass cut-off of the motion [Hz]; None: from the first record's spectrum.
 
     Raises:
-        InputError: No records, or records that do not fit the robot.
+        InputError: No records, one record as both, or records that do not fit the robot.
         JobError: Motions that do not show all ten parameters.
     """
     without, carrying = _several(unloaded), _several(loaded)
     if not without or not carrying:
         raise InputError(
             "needs recordings with and without the payload", value=(len(without), len(carrying))
+        )
+    seen = {identity(record) for record in without}
+    if any(identity(record) in seen for record in carrying):
+        raise InputError(
+            "a recording with the payload is one without it",
+            next_step="Record the same motion again with the payload.",
         )
     model = robot if isinstance(robot, RobotModel) else load_robot(robot)
     if friction is None:

@@ -60,7 +60,13 @@ def report(
     """
     folder = Path(directory)
     if not folder.is_dir():
-        raise InputError("there is no such directory", where=str(directory))
+        raise InputError(
+            "this is a file, and a report is of a directory"
+            if folder.exists()
+            else "there is no such directory",
+            where=str(directory),
+            next_step=f"Run: dynid report {folder.parent}" if folder.exists() else None,
+        )
     tell: Progress = progress or _silent
     found = _search(folder, tell)
     if not found.estimates:

@@ -13,6 +13,7 @@ from dynid.drivers.ur.state import ControllerState, inspect
 from dynid.experiment.approach import plan_approach
 from dynid.experiment.plan import ExperimentPlan
 from dynid.experiment.preflight import check_design, check_robot, require_ready
+from dynid.workflow.robot_units import unit_notes
 
 Confirm = Callable[[str, str], None]
 """Shown what is about to move and the word that agrees to it; raises where nobody agrees."""
@@ -45,7 +46,7 @@ def made_ready(
     if confirm is not None:
         lines = [f"{check.name}: {check.finding}" for check in checks]
         lines += [f"mounted as: {plan.robot.mount} (the robot cannot tell; look)"]
-        lines += certificate.notes
+        lines += [*unit_notes(plan.robot), *certificate.notes]
         lines += [
             f"{step.name}: {step.execution.settle + step.execution.periods} x "
             f"{step.execution.trajectory.duration:g} s"

@@ -10,6 +10,8 @@ from dynid.experiment.plan import Payload
 from dynid.simulation.thermal import Thermal
 
 METHODS = ("program", "servoj")
+DEGC = (-40, 120)
+"""Joint temperatures that are believed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -17,7 +19,7 @@ class RunSettings:
     """How to run a design; what is None is not asked for.
 
     Raises:
-        InputError: An unknown method, or a negative time.
+        InputError: An unknown method, or a number that makes no sense.
     """
 
     repeat: int = 3
@@ -48,8 +50,24 @@ class RunSettings:
             raise InputError(
                 "unknown method", where="--method", value=self.method, limit=", ".join(METHODS)
             )
+        if self.repeat < 1:
+            raise InputError(
+                "needs a period to record", where="--repeat", value=self.repeat, limit="1 or more"
+            )
         if not (math.isfinite(self.warm_up_s) and self.warm_up_s >= 0):
-            raise InputError("the time to warm up", where="--warm-up", value=self.warm_up_s)
+            raise InputError(
+                "the time to warm up",
+                where="--warm-up",
+                value=self.warm_up_s,
+                limit="0 s or more",
+            )
+        if self.slow is not None and not 0.0 < self.slow <= 1.0:
+            raise InputError(
+                "the share of the speed",
+                where="--slow",
+                value=self.slow,
+                limit="above 0, at most 1",
+            )
 
 
 def parse_thermal(text: str) -> Thermal:
@@ -64,9 +82,12 @@ def parse_thermal(text: str) -> Thermal:
         value = float(text)
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):
+    if not DEGC[0] <= value <= DEGC[1]:
         raise InputError(
-            "unknown thermal state", where="--thermal", value=text, limit="cold, warm or degC"
+            "unknown thermal state",
+            where="--thermal",
+            value=text,
+            limit=f"cold, warm, or {DEGC[0]} to {DEGC[1]} degC",
         )
     return value
 

@@ -7,6 +7,8 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
+import numpy as np
+
 from dynid.core.errors import InputError, JobError
 from dynid.drivers.driver import Driver, Progress
 from dynid.drivers.simulated import SimulatedDriver
@@ -18,6 +20,7 @@ from dynid.experiment.run import RunResult, run
 from dynid.recording.record import RecordMetadata
 from dynid.recording.writer import RecordWriter
 from dynid.simulation.library import simulated_arm
+from dynid.simulation.payload import with_payload
 from dynid.workflow.run_files import LoadedDesign, load_design, mark_aborted, write_truth
 from dynid.workflow.run_ready import Confirm, made_ready
 from dynid.workflow.run_settings import RunSettings
@@ -85,7 +88,8 @@ def run_design(
     Args:
         design: A design, or any trajectory file.
         output: The recording, `*.parquet`.
-        on: `sim` for the simulated arm, `ur://HOST` for a UR controller.
+        on: `sim` for the simulated arm, which moves and carries what it is told without a
+            certificate; `ur://HOST` for a UR controller.
         settings: How to run it.
         confirm: Shown what is about to move on a real robot; None agrees to everything.
         cancel: Stops the robot when it is set.
@@ -101,6 +105,13 @@ def run_design(
     """
     asked = settings or RunSettings()
     path = Path(output)
+    if on == SIMULATED and asked.method != RunSettings().method:
+        raise InputError(
+            "the simulated arm takes no streamed set points",
+            where="--method",
+            value=asked.method,
+            next_step="Leave it out, or stream to a controller: dynid controller, --on ur://HOST.",
+        )
     loaded = load_design(Path(design), asked)
     if on == SIMULATED:
         driver = _simulated(loaded, asked)
@@ -147,6 +158,9 @@ def _plan(
 
 def _simulated(loaded: LoadedDesign, asked: RunSettings) -> SimulatedDriver:
     arm = simulated_arm(loaded.robot)
+    if asked.payload.mass > 0:
+        # Of its size nothing is said: all of it is where its centre is.
+        arm = with_payload(arm, asked.payload.mass, asked.payload.com, np.zeros((3, 3)))
     thermal = asked.thermal
     if asked.warm_up_s > 0:
         # Heat flows far more slowly than the arm moves: no need to simulate every second.
@@ -178,6 +192,7 @@ def _execute(
                 "periods": str(plan.periods),
                 "mount": plan.robot.mount,
                 "thermal": str(asked.thermal),
+                "payload_kg": repr(asked.payload.mass),
                 "method": asked.method,
                 "settled": str(plan.settle),
                 "warm_up_s": repr(asked.warm_up_s),
