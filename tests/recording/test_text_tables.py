@@ -317,8 +317,9 @@ def test_gains_are_stored_and_checked(tmp_path: Path) -> None:
         (b"t,q_0,q_1,current_0\n1,2,3,4\n2,3,4,5\n", "no columns|left out|current"),
         (b"t,q_0,qd_0\n0,1,2\n1,2,3\n", "neither current nor effort"),
         (b"PK\x03\x04" + bytes(100), "zip"),
-        (b"\x1f\x8b" + bytes(100), "gunzip"),
-        (b"#ROSBAG V2.0\n" + bytes(100), "ROS 1"),
+        (b"\x1f\x8b" + bytes(100), "gzip file is damaged"),
+        (b"#ROSBAG V2.0\n" + bytes(100), "no readable sensor_msgs/JointState"),
+        (b"#ROSBAG V1.2\n" + bytes(100), "ROS 1 bag of before 2010"),
     ],
 )
 def test_hopeless_files_are_one_clear_error(tmp_path: Path, content: bytes, words: str) -> None:

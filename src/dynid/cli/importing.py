@@ -11,7 +11,7 @@ import typer
 from dynid.cli.options import JsonFlag, examples
 from dynid.core.errors import InputError
 
-FORMATS = "auto|ur-csv|ur-rtde-csv|csv|rosbag|mcap|mat|npz|parquet"
+FORMATS = "auto|ur-csv|ur-rtde-csv|csv|rosbag|mcap|mat|npz|hdf5|parquet"
 
 
 def register(app: typer.Typer) -> None:
@@ -60,7 +60,9 @@ def _import(
     rate: Annotated[
         float | None, typer.Option(metavar="HZ", help="The clock of a file without time stamps.")
     ] = None,
-    degrees: Annotated[bool, typer.Option("--degrees", help="Angles are in degrees.")] = False,
+    degrees: Annotated[
+        bool, typer.Option("--degrees", help="Angles are in degrees, where the file does not say.")
+    ] = False,
     joint_order: Annotated[
         str | None,
         typer.Option(metavar="0,2,1,...", help="The file's joints base to tip: numbers or names."),

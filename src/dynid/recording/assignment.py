@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
+import numpy as np
+
+from dynid.core.arrays import Array
 from dynid.core.notices import Notice
 from dynid.recording.clocks import Clock
 from dynid.recording.columns import parse_columns, select
@@ -30,8 +33,20 @@ class Assignment:
     """Joint names in the columns' order, where the names have them."""
     notes: tuple[str, ...] = ()
     """Choices made, in words."""
-    notices: tuple[Notice, ...] = field(default=())
+    notices: tuple[Notice, ...] = ()
     """What is suspect."""
+
+    def signals(self, column: Callable[[int], Array]) -> dict[str, Array]:
+        """Quantity to (N, n) values in SI units.
+
+        Args:
+            column: Gives the (N) numbers of a column.
+        """
+        return {
+            name: np.column_stack([column(k) for k in numbers])
+            * np.array(self.factors.get(name, (1.0,)))
+            for name, numbers in self.columns.items()
+        }
 
 
 def assign(

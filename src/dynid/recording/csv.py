@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from dynid.core.errors import RecordError
 from dynid.recording.assignment import assign
+from dynid.recording.layout import suggest_columns
 from dynid.recording.stamping import stamps_of
 from dynid.recording.table import RawTable
 from dynid.recording.text.dialect import sniff
+from dynid.recording.text.grid import read_grid
 from dynid.recording.text.sheets import Sheet, lay_side_by_side, paste
 
 _MAX_CHANNELS = 128
@@ -55,7 +55,7 @@ def read_csv(
         if sheet.width > 1 and sheet.numbers is not None
     )
     if columns is None and names is None:
-        raise _no_header(sheets, where)
+        raise _no_header(sheets, where, len(joints) or None)
     found = assign(names, columns, width, where, joints)
     if format == "auto":
         format = _format(names, sheets[0].dialect.delimiter)
@@ -80,10 +80,7 @@ def read_csv(
         source=where,
         format=format,
         rows=pasted.rows,
-        signals={
-            name: values[:, [position[k] for k in cols]] * np.array(found.factors.get(name, (1.0,)))
-            for name, cols in found.columns.items()
-        },
+        signals=found.signals(lambda k: values[:, position[k]]),
         t=stamps.t,
         time_scale=stamps.scale,
         t0=stamps.t0,
@@ -131,7 +128,7 @@ def _all_names(sheets: list[Sheet]) -> tuple[str, ...] | None:
     )
 
 
-def _no_header(sheets: list[Sheet], where: str) -> RecordError:
+def _no_header(sheets: list[Sheet], where: str, joints: int | None) -> RecordError:
     for sheet in sheets:
         if sheet.dialect.header_cells:
             return RecordError(
@@ -140,10 +137,17 @@ def _no_header(sheets: list[Sheet], where: str) -> RecordError:
                 where=sheet.dialect.path.name,
                 next_step="Repair the header, or name the columns by number with --columns.",
             )
+    hint = ""
+    if len(sheets) == 1:
+        # One wide table: its numbers tell the clock, positions and velocities.
+        values = read_grid(sheets[0].dialect, sorted(sheets[0].dialect.numeric)).values
+        if values.shape[1] == sheets[0].width:
+            hint = suggest_columns(values, joints)
     return RecordError(
         "there is no header that names the columns",
         where=where,
-        next_step="Name them with --columns, for example t=0,q=1:7,qd=7:13,current=13:19.",
+        value=f"{sum(sheet.width for sheet in sheets)} columns",
+        next_step=hint or "Name them with --columns, for example t=0,q=1:7,qd=7:13,current=13:19.",
     )
 
 

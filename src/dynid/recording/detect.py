@@ -5,10 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from dynid.core.errors import RecordError
+from dynid.recording.parquet import is_own
 from dynid.recording.segments import MARK
 from dynid.recording.text.lines import looks_like_text
+from dynid.recording.unpack import packing
 
-FORMATS = ("ur-csv", "ur-rtde-csv", "csv", "rosbag", "mcap", "mat", "npz", "parquet")
+FORMATS = ("ur-csv", "ur-rtde-csv", "csv", "rosbag", "mcap", "mat", "npz", "hdf5", "parquet")
+PACKED = "packed"
+"""What `content_kind` calls a compressed file."""
 _MARKS: tuple[tuple[bytes, str], ...] = (
     (b"PAR1", "parquet"),
     (MARK, "parquet"),
@@ -16,16 +20,13 @@ _MARKS: tuple[tuple[bytes, str], ...] = (
     (b"\x89MCAP0\r\n", "mcap"),
     (b"MATLAB 5.0 MAT", "mat"),
     (b"MATLAB 7", "mat"),
-    (b"\x89HDF", "mat"),
     (b"\x93NUMPY", "npz"),
+    (b"ARROW1", "arrow"),
+    (b"#ROSBAG V2", "rosbag"),
 )
 _OTHERS: tuple[tuple[bytes, str, str], ...] = (
-    (b"#ROSBAG V", "a ROS 1 bag", "Convert it with: rosbags-convert --src FILE --dst FOLDER"),
-    (b"\x1f\x8b", "gzip", "Unpack it first: gunzip FILE"),
-    (b"\x28\xb5\x2f\xfd", "zstd", "Unpack it first: zstd -d FILE"),
-    (b"BZh", "bzip2", "Unpack it first: bunzip2 FILE"),
+    (b"#ROSBAG V", "a ROS 1 bag of before 2010", "Convert it with: rosbag fix FILE NEW"),
     (b"\xd0\xcf\x11\xe0", "an Excel sheet", "Save it as CSV."),
-    (b"ARROW1", "an Arrow file", "Save it as CSV."),
     (b"\x80\x04\x95", "a Python pickle", "Save plain arrays with numpy.savez."),
 )
 _EXTENSIONS = {
@@ -35,11 +36,14 @@ _EXTENSIONS = {
     ".npz": "npz",
     ".npy": "npz",
     ".parquet": "parquet",
+    ".bag": "rosbag",
 }
 
 
 def content_kind(path: Path) -> str:
-    """What a file holds: `csv` for any text, or one of the binary formats.
+    """What a file holds: `csv` for any text, a binary format, or `packed`.
+
+    A Parquet or Arrow table that is none of ours is `arrow`.
 
     Raises:
         RecordError: It cannot be read, or is none of the formats.
@@ -51,9 +55,14 @@ def content_kind(path: Path) -> str:
         raise RecordError(
             "the file cannot be read", where=path.name, value=error.strerror
         ) from error
+    if packing(path):
+        return PACKED
+    if b"\x89HDF" in (head[:4], head[512:516]):
+        # MATLAB 7.3 puts 512 bytes of its own before.
+        return "hdf5"
     for mark, kind in _MARKS:
         if head.startswith(mark):
-            return kind
+            return "arrow" if kind == "parquet" and not is_own(path) else kind
     if head[124:128] in (b"\x00\x01IM", b"\x01\x00MI"):
         return "mat"
     for mark, what, hint in _OTHERS:
@@ -81,7 +90,7 @@ def content_kind(path: Path) -> str:
     raise RecordError(
         "this is none of the formats that dynid reads",
         where=path.name,
-        limit="UR logs, CSV, ROS 2 bags, MCAP, MATLAB up to 7, NumPy, dynid's Parquet",
+        limit="UR logs, CSV, ROS bags, MCAP, MATLAB, HDF5, NumPy, Parquet",
     )
 
 

@@ -11,6 +11,8 @@ from dynid.core.errors import RecordError
 from dynid.core.provenance import file_hash
 from dynid.recording.csv import read_csv
 from dynid.recording.detect import FORMATS, content_kind
+from dynid.recording.frame import read_frame
+from dynid.recording.hdf5 import read_hdf5
 from dynid.recording.mat import read_mat
 from dynid.recording.npz import read_npz
 from dynid.recording.own import read_own
@@ -19,6 +21,7 @@ from dynid.recording.repair.pipeline import RepairSettings, repair
 from dynid.recording.rosbag import bag_files, read_bag
 from dynid.recording.segments import partial_path
 from dynid.recording.table import RawTable
+from dynid.recording.unpack import unpacked
 from dynid.robot.model import RobotModel
 
 _TEXT = ("auto", "csv", "ur-csv", "ur-rtde-csv")
@@ -51,7 +54,7 @@ def read_recording(
         robot: The robot: its number of joints, names, limits, and drives. Where its drives
             say so, motor positions and torques become joint values.
         format: `auto` (by content, then by extension), `ur-csv`, `ur-rtde-csv`, `csv`,
-            `rosbag`, `mcap`, `mat`, `npz` or `parquet` (our own).
+            `rosbag`, `mcap`, `mat`, `npz`, `hdf5` or `parquet`.
         columns: Quantity to columns: `t=0,q=1:7,current=13:19` (from 0, ranges exclude their
             end), header names, `.mat` paths (`q=rec.act_pos`), or JointState fields
             (`current=effort`).
@@ -69,8 +72,7 @@ def read_recording(
         RecordError: Not a recording, or not one of this robot; the message says what to do.
         MissingExtraError: A compressed bag without the `ros` extra.
     """
-    files = _existing(paths)
-    kind = _format(files, format)
+    given = _existing(paths)
     known = _gains(gains)
     if rate_hz is not None and not 0 < rate_hz < MAX_RATE_HZ:
         raise RecordError(
@@ -79,13 +81,6 @@ def read_recording(
             value=rate_hz,
             limit=f"0 to {MAX_RATE_HZ:g} Hz",
         )
-    if kind == "parquet":
-        if columns is not None or degrees or joint_order is not None:
-            raise RecordError(
-                "a dynid recording is complete: columns, degrees and joint order do not apply",
-                where=files[0].name,
-            )
-        return read_own(files, robot, known)
     settings = RepairSettings(
         robot=robot,
         gains=known,
@@ -93,10 +88,20 @@ def read_recording(
         degrees=degrees,
         joint_order=tuple(joint_order) if joint_order is not None else None,
     )
-    table = _read(files, kind, robot, columns, header, delimiter, topic, settings.joint_order)
+    with unpacked(given) as files:
+        kind = _format(files, format)
+        if kind == "parquet":
+            if columns is not None or degrees or joint_order is not None:
+                raise RecordError(
+                    "a dynid recording is complete: columns, degrees and joint order do not apply",
+                    where=files[0].name,
+                )
+            return read_own(files, robot, known)
+        order = settings.joint_order
+        table = _read(files, kind, robot, columns, header, delimiter, topic, order)
     record = repair(table, settings)
     metadata = replace(
-        record.metadata, origin=", ".join(str(file) for file in files), input_hash=_hash(files)
+        record.metadata, origin=", ".join(str(file) for file in given), input_hash=_hash(given)
     )
     return replace(record, metadata=metadata)
 
@@ -140,6 +145,9 @@ def _format(files: list[Path], wanted: str) -> str:
         )
     if wanted == "auto":
         return "auto" if kind == "csv" else kind
+    if (wanted, kind) in (("mat", "hdf5"), ("parquet", "arrow")):
+        # MATLAB 7.3 writes HDF5; Parquet may be of others.
+        return kind
     if wanted not in kinds and not (kind == "csv" and wanted in _TEXT):
         raise RecordError(
             f"the content is {kind}, not {wanted}",
@@ -188,6 +196,10 @@ def _read(
             joint_order=order,
             format=kind,
         )
+    if kind == "arrow":
+        return read_frame(files[0], joints=names, columns=columns)
+    if kind == "hdf5":
+        return read_hdf5(files[0], columns=columns, joints=joints, names=names)
     if kind == "npz":
         return read_npz(files[0], columns=columns, joints=joints, names=names)
     return read_mat(files[0], columns=columns, joints=joints, names=names)

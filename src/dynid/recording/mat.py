@@ -41,8 +41,6 @@ def read_mat(
         raise RecordError(
             "the file cannot be read", where=path.name, value=error.strerror
         ) from error
-    if data[:10] == b"MATLAB 7.3" or b"\x89HDF" in (data[:4], data[512:516]):
-        raise RecordError("this is a MATLAB 7.3 (HDF5) file", where=path.name, next_step=_SAVE)
     order = byte_order(data)
     if order is None:
         raise RecordError(

@@ -85,6 +85,18 @@ def write_record(record: ExperimentRecord, path: str | Path) -> None:
         ) from error
 
 
+def is_own(path: Path) -> bool:
+    """Whether a file is a recording of ours, whole, unfinished or damaged."""
+    if is_partial(path):
+        return True
+    parquet = importlib.import_module("pyarrow.parquet")
+    try:
+        return KEY in (parquet.read_schema(path).metadata or {})
+    # A file whose description is damaged may be ours: reading it says what is wrong.
+    except Exception:
+        return True
+
+
 def read_record(path: str | Path) -> ExperimentRecord:
     """Read a recording of ours, or what is left of one whose writer was killed.
 

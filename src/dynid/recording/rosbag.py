@@ -1,4 +1,4 @@
-"""ROS 2 recordings: the JointState messages of `.db3` and `.mcap` files and bag folders."""
+"""ROS recordings: the JointState messages of `.db3`, `.mcap` and `.bag` files, and bag folders."""
 
 from __future__ import annotations
 
@@ -9,13 +9,17 @@ import numpy as np
 
 from dynid.core.errors import RecordError
 from dynid.core.notices import Notice
+from dynid.recording.bag.cdr import JointStateDecoder
 from dynid.recording.bag.db3 import db3_messages
 from dynid.recording.bag.jointstates import FIELDS, Collector
 from dynid.recording.bag.mcap import MAGIC, mcap_messages
+from dynid.recording.bag.ros1 import MAGIC as ROS1_MAGIC
+from dynid.recording.bag.ros1 import Ros1Decoder, ros1_messages
 from dynid.recording.columns import parse_columns
 from dynid.recording.table import Mask, RawTable, Rows, plain
 from dynid.recording.vocabulary import UR_JOINTS
 
+_SUFFIXES = (".db3", ".mcap", ".bag")
 _DEFAULT = {"q": "position", "qd": "velocity", "effort": "effort"}
 
 
@@ -51,9 +55,13 @@ def read_bag(
     topics: dict[str, Collector] = {}
     for path in paths:
         with path.open("rb") as stream:
-            is_mcap = stream.read(len(MAGIC)) == MAGIC
-        for name, receive, data in (mcap_messages if is_mcap else db3_messages)(path, findings):
-            topics.setdefault(name, Collector()).add(receive, data)
+            head = stream.read(16)
+        ros1 = head.startswith(ROS1_MAGIC)
+        read = mcap_messages if head.startswith(MAGIC) else ros1_messages if ros1 else db3_messages
+        for name, receive, data in read(path, findings):
+            if name not in topics:
+                topics[name] = Collector(decoder=Ros1Decoder() if ros1 else JointStateDecoder())
+            topics[name].add(receive, data)
     chosen = _topic(topics, topic, where)
     collector = topics[chosen]
     if not collector.groups:
@@ -127,10 +135,10 @@ def bag_files(folder: Path) -> list[Path]:
     Raises:
         RecordError: The folder holds no bag.
     """
-    files = [path for path in folder.iterdir() if path.suffix in (".db3", ".mcap")]
+    files = [path for path in folder.iterdir() if path.suffix in _SUFFIXES]
     if not files:
         raise RecordError(
-            "the folder holds no .db3 and no .mcap file",
+            "the folder holds no .db3, .mcap or .bag file",
             where=folder.name,
             next_step="Give the folder that `ros2 bag record` wrote, or one recording.",
         )

@@ -1,1 +1,1 @@
-"""ROS 2 storage: messages out of SQLite and MCAP files, decoded and gathered."""
+"""ROS storage: messages out of SQLite, MCAP and ROS 1 files, decoded and gathered."""

@@ -36,7 +36,7 @@ def inflate(data: bytes, method: str, size: int | None = None) -> bytes:
     if method == "":
         result = data
     elif method == "zstd":
-        result = _stream(_zstd().ZstdDecompressor(), data, limit)
+        result = _stream(zstd_module().ZstdDecompressor(), data, limit)
     elif method == "lz4":
         frame = require("lz4.frame", "ros")
         result = _stream(frame.LZ4FrameDecompressor(), data, limit)
@@ -58,7 +58,12 @@ def _stream(decompressor: Any, data: bytes, limit: int) -> bytes:
     return result
 
 
-def _zstd() -> ModuleType:
+def zstd_module() -> ModuleType:
+    """Python's own zstd, or the package that brings it to older Pythons.
+
+    Raises:
+        MissingExtraError: Neither is there.
+    """
     for name in ("compression.zstd", "backports.zstd"):
         try:
             return importlib.import_module(name)

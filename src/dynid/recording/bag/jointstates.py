@@ -10,6 +10,7 @@ import numpy as np
 from dynid.core.arrays import Array
 from dynid.recording.bag.cdr import CdrError, JointStateDecoder
 from dynid.recording.bag.inflate import ZSTD_MAGIC, InflateError, inflate
+from dynid.recording.bag.ros1 import Ros1Decoder
 from dynid.recording.table import Rows
 
 FIELDS = ("position", "velocity", "effort")
@@ -53,7 +54,8 @@ class Collector:
     """Number of the first of them."""
     groups: dict[tuple[str, ...], Group] = field(default_factory=dict[tuple[str, ...], Group])
     """Joint names to messages."""
-    _decoder: JointStateDecoder = field(default_factory=JointStateDecoder)
+    decoder: JointStateDecoder | Ros1Decoder = field(default_factory=JointStateDecoder)
+    """Turns bytes into messages: ROS 1 writes them differently."""
 
     def add(self, receive_ns: int, data: bytes) -> None:
         """Take one message; a damaged one is counted.
@@ -66,7 +68,7 @@ class Collector:
         try:
             if data.startswith(ZSTD_MAGIC):
                 data = inflate(data, "zstd")
-            message = self._decoder.decode(data)
+            message = self.decoder.decode(data)
         except (CdrError, InflateError):
             self._damage()
             return

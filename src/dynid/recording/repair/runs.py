@@ -92,16 +92,17 @@ def spread_stamps(table: RawTable) -> RawTable:
         return table
     digit = float(rising.min())
     multiples = rising / digit
-    slope, start = np.polynomial.polynomial.polyfit(rows - rows[0], t, 1)[::-1]
+    count = rows - rows.mean()
+    slope = float(count @ t) / float(count @ count)
+    even: Array = float(t.mean()) + slope * count
     if not slope > 0 or digit < _COARSE * slope or float(multiples.max()) > 20:
         return table
     coarse = np.abs(multiples - np.round(multiples)).max() < 0.01
-    off = t - (start + slope * (rows - rows[0]))
+    off = t - even
     uneven = float(np.abs(steps - slope * np.diff(rows)).max()) > 0.02 * slope
     if not coarse or not uneven or float(np.ptp(off)) > 1.5 * digit:
         return table
     # The clock tells a stamp's digit when it is over: the true times are not known better.
-    even = start + slope * (rows - rows[0])
     repeated = int((steps == 0).sum())
     return replace(table, t=even).report(
         "clock_jitter",

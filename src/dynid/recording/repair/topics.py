@@ -52,7 +52,9 @@ def _between(t: Array, value: Array, at: Array) -> Array:
     step = float(np.median(np.diff(np.unique(t))))
     after = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
     wide = (t[after] - t[after - 1] > _FARTHEST * step) | (at < t[0]) | (at > t[-1])
-    out = np.column_stack([np.interp(at, t, column) for column in value.T])
+    out = np.empty((len(at), value.shape[1]))
+    for joint, column in enumerate(value.T):
+        out[:, joint] = np.interp(at, t, column)
     out[wide] = np.nan
     return out
 

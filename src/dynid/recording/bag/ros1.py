@@ -1,0 +1,198 @@
+"""ROS 1 bags (`.bag`, version 2.0): JointState messages in a stream, also from a cut-off file."""
+
+from __future__ import annotations
+
+import bz2
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+from dynid.core.errors import RecordError
+from dynid.core.notices import Notice
+from dynid.recording.bag.cdr import CdrError, JointState
+from dynid.recording.bag.db3 import JOINT_STATE_TYPES, Message
+from dynid.recording.bag.inflate import MAX_BYTES, InflateError, inflate
+
+MAGIC = b"#ROSBAG V2.0\n"
+_MESSAGE, _CHUNK, _CONNECTION = 0x02, 0x05, 0x07
+_MAX_JOINTS = 1000
+_MAX_TEXT = 4096
+
+
+@dataclass(slots=True)
+class _State:
+    connections: dict[int, tuple[str, str]] = field(default_factory=dict[int, tuple[str, str]])
+    """Connection to topic and type."""
+    damaged: int = 0
+    cut: bool = False
+
+
+def ros1_messages(path: Path, findings: list[Notice]) -> Iterator[Message]:
+    """JointState messages in the order in which they were written.
+
+    Args:
+        path: The `.bag` file.
+        findings: Gets a notice for each kind of damage.
+
+    Yields:
+        Topic, receive time [ns] and bytes.
+
+    Raises:
+        RecordError: The file cannot be read, or has no JointState topic.
+        MissingExtraError: A bag compressed by lz4 without the decompressor.
+    """
+    state = _State()
+    try:
+        with path.open("rb") as stream:
+            size = path.stat().st_size
+            stream.seek(len(MAGIC))
+            yield from _records(stream, size, state)
+    except OSError as error:
+        raise RecordError(
+            "the file cannot be read", where=path.name, value=error.strerror
+        ) from error
+    if state.damaged:
+        findings.append(
+            Notice("corrupt_rows", f"{state.damaged} damaged pieces of {path.name} are left out")
+        )
+    if state.cut:
+        findings.append(
+            Notice("truncated_file", f"{path.name} is cut off; what precedes the cut is taken")
+        )
+    if not any(kind in JOINT_STATE_TYPES for _, kind in state.connections.values()):
+        raise RecordError(
+            "the bag has no readable sensor_msgs/JointState topic",
+            where=path.name,
+            value=[f"{topic} ({kind})" for topic, kind in state.connections.values()][:20],
+            next_step="Record the robot's /joint_states topic.",
+        )
+
+
+def _records(stream: BinaryIO, size: int, state: _State) -> Iterator[Message]:
+    while start := stream.read(4):
+        length = struct.unpack("<I", start)[0] if len(start) == 4 else MAX_BYTES + 1
+        header = stream.read(min(length, size))
+        tail = stream.read(4)
+        if len(header) < length or len(tail) < 4:
+            state.cut = True
+            return
+        (count,) = struct.unpack("<I", tail)
+        fields = _fields(header)
+        if count > size - stream.tell():
+            state.cut = True
+            return
+        if fields.get(b"op", b"\x00")[:1] in (b"\x02", b"\x05", b"\x07") and count <= MAX_BYTES:
+            yield from _record(fields, stream.read(count), state)
+        else:
+            stream.seek(count, 1)
+
+
+def _record(fields: dict[bytes, bytes], data: bytes, state: _State) -> Iterator[Message]:
+    operation = fields[b"op"][0]
+    try:
+        if operation == _CONNECTION:
+            (number,) = struct.unpack("<I", fields[b"conn"])
+            kind = _fields(data).get(b"type", b"")
+            topic = fields[b"topic"].decode(errors="replace")
+            state.connections.setdefault(number, (topic, kind.decode(errors="replace")))
+        elif operation == _MESSAGE:
+            (number,) = struct.unpack("<I", fields[b"conn"])
+            seconds, nanoseconds = struct.unpack("<II", fields[b"time"])
+            topic, kind = state.connections.get(number, ("", ""))
+            if kind in JOINT_STATE_TYPES:
+                yield topic, seconds * 1_000_000_000 + nanoseconds, data
+        elif operation == _CHUNK:
+            yield from _chunk(fields, data, state)
+    except (KeyError, struct.error, InflateError):
+        state.damaged += 1
+
+
+def _chunk(fields: dict[bytes, bytes], data: bytes, state: _State) -> Iterator[Message]:
+    (size,) = struct.unpack("<I", fields[b"size"])
+    method = fields[b"compression"].decode(errors="replace")
+    if method == "bz2":
+        data = _bunzip(data, size)
+    else:
+        data = inflate(data, "" if method == "none" else method, size)
+    offset = 0
+    while offset + 8 <= len(data):
+        (length,) = struct.unpack_from("<I", data, offset)
+        header = data[offset + 4 : offset + 4 + length]
+        (count,) = struct.unpack_from("<I", data, offset + 4 + length)
+        start = offset + 8 + length
+        inner = _fields(header)
+        if inner.get(b"op", b"\x00")[0] in (_MESSAGE, _CONNECTION):
+            yield from _record(inner, data[start : start + count], state)
+        offset = start + count
+
+
+def _bunzip(data: bytes, size: int) -> bytes:
+    if size > MAX_BYTES:
+        raise InflateError("too large")
+    try:
+        result = bz2.BZ2Decompressor().decompress(data, size + 1)
+    except (OSError, ValueError) as error:
+        raise InflateError("damaged") from error
+    if len(result) != size:
+        raise InflateError("wrong size")
+    return result
+
+
+def _fields(header: bytes) -> dict[bytes, bytes]:
+    """The `name=value` fields of a record's header; those before any damage."""
+    fields: dict[bytes, bytes] = {}
+    offset = 0
+    while offset + 4 <= len(header):
+        (length,) = struct.unpack_from("<I", header, offset)
+        name, equals, value = header[offset + 4 : offset + 4 + length].partition(b"=")
+        if not equals or offset + 4 + length > len(header):
+            break
+        fields[name] = value
+        offset += 4 + length
+    return fields
+
+
+class Ros1Decoder:
+    """Decodes `sensor_msgs/JointState` as ROS 1 writes it: no padding, little endian."""
+
+    def decode(self, data: bytes) -> JointState:
+        """Decode one message.
+
+        Args:
+            data: Its bytes.
+
+        Raises:
+            CdrError: Sizes that do not fit the bytes.
+        """
+        try:
+            _, seconds, nanoseconds = struct.unpack_from("<III", data)
+            offset, _ = _text(data, 12)
+            (count,) = struct.unpack_from("<I", data, offset)
+            if count > _MAX_JOINTS or nanoseconds >= 1_000_000_000:
+                raise CdrError("impossible stamp or number of names")
+            offset += 4
+            names: list[str] = []
+            for _ in range(count):
+                offset, name = _text(data, offset)
+                names.append(name)
+            lists: list[tuple[float, ...]] = []
+            for _ in range(3):
+                (count,) = struct.unpack_from("<I", data, offset)
+                if count > _MAX_JOINTS:
+                    raise CdrError("too many values")
+                lists.append(struct.unpack_from(f"<{count}d", data, offset + 4))
+                offset += 4 + 8 * count
+        except struct.error as error:
+            raise CdrError("too short") from error
+        stamp = seconds * 1_000_000_000 + nanoseconds
+        return JointState(stamp, tuple(names), lists[0], lists[1], lists[2])
+
+
+def _text(data: bytes, offset: int) -> tuple[int, str]:
+    (length,) = struct.unpack_from("<I", data, offset)
+    end = offset + 4 + length
+    if length > _MAX_TEXT or end > len(data):
+        raise CdrError("text too long")
+    return end, data[offset + 4 : end].decode(errors="replace")

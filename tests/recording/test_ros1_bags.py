@@ -1,0 +1,115 @@
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recorded_motions import ALPHABETICAL, UR_JOINTS, Motion
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_typestore
+
+from dynid.core.errors import RecordError
+from dynid.recording.files import read_recording
+from dynid.robot.load import load_robot
+
+STORE = get_typestore(Stores.ROS1_NOETIC)
+TYPE = "sensor_msgs/msg/JointState"
+MOTION = Motion(samples=400)
+
+
+def write_bag(
+    path: Path,
+    motion: Motion = MOTION,
+    *,
+    names=ALPHABETICAL,
+    stamped: bool = True,
+    compression: str | None = None,
+) -> Path:
+    """The motion as a ROS 1 bag, written by the rosbags library; a second topic beside it."""
+    t = motion.t
+    place = [UR_JOINTS.index(name) for name in names]
+    state, header = STORE.types[TYPE], STORE.types["std_msgs/msg/Header"]
+    time = STORE.types["builtin_interfaces/msg/Time"]
+    columns = [
+        np.ascontiguousarray(f(t)[:, place])
+        for f in (motion.position, motion.velocity, motion.current)
+    ]
+    path.unlink(missing_ok=True)
+    writer = Writer(path)
+    if compression:
+        writer.set_compression(getattr(Writer.CompressionFormat, compression))
+    with writer:
+        joints = writer.add_connection("/joint_states", TYPE, typestore=STORE)
+        other = writer.add_connection("/text", "std_msgs/msg/String", typestore=STORE)
+        for k, stamp in enumerate(np.round(t * 1e9).astype(int).tolist()):
+            seconds, nanoseconds = divmod(stamp if stamped else 0, 10**9)
+            message = state(
+                header=header(seq=k, stamp=time(sec=seconds, nanosec=nanoseconds), frame_id="x"),
+                name=list(names),
+                position=columns[0][k],
+                velocity=columns[1][k],
+                effort=columns[2][k],
+            )
+            writer.write(joints, stamp + 150_000, STORE.serialize_ros1(message, TYPE))
+            text = STORE.types["std_msgs/msg/String"](data="x" * k)
+            writer.write(other, stamp, STORE.serialize_ros1(text, "std_msgs/msg/String"))
+    return path
+
+
+@pytest.mark.parametrize("compression", [None, "BZ2", "LZ4"])
+@pytest.mark.parametrize("robot", [None, "ur5"])
+def test_ros1_bag(tmp_path: Path, compression: str | None, robot: str | None) -> None:
+    path = write_bag(tmp_path / "run.bag", compression=compression)
+    record = read_recording(path, robot=load_robot(robot) if robot else None)
+    assert record.problems == ()
+    assert (record.metadata.format, record.metadata.clock) == ("rosbag", "header")
+    assert record.metadata.joint_names == UR_JOINTS
+    np.testing.assert_array_equal(record.signals["q"], MOTION.position(MOTION.t))
+    np.testing.assert_array_equal(record.signals["effort"], MOTION.current(MOTION.t))
+    np.testing.assert_allclose(record.t, MOTION.t - MOTION.t[0], atol=1e-9)
+
+
+def test_empty_headers_and_a_folder(tmp_path: Path) -> None:
+    write_bag(tmp_path / "run.bag", stamped=False)
+    record = read_recording(tmp_path)
+    assert record.metadata.clock == "receive"
+    np.testing.assert_allclose(record.t, MOTION.t - MOTION.t[0], atol=1e-9)
+
+
+@pytest.mark.parametrize("compression", [None, "BZ2"])
+def test_a_bag_that_was_cut_off(tmp_path: Path, compression: str | None) -> None:
+    motion = Motion(samples=8000)
+    path = write_bag(tmp_path / "run.bag", motion, compression=compression)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(0.6 * len(data))])
+    record = read_recording(path)
+    assert "truncated_file" in [problem.code for problem in record.problems]
+    assert 1000 < record.samples < 8000
+    np.testing.assert_array_equal(record.signals["q"], motion.position(motion.t)[: record.samples])
+
+
+def test_damaged_bags_are_read_or_refused_in_words(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "run.bag")
+    data = path.read_bytes()
+    rng = np.random.default_rng(5)
+    read = 0
+    for _ in range(60):
+        broken = bytearray(data)
+        for place in rng.integers(13, len(data), 30).tolist():
+            broken[place] = int(rng.integers(256))
+        path.write_bytes(bytes(broken))
+        with contextlib.suppress(RecordError):
+            record = read_recording(path)
+            assert record.samples == MOTION.samples or record.problems
+            read += 1
+    assert read > 0
+
+
+def test_a_bag_without_joint_states_names_what_it_has(tmp_path: Path) -> None:
+    with Writer(tmp_path / "x.bag") as writer:
+        other = writer.add_connection("/text", "std_msgs/msg/String", typestore=STORE)
+        text = STORE.types["std_msgs/msg/String"](data="x")
+        writer.write(other, 1, STORE.serialize_ros1(text, "std_msgs/msg/String"))
+    with pytest.raises(RecordError, match=r"/text \(std_msgs/String\)"):
+        read_recording(tmp_path / "x.bag")
