@@ -85,8 +85,9 @@ _ALWAYS: dict[DataType, str] = {
 }
 # In the lists of UR's client library of 2026 (Universal_Robots_Client_Library,
 # tests/resources/exhaustive_rtde_output_recipe.txt, types in tests/fake_rtde_server.cpp), not in
-# guides before 5.23; no source found names the version.
-_NEWEST, _POLYSCOPE_X = (5, 23, 0), (10, 0, 0)
+# guides before 5.23, with which the energies came (tests/test_rtde_client.cpp); no source found
+# names the version of the others.
+_NEWEST = (5, 23, 0)
 _LATER: tuple[tuple[str, DataType, Version | None, Version | None], ...] = (
     ("elbow_position", DataType.VECTOR3D, (3, 5, 0), (5, 0, 0)),
     ("elbow_velocity", DataType.VECTOR3D, (3, 5, 0), (5, 0, 0)),
@@ -120,8 +121,8 @@ _LATER: tuple[tuple[str, DataType, Version | None, Version | None], ...] = (
     ("control_step", DataType.UINT64, None, _NEWEST),
     ("encoder0_raw", DataType.INT32, None, _NEWEST),
     ("encoder1_raw", DataType.INT32, None, _NEWEST),
-    ("actual_robot_energy_consumed", DataType.DOUBLE, None, _POLYSCOPE_X),
-    ("actual_robot_braking_energy_dissipated", DataType.DOUBLE, None, _POLYSCOPE_X),
+    ("actual_robot_energy_consumed", DataType.DOUBLE, None, _NEWEST),
+    ("actual_robot_braking_energy_dissipated", DataType.DOUBLE, None, _NEWEST),
 )
 _INPUTS: dict[DataType, str] = {
     DataType.UINT32: "speed_slider_mask",

@@ -17,8 +17,9 @@ PORT = 30004
 """Where controllers listen."""
 PROTOCOLS = (1, 2)
 """Versions of the protocol that exist."""
-NAMES_LIMIT = 2048
-"""The longest list of names in a recipe [bytes]."""
+NAMES_LIMIT = 12_288
+"""The longest list of names in a recipe [bytes]. UR's guide says 2048, but its own client asks
+URSim for 9174 (Universal_Robots_Client_Library, tests/test_rtde_client.cpp)."""
 _U16, _F64, _VERSION = struct.Struct(">H"), struct.Struct(">d"), struct.Struct(">4I")
 
 

@@ -9,9 +9,12 @@ from dynid.protocol import rtde
 from dynid.protocol.fields import INPUTS, OUTPUTS
 from dynid.protocol.framing import Framer, Kind, ProtocolError, frame
 from dynid.protocol.recipe import Recipe
+from dynid.robot.load import load_robot
 from dynid.simulation.controller.input_queue import LONGEST
+from dynid.simulation.controller.machine import ControllerMachine
 from dynid.simulation.controller.packages import Packer
 from dynid.simulation.controller.rtde import Owners, RtdeSession
+from dynid.simulation.library import simulated_arm
 
 
 @pytest.fixture
@@ -160,8 +163,8 @@ def test_a_client_that_never_learns_is_given_up(session):
 
 
 def test_bounds_of_recipes(session):
-    with pytest.raises(ProtocolError, match="allowed: 2048 bytes"):
-        session.receive(rtde.request_outputs(["timestamp"] * 210, 125.0))
+    with pytest.raises(ProtocolError, match=f"allowed: {rtde.NAMES_LIMIT} bytes"):
+        session.receive(rtde.request_outputs(["timestamp"] * 1229, 125.0))
     for number in range(1, 256):
         assert inputs(session, ["input_int_register_24"])[0] == number
     text, setup = answers(session, rtde.request_inputs(["input_int_register_24"]))
@@ -253,3 +256,18 @@ def test_of_a_client_that_writes_too_much_the_newest_act(machine):
     assert machine.output("input_int_register_24") == 9 * LONGEST + 1
     session.close()
     assert machine.output("input_int_register_24") == 10 * LONGEST
+
+
+def test_all_outputs_of_the_newest_software_fit_one_recipe():
+    arm = simulated_arm(load_robot("ur5e"))
+    machine = ControllerMachine(arm, rate_hz=500.0, version=(5, 25, 0, 0))
+    machine.tick()
+    session = RtdeSession(machine, Owners())
+    session.receive(rtde.request_protocol(2))
+    answer = session.receive(rtde.request_outputs(list(OUTPUTS), 500.0))
+    ((_, payload),) = Framer().feed(answer)
+    number, types = rtde.read_setup_answer(Kind.SETUP_OUTPUTS, payload, 2)
+    assert number == 1
+    recipe = Recipe.of(OUTPUTS, types, number)
+    package = Packer(machine).package(recipe)
+    assert recipe.unpack(package[3:])["robot_mode"] == 7

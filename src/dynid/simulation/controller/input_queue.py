@@ -52,6 +52,8 @@ class InputQueue:
 
     def apply_next(self) -> None:
         """Let act what belongs to this cycle."""
+        if not self._waiting:
+            return
         seen: set[int] = set()
         while self._waiting and self._waiting[0][0] not in seen:
             seen.add(self._waiting[0][0])

@@ -14,8 +14,8 @@ from dynid.protocol.recipe import Recipe, Value
 from dynid.simulation.controller.input_queue import InputQueue
 from dynid.simulation.controller.machine import ControllerMachine
 
-LARGEST_REQUEST = 4096
-"""The largest packet of a client [bytes]; names may take 2048, inputs need less than 3000."""
+LARGEST_REQUEST = 12_300
+"""The largest packet of a client [bytes]; inputs need less than 3000."""
 _RECIPES = 255
 _FIRST_PROTOCOL_HZ = 125.0
 _COMPLAINTS = 100
