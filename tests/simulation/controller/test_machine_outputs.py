@@ -226,3 +226,17 @@ def test_time_is_scaled_by_nothing_while_a_program_runs(machine):
     machine.run_script("def f():\n while True:\n sync()\n end\nend\n")
     machine.tick()
     assert machine.output("time_scale_source") == 1
+
+
+def test_the_preamble_of_a_pendant_s_program_compiles_and_runs(machine):
+    # What PolyScope and python-urx (urx/urscript.py) put before the program proper.
+    machine.run_script(
+        "def prog():\n set_analog_inputrange(0, 0)\n set_analog_outputdomain(0, 0)\n"
+        " set_tool_voltage(0)\n set_runstate_outputs([])\n set_input_actions_to_default()\n"
+        ' set_standard_digital_input_action(0, "default")\n set_tool_communication(False)\n'
+        " set_safety_mode_transition_hardness(1)\n set_gravity([0.0, 0.0, 9.82])\n"
+        " set_flag(3, True)\n if get_flag(3) and not get_flag(4):\n"
+        " write_output_integer_register(1, 9)\n end\nend\n"
+    )
+    finish(machine)
+    assert machine.output("output_int_register_1") == 9

@@ -73,7 +73,7 @@ class Broadcast:
             return
         for message in messages:
             if message.level < rtde.Level.INFO:
-                client.connection.offer(session.text(message.text, message.source, message.level))
+                client.connection.offer(session.text(message.words, message.source, message.level))
         recipe = session.outputs
         if recipe is not None and self._machine.core.cycles % session.every == 0:
             together = int(self._together / session.every + 1e-9)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Any
 
+from dynid.simulation.controller.machine_builtins_absent import ABSENT
 from dynid.simulation.controller.machine_builtins_io import IO
 from dynid.simulation.controller.machine_builtins_model import MODEL
 from dynid.simulation.controller.machine_builtins_socket import SOCKETS
@@ -115,20 +116,11 @@ def _sleep(core: Core, t: Value) -> Generator[None, None, None]:
         yield
 
 
-def _lacking(name: str, answer: bool | int, parameters: int) -> Builtin:
-    """A built-in that exists, says once that it is not simulated, and does nothing."""
-
-    def say(core: Core, *_: Value) -> Value:
-        core.lacks(name)
-        return answer
-
-    names = tuple(f"argument{k + 1}" for k in range(parameters))
-    return Builtin(name, say, Kind.INSTANT, names, (0,) * parameters, 20)
-
-
 _MOTIONS: dict[str, Any] = {
     "movej": _movej,
+    "optimovej": _movej,
     "movel": _movel,
+    "optimovel": _movel,
     "movep": _movep,
     "servoj": _servoj,
     "servoc": _servoc,
@@ -140,41 +132,6 @@ _MOTIONS: dict[str, Any] = {
     "sync": _sync,
     "sleep": _sleep,
 }
-_NOT_SIMULATED: dict[str, tuple[bool | int, int]] = {
-    "force_mode": (True, 5),
-    "end_force_mode": (True, 0),
-    "force_mode_set_damping": (True, 1),
-    "force_mode_set_gain_scaling": (True, 1),
-    "zero_ftsensor": (True, 0),
-    "teach_mode": (True, 0),
-    "end_teach_mode": (True, 0),
-    "freedrive_mode": (True, 2),
-    "end_freedrive_mode": (True, 0),
-    "get_freedrive_status": (0, 0),
-    "tool_contact": (0, 1),
-    "ft_rtde_input_enable": (True, 4),
-    "enable_external_ft_sensor": (True, 4),
-    "set_conveyor_tick_count": (True, 2),
-    "set_tool_communication": (True, 6),
-    "set_tool_output_mode": (True, 1),
-    "set_standard_analog_input_domain": (True, 2),
-    "set_analog_outputdomain": (True, 2),
-    "set_runstate_outputs": (True, 1),
-    "set_safety_mode_transition_hardness": (True, 1),
-    "position_deviation_warning": (True, 2),
-    "reset_revolution_counter": (True, 1),
-}
-_NAMED_ARGUMENTS: dict[str, tuple[str, ...]] = {
-    "freedrive_mode": ("freeAxes", "feature"),
-    "tool_contact": ("direction",),
-}
-
-
-def _named(item: Builtin) -> Builtin:
-    names = _NAMED_ARGUMENTS.get(item.name, item.parameters)
-    return Builtin(item.name, item.function, item.kind, names, item.defaults, item.weight)
-
-
 BUILTINS: dict[str, Builtin] = table(
     MATHEMATICS,
     POSES,
@@ -196,9 +153,6 @@ BUILTINS: dict[str, Builtin] = table(
             1,
         )
     ],
-    (
-        _named(_lacking(name, answer, parameters))
-        for name, (answer, parameters) in _NOT_SIMULATED.items()
-    ),
+    ABSENT,
 )
 """The functions that every script may call."""

@@ -8,7 +8,7 @@ from typing import Any
 
 from dynid.simulation.controller.machine_core import Core, Watchdog
 from dynid.simulation.controller.machine_messages import MessageKind
-from dynid.simulation.controller.machine_registers import Registers
+from dynid.simulation.controller.machine_registers import FLAGS, Registers
 from dynid.simulation.controller.urscript.builtin import Builtin, Kind, builtin
 from dynid.simulation.controller.urscript.errors import ScriptFault
 from dynid.simulation.controller.urscript.values import Value, number, shown, truth
@@ -115,6 +115,25 @@ def _set_analog_out(core: Core, n: Value, f: Value) -> None:
     core.signals.analog_out[_pair(n)] = min(max(float(number(f)), 0.0), 1.0)
 
 
+def _flag(n: Value) -> int:
+    if not 0 <= _index(n) < FLAGS:
+        raise ScriptFault("flag", value=n, limit=(0, FLAGS - 1))
+    return n
+
+
+def _get_flag(core: Core, n: Value) -> bool:
+    return core.signals.flags[_flag(n)]
+
+
+def _set_flag(core: Core, n: Value, b: Value) -> None:
+    core.signals.flags[_flag(n)] = truth(b)
+
+
+def _get_tool_analog_in(core: Core, n: Value) -> float:
+    _pair(n)
+    return 0.0
+
+
 def _set_tool_voltage(core: Core, voltage: Value) -> None:
     core.signals.tool_voltage = int(number(voltage))
 
@@ -129,6 +148,9 @@ _INSTANT: dict[str, Any] = {
     "set_standard_analog_out": _set_analog_out,
     "set_analog_out": _set_analog_out,
     "set_tool_voltage": _set_tool_voltage,
+    "get_tool_analog_in": _get_tool_analog_in,
+    "get_flag": _get_flag,
+    "set_flag": _set_flag,
 }
 for _word, _kind in _KINDS.items():
     _INSTANT[f"read_input_{_word}_register"] = _reader(_kind, lambda core: core.inputs)

@@ -149,6 +149,7 @@ _ASK: dict[str, Callable[[Core], Value]] = {
     "get_joint_torques": _joint_torques,
     "get_controller_temp": lambda core: 25.0,
     "get_steptime": lambda core: core.arm.cycle,
+    "get_gravity": lambda core: list(core.gravity),
     "get_tcp_offset": lambda core: Pose(core.tcp),
     "get_target_payload": lambda core: core.payload.mass,
     "get_target_payload_cog": lambda core: list(core.payload.cog),

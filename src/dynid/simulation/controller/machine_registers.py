@@ -8,6 +8,8 @@ COUNT = 48
 """Integer and double registers in each direction."""
 BITS = 128
 """Boolean registers in each direction."""
+FLAGS = 32
+"""Flags that programs set and read, nobody else."""
 _INT_MIN, _INT_MAX = -(2**31), 2**31 - 1
 
 
@@ -74,6 +76,8 @@ class Signals:
         """Share of the range, 0 to 1."""
         self.analog_types = 0
         self.tool_voltage = 0
+        self.flags = [False] * FLAGS
+        """What programs remember between runs."""
 
     def set_digital_out(self, bit: int, on: bool) -> None:
         """Switch one of the 18 digital outputs.

@@ -44,6 +44,17 @@ def _length(v: Value) -> int:
     raise ScriptFault("length needs a list or a string")
 
 
+def _normalize(a: Value) -> list[float]:
+    scale = _norm(a)
+    return [number(item) / scale for item in a]
+
+
+def _make_list(length: Value, initial_value: Value, capacity: Value = 0) -> list[Value]:
+    if not 0 <= _whole(length) <= MAX_LENGTH:
+        raise ScriptFault("length of a list", value=length, limit=(0, MAX_LENGTH))
+    return [initial_value] * length
+
+
 def _whole(value: Value) -> int:
     if value.__class__ is not int:
         raise ScriptFault("a whole number expected", value=value)
@@ -129,7 +140,10 @@ _TABLE: dict[str, Any] = {
     "length": _length,
     "get_list_length": _length,
     "log": _log,
+    "make_list": _make_list,
     "norm": _norm,
+    "normalize": _normalize,
+    "size": _length,
     "pow": _pow,
     "r2d": _real(math.degrees),
     "sin": _real(math.sin),

@@ -109,6 +109,7 @@ def _apart(place: Array, rotation: Array) -> Pose:
 _TABLE: dict[str, Any] = {
     "pose_trans": _pose_trans,
     "pose_inv": _pose_inv,
+    "inv": _pose_inv,
     "pose_add": _pose_add,
     "pose_sub": _pose_sub,
     "pose_dist": _pose_dist,
