@@ -6,13 +6,17 @@ import pytest
 from known_arm import RATE, estimate, record, samples
 
 from dynid.core.errors import InputError
+from dynid.recording.record import ExperimentRecord
 from dynid.robot.counterbalance import Counterbalance
+from dynid.signals.samples import ProcessingSettings
 from dynid.validation.metrics import MOVING_SPEED
-from dynid.validation.prediction import ValidationResult, validate, validate_samples
+from dynid.validation.prediction import ValidationResult, reproduce, validate, validate_samples
 
 FORMULA = 1e-12
 FILTERED = 0.02
 """Of the torque's norm: what filtering a known motion costs, its ends included."""
+SMEARED = 8.0
+"""[%] of the torque."""
 METRICS = {
     "samples",
     "normalized_error",
@@ -196,3 +200,23 @@ def test_a_record_of_another_robot_is_refused() -> None:
     cut = {name: value[:, :4] for name, value in short.signals.items()}
     with pytest.raises(InputError, match="4 joints, the robot ur5 has 6"):
         validate(estimate(), replace(short, signals=cut))
+
+
+def test_starts_and_stops_are_not_smeared_by_the_cutoff_of_a_slow_record() -> None:
+    """Way points ask for more than the 2 Hz that suited slow sines."""
+    slow = replace(estimate(), settings=ProcessingSettings(cutoff_hz=2.0, velocity="position"))
+    t = np.arange(2000) / RATE
+    share = np.clip((t % 2.0) / 1.0, 0.0, 1.0)
+    up = share**3 * (10 - 15 * share + 6 * share**2)
+    speed = 30 * share**2 * (1 - share) ** 2
+    force = 60 * share - 180 * share**2 + 120 * share**3
+    reach = np.where((t // 2.0) % 2 == 0, 1.0, -1.0)[:, None] * np.linspace(0.6, 1.2, 6)
+    place = np.where((t // 2.0) % 2 == 0, up, 1 - up)[:, None] * np.linspace(0.6, 1.2, 6)
+    dq, ddq = speed[:, None] * reach, force[:, None] * reach
+    torque = slow.predict(place, dq, ddq)
+    waypoints = ExperimentRecord(t=t, signals={"q": place, "effort": torque})
+    result = validate(slow, waypoints)
+    # The training errors keep to the settings of the fit.
+    smeared = reproduce(slow, waypoints)
+    assert smeared.moving.relative_error_overall_percent > SMEARED
+    assert result.moving.relative_error_overall_percent < SMEARED / 4
