@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from dynid.robot.model import RobotModel
     from dynid.signals.process import process
     from dynid.signals.samples import ProcessingSettings, Samples
+    from dynid.trajectory.files import read_trajectory, write_trajectory
     from dynid.trajectory.fourier import FourierSeries
     from dynid.trajectory.random_excitation import random_excitation
     from dynid.validation.comparison import ParameterComparison, compare
@@ -58,6 +59,8 @@ if TYPE_CHECKING:
     from dynid.workflow.shared_inertias import SharedIdentification, identify_shared
     from dynid.workflow.simulating import simulate_recording
     from dynid.workflow.temperature import TemperatureIdentification, identify_temperature
+    from dynid.workflow.temperature_file import read_temperature, write_temperature
+    from dynid.workflow.temperature_model import TemperatureModel
     from dynid.workflow.verdict import Verdict, verdict
 
 __all__ = [
@@ -95,6 +98,7 @@ __all__ = [
     "Samples",
     "SharedIdentification",
     "TemperatureIdentification",
+    "TemperatureModel",
     "ValidationResult",
     "Verdict",
     "__version__",
@@ -118,6 +122,8 @@ __all__ = [
     "read_estimate",
     "read_record",
     "read_recording",
+    "read_temperature",
+    "read_trajectory",
     "reduce_model",
     "robots",
     "run_design",
@@ -128,6 +134,8 @@ __all__ = [
     "write_estimate",
     "write_model",
     "write_record",
+    "write_temperature",
+    "write_trajectory",
 ]
 
 _HOME = {
@@ -157,6 +165,7 @@ _HOME = {
     "robot.model": ("RobotModel",),
     "signals.process": ("process",),
     "signals.samples": ("ProcessingSettings", "Samples"),
+    "trajectory.files": ("read_trajectory", "write_trajectory"),
     "trajectory.fourier": ("FourierSeries",),
     "trajectory.random_excitation": ("random_excitation",),
     "validation.comparison": ("ParameterComparison", "compare"),
@@ -178,6 +187,8 @@ _HOME = {
     "workflow.shared_inertias": ("SharedIdentification", "identify_shared"),
     "workflow.simulating": ("simulate_recording",),
     "workflow.temperature": ("TemperatureIdentification", "identify_temperature"),
+    "workflow.temperature_file": ("read_temperature", "write_temperature"),
+    "workflow.temperature_model": ("TemperatureModel",),
     "workflow.verdict": ("Verdict", "verdict"),
 }
 _MODULE_OF = {name: f"dynid.{module}" for module, names in _HOME.items() for name in names}

@@ -10,6 +10,9 @@ from pathlib import Path
 import pytest
 from cli_runs import COMMANDS, LISTED, Outcome, Recordings, Run
 
+import dynid
+from dynid.core.provenance import provenance
+
 ANALYZE_KEYS = {
     "standard_parameters",
     "base_parameters",
@@ -71,8 +74,6 @@ def test_help_lists_exactly_the_commands_that_exist(run: Run) -> None:
 
 
 def test_version(run: Run) -> None:
-    import dynid
-
     assert run("--version").out == f"dynid {dynid.__version__}\n"
 
 
@@ -242,6 +243,16 @@ def test_a_robot_file_is_remembered(run: Run, recordings: Recordings, tmp_path: 
         (["identify", "none.parquet", "-o", "."], ["-o"]),
         (["validate", "none.json", "none.parquet"], ["none.json"]),
         (["validate", "none.json"], ["RECORD"]),
+        (["analyze", "ur5", "--samples", "0"], ["--samples", "got 0"]),
+        (["controller", "--thermal", "tepid"], ["--thermal", "tepid", "cold, warm"]),
+        (["controller", "--report", "nowhere/x.json"], ["--report", "mkdir -p nowhere"]),
+        (["report", "none"], ["none", "no such directory"]),
+        (["report", ".", "-o", "page.txt"], ["-o", "page.txt", ".html"]),
+        (["report", ".", "-o", "nowhere/page.html"], ["-o", "mkdir -p nowhere"]),
+        (["bench", "estimators", "--only", "ols,magic"], ["--only", "magic", "didim"]),
+        (["bench", "estimators", "--seeds", "0"], ["--seeds", "got 0"]),
+        (["demo", "-o", ""], ["-o", "no name"]),
+        (["check", "none.json"], ["none.json", "cannot be read", "Looked in"]),
     ],
 )
 def test_bad_usage_is_one_clear_line(
@@ -255,6 +266,46 @@ def test_bad_usage_is_one_clear_line(
     assert_bad_usage(run(*words), *parts)
     assert_bad_usage(run(*words, "--json"), *parts)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("content", "part"),
+    [
+        (b"", "the file is empty"),
+        (b"  \n", "the file is empty"),
+        (b'{"kind": "dynid.traj', "cut short"),
+        (b'{"kind": "dynid.trajectory", ', "cut short"),
+        (b"\x93NUMPY\xff\x00", "no text"),
+        (b"kind: design", "not JSON: expecting value in line 1, column 1"),
+        (b'{"format": "dynid-estimate"}', "got dynid-estimate. Make one: dynid design"),
+        (b"{}", "Make one: dynid design"),
+        (b'{"a": NaN}', "NaN is not a JSON number"),
+    ],
+)
+def test_what_is_no_design_is_said_in_words(
+    run: Run, tmp_path: Path, content: bytes, part: str
+) -> None:
+    path = tmp_path / "design.json"
+    path.write_bytes(content)
+    outcome = run("check", path)
+    assert_bad_usage(outcome, str(path))
+    assert part in outcome.err
+    assert "(char" not in outcome.err
+
+
+def test_a_robot_that_is_not_there_is_suggested(run: Run, tmp_path: Path) -> None:
+    robot = dynid.load_robot("ur5")
+    path = tmp_path / "design.json"
+    motion = dynid.random_excitation(robot.limits, seed=0)
+    made = provenance(seed=0)
+    dynid.write_trajectory(str(path), motion, robot="ur55", limits=robot.limits, provenance=made)
+    assert dynid.read_trajectory(str(path)).robot == "ur55"
+    assert_bad_usage(run("check", path), "ur55", "ur10e", "Did you mean ur5?", "--robot")
+
+
+def test_one_recording_shows_no_payload(run: Run, recordings: Recordings) -> None:
+    one = recordings.identification
+    assert_bad_usage(run("payload", one, one), "with the payload is one without")
 
 
 def test_bad_windows_and_settings(run: Run, recordings: Recordings) -> None:

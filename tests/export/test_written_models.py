@@ -22,6 +22,8 @@ from dynid.export.model import ExportModel
 from dynid.export.verification import States, random_motion
 from dynid.export.writing import FORMATS, write_model
 from dynid.identification.estimate import Estimate
+from dynid.regressor.load import LoadFriction
+from dynid.regressor.terms import FrictionTerms
 from dynid.robot.load import load_robot
 from dynid.robot.model import RobotModel
 
@@ -241,3 +243,20 @@ def test_refuses_what_it_cannot_do(tmp_path: Path) -> None:
         write_model(truth(ROBOTS["ur5"]), "sdf", tmp_path / "arm")
     with pytest.raises(InputError, match="cannot write"):
         write_model(truth(ROBOTS["ur5"]), "json", tmp_path / "none" / "arm")
+
+
+def test_friction_that_grows_with_load_is_refused_in_every_format(tmp_path: Path) -> None:
+    robot = ROBOTS["ur5"]
+    load = LoadFriction(joints=(1, 2), parameters=tuple(parameters_of(robot)[:60].tolist()))
+    friction = FrictionTerms(load=load)
+    estimate = estimate_of(robot, parameters_of(robot, 0, friction), friction)
+    for to in FORMATS:
+        with pytest.raises(JobError, match=r"no file can hold; got Fl; .*--terms fc,fv,im"):
+            write_model(estimate, to, tmp_path / "arm")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_paths_may_be_text(tmp_path: Path) -> None:
+    done = write_model(truth(ROBOTS["ur5"]), "json", str(tmp_path / "arm.json"))
+    assert done.path == tmp_path / "arm.json"
+    assert done.path.exists()

@@ -16,7 +16,7 @@ import dynid
 from dynid.figures import friction, learning, motion, parameters, signals, structure, torque
 from dynid.figures.canvas import Canvas, plain
 from dynid.figures.files import write_figure
-from dynid.figures.theme import POINTS, label, thinned
+from dynid.figures.theme import POINTS, TITLE_WIDTH, figure, label, thinned
 from dynid.trajectory.bounds import copied_bounds
 
 SINGLE = 1e-6
@@ -61,6 +61,15 @@ def test_every_plot_has_a_title_data_and_axes_with_units(gallery: dict[str, Canv
         assert shown["data"], name
         axes = [layout[key] for key in layout if re.fullmatch(r"yaxis\d*", key)]
         assert all(axis["title"]["text"] for axis in axes), name
+
+
+def test_titles_fit_a_telephone_and_legends_stay_below_the_axes(gallery: dict[str, Canvas]) -> None:
+    for name, drawn in gallery.items():
+        layout = plain(drawn)["layout"]
+        assert max(map(len, layout["title"]["text"].split("<br>"))) <= TITLE_WIDTH, name
+        assert (layout["legend"]["yref"], layout["legend"]["y"]) == ("container", 0)
+    title = "Errors of moving joints (above 0.02 rad/s) and at rest"
+    assert plain(figure(title=title, x="x", y="y"))["layout"]["title"]["text"].count("<br>") == 1
 
 
 def test_lines_carry_the_numbers_they_stand_for(

@@ -16,6 +16,7 @@ from designed_arm import written_arm
 import dynid
 from dynid.cli.app import main
 from dynid.trajectory.families import FAMILY_NAMES
+from dynid.workflow.design_settings import DEFAULT_STARTS
 
 QUICK = ("--harmonics", "3", "--period", "6", "--starts", "2", "--jobs", "1")
 BINDING = {
@@ -81,11 +82,39 @@ def test_a_seed_gives_the_same_file_again(run: Run, tmp_path: Path) -> None:
     assert first != other
 
 
+def test_the_default_search_is_a_number_of_starts(tmp_path: Path) -> None:
+    """Whoever searches, and however fast: a seed gives the same motion again."""
+    arm, quick = written_arm(tmp_path), {"harmonics": 2, "period_s": 4.0}
+    one, two = (
+        dynid.design(arm, dynid.DesignSettings(jobs=jobs, seed=5, **quick)) for jobs in (1, 2)
+    )
+    assert (one.ended_by, one.starts, two.starts) == ("starts", DEFAULT_STARTS, DEFAULT_STARTS)
+    for name in ("offset", "a", "b"):
+        ours, theirs = (getattr(found.trajectory, name) for found in (one, two))
+        np.testing.assert_array_equal(ours, theirs)
+    assert one.criteria == two.criteria
+
+
+def test_the_robot_is_named_and_its_file_kept(run: Run, tmp_path: Path) -> None:
+    arm, file = written_arm(tmp_path), tmp_path / "design.json"
+    code, found, _ = run("design", arm, "-o", file, *QUICK, "--json")
+    assert code == 0
+    assert found["robot"] == dynid.load_robot(arm).name
+    assert Path(json.loads(file.read_text())["robot"]) == arm
+    assert run("check", file, "--json")[1]["robot"] == found["robot"]
+
+
+def test_options_of_the_other_method_are_said(run: Run, tmp_path: Path) -> None:
+    words = (*QUICK[:4], "--population", "10", "--starts", "1", "--json")
+    code, _, err = run("design", written_arm(tmp_path), "-o", tmp_path / "d.json", *words)
+    assert (code, err) == (0, "dynid: --population is not used by --method gradient\n")
+
+
 def test_the_genetic_algorithm_with_the_paper_limits(run: Run, tmp_path: Path) -> None:
     file = tmp_path / "ga.json"
     words = ("--method", "ga", "--limits", "paper", "--population", "20", "--generations", "2")
-    code, found, _ = run("design", written_arm(tmp_path), "-o", file, *QUICK, *words, "--json")
-    assert code == 0
+    code, found, err = run("design", written_arm(tmp_path), "-o", file, *QUICK, *words, "--json")
+    assert (code, err) == (0, "dynid: --starts is not used by --method ga\n")
     assert found["method"] == "ga"
     assert found["margins"]["torque"] is None
     assert found["evaluations"] == 20 + 2 * 19  # One survives each generation unchanged.
@@ -178,6 +207,11 @@ SCENES: dict[str, Any] = {
         (("--harmonics", "0"), "--harmonics"),
         (("--harmonics", "1"), "--harmonics"),
         (("--harmonics", "-3"), "--harmonics"),
+        (("--harmonics", "1000000"), "2 to 100"),
+        (("--start", "nan,0,0", "--trajectory", "bspline"), "--start: needs finite"),
+        (("--noise", "1,inf,1"), "--noise: needs finite"),
+        (("--csv", "d.json"), "--csv: the same file as -o"),
+        (("--ros", "missing/m.yaml"), "--ros: the output's directory"),
         (("--period", "0"), "--period"),
         (("--period", "nan"), "--period"),
         (("--criterion", "best"), "--criterion"),

@@ -84,6 +84,18 @@ def test_thermal_states_show_in_the_record(design: Path, tmp_path: Path) -> None
     assert means["cold"] + 0.1 < read_record(path).signals["temperature"].mean()
 
 
+def test_the_simulated_arm_carries_its_payload(design: Path, tmp_path: Path) -> None:
+    links: list[np.ndarray] = []
+    for name, payload in (("empty", None), ("loaded", "2.5,0,0,0.1")):
+        path = tmp_path / f"{name}.parquet"
+        run_design(design, path, settings=RunSettings(repeat=1, payload=parse_payload(payload)))
+        links.append(np.array(json.loads((tmp_path / f"{name}_truth.json").read_text())["links"]))
+        carried = read_record(path).metadata.extra["payload_kg"]
+        assert float(carried) == (0.0 if payload is None else 2.5)
+    assert links[1][-1, 0] - links[0][-1, 0] == pytest.approx(2.5)
+    np.testing.assert_array_equal(links[0][:5, 0], links[1][:5, 0])
+
+
 def test_slow_and_settling_passes_are_not_recorded(design: Path, tmp_path: Path) -> None:
     path = tmp_path / "run.parquet"
     told: list[str] = []

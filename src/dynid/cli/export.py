@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from dynid.cli.options import JsonFlag, examples
+from dynid.cli.options import JsonFlag, TemperatureOption, examples
 
 
 def register(app: typer.Typer) -> None:
@@ -35,6 +35,7 @@ def _export(
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="FILE", help="Where the model goes.")
     ],
+    at: TemperatureOption = None,
     json: JsonFlag = False,
 ) -> None:
     """A model that other programs load, checked by loading it."""
@@ -42,7 +43,7 @@ def _export(
     from dynid.workflow.exporting import export_file
 
     check_output(output, [estimate])
-    result = export_file(estimate, to, output)
+    result = export_file(estimate, to, output, at_degC=at)
     if json:
         print_json(result.to_json())
         return

@@ -27,6 +27,12 @@ SeedOption = Annotated[
     int, typer.Option("--seed", metavar="N", min=0, help="Seed of the random numbers.")
 ]
 OutputFile = Path
+TemperatureOption = Annotated[
+    float | None,
+    typer.Option(
+        "--at", metavar="DEGC", help="Temperature of the joints, of a file with temperature laws."
+    ),
+]
 
 
 def examples(*lines: str) -> str:

@@ -7,7 +7,13 @@ from typing import Annotated
 
 import typer
 
-from dynid.cli.options import JsonFlag, StartOption, StopOption, examples
+from dynid.cli.options import (
+    JsonFlag,
+    StartOption,
+    StopOption,
+    TemperatureOption,
+    examples,
+)
 
 
 def register(app: typer.Typer) -> None:
@@ -30,6 +36,7 @@ def _validate(
     ],
     start: StartOption = None,
     stop: StopOption = None,
+    at: TemperatureOption = None,
     json: JsonFlag = False,
 ) -> None:
     """Prediction error on another recording (paper 3.1)."""
@@ -37,7 +44,7 @@ def _validate(
     from dynid.cli.output import console, print_json, print_notices
     from dynid.workflow.validating import validate_files
 
-    result = validate_files(estimate, record, start_s=start, stop_s=stop)
+    result = validate_files(estimate, record, start_s=start, stop_s=stop, at_degC=at)
     if json:
         print_json(result.to_json())
         return

@@ -66,7 +66,12 @@ class ExportModel:
             object.__setattr__(self, name, value)
         unknown = sorted(set(self.terms) - {*JOINT_SYMBOLS, *MOTOR_SYMBOLS})
         if unknown:
-            raise InputError("terms that no file can hold yet", value=", ".join(unknown))
+            raise InputError(
+                "friction terms that no file can hold",
+                value=", ".join(unknown),
+                limit=", ".join((*JOINT_SYMBOLS, *MOTOR_SYMBOLS)),
+                next_step="Identify again with --terms fc,fv,im, or other terms of one joint.",
+            )
         terms = {
             symbol: frozen(self.terms.get(symbol, np.zeros(n)), shape=(n,), name=symbol)
             for symbol in (*JOINT_SYMBOLS, *MOTOR_SYMBOLS)
@@ -97,7 +102,7 @@ def completed_model(estimate: Estimate) -> tuple[ExportModel, Completion]:
             others are completed by the bodies nearest to the prior with the same torques.
 
     Raises:
-        JobError: The model has terms that no file can hold yet.
+        JobError: The model has terms that no file can hold, such as friction that grows with load.
     """
     model, robot = estimate.model, estimate.model.robot
     found = complete(estimate)
@@ -129,5 +134,7 @@ def completed_model(estimate: Estimate) -> tuple[ExportModel, Completion]:
             origin=found.origin,
         )
     except InputError as error:
-        raise JobError(error.what, value=error.value) from error
+        raise JobError(
+            error.what, value=error.value, limit=error.limit, next_step=error.next_step
+        ) from error
     return whole, found

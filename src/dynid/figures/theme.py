@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import textwrap
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
@@ -18,6 +19,8 @@ MEASURED, PREDICTED, LIMIT = PALETTE[0], PALETTE[1], PALETTE[7]
 POINTS = 800
 """A line is drawn with this many points at most: a page stays light, the picture the same."""
 ROW_HEIGHT = 150
+TITLE_WIDTH, TITLE_LINE = 36, 20
+"""Characters of a title that fit on a telephone, and the height of another line [px]."""
 _GROUND = {
     False: {"paper": "#ffffff", "ink": "#1f2933", "grid": "#e4e7eb"},
     True: {"paper": "#14181d", "ink": "#d9e2ec", "grid": "#323f4b"},
@@ -79,17 +82,21 @@ def figure(
         vertical_spacing=min(0.05, 0.2 / rows),
         subplot_titles=[label(name) for name in titles] or None,
     )
+    lines = textwrap.wrap(title, TITLE_WIDTH)
+    more = TITLE_LINE * (len(lines) - 1)
     made.update_layout(
-        title={"text": title, "x": 0, "xref": "container", "pad": {"l": 12}},
-        height=height or (380 if rows == 1 else 110 + ROW_HEIGHT * rows),
-        margin={"l": 64, "r": 16, "t": 56, "b": 48},
-        legend={"orientation": "h", "y": -0.08 if rows > 1 else -0.2, "x": 0},
+        title={"text": "<br>".join(lines), "x": 0, "xref": "container", "pad": {"l": 12}},
+        height=(height or (380 if rows == 1 else 110 + ROW_HEIGHT * rows)) + more,
+        margin={"l": 64, "r": 16, "t": 56 + more, "b": 84},
+        # At the foot of the page's box: below the plots it would meet slanted labels.
+        legend={"orientation": "h", "yref": "container", "y": 0, "yanchor": "bottom", "x": 0},
         hovermode="x",
     )
     labels = [y] * rows if isinstance(y, str) else list(y)
     for row, text in enumerate(labels, start=1):
         made.update_yaxes(title_text=text, row=row, col=1)
     made.update_xaxes(title_text=x, row=rows, col=1)
+    made.update_xaxes(automargin=True)
     made.update_annotations(font_size=12, x=0, xanchor="left")
     return paint(made)
 

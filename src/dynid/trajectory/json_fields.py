@@ -111,7 +111,7 @@ def _fault(error: ValueError, content: bytes) -> str:
         return "the file is empty"
     if not isinstance(error, json.JSONDecodeError):
         return f"the file is not JSON: {error}"
-    if not error.doc[error.pos :].strip():
+    if not error.doc[error.pos :].strip() or error.msg.startswith("Unterminated"):
         return f"the JSON stops in its midst, in line {error.lineno}: the file was cut short"
     said = error.msg[0].lower() + error.msg[1:]
     return f"the file is not JSON: {said} in line {error.lineno}, column {error.colno}"

@@ -8,7 +8,7 @@ from typing import Any
 
 from dynid.core.notices import Notice
 from dynid.export.writing import ExportedFile, write_model
-from dynid.identification.estimate_file import read_estimate
+from dynid.workflow.temperature_file import estimate_at
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,20 +33,23 @@ class Export:
         }
 
 
-def export_file(estimate: str | Path, to: str, output: str | Path) -> Export:
+def export_file(
+    estimate: str | Path, to: str, output: str | Path, *, at_degC: float | None = None
+) -> Export:
     """Write the model of an estimate and have another program load it.
 
     Args:
         estimate: An estimate's JSON file.
         to: `urdf`, `mjcf`, `json`, `c` or `python`.
         output: File to write.
+        at_degC: Temperature of all joints, where the file holds temperature laws [degC].
 
     Raises:
         InputError: An estimate that cannot be read, an unknown format, or a file that cannot be
             written.
         JobError: A model that the format cannot hold, or torques that differ after loading.
     """
-    known = read_estimate(estimate)
+    known = estimate_at(estimate, at_degC)
     made = known.provenance
     note = (
         f"dynid {made.versions.get('dynid', '')}, estimator {known.estimator}, "

@@ -13,7 +13,15 @@ from dynid.workflow.design_files import StoredDesign, read_design
 
 SAMPLES = 200
 KINDS = ("torque", "tcp_speed", "elbow_speed", "momentum", "power")
-FACTS = ("criterion", "method", "condition_number", "feasible", "evaluations", "wall_s", "seed")
+FACTS = {
+    "criterion": "criterion",
+    "method": "method",
+    "condition_number": "condition number",
+    "feasible": "feasible",
+    "evaluations": "motions looked at",
+    "wall_s": "time of the search [s]",
+    "seed": "seed",
+}
 
 
 def reported_design(path: Path) -> ReportedDesign:
@@ -34,7 +42,7 @@ def reported_design(path: Path) -> ReportedDesign:
         bounds=stored.limits,
         facts=(
             ("duration", f"{stored.trajectory.duration:g} s"),
-            *((name.replace("_", " "), _text(facts[name])) for name in FACTS if name in facts),
+            *((words, _text(facts[name])) for name, words in FACTS.items() if name in facts),
         ),
         search=_search(facts.get("history")),
         judged=_judged(found),
@@ -42,6 +50,8 @@ def reported_design(path: Path) -> ReportedDesign:
 
 
 def _text(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core.arrays import Array, frozen
+from dynid.core.arrays import Array
 from dynid.core.errors import InputError
 from dynid.core.notices import Notice
 from dynid.identification.estimate import Estimate
@@ -22,9 +22,7 @@ from dynid.robot.model import RobotModel
 from dynid.signals.resample import window
 from dynid.workflow.identify_settings import IdentifySettings
 from dynid.workflow.shared_inertias import SharedIdentification, identify_shared
-
-BEYOND_K = 2.0
-"""How far outside the records' temperatures a friction may be asked for without a word [K]."""
+from dynid.workflow.temperature_model import TemperatureModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,33 +45,26 @@ class TemperatureIdentification:
         Raises:
             InputError: Another number of joints.
         """
+        return self.model.estimate_at(temperature_degC)
+
+    @property
+    def model(self) -> TemperatureModel:
+        """What `write_temperature` keeps of it."""
         problem, fit = self.shared.problem, self.shared.fit
-        wanted = frozen(
-            np.broadcast_to(np.asarray(temperature_degC, dtype=np.float64), (problem.joints,)),
-            shape=(problem.joints,),
-            name="temperatures",
-        )
-        first = self.shared.estimates[0]
         records, own = fit.solution.own.shape
-        order = base_order(problem, fit, 0)
-        values, turn = first.values.copy(), np.zeros((len(order), len(fit.covariance)))
-        turn[np.arange(len(order)), order] = 1.0
-        columns = self._columns()
-        for j, law in enumerate(self.laws):
-            degC = float(wanted[j])
-            places = [problem.own[c] for c in columns[j]]
-            values[places] = law.at(degC)
-            seen = [k * own + c for k in range(records) for c in columns[j]]
-            turn[places] = 0.0
-            turn[np.ix_(places, seen)] = law.sensitivity(degC) @ law.gain
-        covariance, naive = (turn @ c @ turn.T for c in (fit.covariance, fit.naive))
-        return replace(
-            first,
-            values=values,
-            covariance=covariance,
-            naive_std=np.sqrt(np.maximum(np.diag(naive), 0.0)),
-            choices=(*first.choices, f"friction at {_row(wanted)} degC"),
-            warnings=self._beyond(wanted),
+        columns = joint_columns(self.shared)
+        return TemperatureModel(
+            estimate=self.shared.estimates[0],
+            laws=self.laws,
+            temperature_degC=self.temperature_degC,
+            places=tuple(tuple(problem.own[c] for c in joint) for joint in columns),
+            seen=tuple(
+                tuple(k * own + c for k in range(records) for c in joint) for joint in columns
+            ),
+            order=tuple(base_order(problem, fit, 0)),
+            covariance=fit.covariance,
+            naive=fit.naive,
+            warnings=self.warnings,
         )
 
     def to_json(self) -> dict[str, Any]:
@@ -103,20 +94,6 @@ class TemperatureIdentification:
             ],
             "warnings": [notice.to_json() for notice in self.warnings],
         }
-
-    def _columns(self) -> list[list[int]]:
-        return joint_columns(self.shared)
-
-    def _beyond(self, wanted: Array) -> tuple[Notice, ...]:
-        far = [
-            f"joint {j + 1} at {degC:.3g} degC (records: {law.range_degC[0]:.3g} to "
-            f"{law.range_degC[1]:.3g})"
-            for j, (degC, law) in enumerate(zip(wanted.tolist(), self.laws, strict=True))
-            if not law.range_degC[0] - BEYOND_K <= degC <= law.range_degC[1] + BEYOND_K
-        ]
-        return (Notice("extrapolated", f"temperatures beyond the records: {', '.join(far)}"),) * (
-            1 if far else 0
-        )
 
 
 def joint_columns(shared: SharedIdentification) -> list[list[int]]:
@@ -197,7 +174,3 @@ def _findings(laws: Sequence[JointTemperatureLaw]) -> tuple[Notice, ...]:
             f"{LEAST_SPREAD_K:g} K between the records: their friction is taken as constant",
         ),
     )
-
-
-def _row(values: Array) -> str:
-    return " ".join(f"{value:.3g}" for value in values)

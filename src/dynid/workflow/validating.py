@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dynid.identification.estimate_file import read_estimate
 from dynid.validation.prediction import ValidationResult, validate
 from dynid.workflow.recordings import open_record
+from dynid.workflow.temperature_file import estimate_at
 
 
 def validate_files(
@@ -15,6 +15,7 @@ def validate_files(
     *,
     start_s: float | None = None,
     stop_s: float | None = None,
+    at_degC: float | None = None,
 ) -> ValidationResult:
     """Predict the torques of a recording and measure the error.
 
@@ -23,10 +24,11 @@ def validate_files(
         recording: A recording, ours or foreign.
         start_s: Start of the window [s].
         stop_s: End of the window [s].
+        at_degC: Temperature of all joints, where the file holds temperature laws [degC].
 
     Raises:
         InputError: Files that cannot be read, or do not belong together.
     """
-    known = read_estimate(estimate)
+    known = estimate_at(estimate, at_degC)
     record = open_record(recording, known.model.robot)
     return validate(known, record, start_s=start_s, stop_s=stop_s)

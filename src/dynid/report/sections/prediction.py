@@ -38,7 +38,8 @@ def _part(item: ReportedEstimate, shown: ValidationResult) -> Part:
         heading=item.name,
         words=(
             words,
-            "A joint at rest can hold any torque within its stiction, so judge by the moving ones.",
+            "A joint at rest can hold any torque within its stiction, so judge by the moving "
+            "ones; narrow peaks where a joint stops are friction whose direction is not known.",
         ),
         tables=(_errors(robot.joint_names, shown),),
         figures=(

@@ -31,7 +31,7 @@ def _part(item: ReportedEstimate) -> Part:
         *(
             (f"setting {name}", str(value))
             for name, value in made.settings.items()
-            if value is not None
+            if value not in (None, "")
         ),
         *((("seed", str(made.seed)),) if made.seed is not None else ()),
     ]

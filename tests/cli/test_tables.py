@@ -1,0 +1,42 @@
+"""Tables keep every digit, however narrow the terminal is."""
+
+from __future__ import annotations
+
+import io
+import re
+
+import pytest
+from rich.console import Console
+
+from dynid.cli.output import count, print_table
+
+ROWS = [
+    ("shoulder_pan_joint", "0.914", "1.2345e-05", "-6.283", "0.999"),
+    ("a very long name of many words", "1.09", "-", "150.0", "0.998"),
+]
+COLUMNS = ("joint", "RMS", "std", "limit [SI]", "R2")
+
+
+@pytest.mark.parametrize("width", [20, 40, 60, 80, 200])
+def test_numbers_are_never_cut(width: int) -> None:
+    stream = io.StringIO()
+    screen = Console(file=stream, width=width, markup=False, highlight=False)
+    print_table(screen, "Title", COLUMNS, ROWS)
+    text = stream.getvalue()
+    for row in ROWS:
+        for cell in row[1:]:
+            assert re.search(rf"(?<![\d.]){re.escape(cell)}(?![\d.])", text), (cell, text)
+    for heading in COLUMNS:
+        assert heading in text
+    assert "shoulder_pan_joint" in text
+    assert screen.width == width
+
+
+def test_a_wide_terminal_holds_a_row_in_a_line() -> None:
+    stream = io.StringIO()
+    print_table(Console(file=stream, width=80), "Title", COLUMNS, ROWS)
+    assert len(stream.getvalue().splitlines()) == 3 + len(ROWS)
+
+
+def test_one_is_no_plural() -> None:
+    assert [count(k, "start") for k in (0, 1, 2)] == ["0 starts", "1 start", "2 starts"]

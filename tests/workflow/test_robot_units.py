@@ -1,0 +1,70 @@
+"""Degrees and millimetres in robot files are said; real arms are not suspected."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dynid
+from dynid.workflow.robot_units import unit_notes
+
+EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "robots").glob("*.toml"))
+ARM = """
+name = "arm"
+[dh]
+convention = "standard"
+a = [0.0, {length}, 0.3]
+d = [0.2, 0.0, 0.0]
+alpha = [1.5707963267948966, 0.0, 0.0]
+theta = [0.0, 0.0, 0.0]
+[limits]
+lower = [-{turn}, -1.0, -1.0]
+upper = [{turn}, 1.0, 1.0]
+velocity = [2.0, {speed}, 2.0]
+"""
+
+
+def written(path: Path, *, length: float = 0.4, turn: float = 3.0, speed: float = 2.0) -> Path:
+    path.write_text(ARM.format(length=length, turn=turn, speed=speed))
+    return path
+
+
+def test_what_is_not_si_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "arm.toml"
+    for change, said in (
+        ({"turn": 180.0}, "position limits of joint 1 reach 180 rad"),
+        ({"speed": 150.0}, "velocity limits of joint 2 reach 150 rad/s"),
+        ({"length": 400.0}, "look like millimetres"),
+    ):
+        (note,) = unit_notes(dynid.load_robot(written(path, **change)))
+        assert said in note
+    assert unit_notes(dynid.load_robot(written(path))) == ()
+
+
+def test_analyses_designs_and_checks_say_it(tmp_path: Path) -> None:
+    arm = dynid.load_robot(written(tmp_path / "arm.toml", turn=180.0))
+    settings = dynid.DesignSettings(starts=1, harmonics=2, period_s=4.0)
+    file = tmp_path / "design.json"
+    found = dynid.design(tmp_path / "arm.toml", settings, output=file)
+    for notes in (
+        dynid.analyze(arm).to_json()["notes"],
+        found.to_json()["notes"],
+        dynid.check(file).to_json()["notes"],
+    ):
+        assert "look like degrees" in notes[0]
+
+
+@pytest.mark.parametrize("robot", [*EXAMPLES, *(known.name for known in dynid.robots())], ids=str)
+def test_real_arms_are_not_suspected(robot: object) -> None:
+    model = dynid.load_robot(robot if isinstance(robot, Path) else str(robot))
+    assert unit_notes(model) == ()
+
+
+def test_joints_without_limits_are_not_suspected() -> None:
+    robot = dynid.load_robot("ur5")
+    for value in (np.inf, np.nan, 1e16):
+        wide = replace(robot.limits, velocity=np.full(6, value))
+        assert unit_notes(replace(robot, limits=wide)) == ()
