@@ -116,7 +116,8 @@ def check_differentiable(model: InverseDynamicModel) -> None:
     """Check that every column beside the inertial ones belongs to a block.
 
     Raises:
-        InputError: Columns that no block differentiates, as friction that grows with the load.
+        InputError: Columns that no block differentiates, as friction that grows with the load
+            and torque ripple.
     """
     n = 10 * model.robot.joints
     known = n + sum(len(block.columns(model.robot)) for block in model.blocks)
@@ -124,7 +125,7 @@ def check_differentiable(model: InverseDynamicModel) -> None:
         raise InputError(
             "columns without a derivative",
             value=model.names[known:],
-            next_step="Use a model without load-dependent friction.",
+            next_step="Use a model without load-dependent friction and torque ripple.",
         )
 
 

@@ -60,6 +60,7 @@ class InverseDynamicModel:
         added = tuple(column for block in blocks for column in block.columns(robot))
         if self.friction.load is not None:
             added += tuple(Column(f"Fl{j + 1}", "1", j) for j in self.friction.load.joints)
+        added += tuple(Column(f"Fw{r.joint + 1}", "1", r.joint) for r in self.friction.ripples)
         object.__setattr__(self, "frames", frames)
         object.__setattr__(self, "blocks", blocks)
         object.__setattr__(self, "columns", inertial + added)
@@ -114,6 +115,9 @@ class InverseDynamicModel:
             direction = smooth_sign(velocity, self.friction.width)
             for k, j in enumerate(load.joints):
                 out[first + k, j] = np.abs(carried[j]) * direction[j]
+            first += len(load.joints)
+        for k, ripple in enumerate(self.friction.ripples, start=first):
+            out[k, ripple.joint] = ripple.torque(position, velocity)
         return out
 
     def _check_shapes(self, q: Array, dq: Array, ddq: Array, out: Array | None) -> None:

@@ -9,6 +9,7 @@ from typing import Any, cast
 
 from dynid.core.errors import InputError
 from dynid.regressor.load import LoadFriction, load_from_json
+from dynid.regressor.ripple import TorqueRipple, ripples_from_json
 
 PAPER_WIDTH = 0.001
 """Width of the paper's Coulomb column tanh(dq / 0.001) [rad/s]."""
@@ -36,6 +37,8 @@ class FrictionTerms:
     """For the term `fs` [rad/s or m/s]."""
     load: LoadFriction | None = None
     """Friction that grows with the load: found by an identification, not a word of `--terms`."""
+    ripples: tuple[TorqueRipple, ...] = ()
+    """Torque ripple of gears, by joint: found by an identification too."""
 
     def __post_init__(self) -> None:
         words = [term for term, _ in self.terms]
@@ -55,6 +58,9 @@ class FrictionTerms:
             raise InputError("joints of a term count from 0", value=self.terms)
         if any(js is not None and (not js or len(set(js)) < len(js)) for _, js in self.terms):
             raise InputError("a term needs joints, each once", value=self.terms)
+        joints = [ripple.joint for ripple in self.ripples]
+        if joints != sorted(set(joints)):
+            raise InputError("torque ripple by joint, each once", value=joints)
 
     def check_joints(self, joints: int) -> None:
         """Check against the number of joints of a robot.
@@ -62,7 +68,8 @@ class FrictionTerms:
         Raises:
             InputError: A joint or a list of widths that the robot does not have.
         """
-        highest = max((j for _, js in self.terms for j in js or ()), default=0)
+        named = [r.joint for r in self.ripples] + [j for _, js in self.terms for j in js or ()]
+        highest = max([*named, *(gear.joint for r in self.ripples for gear in r.gears)], default=0)
         if highest >= joints:
             raise InputError(
                 "a term names a joint that the robot does not have",
@@ -90,6 +97,7 @@ class FrictionTerms:
             "width": width,
             "stribeck_velocity": self.stribeck_velocity,
             **({} if self.load is None else {"load": self.load.to_json()}),
+            **({"ripples": [r.to_json() for r in self.ripples]} if self.ripples else {}),
         }
 
 
@@ -139,7 +147,11 @@ def terms_from_json(data: Mapping[str, Any]) -> FrictionTerms:
             ),
             stribeck_velocity=float(data["stribeck_velocity"]),
         )
-        return replace(friction, load=load_from_json(data.get("load")))
+        return replace(
+            friction,
+            load=load_from_json(data.get("load")),
+            ripples=ripples_from_json(data.get("ripples")),
+        )
     except (KeyError, TypeError, ValueError) as error:
         raise InputError("friction terms cannot be read", value=str(data)) from error
 

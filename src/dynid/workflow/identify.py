@@ -17,6 +17,7 @@ from dynid.identification.estimate import Estimate
 from dynid.identification.fitting import fit_estimate
 from dynid.identification.loading import with_load
 from dynid.identification.plausibility import implausible_gravity
+from dynid.identification.ripple import with_ripple
 from dynid.identification.selection import Progress
 from dynid.recording.identity import identity
 from dynid.recording.record import ExperimentRecord
@@ -143,8 +144,12 @@ def _identify(
     parts = [process(record, robot, processing) for record in records]
     samples = parts[0] if len(parts) == 1 else joined(parts)
     model = InverseDynamicModel(robot=robot, frames=settings.frames, friction=friction)
+    model = with_load(model, samples, prior_gain)
+    if settings.preset == "best" and settings.terms is None and not ill_conditioned:
+        model = with_ripple(model, samples, prior_gain)
+        words = (*words, *(ripple.describe() for ripple in model.friction.ripples))
     estimate = fit_estimate(
-        with_load(model, samples, prior_gain),
+        model,
         samples,
         chosen_estimator(settings, robot, prior_gain, ill_conditioned=ill_conditioned),
         record=records[0],
