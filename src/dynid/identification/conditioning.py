@@ -81,6 +81,13 @@ def motion_condition_number(
     """
     base = reduce_model(InverseDynamicModel(robot=robot, frames=frames))
     cutoff = max(BANDWIDTH_FACTOR * motion_bandwidth(signals.q, signals.rate_hz), LOWEST_HZ)
-    smooth = replace(settings, cutoff_hz=cutoff, velocity="position", delays_s=None, decimate=True)
+    smooth = replace(
+        settings,
+        cutoff_hz=cutoff,
+        velocity="position",
+        delays_s=None,
+        decimate=True,
+        torque_filter=None,
+    )
     problem = IdentificationProblem(base=base, samples=samples_from(signals, smooth))
     return scaled_condition_number(observation_root(problem), base_mapping(base))

@@ -9,13 +9,12 @@ import numpy as np
 from dynid.core.arrays import Array
 from dynid.core.linalg import upper_triangle
 from dynid.identification.conditioning import base_mapping
+from dynid.identification.plausible_signs import NOT_NEGATIVE, symbol_of
 from dynid.identification.prior import InertialPrior
 from dynid.identification.problem import IdentificationProblem
 from dynid.regressor.model import InverseDynamicModel
 from dynid.robot.inertia import frame_map, to_pseudo_inertia
 
-NOT_NEGATIVE = ("Fc", "Fv", "Fr", "Fl", "Im", "Fcm", "Fvm", "Imm")
-"""Parameters that only take energy away, or store it."""
 BOUNDED_BY = {"Fca": "Fc", "Fva": "Fv", "Fs": "Fc"}
 """Added friction that must not outweigh its term: friction opposes motion both ways."""
 
@@ -105,7 +104,7 @@ def sign_constraints(model: InverseDynamicModel) -> Array:
     place = {name: k for k, name in enumerate(names)}
     rows: list[Array] = []
     for name, k in place.items():
-        symbol = name.rstrip("0123456789")
+        symbol = symbol_of(name)
         if symbol in NOT_NEGATIVE:
             rows.append(_row(len(names), k))
         base = BOUNDED_BY.get(symbol)

@@ -72,7 +72,8 @@ def held_out_weight(
     Raises:
         JobError: The solver finds no solution for any weight.
     """
-    poses = problem.samples.q[:: problem.samples.block][: problem.blocks]
+    used = problem.samples.q[problem.samples.rows]
+    poses = used[:: problem.samples.block][: problem.blocks]
     marks = pose_regions(poses)
     mapping = base_mapping(problem.base)
     scores = np.full((len(marks), len(POWERS)), np.inf)

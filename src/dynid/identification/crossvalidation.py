@@ -7,17 +7,20 @@ small solve on a sub-matrix.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from dynid.core.arrays import Array, Indices
+from dynid.core.arrays import Array, Indices, Mask
 from dynid.identification.least_squares import PRIOR_GAIN
-from dynid.identification.problem import block_mean
+from dynid.identification.plausible_signs import not_negative
+from dynid.identification.problem import block_mean, chunk_size, recorded_rows
 from dynid.reduction.base import BaseParametrization
-from dynid.regressor.model import CHUNK
+from dynid.signals.samples import Samples
 
+HELD = 1e12
+"""Stiffness that holds an unknown of unit columns at zero."""
 BLOCKS = 8
 """Contiguous stretches that are left out in turn."""
 
@@ -44,6 +47,8 @@ class Candidates:
     """Index of the first torque."""
     samples: int
     """N."""
+    positive: Mask
+    """(r + c) columns whose parameters cannot be negative: friction, motor inertia."""
 
     def score(
         self, variants: tuple[Variant, ...], weights: Array, prior_gain: float = PRIOR_GAIN
@@ -69,7 +74,13 @@ class Candidates:
         prior += 1e-12 * np.eye(size)
         systems = np.concatenate([total[None] - matrix, total[None]]) / np.outer(scale, scale)
         targets = np.concatenate([target[None] - vector, target[None]]) / scale
-        values = np.linalg.solve(systems + prior, targets[..., None])[..., 0] / scale
+        positive = np.concatenate(
+            [
+                self.positive[: self.shared],
+                *(self.positive[there[self.shared :]] for _, there, _ in picks),
+            ]
+        )
+        values = signed_solutions(systems + prior, targets, positive) / scale
         held_out = np.empty(len(variants))
         training = np.empty(len(variants))
         for j, (here, there, torque) in enumerate(picks):
@@ -114,6 +125,26 @@ class Candidates:
         return matrix, vector, energy
 
 
+def signed_solutions(systems: Array, targets: Array, positive: Mask) -> Array:
+    """Solutions (k, m) of systems (k, m, m) with `positive` (m) unknowns not below zero.
+
+    A model that needs negative friction or motor inertia fits this record, not the robot. What
+    comes out negative is held at zero and not let go again: close to the constrained minimum,
+    which would cost ten times as much.
+    """
+    held = np.zeros(targets.shape, dtype=bool)
+    values = np.empty_like(targets)
+    todo = np.arange(len(targets))
+    while len(todo):
+        stiff = HELD * held[todo, :, None] * np.eye(targets.shape[1])
+        found = np.linalg.solve(systems[todo] + stiff, targets[todo, :, None])[..., 0]
+        values[todo] = found
+        wrong = (found < -1e-6) & positive & ~held[todo]
+        held[todo] |= wrong
+        todo = todo[wrong.any(axis=1)]
+    return values
+
+
 def _square_error(products: Array, values: Array, columns: Indices, torque: int) -> float:
     quadratic = values @ products[np.ix_(columns, columns)] @ values
     return float(products[torque, torque] - 2 * values @ products[columns, torque] + quadratic)
@@ -121,44 +152,45 @@ def _square_error(products: Array, values: Array, columns: Indices, torque: int)
 
 def accumulate_candidates(
     base: BaseParametrization,
-    motion: tuple[Array, Array, Array],
+    samples: Samples,
     own_columns: Array,
     torques: Array,
-    block: int = 1,
+    positive: Mask,
 ) -> Candidates:
     """Sum the products of one record.
 
     Args:
         base: Model with the columns that every variant shares.
-        motion: q, dq, ddq, each (N, n).
+        samples: Its samples (N).
         own_columns: (n, c, N) candidate columns of each joint.
         torques: (n, d, N) torque of each joint for each delay.
-        block: Samples to average over, torques and columns alike.
+        positive: (c) candidate columns whose parameters cannot be negative.
 
     Returns:
         The products, ready to score variants.
     """
-    model = base.model
-    q, dq, ddq = motion
-    samples = len(q)
-    known = model.known_torque(q).T
-    count = base.rank + own_columns.shape[1] + torques.shape[1]
+    model, block, columns = base.model, samples.block, list(base.independent)
+    own = samples.as_recorded(own_columns)
+    # The torques come in several versions: only what is added to them is wanted here.
+    still = replace(samples, tau=np.zeros(samples.q.shape))
+    count = base.rank + own.shape[1] + torques.shape[1]
     products = np.zeros((model.robot.joints, BLOCKS, count, count))
-    edges = np.linspace(0, samples // block, BLOCKS + 1).astype(int) * block
-    step = max(1, CHUNK // block) * block
-    for k, (start, stop) in enumerate(pairwise(edges)):
+    used = samples.rows
+    count_used = (used.stop - used.start) // block
+    cuts = [used.start + k * count_used // BLOCKS * block for k in range(BLOCKS + 1)]
+    step = max(1, chunk_size(samples) // block) * block
+    for k, (start, stop) in enumerate(pairwise(cuts)):
         for first in range(start, stop, step):
             part = slice(first, min(first + step, stop))
-            stack = model.stack(q[part], dq[part], ddq[part])[list(base.independent)]
+            stack, known = recorded_rows(model, still, part, columns)
             for j in range(model.robot.joints):
-                rows = np.vstack(
-                    [stack[:, j], own_columns[j][:, part], torques[j][:, part] + known[j, part]]
-                )
+                rows = np.vstack([stack[:, j], own[j][:, part], torques[j][:, part] + known[j]])
                 rows = block_mean(rows, block)
                 products[j, k] += rows @ rows.T
     return Candidates(
         products=products,
         shared=base.rank,
-        torques=base.rank + own_columns.shape[1],
-        samples=samples // block,
+        torques=base.rank + own.shape[1],
+        samples=count_used,
+        positive=np.concatenate([not_negative(model)[columns], positive]),
     )

@@ -19,6 +19,7 @@ from dynid.regressor.model import InverseDynamicModel
 from dynid.regressor.terms import terms_from_json
 from dynid.robot.serial import robot_from_json, robot_to_json
 from dynid.signals.samples import ProcessingSettings
+from dynid.signals.torque_filter import TorqueFilter
 
 FORMAT = "dynid-estimate"
 VERSION = 1
@@ -134,6 +135,8 @@ def _estimate(data: dict[str, Any]) -> Estimate:
     settings = dict(data["settings"])
     if settings["delays_s"] is not None:
         settings["delays_s"] = tuple(float(d) for d in settings["delays_s"])
+    if settings.get("torque_filter") is not None:
+        settings["torque_filter"] = TorqueFilter(**settings["torque_filter"])
     table: list[dict[str, Any]] = data["parameters"]
     motion = data["motion"]
     made = data["provenance"]

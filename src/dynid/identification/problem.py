@@ -10,7 +10,7 @@ import numpy as np
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError
 from dynid.reduction.base import BaseParametrization
-from dynid.regressor.model import CHUNK
+from dynid.regressor.model import CHUNK, InverseDynamicModel
 from dynid.signals.samples import Samples
 
 
@@ -39,7 +39,8 @@ class IdentificationProblem:
     @property
     def blocks(self) -> int:
         """Rows a joint: samples over block length."""
-        return self.samples.count // self.samples.block
+        rows = self.samples.rows
+        return (rows.stop - rows.start) // self.samples.block
 
     @property
     def rate_hz(self) -> float:
@@ -54,13 +55,12 @@ class IdentificationProblem:
         """
         model, samples, block = self.base.model, self.samples, self.samples.block
         columns = list(self.base.independent)
-        step = max(1, CHUNK // block)
+        step = max(1, chunk_size(samples) // block)
         for first in range(0, self.blocks, step):
             rows = slice(first, min(first + step, self.blocks))
-            part = slice(rows.start * block, rows.stop * block)
-            q = samples.q[part]
-            stack = model.stack(q, samples.dq[part], samples.ddq[part])[columns]
-            torque = (samples.tau[part] + model.known_torque(q)).T
+            first_sample = samples.rows.start + rows.start * block
+            part = slice(first_sample, first_sample + (rows.stop - rows.start) * block)
+            stack, torque = recorded_rows(model, samples, part, columns)
             yield rows, block_mean(stack, block), block_mean(torque, block)
 
     def residual(self, values: Array) -> Array:
@@ -69,6 +69,23 @@ class IdentificationProblem:
         for rows, columns, torque in self.chunks():
             out[:, rows] = torque - np.tensordot(values, columns, axes=1)
         return out
+
+
+def chunk_size(samples: Samples) -> int:
+    """Samples evaluated at once: what lies beside a chunk must not outweigh it."""
+    reach = 0 if samples.torque_filter is None else samples.torque_filter.reach(samples.rate_hz)
+    return max(CHUNK, 4 * reach)
+
+
+def recorded_rows(
+    model: InverseDynamicModel, samples: Samples, part: slice, columns: list[int]
+) -> tuple[Array, Array]:
+    """Columns (r, n, T) as the record would show them, and torques (n, T), known ones added."""
+    wide, inner = samples.surroundings(part)
+    q = samples.q[wide]
+    stack = model.stack(q, samples.dq[wide], samples.ddq[wide])[columns]
+    known = samples.as_recorded(model.known_torque(q).T, wide)[:, inner]
+    return samples.as_recorded(stack, wide)[..., inner], samples.tau[part].T + known
 
 
 def block_mean(values: Array, block: int) -> Array:

@@ -8,6 +8,12 @@ import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError
+from dynid.identification.candidate_columns import (
+    EXTRA_WIDTH,
+    LOAD,
+    WIDTHS,
+    CandidateColumns,
+)
 from dynid.identification.crossvalidation import (
     BLOCKS,
     Candidates,
@@ -17,8 +23,6 @@ from dynid.identification.crossvalidation import (
 from dynid.identification.least_squares import PRIOR_GAIN
 from dynid.identification.loading import load_size
 from dynid.reduction.base import reduce_model
-from dynid.regressor.blocks import smooth_sign
-from dynid.regressor.layout import friction_block
 from dynid.regressor.load import LoadFriction
 from dynid.regressor.model import InverseDynamicModel
 from dynid.regressor.terms import TERMS, FrictionTerms
@@ -27,13 +31,10 @@ from dynid.signals.process import delayed, samples_from
 from dynid.signals.resample import UniformSignals
 from dynid.signals.samples import ProcessingSettings
 
-LOAD = "fl"
-WIDTHS = (0.001, 0.003, 0.01, 0.02, 0.04, 0.07, 0.12, 0.2)
-"""Widths of the Coulomb step that are tried [rad/s]."""
 EXTRA_TERMS = ("fo", "fca", "fva", "fs", "fr", LOAD)
 """Terms that a joint may take beside the paper's; load-dependent friction has the step's width."""
-EXTRA_WIDTH = 0.01
-"""Width inside candidate columns that have a step, until the joint's own is known [rad/s]."""
+PAIR = frozenset({"fo", "fca"})
+"""Together an offset that stops at rest; alone neither helps."""
 PRIOR_GAINS = (PRIOR_GAIN, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 """Priors that are tried on such a record."""
 DELAY_STEPS = (-3, -2, -1, 1, 2, 3)
@@ -105,47 +106,32 @@ class Search:
         load = np.zeros(samples.q.T.shape)
         if LOAD in self.extras:
             load = load_size(self.robot, self.frames, samples, EXTRA_WIDTH)
-        own = np.stack([self._own_columns(*both) for both in zip(samples.dq.T, load, strict=True)])
+        columns = self.columns
+        own = np.stack([columns.values(*both) for both in zip(samples.dq.T, load, strict=True)])
         result = accumulate_candidates(
             self.base,
-            (samples.q, samples.dq, samples.ddq),
+            samples,
             own,
             np.stack(torques, axis=1),
-            samples.block,
+            columns.positive,
         )
         self._cache = (settings, result)
         return result
 
-    def _own_columns(self, dq: Array, load: Array) -> Array:
-        """(c, N): one step a width for each stepped term, then the extra terms, load last."""
-        stepped = [
-            _term_column(term, dq, width, self.speed)
-            for term, _ in self.stepped
-            for width in WIDTHS
-        ]
-        extra = [
-            _term_column(term, dq, EXTRA_WIDTH, self.speed) for term in self.extras if term != LOAD
-        ]
-        loaded = [load * smooth_sign(dq, width) for width in WIDTHS if LOAD in self.extras]
-        return np.array([*stepped, *extra, *loaded])
+    @property
+    def columns(self) -> CandidateColumns:
+        """The columns that a joint may be given."""
+        return CandidateColumns(
+            stepped=self.stepped, extras=self.extras, stribeck_velocity=self.speed
+        )
 
     def variants(self, choices: tuple[JointChoice, ...]) -> tuple[Variant, ...]:
         """The candidate columns and torques that choices stand for."""
-        return tuple(self._variant(j, choice) for j, choice in enumerate(choices))
-
-    def _variant(self, joint: int, choice: JointChoice) -> Variant:
-        steps = [
-            k * len(WIDTHS) + choice.width
-            for k, (_, joints) in enumerate(self.stepped)
-            if joints is None or joint in joints
-        ]
-        first = len(self.stepped) * len(WIDTHS)
-        # The load's columns come last, one a width.
-        extras = [
-            first + k + (choice.width if self.extras[k] == LOAD else 0)
-            for k in sorted(choice.terms)
-        ]
-        return Variant(columns=(*steps, *extras), torque=choice.delay)
+        places = self.columns.places
+        return tuple(
+            Variant(columns=places(j, choice.width, choice.terms), torque=choice.delay)
+            for j, choice in enumerate(choices)
+        )
 
     def score(
         self,
@@ -202,6 +188,9 @@ class Search:
         for term in range(len(self.extras)):
             toggled = now.terms ^ {term}
             moves += [replace(now, terms=toggled, width=k) for k in widths]
+        if set(self.extras) >= PAIR:
+            both = frozenset(self.extras.index(term) for term in PAIR)
+            moves += [replace(now, terms=now.terms | both, width=k) for k in widths]
         return [move for move in moves if move != now]
 
     def settings(
@@ -241,10 +230,3 @@ def _price(now: JointChoice, trial: JointChoice, no_delay: int) -> float:
     )
     width = GAIN_OF_SHAPE * (float(trial.width > 0) - float(now.width > 0))
     return terms + delay + width + 1e-4
-
-
-def _term_column(term: str, dq: Array, width: float, speed: float) -> Array:
-    """(N) the column of one term for one joint's velocities (N)."""
-    shape = FrictionTerms(width=width, stribeck_velocity=speed)
-    velocity = dq[None]
-    return friction_block(term, shape).values(velocity, velocity)[0]

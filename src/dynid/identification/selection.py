@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from dynid.core.arrays import Array
 from dynid.identification.conditioning import ILL_CONDITIONED, motion_condition_number
 from dynid.identification.least_squares import PRIOR_GAIN
@@ -18,9 +20,13 @@ from dynid.robot.model import RobotModel
 from dynid.signals.filters import NYQUIST_SHARE
 from dynid.signals.resample import UniformSignals
 from dynid.signals.samples import ProcessingSettings
+from dynid.signals.torque_filter import ORDERS, TorqueFilter, torque_end, was_smoothed
 
 CUTOFFS_HZ = (2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 22.0, 33.0, 50.0, 75.0)
 """Cut-offs that are tried, as far as the record's length and rate allow."""
+
+SHORTEST_RECORD = 10.0
+"""Periods of the torque filter's cut-off that a record must hold."""
 
 Progress = Callable[[str, float], None]
 
@@ -73,6 +79,10 @@ def select(
         scored.append((search.score(search.candidates(trial), plain)[0], index))
     best = min(scored)[1]
     choices = plain
+    if settings.torque_filter is None and was_smoothed(signals):
+        tell("what smoothed the torque", 0.3)
+        passed = _passed_by(search, trials[best], plain)
+        trials = tuple(replace(trial, torque_filter=passed) for trial in trials)
     # Blocks of an ill-conditioned record do not show how a richer model does on another motion.
     ill = motion_condition_number(robot, frames, signals, settings) > ILL_CONDITIONED
     if ill:
@@ -99,6 +109,38 @@ def select(
         prior_gain=gain,
         ill_conditioned=ill,
     )
+
+
+def _passed_by(
+    search: Search, trial: ProcessingSettings, plain: tuple[JointChoice, ...]
+) -> TorqueFilter | None:
+    """The filter that the torque has passed, if one explains it better than none.
+
+    Cut-offs up to where the torque ends, then finer beside the best, then orders: an error in
+    the cut-off costs more than one in the order.
+    """
+    known: dict[TorqueFilter | None, float] = {}
+
+    def score(passed: TorqueFilter | None) -> float:
+        if passed not in known:
+            settings = replace(trial, torque_filter=passed)
+            known[passed] = search.score(search.candidates(settings), plain)[0]
+        return known[passed]
+
+    highest = torque_end(search.signals)
+    lowest = max(highest / 8, SHORTEST_RECORD / float(np.ptp(search.signals.t)))
+    cutoffs = np.geomspace(min(lowest, highest / 2), highest, 6)
+    found = min((TorqueFilter(cutoff_hz=float(f), order=2) for f in cutoffs), key=score)
+    step = float(cutoffs[1] / cutoffs[0])
+    for _ in range(3):
+        step = step**0.5
+        beside = (replace(found, cutoff_hz=found.cutoff_hz * r) for r in (1.0, step, 1 / step))
+        found = min(beside, key=score)
+        near = (k for k in ORDERS if abs(k - found.order) <= 1)
+        found = min((replace(found, order=order) for order in near), key=score)
+    if score(found) > score(None) - GAIN_OF_SHAPE * search.robot.joints:
+        return None
+    return found
 
 
 def _silent(_what: str, _share: float) -> None:

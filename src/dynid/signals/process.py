@@ -77,6 +77,7 @@ def samples_from(signals: UniformSignals, settings: ProcessingSettings) -> Sampl
         block=_block(rate, cutoff) if settings.decimate else 1,
         rate_hz=rate,
         cutoff_hz=cutoff,
+        torque_filter=settings.torque_filter,
     )
 
 
@@ -136,6 +137,7 @@ def _periodic(one: UniformSignals, settings: ProcessingSettings, cutoff: float) 
         rate_hz=rate,
         cutoff_hz=cutoff,
         noise=one.noise,
+        torque_filter=settings.torque_filter,
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from dynid.core.arrays import Array, frozen
 from dynid.core.errors import InputError
 from dynid.signals.derivatives import METHODS
+from dynid.signals.torque_filter import TorqueFilter
 
 VELOCITY_SOURCES = ("position", "measured")
 
@@ -39,6 +40,8 @@ class ProcessingSettings:
     """Average torques and columns over blocks as long as the cut-off allows."""
     period_s: float | None = None
     """Average over periods of this length [s]."""
+    torque_filter: TorqueFilter | None = None
+    """The low-pass that the torque had passed before it was written; the model passes it too."""
 
     def __post_init__(self) -> None:
         if self.cutoff_hz is not None and not 0 < self.cutoff_hz < 1e6:
@@ -84,6 +87,8 @@ class Samples:
     """Cut-off that was used [Hz]."""
     noise: Array | None = None
     """(n) torque noise from the scatter between periods [N.m], if there were periods."""
+    torque_filter: TorqueFilter | None = None
+    """The low-pass that the recorded torque has passed."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", frozen(self.t, shape=(None,), name="t"))
@@ -91,6 +96,27 @@ class Samples:
         for name in ("dq", "ddq", "tau"):
             value = frozen(getattr(self, name), shape=self.q.shape, name=name)
             object.__setattr__(self, name, value)
+
+    def as_recorded(self, values: Array, part: slice | None = None) -> Array:
+        """What the record would show of torques or columns (..., T) of a part of the samples."""
+        if self.torque_filter is None:
+            return values
+        stamps = self.t if part is None else self.t[part]
+        return self.torque_filter.passed(values, stamps, self.rate_hz)
+
+    def surroundings(self, part: slice) -> tuple[slice, slice]:
+        """A part with what the torque filter looks at beside it, and the part inside that."""
+        reach = 0 if self.torque_filter is None else self.torque_filter.reach(self.rate_hz)
+        wide = slice(max(part.start - reach, 0), min(part.stop + reach, self.count))
+        return wide, slice(part.start - wide.start, part.stop - wide.start)
+
+    @property
+    def rows(self) -> slice:
+        """The samples whose torques are used: the torque filter has settled there."""
+        if self.torque_filter is None:
+            return slice(0, self.count)
+        edge = min(self.torque_filter.settled(self.rate_hz), self.count // 8)
+        return slice(edge, self.count - edge)
 
     @property
     def count(self) -> int:
@@ -115,4 +141,5 @@ def joined(parts: Sequence[Samples]) -> Samples:
         block=max(part.block for part in parts),
         rate_hz=parts[0].rate_hz,
         cutoff_hz=parts[0].cutoff_hz,
+        torque_filter=parts[0].torque_filter,
     )

@@ -53,4 +53,5 @@ def samples_at_stamps(
         tau=tau,
         rate_hz=samples.rate_hz,
         cutoff_hz=samples.cutoff_hz,
+        torque_filter=samples.torque_filter,
     )

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core.arrays import Array, Mask
+from dynid.core.arrays import Array, Mask, read_only
 from dynid.core.notices import Notice
 from dynid.identification.estimate import Estimate
 from dynid.identification.least_squares import autocorrelation
@@ -150,12 +150,14 @@ def _another_robot(estimate: Estimate, record: ExperimentRecord) -> tuple[Notice
 
 def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:
     """Compare predicted and measured torques of samples; see `validate`."""
-    predicted = estimate.predict(samples.q, samples.dq, samples.ddq)
-    measured = samples.tau
-    moving = np.abs(samples.dq) > MOVING_SPEED
+    model = estimate.predict(samples.q, samples.dq, samples.ddq)
+    rows = samples.rows
+    predicted = read_only(samples.as_recorded(model.T).T[rows])
+    measured, dq = samples.tau[rows], samples.dq[rows]
+    moving = np.abs(dq) > MOVING_SPEED
     return ValidationResult(
-        t=samples.t,
-        dq=samples.dq,
+        t=samples.t[rows],
+        dq=dq,
         measured=measured,
         predicted=predicted,
         metrics=metrics(measured, predicted),

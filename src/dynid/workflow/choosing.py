@@ -75,6 +75,8 @@ def _words(chosen: Selection) -> tuple[str, ...]:
         f"Coulomb widths {_row(widths)} rad/s",
         f"held-out RMS {_row(chosen.noise)} N.m",
     ]
+    if settings.torque_filter is not None:
+        words.insert(0, settings.torque_filter.describe())
     if chosen.prior_gain < PRIOR_GAIN:
         words.insert(
             -1, f"prior gain {chosen.prior_gain:g}, stronger for an ill-conditioned record"

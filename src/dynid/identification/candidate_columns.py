@@ -1,0 +1,70 @@
+"""The friction columns that one joint may be given, side by side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynid.core.arrays import Array, Mask
+from dynid.identification.plausible_signs import NOT_NEGATIVE
+from dynid.regressor.blocks import smooth_sign
+from dynid.regressor.layout import friction_block
+from dynid.regressor.terms import FrictionTerms
+
+LOAD = "fl"
+WIDTHS = (0.001, 0.003, 0.01, 0.02, 0.04, 0.07, 0.12, 0.2)
+"""Widths of the Coulomb step that are tried [rad/s]."""
+EXTRA_WIDTH = 0.01
+"""Width inside candidate columns that have a step, until the joint's own is known [rad/s]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CandidateColumns:
+    """One step a width for each stepped term, then the extra terms, load-dependent ones last."""
+
+    stepped: tuple[tuple[str, tuple[int, ...] | None], ...]
+    """Terms with a step that all choices have, and their joints from 0; None for all."""
+    extras: tuple[str, ...]
+    """Terms that a joint may take besides; load-dependent friction has the step's width."""
+    stribeck_velocity: float
+    """[rad/s or m/s]"""
+
+    def values(self, dq: Array, load: Array) -> Array:
+        """(c, N) the columns for one joint's velocities (N) and size of load (N)."""
+        stepped = [self._column(term, dq, width) for term, _ in self.stepped for width in WIDTHS]
+        extra = [self._column(term, dq, EXTRA_WIDTH) for term in self.extras if term != LOAD]
+        loaded = [load * smooth_sign(dq, width) for width in WIDTHS if LOAD in self.extras]
+        return np.array([*stepped, *extra, *loaded])
+
+    @property
+    def positive(self) -> Mask:
+        """(c) columns whose parameters cannot be negative."""
+        words = [word for word, _ in self.stepped for _ in WIDTHS]
+        words += [word for word in self.extras if word != LOAD]
+        words += [LOAD for _ in WIDTHS if LOAD in self.extras]
+        return np.array([word.capitalize() in NOT_NEGATIVE for word in words], dtype=bool)
+
+    def places(self, joint: int, width: int, terms: frozenset[int]) -> tuple[int, ...]:
+        """Where the columns of one choice stand.
+
+        Args:
+            joint: Whose choice, from 0.
+            width: Index into `WIDTHS`.
+            terms: Indices into `extras`.
+        """
+        steps = [
+            k * len(WIDTHS) + width
+            for k, (_, joints) in enumerate(self.stepped)
+            if joints is None or joint in joints
+        ]
+        first = len(self.stepped) * len(WIDTHS)
+        return (
+            *steps,
+            *(first + k + (width if self.extras[k] == LOAD else 0) for k in sorted(terms)),
+        )
+
+    def _column(self, term: str, dq: Array, width: float) -> Array:
+        shape = FrictionTerms(width=width, stribeck_velocity=self.stribeck_velocity)
+        velocity = dq[None]
+        return friction_block(term, shape).values(velocity, velocity)[0]
