@@ -7,7 +7,7 @@ import pytest
 import scipy.io
 from recorded_motions import MAT_COLUMNS, Motion, write_mat, write_npz
 
-from dynid.core.errors import RecordError
+from dynid.core.errors import InputError, RecordError
 from dynid.recording.files import read_recording
 from dynid.robot.load import load_robot
 
@@ -125,7 +125,8 @@ def test_pickled_arrays_are_never_loaded(tmp_path: Path) -> None:
 def test_version_73_says_how_to_save(tmp_path: Path) -> None:
     path = tmp_path / "x.mat"
     path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512) + b"\x89HDF\r\n\x1a\n")
-    with pytest.raises(RecordError, match="-v7"):
+    # Damaged as it is, or without h5py: in both cases there is a way out.
+    with pytest.raises(InputError, match="-v7"):
         read_recording(path)
 
 

@@ -82,8 +82,10 @@ def test_tx40_motor_side_with_a_coupled_wrist() -> None:
     assert codes(blind) == ["unit_suspect", "at_rest"]
     with pytest.raises(RecordError, match="--rate"):
         read_recording(TX40, columns="q=0:6,effort=6:12")
-    with pytest.raises(RecordError, match="--columns"):
-        read_recording(TX40, rate_hz=5000)
+    named = read_recording(TX40[::-1], robot=robot, rate_hz=5000)
+    assert set(named.signals) == {"q", "current"}
+    assert "named by their files" in named.metadata.extra["notes"]
+    np.testing.assert_array_equal(named.signals["q"], record.signals["q"])
 
 
 def test_panda_one_number_a_line() -> None:
@@ -96,6 +98,17 @@ def test_panda_one_number_a_line() -> None:
     assert "clock_jitter" in codes(record)
     assert "row by row as 7 columns" in record.metadata.extra["notes"]
     assert record.signals["q"][0].tolist()[:3] == [-0.9584, 0.5622, -1.4576]
+    # The names of the files say it as well, in any order.
+    robot = load_robot(Path(__file__).parents[2] / "examples" / "robots" / "panda.toml")
+    for order in (PANDA, PANDA[::-1]):
+        named = read_recording(order, robot=robot)
+        for quantity in ("q", "qd", "effort"):
+            np.testing.assert_array_equal(named.signals[quantity], record.signals[quantity])
+        np.testing.assert_array_equal(named.t, record.t)
+    clockless = [path for path in PANDA if "time" not in path.name]
+    counted = read_recording(clockless, robot=robot, rate_hz=1000)
+    assert counted.metadata.clock == "rate"
+    assert counted.joints == 7
 
 
 @pytest.mark.parametrize(
@@ -116,6 +129,6 @@ def test_documents_are_no_recordings() -> None:
     for path in (DATA / "README.md", DATA / "ur10_unisa" / "ur10_robot.urdf"):
         with pytest.raises(RecordError):
             read_recording(path)
-    with pytest.raises(RecordError, match=r"no \.db3"):
+    with pytest.raises(RecordError, match=r"2 files.*dynid import .*curr_data\.csv"):
         read_recording(DATA / "tx40")
     assert read_recording(DATA / "ur10_unisa").samples == 3441

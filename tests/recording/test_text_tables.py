@@ -334,8 +334,15 @@ def test_hopeless_files_are_one_clear_error(tmp_path: Path, content: bytes, word
 def test_hopeless_paths(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match="no such file"):
         read_recording(tmp_path / "none.csv")
-    with pytest.raises(RecordError, match=r"no \.db3"):
+    with pytest.raises(RecordError, match="holds no recording"):
         read_recording(tmp_path)
+    motion = Motion()
+    path = write_rtde_csv(motion, tmp_path / "only.csv")
+    assert read_recording(tmp_path).samples == motion.samples
+    write_rtde_csv(motion, tmp_path / "second.csv")
+    with pytest.raises(RecordError, match=r"2 files.*dynid import .*only\.csv .*second\.csv"):
+        read_recording(tmp_path)
+    path.unlink()
     with pytest.raises(RecordError, match="no recording was given"):
         read_recording([])
 

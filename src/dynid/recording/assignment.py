@@ -12,7 +12,7 @@ from dynid.core.notices import Notice
 from dynid.recording.clocks import Clock
 from dynid.recording.columns import parse_columns, select
 from dynid.recording.headers import match_headers
-from dynid.recording.naming import parse_name
+from dynid.recording.naming import Name, parse_name
 from dynid.recording.table import plain
 from dynid.recording.units import factor_of
 
@@ -91,7 +91,7 @@ def assign(
     said: set[str] = set()
     notices: list[Notice] = []
     for quantity, numbers in mapping.items():
-        units = [parse_name(names[k]).unit for k in numbers]
+        units = _units_of([parse_name(names[k]) for k in numbers])
         known = [factor_of(quantity, unit) for unit in units]
         if None in known:
             unit = units[known.index(None)]
@@ -123,6 +123,14 @@ def assign(
         notes=_conversions(factors),
         notices=tuple(notices),
     )
+
+
+def _units_of(parsed: Sequence[Name]) -> list[str]:
+    """Units of columns; what stands in brackets is a joint's name where each has another."""
+    joints = {name.joint for name in parsed}
+    if all(joints) and len(joints) == len(parsed) > 1:
+        return [name.unit if name.joint not in name.unit else "" for name in parsed]
+    return [name.unit for name in parsed]
 
 
 def _joints_of(names: Sequence[str], joints: Sequence[str]) -> tuple[str, ...]:

@@ -7,7 +7,9 @@ from pathlib import Path
 
 from dynid.core.errors import RecordError
 from dynid.recording.assignment import assign
+from dynid.recording.filenames import names_by_files
 from dynid.recording.layout import suggest_columns
+from dynid.recording.naming import parse_name
 from dynid.recording.stamping import stamps_of
 from dynid.recording.table import RawTable
 from dynid.recording.text.dialect import sniff
@@ -46,7 +48,9 @@ def read_csv(
             belong together.
     """
     where = ", ".join(path.name for path in paths)
-    sheets = lay_side_by_side([sniff(p, header=header, delimiter=delimiter) for p in paths])
+    sheets = lay_side_by_side(
+        [sniff(p, header=header, delimiter=delimiter) for p in paths], len(joints) or None
+    )
     width = sum(sheet.width for sheet in sheets)
     names = _all_names(sheets)
     notes: tuple[str, ...] = tuple(
@@ -54,6 +58,11 @@ def read_csv(
         for sheet in sheets
         if sheet.width > 1 and sheet.numbers is not None
     )
+    if columns is None and len(sheets) > 1 and not _says_anything(names):
+        files = [sheet.dialect.path for sheet in sheets]
+        names = names_by_files(files, [sheet.width for sheet in sheets])
+        if names is not None:
+            notes = (*notes, "the columns are named by their files")
     if columns is None and names is None:
         raise _no_header(sheets, where, len(joints) or None)
     found = assign(names, columns, width, where, joints)
@@ -97,6 +106,11 @@ def read_csv(
         notices=(*found.notices, *pasted.notices),
         notes=(*notes, *found.notes, *filter(None, (stamps.note,))),
     )
+
+
+def _says_anything(names: tuple[str, ...] | None) -> bool:
+    """Whether some column's name is one of a quantity."""
+    return names is not None and any(parse_name(name).meaning for name in names)
 
 
 def _named_in_rows(sheets: list[Sheet], joints: int) -> tuple[str, ...]:

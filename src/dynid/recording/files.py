@@ -26,6 +26,11 @@ from dynid.robot.model import RobotModel
 
 _TEXT = ("auto", "csv", "ur-csv", "ur-rtde-csv")
 
+_EXTENSIONS = (
+    *(".csv", ".txt", ".tsv", ".dat", ".log", ".mat", ".npz", ".npy", ".h5", ".hdf5"),
+    *(".parquet", ".feather", ".arrow", ".gz", ".bz2", ".xz", ".zst", ".zip"),
+)
+
 MAX_RATE_HZ = 1e6
 
 
@@ -121,12 +126,41 @@ def _existing(paths: str | Path | Sequence[str | Path]) -> list[Path]:
         if file.is_dir():
             if len(files) > 1:
                 raise RecordError("a folder cannot stand beside other files", where=str(file))
-            return bag_files(file)
+            return _in_folder(file)
         if not file.is_file():
             raise RecordError("this is no regular file", where=str(file))
         if size == 0:
             raise RecordError("the file is empty", where=str(file))
     return files
+
+
+def _in_folder(folder: Path) -> list[Path]:
+    """The storage files of a bag, or the only recording that a folder holds.
+
+    Raises:
+        RecordError: The folder holds no recording, or several.
+    """
+    bags = bag_files(folder)
+    others = sorted(
+        path
+        for path in folder.iterdir()
+        if path.is_file() and path.name.lower().endswith(_EXTENSIONS) and path not in bags
+    )
+    if bags or len(others) == 1:
+        return bags or others
+    if not others:
+        raise RecordError(
+            "the folder holds no recording",
+            where=str(folder),
+            limit="a ROS bag, or files that end in " + ", ".join(_EXTENSIONS),
+        )
+    quoted = " ".join(str(path) for path in others[:8])
+    raise RecordError(
+        f"the folder holds {len(others)} files",
+        where=str(folder),
+        value=[path.name for path in others[:20]],
+        next_step=f"Name one, or those that belong side by side: dynid import {quoted} ...",
+    )
 
 
 def _format(files: list[Path], wanted: str) -> str:
@@ -141,7 +175,9 @@ def _format(files: list[Path], wanted: str) -> str:
         )
     if len(files) > 1 and kind not in ("csv", "rosbag", "mcap"):
         raise RecordError(
-            f"only one {kind} file can be read at a time", value=[file.name for file in files]
+            f"only one {kind} file can be read at a time",
+            value=[file.name for file in files],
+            next_step="Import each by itself; dynid identify takes several recordings.",
         )
     if wanted == "auto":
         return "auto" if kind == "csv" else kind

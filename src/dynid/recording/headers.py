@@ -162,7 +162,13 @@ def _families(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[Fam
     if any(family.whole for family in plainly.get("q", [])):
         return plainly
     split = collect(split_joint(text) or parse_name(text) for text in names)
-    return split if any(family.joints for family in split.get("q", [])) else plainly
+    torques = [set(x.joints) for name in TORQUE_SOURCES for x in split.get(name, [])]
+    # `q_raw` and `q_filtered` are no two joints; where torques have the same names, they are.
+    sure = any(
+        family.joints and any(set(family.joints) <= joints for joints in torques)
+        for family in split.get("q", [])
+    )
+    return split if sure else plainly
 
 
 def _only(family: Family, wanted: set[str]) -> Family:

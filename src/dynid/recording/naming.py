@@ -19,6 +19,26 @@ _DEGREES = re.compile(r"(^|_)(deg|degs|degree|degrees)(_|$)")
 _SECONDS = frozenset({"sec", "secs"})
 _NANOSECONDS = frozenset({"nanosec", "nanosecs", "nsec", "nsecs"})
 _NO_JOINT = PLAIN | TARGET | OTHER | {"header", "stamp", "time", "current", "previous"}
+_QUALIFIERS = (TARGET | OTHER | CONTENT) | frozenset(
+    [
+        "raw",
+        "filtered",
+        "filt",
+        "smooth",
+        "sim",
+        "simulated",
+        "model",
+        "mean",
+        "std",
+        "var",
+        "min",
+        "max",
+        "rms",
+        "init",
+        "start",
+        "end",
+    ]
+)
 _ONE_LETTER = {"a": "current", "s": "t"}
 
 
@@ -45,7 +65,7 @@ class Name:
     @property
     def clock(self) -> str:
         """`sec` or `nanosec` for half of a stamp, `stamp` for a header's, else empty."""
-        words = [*self.scope.split("."), *self.base.split("_")]
+        words = [word for word in (*self.scope.split("."), *self.base.split("_")) if word] or [""]
         if words[-1] in _NANOSECONDS:
             return "nanosec"
         if words[-1] in _SECONDS and ("stamp" in words or words == [words[-1]]):
@@ -146,11 +166,11 @@ def split_joint(text: str) -> Name | None:
     for k in range(1, len(words)):
         tail = "_".join(words[k:])
         # `elbow_joint_position` is the position of `elbow_joint`.
-        if tail in RANK and words[k] not in ("joint", "jnt"):
+        if tail in RANK and words[k] not in ("joint", "jnt") and not _QUALIFIERS & {*words[:k]}:
             return _name(tail, parts[:-1], joint="_".join(words[:k]), unit=unit)
     for k in range(len(words) - 1, 0, -1):
         head = "_".join(words[:k])
-        if head in RANK and not words[k].isdecimal():
+        if head in RANK and not words[k].isdecimal() and not _QUALIFIERS & {*words[k:]}:
             return _name(head, parts[:-1], joint="_".join(words[k:]), unit=unit)
     return None
 

@@ -130,18 +130,8 @@ def read_bag(
 
 
 def bag_files(folder: Path) -> list[Path]:
-    """The storage files of a bag folder, in the order of their numbers.
-
-    Raises:
-        RecordError: The folder holds no bag.
-    """
+    """The storage files of a bag folder, in the order of their numbers; none in any other."""
     files = [path for path in folder.iterdir() if path.suffix in _SUFFIXES]
-    if not files:
-        raise RecordError(
-            "the folder holds no .db3, .mcap or .bag file",
-            where=folder.name,
-            next_step="Give the folder that `ros2 bag record` wrote, or one recording.",
-        )
     return sorted(files, key=lambda path: (len(path.name), path.name))
 
 

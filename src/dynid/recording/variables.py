@@ -15,10 +15,12 @@ from dynid.core.errors import RecordError
 from dynid.recording.columns import parse_columns, select
 from dynid.recording.headers import match_headers
 from dynid.recording.naming import parse_name, says_degrees
-from dynid.recording.table import ANGLES, RawTable
+from dynid.recording.table import ANGLES, RawTable, plain
 from dynid.recording.units import factor_of, refuse_unit
 
 _SLICE = re.compile(r"(.+?)\[(?::\s*,)?\s*([\d:+]+)\s*\]")
+_FEWEST = 24
+"""Shorter arrays are no signals."""
 _COLUMNS = re.compile(r"[\d:+]+")
 
 
@@ -124,7 +126,11 @@ def _guess(
     variables: Mapping[str, Array], where: str, joints: Sequence[str]
 ) -> tuple[dict[str, Array], dict[str, str], list[str]]:
     """Quantities by the paths of the variables: the arrays, their paths, and notes."""
-    paths = [path for path, value in variables.items() if value.size > 1]
+    # Parameters and settings stand beside the signals.
+    paths = [
+        path for path, value in variables.items() if path and max(value.shape, default=0) >= _FEWEST
+    ]
+    paths = paths or list(variables)
     try:
         match = match_headers(paths, where, joints)
         arrays: dict[str, Array] = {}
@@ -146,7 +152,12 @@ def _guess(
                 arrays[quantity] = np.column_stack([part.ravel() for part in parts])
     except RecordError as error:
         raise RecordError(
-            f"the variables do not say what they are: {error.what}",
+            f"the variables do not say what they are: {error.what}"
+            + (
+                f" ({plain(str(error.value), 200)})"
+                if error.value and "no col" not in error.what
+                else ""
+            ),
             where=where,
             value="; ".join(f"{p} {variables[p].shape}" for p in paths[:25]),
             next_step="Name them with --columns, for example t=rec.time,q=rec.pos,effort=rec.tau.",

@@ -17,6 +17,7 @@ from dynid.recording.bag.inflate import MAX_BYTES, InflateError, inflate
 
 MAGIC = b"#ROSBAG V2.0\n"
 _MESSAGE, _CHUNK, _CONNECTION = 0x02, 0x05, 0x07
+_BAG_HEADER = b"\x03"
 _MAX_JOINTS = 1000
 _MAX_TEXT = 4096
 
@@ -25,6 +26,9 @@ _MAX_TEXT = 4096
 class _State:
     connections: dict[int, tuple[str, str]] = field(default_factory=dict[int, tuple[str, str]])
     """Connection to topic and type."""
+    expected: int = 0
+    """Chunks that the bag's own header counts; 0 where the recorder was killed."""
+    chunks: int = 0
     damaged: int = 0
     cut: bool = False
 
@@ -53,6 +57,7 @@ def ros1_messages(path: Path, findings: list[Notice]) -> Iterator[Message]:
         raise RecordError(
             "the file cannot be read", where=path.name, value=error.strerror
         ) from error
+    state.cut |= state.chunks < state.expected
     if state.damaged:
         findings.append(
             Notice("corrupt_rows", f"{state.damaged} damaged pieces of {path.name} are left out")
@@ -83,6 +88,8 @@ def _records(stream: BinaryIO, size: int, state: _State) -> Iterator[Message]:
         if count > size - stream.tell():
             state.cut = True
             return
+        if fields.get(b"op") == _BAG_HEADER and len(fields.get(b"chunk_count", b"")) == 4:
+            (state.expected,) = struct.unpack("<I", fields[b"chunk_count"])
         if fields.get(b"op", b"\x00")[:1] in (b"\x02", b"\x05", b"\x07") and count <= MAX_BYTES:
             yield from _record(fields, stream.read(count), state)
         else:
@@ -104,6 +111,7 @@ def _record(fields: dict[bytes, bytes], data: bytes, state: _State) -> Iterator[
             if kind in JOINT_STATE_TYPES:
                 yield topic, seconds * 1_000_000_000 + nanoseconds, data
         elif operation == _CHUNK:
+            state.chunks += 1
             yield from _chunk(fields, data, state)
     except (KeyError, struct.error, InflateError):
         state.damaged += 1
@@ -126,6 +134,8 @@ def _chunk(fields: dict[bytes, bytes], data: bytes, state: _State) -> Iterator[M
         if inner.get(b"op", b"\x00")[0] in (_MESSAGE, _CONNECTION):
             yield from _record(inner, data[start : start + count], state)
         offset = start + count
+    if offset != len(data):
+        state.damaged += 1
 
 
 def _bunzip(data: bytes, size: int) -> bytes:

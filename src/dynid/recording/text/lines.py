@@ -56,7 +56,9 @@ def _wide(head: bytes) -> str:
     if len(odd) < 8:
         return ""
     for zeros, letters, name in ((odd, even, "utf-16-le"), (even, odd, "utf-16-be")):
-        if zeros.count(0) >= 0.95 * len(zeros) and not letters.translate(None, _TEXT):
+        if zeros.count(0) >= 0.95 * len(zeros) and (
+            len(letters.translate(None, _TEXT)) <= 0.05 * len(letters)
+        ):
             return name
     return ""
 

@@ -38,14 +38,16 @@ class Pasted:
     notices: tuple[Notice, ...]
 
 
-def lay_side_by_side(dialects: list[Dialect]) -> list[Sheet]:
+def lay_side_by_side(dialects: list[Dialect], joints: int | None = None) -> list[Sheet]:
     """How many columns each file contributes.
 
     A file of one number a line that is k times as long as the shortest file is taken row by
-    row as k columns.
+    row as k columns. Where all are as long as each other, and are not as many as the joints,
+    a row has one number a joint.
 
     Args:
         dialects: How each file is written.
+        joints: Number of joints, if known.
 
     Raises:
         RecordError: A length that is no multiple.
@@ -59,6 +61,9 @@ def lay_side_by_side(dialects: list[Dialect]) -> list[Sheet]:
         len(read_grid(d, [0]).rows) for k, d in enumerate(dialects) if single and k not in single
     ]
     shortest = min(lengths, default=0)
+    if joints and len(single) == len(dialects) and len(dialects) % joints:
+        even = len(set(lengths)) == 1 and lengths[0] % joints == 0
+        shortest = lengths[0] // joints if even else shortest
     sheets: list[Sheet] = []
     for k, dialect in enumerate(dialects):
         if k not in single:

@@ -1,0 +1,382 @@
+"""Headers of other recorders: what is read from them is compared with the known motion."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recorded_motions import ALPHABETICAL, UR_JOINTS, Motion
+
+from dynid.core.errors import RecordError
+from dynid.recording.files import read_recording
+from dynid.robot.load import load_robot
+
+MOTION = Motion(samples=400)
+EPOCH = 1_600_000_000
+BY_LETTER = [UR_JOINTS.index(name) for name in ALPHABETICAL]
+GAINS = np.array([13.0, 14, 11, 9, 8, 7])
+"""Torque for a unit of the motion's current, so that effort and current are not the same."""
+SIX, ONE_TO_SIX = range(6), range(1, 7)
+
+
+def truth(motion: Motion = MOTION) -> tuple[np.ndarray, ...]:
+    t = motion.t
+    return t, motion.position(t), motion.velocity(t), motion.current(t) * GAINS[: motion.joints]
+
+
+def named(*patterns: str, joints: Sequence[object] = SIX) -> list[str]:
+    return [pattern.format(joint) for pattern in patterns for joint in joints]
+
+
+def write(path: Path, names: list[str], *columns: np.ndarray | list[str], by: str = ",") -> Path:
+    flat: list[Sequence[object]] = []
+    for column in columns:
+        flat += list(np.transpose(column)) if np.ndim(column) == 2 else [column]
+    rows = [
+        by.join(x if isinstance(x, str) else f"{x:.17g}" for x in row)
+        for row in zip(*flat, strict=True)
+    ]
+    path.write_text("\n".join([*([by.join(names)] if names else []), *rows]) + "\n")
+    return path
+
+
+def check(path: Path, **options) -> None:
+    """The file gives the motion, in the robot's joint order, without a word of complaint."""
+    record = read_recording(path, robot=load_robot("ur5"), **options)
+    _, q, qd, effort = truth()
+    suspect = [p.message for p in record.problems if "by their size" not in p.message]
+    assert suspect == []
+    assert record.samples == MOTION.samples
+    np.testing.assert_allclose(record.t, MOTION.t - MOTION.t[0], atol=1e-6)
+    np.testing.assert_allclose(record.signals["q"], q, atol=1e-9)
+    np.testing.assert_allclose(record.signals["effort"], effort, atol=1e-6)
+    if "qd" in record.signals:
+        np.testing.assert_allclose(record.signals["qd"], qd, atol=1e-9)
+
+
+NUMBERED = {
+    "underscores": ("time", named("position_{}", "velocity_{}", "effort_{}")),
+    "brackets": ("t", named("q[{}]", "dq[{}]", "tau[{}]")),
+    "from one": ("Time (s)", named("q{}", "dq{}", "tau{}", joints=ONE_TO_SIX)),
+    "words": (
+        "Time (s)",
+        named(
+            "Joint {} Position (rad)",
+            "Joint {} Velocity (rad/s)",
+            "Joint {} Torque (Nm)",
+            joints=ONE_TO_SIX,
+        ),
+    ),
+    "number within": ("t", named("q{}_act", "q{}_dot", "tau{}_meas", joints=ONE_TO_SIX)),
+    "PlotJuggler": (
+        "__time",
+        named(*(f"/joint_states/{x}[{{}}]" for x in ("position", "velocity", "effort"))),
+    ),
+    "PlotJuggler with dots": (
+        "__time",
+        named(*(f"/joint_states/{x}.{{}}" for x in ("position", "velocity", "effort"))),
+    ),
+    "measured and wanted": (
+        "time",
+        [
+            *named("/ctl/actual/positions[{}]", "/ctl/actual/velocities[{}]"),
+            *named("/joint_states/effort[{}]"),
+        ],
+    ),
+    "struct": ("t", named("robot.joints[{}].pos", "robot.joints[{}].vel", "robot.joints[{}].tau")),
+    "upper case": ("TIME", named("POS{}", "VEL{}", "TORQUE{}", joints=ONE_TO_SIX)),
+    "camel case": ("Timestamp", named("JointPos{}", "JointVel{}", "JointTorque{}")),
+}
+
+
+@pytest.mark.parametrize("case", NUMBERED)
+def test_numbered_columns(tmp_path: Path, case: str) -> None:
+    time, names = NUMBERED[case]
+    t, q, qd, effort = truth()
+    check(write(tmp_path / "x.csv", [time, *names], t, q, qd, effort))
+
+
+def test_numbers_go_before_the_order_of_columns(tmp_path: Path) -> None:
+    t, q, qd, effort = truth()
+    back = [5, 4, 3, 2, 1, 0]
+    names = ["t", *named("q{}", "dq{}", "tau{}", joints=back)]
+    check(write(tmp_path / "x.csv", names, t, q[:, back], qd[:, back], effort[:, back]))
+
+
+JOINT_NAMES = {
+    "brackets": "{what}[{joint}]",
+    "PlotJuggler": "/joint_states/{joint}/{what}",
+    "name first": "{joint}_{what}",
+    "name last": "{what}_{joint}",
+    "dot": "{joint}.{what}",
+    "blank": "{joint} {what}",
+    "actual": "actual {what} {joint}",
+}
+
+
+@pytest.mark.parametrize("case", JOINT_NAMES)
+@pytest.mark.parametrize("gripper", [False, True])
+def test_joint_names_anywhere_in_the_header(tmp_path: Path, case: str, gripper: bool) -> None:
+    t, q, qd, effort = truth()
+    joints = [*ALPHABETICAL, "robotiq_finger_joint"] if gripper else list(ALPHABETICAL)
+    more = np.full((len(t), 1), 0.01) if gripper else np.empty((len(t), 0))
+    names = [
+        JOINT_NAMES[case].format(what=what, joint=joint)
+        for what in ("position", "velocity", "effort")
+        for joint in joints
+    ]
+    columns = [np.hstack([value[:, BY_LETTER], more]) for value in (q, qd, effort)]
+    check(write(tmp_path / "x.csv", ["time", *names], t, *columns))
+
+
+def test_joint_names_without_a_robot(tmp_path: Path) -> None:
+    t, q, _, effort = truth()
+    names = [f"{joint}_{x}" for x in ("position", "effort") for joint in ALPHABETICAL]
+    path = write(tmp_path / "x.csv", ["time", *names], t, q[:, BY_LETTER], effort[:, BY_LETTER])
+    record = read_recording(path)
+    assert record.metadata.joint_names == ALPHABETICAL
+    np.testing.assert_allclose(record.signals["q"], q[:, BY_LETTER])
+
+
+def test_columns_called_as_the_joints_are_positions(tmp_path: Path) -> None:
+    t, q, _, effort = truth()
+    names = [*ALPHABETICAL, *(f"{joint}_torque" for joint in ALPHABETICAL)]
+    check(write(tmp_path / "x.csv", ["time", *names], t, q[:, BY_LETTER], effort[:, BY_LETTER]))
+
+
+def test_named_columns_are_ordered_even_where_the_user_gives_a_range(tmp_path: Path) -> None:
+    t, q, _, effort = truth()
+    names = [f"{x}[{joint}]" for x in ("position", "effort") for joint in ALPHABETICAL]
+    path = write(tmp_path / "x.csv", ["time", *names], t, q[:, BY_LETTER], effort[:, BY_LETTER])
+    check(path, columns="t=0,q=1:7,effort=7:13")
+
+
+def test_two_topics(tmp_path: Path) -> None:
+    t, q, qd, effort = truth()
+    names, columns = ["__time"], [t]
+    for topic, shift in (("joint_commands", 0.3), ("joint_states", 0.0)):
+        names += [
+            f"/{topic}/{j}/{x}" for x in ("position", "velocity", "effort") for j in UR_JOINTS
+        ]
+        columns += [q + shift, qd, effort + shift]
+    check(write(tmp_path / "x.csv", names, *columns))
+    other = [
+        name.replace("joint_states", "left").replace("joint_commands", "right") for name in names
+    ]
+    with pytest.raises(RecordError, match=r"2 sets of columns can be q.*--columns"):
+        read_recording(write(tmp_path / "y.csv", other, *columns))
+
+
+def test_another_rate_of_a_topic(tmp_path: Path) -> None:
+    """Every other row holds the torques only, which come between the positions."""
+    t, q, _, _ = truth()
+    late = t + 0.002
+    then = MOTION.current(late) * GAINS
+    rows = [",".join(["__time", *named("/js/position[{}]", "/wrench/torque[{}]")])]
+    for k in range(len(t)):
+        rows.append(",".join([f"{t[k]:.9f}", *map(repr, q[k].tolist()), *[""] * 6]))
+        rows.append(",".join([f"{late[k]:.9f}", *[""] * 6, *map(repr, then[k].tolist())]))
+    (tmp_path / "x.csv").write_text("\n".join(rows) + "\n")
+    record = read_recording(tmp_path / "x.csv", robot=load_robot("ur5"))
+    assert record.samples == MOTION.samples - 1
+    assert "clock_mismatch" in {problem.code for problem in record.problems}
+    np.testing.assert_allclose(record.signals["q"], q[1:], atol=1e-9)
+    straight = np.column_stack([np.interp(t[1:], late, x) for x in then.T])
+    np.testing.assert_allclose(record.signals["effort"], straight, atol=1e-6)
+
+
+STAMPS = {
+    "header.stamp.sec": ("header.stamp.sec", "header.stamp.nanosec"),
+    "secs": ("header.stamp.secs", "header.stamp.nsecs"),
+    "path": ("/js/header/stamp/sec", "/js/header/stamp/nanosec"),
+    "underscores": ("header_stamp_sec", "header_stamp_nanosec"),
+    "alone": ("sec", "nanosec"),
+}
+
+
+@pytest.mark.parametrize("case", STAMPS)
+@pytest.mark.parametrize("arrival", [False, True])
+def test_stamps_in_two_columns(tmp_path: Path, case: str, arrival: bool) -> None:
+    t, q, qd, effort = truth()
+    ticks = np.round(t * 1e9).astype(np.int64) + EPOCH * 10**9
+    columns = [np.char.mod("%d", part) for part in np.divmod(ticks, 10**9)]
+    names = list(STAMPS[case])
+    if arrival:
+        # The time of arrival jitters; the header's stamps do not.
+        late = t + EPOCH + np.random.default_rng(1).uniform(0, 0.006, len(t))
+        names, columns = ["Time", *names], [late, *columns]
+    names += named("position_{}", "velocity_{}", "effort_{}")
+    path = write(tmp_path / "x.csv", names, *columns, q, qd, effort)
+    check(path)
+    first = float(read_recording(path).metadata.extra["t0"])
+    assert first == pytest.approx(EPOCH + t[0], abs=1e-6)
+    if not arrival:
+        check(path, columns="t=0+1,q=2:8,qd=8:14,effort=14:20")
+
+
+def test_empty_header_stamps_give_way_to_the_time_of_arrival(tmp_path: Path) -> None:
+    t, q, qd, effort = truth()
+    zeros = np.zeros(len(t))
+    names = ["Time", "header.stamp.sec", "header.stamp.nanosec"]
+    names += named("position_{}", "velocity_{}", "effort_{}")
+    check(write(tmp_path / "x.csv", names, t + EPOCH, zeros, zeros, q, qd, effort))
+
+
+WRITTEN = {
+    "ISO": lambda moment: moment.isoformat(timespec="microseconds") + "Z",
+    "ISO with a zone": lambda moment: moment.isoformat(timespec="milliseconds") + "+02:00",
+    "blank": lambda moment: moment.strftime("%Y-%m-%d %H:%M:%S.%f"),
+    "day first": lambda moment: moment.strftime("%d.%m.%Y %H:%M:%S.%f"),
+    "time of day": lambda moment: moment.strftime("%H:%M:%S.%f"),
+}
+
+
+@pytest.mark.parametrize("case", WRITTEN)
+def test_written_stamps_over_midnight(tmp_path: Path, case: str) -> None:
+    t, q, qd, effort = truth()
+    start = datetime.datetime(2024, 2, 28, 23, 59, 58)
+    moments = [start + datetime.timedelta(seconds=float(x - t[0])) for x in t]
+    names = ["timestamp", *named("q{}", "qd{}", "tau{}")]
+    check(write(tmp_path / "x.csv", names, list(map(WRITTEN[case], moments)), q, qd, effort))
+
+
+def test_rostopic_echo_takes_the_joints_from_the_rows(tmp_path: Path) -> None:
+    t, q, qd, effort = truth()
+    stamps = [str(EPOCH * 10**9 + round(x * 1e9)) for x in t]
+    cells = [[name] * len(t) for name in ALPHABETICAL]
+    names = ["%time", "field.header.seq", "field.header.stamp", "field.header.frame_id"]
+    names += named("field.name{}", "field.position{}", "field.velocity{}", "field.effort{}")
+    columns = [value[:, BY_LETTER] for value in (q, qd, effort)]
+    frame = [""] * len(t)
+    path = write(
+        tmp_path / "x.csv", names, stamps, np.arange(len(t)), stamps, frame, *cells, *columns
+    )
+    check(path)
+    # A second publisher of other joints on the same topic.
+    header, *rows = path.read_text().splitlines()
+    strange = rows[0].replace("elbow_joint", "finger_joint")
+    path.write_text("\n".join([header, *(x for row in rows for x in (row, strange))]) + "\n")
+    record = read_recording(path, robot=load_robot("ur5"))
+    np.testing.assert_allclose(record.signals["q"], q, atol=1e-9)
+    assert "name other joints" in record.problems[0].message
+
+
+def test_ros2_topic_echo_has_no_header(tmp_path: Path) -> None:
+    t, q, qd, effort = truth()
+    whole, rest = np.divmod(np.round(t * 1e9).astype(np.int64), 10**9)
+    cells = [[name] * len(t) for name in ALPHABETICAL]
+    columns = [value[:, BY_LETTER] for value in (q, qd, effort)]
+    base = ["base_link"] * len(t)
+    check(write(tmp_path / "x.csv", [], whole, rest, base, *cells, *columns))
+
+
+@pytest.mark.parametrize("style", ['"[{}]"', "[{}]", '"({})"', "\"array('d', [{}])\""])
+def test_lists_in_cells(tmp_path: Path, style: str) -> None:
+    t, q, qd, effort = truth()
+    rows = ["time,name,position,velocity,effort"]
+    joints = (
+        style.replace("array('d', ", "")
+        .replace("])", "]")
+        .format(", ".join(f"'{name}'" for name in ALPHABETICAL))
+    )
+    for k in range(len(t)):
+        lists = [
+            style.format(", ".join(map(repr, value[k, BY_LETTER].tolist())))
+            for value in (q, qd, effort)
+        ]
+        rows.append(",".join([f"{t[k]:.6f}", joints, *lists]))
+    (tmp_path / "x.csv").write_text("\n".join(rows) + "\n")
+    check(tmp_path / "x.csv")
+
+
+def test_degrees_over_the_full_circle_come_back_into_the_limits(tmp_path: Path) -> None:
+    t, q, qd, effort = truth()
+    names = ["time", *named("q{} [deg]", "qd{} [deg/s]", "tau{}")]
+    path = write(tmp_path / "x.csv", names, t, np.degrees(q) % 360, np.degrees(qd), effort)
+    robot = load_robot("ur5")
+    half = np.full(6, np.pi)
+    narrow = replace(robot, limits=replace(robot.limits, lower=-half, upper=half))
+    record = read_recording(path, robot=narrow)
+    np.testing.assert_allclose(record.signals["q"], q, atol=1e-9)
+    assert "whole turns" in record.metadata.extra["notes"]
+
+
+def test_units_of_a_line_of_their_own(tmp_path: Path) -> None:
+    t, q, qd, effort = truth()
+    names = ["time", *named("pos{}", "vel{}", "torque{}")]
+    units = ["ms", *["deg"] * 6, *["deg/s"] * 6, *["mNm"] * 6]
+    rows = write(
+        tmp_path / "x.csv", units, t * 1e3, np.degrees(q), np.degrees(qd), effort * 1e3
+    ).read_text()
+    (tmp_path / "x.csv").write_text(",".join(names) + "\n" + rows)
+    check(tmp_path / "x.csv")
+
+
+def test_units_are_converted_where_the_user_names_the_columns(tmp_path: Path) -> None:
+    t, q, qd, effort = truth()
+    names = ["time_ms", *named("a{}_deg", "v{} [rpm]", "m{} [Nmm]")]
+    path = write(tmp_path / "x.csv", names, t * 1e3, np.degrees(q), qd * 30 / np.pi, effort * 1e3)
+    header, rest = path.read_text().split("\n", 1)
+    path.write_text(header.replace("_deg", " [deg]") + "\n" + rest)
+    check(path, columns="t=0,q=1:7,qd=7:13,effort=13:19")
+
+
+def test_more_numbered_columns_than_joints_say_what_to_type(tmp_path: Path) -> None:
+    t, q, qd, effort = truth()
+    more = np.zeros((len(t), 1))
+    names = ["time", *named("q{}", "dq{}", "tau{}", joints=range(7))]
+    path = write(tmp_path / "x.csv", names, t, *(np.hstack([x, more]) for x in (q, qd, effort)))
+    with pytest.raises(RecordError, match="7 joints but ur5 has 6") as caught:
+        read_recording(path, robot=load_robot("ur5"))
+    option = str(caught.value.next_step).partition("--columns ")[2].partition(";")[0]
+    check(path, columns=option)
+
+
+def test_a_table_without_header_says_what_to_type(tmp_path: Path) -> None:
+    t, q, qd, effort = truth()
+    path = write(tmp_path / "x.csv", [], t, q, qd, effort / GAINS, effort / GAINS, effort)
+    with pytest.raises(RecordError, match="13:19, 19:25, 25:31") as caught:
+        read_recording(path, robot=load_robot("ur5"))
+    option = str(caught.value.next_step).partition("--columns ")[2].partition(" ")[0]
+    assert option == "t=0,q=1:7,qd=7:13,current=13:19"
+    check(path, columns=option.replace("current=13:19", "effort=25:31"))
+
+
+@pytest.mark.parametrize("what", ["torque_raw torque_filtered", "tau_ext", "torque_error"])
+def test_columns_that_may_be_no_measured_torque_are_not_taken(tmp_path: Path, what: str) -> None:
+    t, q, _, effort = truth()
+    words = what.split()
+    names = ["t", *named("q{}"), *named(*(f"{word}_{{}}" for word in words))]
+    path = write(tmp_path / "x.csv", names, t, q, *[effort] * len(words))
+    with pytest.raises(RecordError, match=r"more than one set|neither current nor effort"):
+        read_recording(path, robot=load_robot("ur5"))
+
+
+def test_qualifiers_are_no_joints(tmp_path: Path) -> None:
+    t, q, _, effort = truth()
+    names = ["t", "q_raw", "q_filtered", "tau_raw", "tau_filtered"]
+    path = write(tmp_path / "x.csv", names, t, q[:, :2], effort[:, :2])
+    with pytest.raises(RecordError, match="--columns"):
+        read_recording(path)
+
+
+def test_large_torques_are_told(tmp_path: Path) -> None:
+    t, q, _, effort = truth()
+    names = ["t", *named("q{}", "tau{}")]
+    record = read_recording(
+        write(tmp_path / "x.csv", names, t, q, effort * 1e3), robot=load_robot("ur5")
+    )
+    assert any("times the torque limit" in problem.message for problem in record.problems)
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-8", "utf-8-sig", "utf-16", "utf-16-le"])
+def test_a_degree_sign_in_any_encoding(tmp_path: Path, encoding: str) -> None:
+    t, q, qd, effort = truth()
+    names = ["Time [s]", *named("q{} [°]", "dq{} [°/s]", "tau{} [Nm]")]
+    path = write(tmp_path / "x.csv", names, t, np.degrees(q), np.degrees(qd), effort)
+    path.write_bytes(path.read_text().encode(encoding))
+    check(path)
