@@ -1,0 +1,236 @@
+"""Compressed files, Parquet and Arrow tables of others, and named arrays laid out in other ways."""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+import lzma
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import scipy.io
+from pyarrow import feather, parquet
+from recorded_motions import Motion, write_db3, write_mat, write_rtde_csv
+
+from dynid.core.errors import RecordError
+from dynid.recording.detect import content_kind
+from dynid.recording.files import read_recording
+from dynid.recording.unpack import unpacked
+from dynid.robot.load import load_robot
+from dynid.workflow.recordings import open_records
+
+MOTION = Motion(samples=400)
+
+
+def check(record, *, atol: float = 1e-12) -> None:
+    assert record.problems == ()
+    assert record.samples == MOTION.samples
+    np.testing.assert_allclose(record.t, MOTION.t - MOTION.t[0], atol=1e-6)
+    np.testing.assert_allclose(record.signals["q"], MOTION.position(MOTION.t), atol=atol)
+    name = "effort" if "effort" in record.signals else "current"
+    np.testing.assert_allclose(record.signals[name], MOTION.current(MOTION.t), atol=atol)
+
+
+def zipped(data: bytes, path: Path) -> None:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("folder/run.csv", data)
+
+
+PACKERS = {
+    ".gz": lambda data, path: path.write_bytes(gzip.compress(data)),
+    ".bz2": lambda data, path: path.write_bytes(bz2.compress(data)),
+    ".xz": lambda data, path: path.write_bytes(lzma.compress(data)),
+    ".zip": zipped,
+}
+
+
+@pytest.mark.parametrize("suffix", PACKERS)
+def test_compressed_files(tmp_path: Path, suffix: str) -> None:
+    plain = write_rtde_csv(MOTION, tmp_path / "run.csv")
+    path = tmp_path / f"run.csv{suffix}"
+    PACKERS[suffix](plain.read_bytes(), path)
+    record = read_recording(path)
+    check(record, atol=1e-6)
+    assert record.metadata.origin == str(path)
+    assert record.metadata.input_hash != read_recording(plain).metadata.input_hash
+    # Commands that take recordings as they are take these too.
+    records, robot = open_records([path], "ur5")
+    assert (records[0].samples, robot.name) == (MOTION.samples, "ur5")
+
+
+def test_zstd_and_binary_formats(tmp_path: Path) -> None:
+    zstd = pytest.importorskip("backports.zstd")
+    for plain in (write_mat(MOTION, tmp_path / "x.mat"), write_db3(MOTION, tmp_path / "x.db3")):
+        path = plain.with_name(plain.name + ".zst")
+        path.write_bytes(zstd.compress(plain.read_bytes()))
+        check(read_recording(path))
+
+
+@pytest.mark.parametrize("suffix", PACKERS)
+def test_damaged_packing_is_one_error(tmp_path: Path, suffix: str) -> None:
+    plain = write_rtde_csv(MOTION, tmp_path / "run.csv")
+    path = tmp_path / f"run.csv{suffix}"
+    PACKERS[suffix](plain.read_bytes(), path)
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    with pytest.raises(RecordError, match=r"damaged|none of the formats"):
+        read_recording(path)
+
+
+def test_an_archive_of_several_files_says_what_to_do(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "x.zip", "w") as archive:
+        archive.writestr("a.csv", "1")
+        archive.writestr("b.csv", "2")
+    with pytest.raises(RecordError, match=r"several files.*a\.csv.*unzip x\.zip"):
+        read_recording(tmp_path / "x.zip")
+
+
+def test_nothing_is_left_of_what_was_unpacked(tmp_path: Path) -> None:
+    path = tmp_path / "x.gz"
+    path.write_bytes(gzip.compress(b"1,2\n"))
+    with unpacked([path]) as files:
+        assert files[0].read_bytes() == b"1,2\n"
+    assert not files[0].exists()
+
+
+def columns(lists: bool) -> dict[str, object]:
+    t = MOTION.t
+    parts = {"q": MOTION.position(t), "dq": MOTION.velocity(t), "tau": MOTION.current(t)}
+    if lists:
+        return {"timestamp": t, **{f"observation.{k}": list(v) for k, v in parts.items()}}
+    return {"time": t, **{f"{k}_{j}": v[:, j] for k, v in parts.items() for j in range(6)}}
+
+
+@pytest.mark.parametrize("lists", [False, True])
+@pytest.mark.parametrize("write", [parquet.write_table, feather.write_feather])
+def test_typed_tables(tmp_path: Path, lists: bool, write) -> None:
+    path = tmp_path / "x.bin"
+    write(pa.table({"run": ["a"] * MOTION.samples, **columns(lists)}), path)
+    assert content_kind(path) == "arrow"
+    check(read_recording(path, robot=load_robot("ur5")))
+    check(read_recording(path, format="parquet"))
+    if not lists:
+        check(read_recording(path, columns="t=0,q=1:7,effort=13:19"))
+
+
+@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
+def test_times_of_typed_tables(tmp_path: Path, unit: str) -> None:
+    ticks = np.round(MOTION.t * 1e3).astype("datetime64[ms]").astype(f"datetime64[{unit}]")
+    path = tmp_path / "x.parquet"
+    parquet.write_table(pa.table({**columns(False), "time": ticks}), path)
+    record = read_recording(path)
+    np.testing.assert_allclose(record.t, MOTION.t - MOTION.t[0], atol=1.1e-3)
+    assert record.rate_hz == pytest.approx(125, rel=1e-3)
+
+
+def test_a_typed_table_without_positions_names_its_columns(tmp_path: Path) -> None:
+    parquet.write_table(pa.table({"a": [1.0, 2.0], "b": ["x", "y"]}), tmp_path / "x.parquet")
+    with pytest.raises(RecordError, match=r"'a'.*--columns"):
+        read_recording(tmp_path / "x.parquet")
+
+
+def arrays(layout: str) -> dict[str, object]:
+    t = MOTION.t
+    q, qd, tau = MOTION.position(t), MOTION.velocity(t), MOTION.current(t)
+    if layout == "one vector a joint":
+        out: dict[str, object] = {"t": t}
+        for k in range(6):
+            out |= {f"q{k + 1}": q[:, k], f"dq{k + 1}": qd[:, k], f"tau{k + 1}": tau[:, k]}
+        return out
+    if layout == "struct array":
+        joint = np.zeros(6, dtype=[("pos", "O"), ("vel", "O"), ("tau", "O")])
+        for k in range(6):
+            joint[k] = (q[:, k], qd[:, k], tau[:, k])
+        return {"joint": joint, "time": t}
+    if layout == "signals with time":
+        return {
+            name: {"time": t[:, None], "signals": {"values": value, "dimensions": 6}}
+            for name, value in (("q", q), ("dq", qd), ("tau", tau))
+        }
+    if layout == "beside parameters":
+        para = {"q_back": np.ones(6), "tau_max": np.ones(6), "K_pos": np.ones(6)}
+        return {"para": para, "data": {"Q": q.T, "Qp": qd.T, "Tau": tau.T, "t": t[None]}}
+    return {
+        "rec": {"q_deg": np.degrees(q), "dq_rpm": qd * 30 / np.pi, "tau_mNm": tau * 1e3, "t": t}
+    }
+
+
+@pytest.mark.parametrize(
+    "layout",
+    [
+        "one vector a joint",
+        "struct array",
+        "signals with time",
+        "beside parameters",
+        "units in names",
+    ],
+)
+def test_layouts_of_matlab_files(tmp_path: Path, layout: str) -> None:
+    scipy.io.savemat(tmp_path / "x.mat", arrays(layout), long_field_names=True)
+    record = read_recording(tmp_path / "x.mat", robot=load_robot("ur5"))
+    check(record, atol=1e-9)
+    np.testing.assert_allclose(record.signals["qd"], MOTION.velocity(MOTION.t), atol=1e-9)
+
+
+def test_measured_data_of_other_identification_tools(tmp_path: Path) -> None:
+    """FloBaRoID's measurements, where filtered and raw signals stand side by side."""
+    t = MOTION.t
+    q, qd, tau = MOTION.position(t), MOTION.velocity(t), MOTION.current(t)
+    np.savez(
+        tmp_path / "x.npz",
+        positions=q,
+        positions_raw=q + 1,
+        target_positions=q + 2,
+        velocities=qd,
+        velocities_raw=qd + 1,
+        accelerations=0 * q,
+        torques=tau,
+        torques_raw=tau + 1,
+        times=t,
+        frequency=125.0,
+    )
+    check(read_recording(tmp_path / "x.npz", robot=load_robot("ur5")))
+
+
+@pytest.mark.parametrize("matlab", [False, True])
+def test_hdf5(tmp_path: Path, matlab: bool) -> None:
+    h5py = pytest.importorskip("h5py")
+    t = MOTION.t
+    parts = {"q": MOTION.position(t), "qd": MOTION.velocity(t), "tau": MOTION.current(t)}
+    path = tmp_path / "x.mat"
+    with h5py.File(path, "w", userblock_size=512 if matlab else 0) as file:
+        group = file.create_group("rec")
+        for name, value in {"t": t[:, None], **parts}.items():
+            # MATLAB's arrays stand transposed in the file.
+            group.create_dataset(name, data=value.T if matlab else value, compression="gzip")
+        group.create_dataset("label", data="a run")
+        file.create_dataset("table", data=np.zeros(3, dtype=[("a", "f8"), ("b", "i4")]))
+    if matlab:
+        head = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
+        path.write_bytes(head + path.read_bytes()[128:])
+    record = read_recording(path, robot=load_robot("ur5"))
+    assert record.metadata.format == "hdf5"
+    check(record)
+    check(read_recording(path, columns="q=rec.q,t=rec.t,current=rec.tau", format="hdf5"))
+    path.write_bytes(path.read_bytes()[:3000])
+    with pytest.raises(RecordError, match="-v7"):
+        read_recording(path)
+
+
+def test_struct_arrays_in_hdf5(tmp_path: Path) -> None:
+    """A field of a MATLAB struct array is a dataset of references, one an element."""
+    h5py = pytest.importorskip("h5py")
+    t = MOTION.t
+    parts = {"pos": MOTION.position(t), "vel": MOTION.velocity(t), "tau": MOTION.current(t)}
+    with h5py.File(tmp_path / "x.mat", "w") as file:
+        file["time"] = t[None]
+        joint, store = file.create_group("joint"), file.create_group("#refs#")
+        for name, value in parts.items():
+            field = joint.create_dataset(name, (6, 1), dtype=h5py.ref_dtype)
+            for k in range(6):
+                store[f"{name}{k}"] = value[None, :, k]
+                field[k, 0] = store[f"{name}{k}"].ref
+    check(read_recording(tmp_path / "x.mat", robot=load_robot("ur5")))
