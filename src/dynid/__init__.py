@@ -1,5 +1,26 @@
 """dynid identifies the dynamics of a robot arm.
 
+The verbs of the command line, in the order of a job; robots are names, files or `RobotModel`s:
+
+    load_robot, robots          the arm: built in, URDF or robot file
+    analyze                     how many parameters motion can show, and which
+    design, check               an excitation trajectory, and its certificate
+    run_design                  execute it: simulated, or on a UR robot
+    simulate_recording          a recording of the simulated arm, in memory
+    import_recording            a foreign recording becomes ours
+    identify, verdict           parameters with uncertainty, and whether to use them
+    validate, compare           errors on another recording; what moved between two estimates
+    identify_shared, identify_temperature, identify_gains, identify_payload
+    write_model                 URDF, MJCF, JSON, C, Python
+
+`read_X` and `write_X` take paths as text or `pathlib.Path`. SI units; joint quantities have shape
+(N, n), samples by joints. What goes wrong raises `InputError` (usage or input) or `JobError` (the
+job itself), both `DynidError`, with what, where, value, limit and next step as attributes.
+
+    >>> import dynid
+    >>> dynid.analyze("ur5").base.rank
+    52
+
 Every name below is loaded when it is first used, so `import dynid` costs nothing.
 """
 

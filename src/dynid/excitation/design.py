@@ -39,9 +39,11 @@ class ExcitationDesign:
     criteria: Mapping[str, float]
     """Every criterion by name, of all samples of one period, Coulomb steps as they are."""
     base_parameters: int
+    """How many the motion shows."""
     samples: int
     """At which the criteria were computed."""
     certificate: Certificate
+    """What is left of each limit."""
     repair: str
     """What the certificate made necessary: empty, `tightened` or `smaller`."""
     evaluations: int
@@ -51,11 +53,13 @@ class ExcitationDesign:
     wall_s: float
     """Time of the design [s]."""
     seed: int
+    """Of all random numbers."""
     ended_by: str
     """`starts`, `generations`, `stagnation`, `budget` or `interrupt`."""
     history: tuple[HistoryEntry, ...]
     """How the best motion got better."""
     provenance: Provenance
+    """Inputs, settings, seed and versions."""
     settings: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """How the limits were chosen, for `dynid check`."""
 

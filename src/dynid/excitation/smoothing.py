@@ -9,6 +9,7 @@ smooth, bound the true ones, and meet them as p grows. p = 1 for the smallest is
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,9 @@ from dynid.excitation.criteria import (
     ScaledCondition,
 )
 from dynid.excitation.criteria_matrix import eigenvectors, normalised
+
+Extreme = tuple[float, Array]
+"""Logarithm of a soft extreme, and its derivative (b) by the logarithms of the eigenvalues."""
 
 
 def smoothed(criterion: Criterion, sharpness: float) -> Criterion:
@@ -56,13 +60,12 @@ class SmoothCondition(Condition):
 
     def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
         """See `Criterion`."""
-        found = eigenvectors(matrix)
-        if found is None:
-            return None
-        values, vectors = found
-        (largest, up), (smallest, down) = _extremes(values, self.sharpness)
-        value = math.exp((largest - smallest) / 2)
-        return value, _composed(vectors, value / 2 * (up - down) / values)
+
+        def ratio(largest: Extreme, smallest: Extreme) -> tuple[float, Array]:
+            value = math.exp((largest[0] - smallest[0]) / 2)
+            return value, value / 2 * (largest[1] - smallest[1])
+
+        return _of_extremes(matrix, self.sharpness, ratio)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,13 +93,12 @@ class SmoothEOptimal(EOptimal):
 
     def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
         """See `Criterion`."""
-        found = eigenvectors(matrix)
-        if found is None:
-            return None
-        values, vectors = found
-        smallest, down = _extremes(values, self.sharpness)[1]
-        value = math.exp(-smallest)
-        return value, _composed(vectors, -value * down / values)
+
+        def inverse(_largest: Extreme, smallest: Extreme) -> tuple[float, Array]:
+            value = math.exp(-smallest[0])
+            return value, -value * smallest[1]
+
+        return _of_extremes(matrix, self.sharpness, inverse)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,25 +109,39 @@ class SmoothConditionAndSigma(ConditionAndSigma):
 
     def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
         """See `Criterion`."""
-        found = eigenvectors(matrix)
-        if found is None:
-            return None
-        values, vectors = found
-        (largest, up), (smallest, down) = _extremes(values, self.sharpness)
-        condition = math.exp((largest - smallest) / 2)
-        sigma = self.weight * math.exp(-smallest / 2)
-        slopes = condition / 2 * (up - down) - sigma / 2 * down
-        return condition + sigma, _composed(vectors, slopes / values)
+
+        def both(largest: Extreme, smallest: Extreme) -> tuple[float, Array]:
+            condition = math.exp((largest[0] - smallest[0]) / 2)
+            sigma = self.weight * math.exp(-smallest[0] / 2)
+            slopes = condition / 2 * (largest[1] - smallest[1]) - sigma / 2 * smallest[1]
+            return condition + sigma, slopes
+
+        return _of_extremes(matrix, self.sharpness, both)
 
 
-def _extremes(values: Array, p: float) -> tuple[tuple[float, Array], tuple[float, Array]]:
+def _of_extremes(
+    matrix: Array, sharpness: float, combine: Callable[[Extreme, Extreme], tuple[float, Array]]
+) -> tuple[float, Array] | None:
+    """A function of the soft extremes, and its derivative by the matrix; None if singular.
+
+    Args:
+        matrix: (b, b) symmetric.
+        sharpness: The exponent p.
+        combine: From the largest and the smallest to the value, and its derivative (b) by the
+            logarithms of the eigenvalues.
+    """
+    found = eigenvectors(matrix)
+    if found is None:
+        return None
+    values, vectors = found
+    value, slopes = combine(*_extremes(values, sharpness))
+    return value, (vectors * (slopes / values)) @ vectors.T
+
+
+def _extremes(values: Array, p: float) -> tuple[Extreme, Extreme]:
     """Logarithms of the soft largest and smallest of (b), and d log / d log values (b) of each."""
     logs = np.log(values)
     high, low = np.exp(p * (logs - logs[-1])), np.exp(-p * (logs - logs[0]))
     largest = float(logs[-1] + math.log(high.sum()) / p)
     smallest = float(logs[0] - math.log(low.sum()) / p)
     return (largest, high / high.sum()), (smallest, low / low.sum())
-
-
-def _composed(vectors: Array, weights: Array) -> Array:
-    return (vectors * weights) @ vectors.T

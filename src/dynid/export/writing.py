@@ -37,8 +37,11 @@ class ExportedFile:
     """What was written."""
 
     path: Path
+    """The file."""
     model: ExportModel
+    """What it holds."""
     verified: Verification
+    """What another program made of it."""
     left_out: tuple[str, ...]
     """What the identified model has and the file has no place for, in words."""
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from dynid.core.arrays import Array, frozen
 from dynid.core.errors import InputError
 from dynid.trajectory.family import MotionFamily
-from dynid.trajectory.motion import JointMotion
+from dynid.trajectory.motion import JointMotion, still_outside
 from dynid.trajectory.spline_basis import clamped_knots, spline_basis
 from dynid.trajectory.trajectory import Trajectory
 
@@ -80,13 +80,7 @@ class BSpline(Trajectory):
         q, dq, ddq = spline_basis(inside, self.knots, self.degree)
         # The columns add up to one: measured from the first point, rests come out as exact zeros.
         way = (self.control - self.control[:, :1]).T
-        outside = (inside != times)[:, None]
-        return JointMotion(
-            t=times,
-            q=self.control[:, 0] + q @ way,
-            dq=np.where(outside, 0.0, dq @ way),
-            ddq=np.where(outside, 0.0, ddq @ way),
-        )
+        return still_outside(times, inside, self.control[:, 0] + q @ way, dq @ way, ddq @ way)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -36,10 +36,7 @@ class FourierSeries(Trajectory):
         check_period(self.period)
         object.__setattr__(self, "period", float(self.period))
         offset = frozen(self.offset, shape=(None,), name="offset")
-        a = frozen(self.a, shape=(len(offset), None), name="a")
-        b = frozen(self.b, shape=a.shape, name="b")
-        if a.shape[1] == 0 or len(offset) == 0:
-            raise InputError("a Fourier series needs a joint and a harmonic", value=a.shape)
+        a, b = coefficients(self.a, self.b, len(offset))
         for name, value in (("offset", offset), ("a", a), ("b", b)):
             object.__setattr__(self, name, value)
 
@@ -70,8 +67,8 @@ class FourierSeries(Trajectory):
         times = frozen(t, shape=(None,), name="t")
         # Reducing the time first keeps late periods as exact as the first one.
         basis = harmonic_basis(np.mod(times, self.period), self.period, self.harmonics)
-        coefficients = np.hstack([self.a, self.b]).T
-        q, dq, ddq = (part @ coefficients for part in basis)
+        numbers = np.hstack([self.a, self.b]).T
+        q, dq, ddq = (part @ numbers for part in basis)
         return JointMotion(t=times, q=self.offset + q, dq=dq, ddq=ddq)
 
     def sample(self, rate_hz: float, periods: int = 1) -> JointMotion:
@@ -100,6 +97,23 @@ def check_period(period: float) -> None:
     """
     if not (math.isfinite(period) and period > 0):
         raise InputError("the period must be positive", value=period)
+
+
+def coefficients(a: ArrayLike, b: ArrayLike, joints: int) -> tuple[Array, Array]:
+    """The coefficients of a series, checked and read-only.
+
+    Args:
+        a: (n, H) sine coefficients.
+        b: (n, H) negated cosine coefficients.
+        joints: n.
+
+    Raises:
+        InputError: Shapes that disagree, no joints or harmonics, or numbers that are not finite.
+    """
+    sines = frozen(a, shape=(joints, None), name="a")
+    if sines.size == 0:
+        raise InputError("a Fourier series needs a joint and a harmonic", value=sines.shape)
+    return sines, frozen(b, shape=sines.shape, name="b")
 
 
 def harmonic_basis(t: Array, period: float, harmonics: int) -> tuple[Array, Array, Array]:

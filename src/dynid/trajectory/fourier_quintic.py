@@ -12,7 +12,7 @@ from dynid.core.arrays import Array, frozen
 from dynid.core.errors import InputError
 from dynid.trajectory.blends import ACCELERATION, STEP, VELOCITY, three_values
 from dynid.trajectory.family import MotionFamily
-from dynid.trajectory.fourier import check_period, harmonic_basis
+from dynid.trajectory.fourier import check_period, coefficients, harmonic_basis
 from dynid.trajectory.motion import JointMotion
 from dynid.trajectory.trajectory import Trajectory
 
@@ -46,14 +46,12 @@ class FourierQuintic(Trajectory):
         check_period(self.period)
         object.__setattr__(self, "period", float(self.period))
         start = frozen(self.start, shape=(None,), name="start")
-        a = frozen(self.a, shape=(len(start), None), name="a")
-        if a.size == 0:
-            raise InputError("a Fourier series needs a joint and a harmonic", value=a.shape)
+        a, b = coefficients(self.a, self.b, len(start))
         for name, value in (
             ("start", start),
             ("goal", frozen(self.goal, shape=start.shape, name="goal")),
             ("a", a),
-            ("b", frozen(self.b, shape=a.shape, name="b")),
+            ("b", b),
         ):
             object.__setattr__(self, name, value)
 
@@ -75,9 +73,9 @@ class FourierQuintic(Trajectory):
     def polynomial(self) -> Array:
         """(n, 6) the coefficients of c in ascending powers of t / period [rad or m]."""
         sines, cosines = _corrections(self.harmonics)
-        coefficients = np.outer(self.goal - self.start, STEP) + self.a @ sines + self.b @ cosines
-        coefficients[:, 0] += self.start
-        return coefficients
+        powers = np.outer(self.goal - self.start, STEP) + self.a @ sines + self.b @ cosines
+        powers[:, 0] += self.start
+        return powers
 
     def evaluate(self, t: ArrayLike) -> JointMotion:
         """The motion at any times.
@@ -90,9 +88,9 @@ class FourierQuintic(Trajectory):
         """
         times = frozen(t, shape=(None,), name="t")
         inside = np.clip(times, 0.0, self.period)
-        coefficients = np.hstack([self.a, self.b]).T
+        numbers = np.hstack([self.a, self.b]).T
         q, dq, ddq = (
-            part @ coefficients for part in _held_harmonics(inside, self.period, self.harmonics)
+            part @ numbers for part in _held_harmonics(inside, self.period, self.harmonics)
         )
         step, speed, push = three_values(STEP, inside / self.period)
         way = self.goal - self.start

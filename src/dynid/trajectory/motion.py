@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from dynid.core.arrays import Array, frozen
 
 
@@ -30,3 +32,17 @@ class JointMotion:
         for name in ("dq", "ddq"):
             value = frozen(getattr(self, name), shape=self.q.shape, name=name)
             object.__setattr__(self, name, value)
+
+
+def still_outside(times: Array, inside: Array, q: Array, dq: Array, ddq: Array) -> JointMotion:
+    """A motion that stands at its ends before it begins and after it is over.
+
+    Args:
+        times: (N) times that were asked for [s].
+        inside: (N) the same, held within the motion [s].
+        q: (N, n) positions at `inside` [rad or m].
+        dq: (N, n) velocities there.
+        ddq: (N, n) accelerations there.
+    """
+    outside = (times != inside)[:, None]
+    return JointMotion(t=times, q=q, dq=np.where(outside, 0.0, dq), ddq=np.where(outside, 0.0, ddq))

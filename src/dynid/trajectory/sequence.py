@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from dynid.core.arrays import Array, frozen
 from dynid.core.errors import InputError
-from dynid.trajectory.motion import JointMotion
+from dynid.trajectory.motion import JointMotion, still_outside
 from dynid.trajectory.trajectory import Trajectory
 
 _JUMP = 1e-6
@@ -77,7 +77,7 @@ class MotionSequence(Trajectory):
             # A time that rounding puts after the part belongs to its end, not to a new period.
             motion = part.evaluate(np.minimum(inside[mine] - starts[number], part.duration))
             q[mine], dq[mine], ddq[mine] = motion.q, motion.dq, motion.ddq
-        return _still_outside(times, inside, q, dq, ddq)
+        return still_outside(times, inside, q, dq, ddq)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,7 +124,7 @@ class Repetition(Trajectory):
         period = self.part.duration
         local = np.where(inside < self.duration, np.mod(inside, period), period)
         motion = self.part.evaluate(local)
-        return _still_outside(times, inside, motion.q, motion.dq, motion.ddq)
+        return still_outside(times, inside, motion.q, motion.dq, motion.ddq)
 
 
 def chained(parts: Sequence[Trajectory]) -> Trajectory:
@@ -152,8 +152,3 @@ def _check_meeting(before: Trajectory, after: Trajectory, where: str) -> None:
                 value=float(jump[joint]),
                 limit=_JUMP,
             )
-
-
-def _still_outside(times: Array, inside: Array, q: Array, dq: Array, ddq: Array) -> JointMotion:
-    outside = (times != inside)[:, None]
-    return JointMotion(t=times, q=q, dq=np.where(outside, 0.0, dq), ddq=np.where(outside, 0.0, ddq))

@@ -20,6 +20,7 @@ class Analysis:
     """The structure of a robot's dynamics."""
 
     base: BaseParametrization
+    """Which parameters stand for all, and how they were found."""
 
     @property
     def warnings(self) -> tuple[Notice, ...]:

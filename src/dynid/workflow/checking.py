@@ -17,9 +17,11 @@ class Check:
     """The verdict on one file."""
 
     design: StoredDesign
+    """What was judged."""
     limits: DesignLimits
     """What it was held to."""
     certificate: Certificate
+    """What is left of each limit, and where it is least."""
 
     @property
     def feasible(self) -> bool:

@@ -31,6 +31,10 @@ class StoredDesign:
 def write_design(design: ExcitationDesign, path: str | Path) -> None:
     """Write a design as JSON; it appears whole or not at all.
 
+    Args:
+        design: The design.
+        path: The file; `read_design`, `dynid check` and `dynid run` take it.
+
     Raises:
         OSError: The file cannot be written.
     """

@@ -41,7 +41,9 @@ class DesignSettings:
     trajectory: str = "fourier"
     """One of `FAMILY_NAMES`."""
     harmonics: int = 5
+    """Of the series; a B-spline gets as many free numbers."""
     period_s: float = 10.0
+    """Time of one period [s]."""
     rate_hz: float = 125.0
     """Samples a second at which criteria are computed."""
     population: int = POPULATION
@@ -53,6 +55,7 @@ class DesignSettings:
     budget_s: float | None = None
     """Time [s]; None for none beside the default's."""
     seed: int = 0
+    """Of all random numbers."""
     limits: str = "safe"
     """`safe`: all that is known of the robot; `paper`: position, velocity, acceleration."""
     scene: str | None = None

@@ -30,6 +30,7 @@ class TemperatureIdentification:
     """Shared inertias, and friction as a function of joint temperature."""
 
     shared: SharedIdentification
+    """The inertias, and the friction of each record."""
     laws: tuple[JointTemperatureLaw, ...]
     """One a joint."""
     temperature_degC: Array
