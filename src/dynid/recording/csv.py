@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from dynid.core.errors import RecordError
 from dynid.recording.assignment import assign
 from dynid.recording.filenames import names_by_files
+from dynid.recording.headers import NotRecognised
 from dynid.recording.layout import suggest_columns
 from dynid.recording.naming import parse_name
 from dynid.recording.stamping import stamps_of
@@ -65,7 +68,13 @@ def read_csv(
             notes = (*notes, "the columns are named by their files")
     if columns is None and names is None:
         raise _no_header(sheets, where, len(joints) or None)
-    found = assign(names, columns, width, where, joints)
+    try:
+        found = assign(names, columns, width, where, joints)
+    except NotRecognised as error:
+        hint = _by_numbers(sheets, len(joints) or None)
+        raise RecordError(
+            error.what, where=where, value=error.value, next_step=hint or error.next_step
+        ) from error
     if format == "auto":
         format = _format(names, sheets[0].dialect.delimiter)
     elif format != "csv" and not is_ur_header(names):
@@ -163,6 +172,20 @@ def _no_header(sheets: list[Sheet], where: str, joints: int | None) -> RecordErr
         value=f"{sum(sheet.width for sheet in sheets)} columns",
         next_step=hint or "Name them with --columns, for example t=0,q=1:7,qd=7:13,current=13:19.",
     )
+
+
+def _by_numbers(sheets: list[Sheet], joints: int | None) -> str:
+    """What the numbers of one wide table tell of its columns, as a next step; or nothing."""
+    if len(sheets) > 1:
+        return ""
+    dialect = sheets[0].dialect
+    numeric = sorted(dialect.numeric - dialect.stamps)
+    values = np.full((0, dialect.width), np.nan)
+    if len(numeric) > 1:
+        grid = read_grid(dialect, numeric, frozenset(numeric))
+        values = np.full((len(grid.values), dialect.width), np.nan)
+        values[:, numeric] = grid.values
+    return suggest_columns(values, joints)
 
 
 def _channels(

@@ -47,6 +47,10 @@ _NOT_MEASURED = frozenset(
 _MAIN_SCOPES = frozenset({"joint_states", "joint_state", "actual", "feedback", "measured", "state"})
 
 
+class NotRecognised(RecordError):
+    """A header in which no positions are found."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Match:
     """Which columns hold what."""
@@ -113,7 +117,7 @@ def match_headers(names: Sequence[str], where: str, joints: Sequence[str] = ()) 
                 del columns[quantity]
                 notes.append(f"{quantity} is left out: its joints are not those of q")
     if "q" not in columns:
-        raise RecordError(
+        raise NotRecognised(
             "no columns of positions are recognised",
             where=where,
             value=tuple(names)[:40],
@@ -189,13 +193,21 @@ def _choose(
         ranked = sorted(families[quantity], key=lambda family: _order(family, home))
         tied = [family for family in ranked if _order(family, home) == _order(ranked[0], home)]
         if len(tied) > 1 and quantity in ("q", *TORQUE_SOURCES):
-            columns = {quantity: [column for _, column in tied[0].members]}
+            columns = {
+                name: [column for _, column in family.members]
+                for name in ("q", "qd", "effort", "current")
+                for family in families.get(name, [])
+                if family.scope == tied[0].scope
+            }
+            clocks = find_clocks(list(map(parse_name, names)), names, tied[0].scope, where)
+            if clocks:
+                columns = {"t": list(clocks[0].columns), **columns}
             raise RecordError(
                 f"{len(tied)} sets of columns can be {quantity}",
                 where=where,
                 value=", ".join(family.label for family in tied),
-                next_step=f"Say which with --columns: {spelled(columns)} is "
-                f"{tied[0].label} (name all quantities that are wanted).",
+                next_step=f"Say which with --columns, for those of {tied[0].label}: "
+                f"--columns {spelled(columns)}",
             )
         chosen[quantity] = ranked[0]
         if len(ranked) > 1:

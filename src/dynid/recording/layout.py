@@ -7,6 +7,7 @@ import numpy as np
 from dynid.core.arrays import Array
 from dynid.recording.families import spelled
 from dynid.recording.repair.clock import common_slope, velocity_slopes
+from dynid.recording.table import Mask
 
 _FEWEST_ROWS = 100
 _MOST_COLUMNS = 80
@@ -23,17 +24,25 @@ def suggest_columns(values: Array, joints: int | None) -> str:
         joints: Number of joints, if known.
     """
     rows, width = values.shape
-    values = values[np.isfinite(values).all(axis=1)]
+    if not rows:
+        return ""
+    # Columns of text have no numbers at all.
+    numbers: Mask = np.asarray(np.isfinite(values).any(axis=0), dtype=np.bool_)
+    values = values[np.isfinite(values[:, numbers]).all(axis=1)]
     if len(values) < max(_FEWEST_ROWS, 0.5 * rows) or width > _MOST_COLUMNS:
         return ""
-    clock = next((k for k in range(width) if _is_clock(values[:, k])), None)
+    clock = next((k for k in range(width) if numbers[k] and _is_clock(values[:, k])), None)
     if clock is None:
         return ""
     t = values[:, clock] - values[0, clock]
     first = clock + 1 if clock == 0 else 0
     counts = [joints] if joints else [n for n in (6, 7, 5, 4, 3, 2) if (width - 1) % n == 0]
     for n in counts:
-        starts = [k for k in range(first, width - n + 1, n) if not k <= clock < k + n]
+        starts = [
+            k
+            for k in range(first, width - n + 1, n)
+            if not k <= clock < k + n and numbers[k : k + n].all()
+        ]
         blocks = [values[:, k : k + n] for k in starts]
         found = _motion(t, blocks)
         if found is None:

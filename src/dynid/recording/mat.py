@@ -11,6 +11,7 @@ from dynid.recording.table import RawTable
 from dynid.recording.variables import table_of
 
 _MAX_BYTES = 4 << 30
+_PLAIN = "Save plain arrays in MATLAB: t = ts.Time; q = ts.Data; save(file, 't', 'q', '-v7')."
 _SAVE = "Save it again in MATLAB with: save(file, '-v7')."
 
 
@@ -48,15 +49,27 @@ def read_mat(
         )
     contents = parse_matlab(data, order)
     harm = "; ".join(contents.damaged[:3]) or ("it is cut off" if contents.cut else "")
-    if not contents.arrays:
+    if not contents.arrays or (contents.objects and set(contents.arrays) == {""}):
         raise RecordError(
-            "there are no arrays of numbers", where=path.name, value=harm or None, next_step=_SAVE
+            "there are no arrays of numbers",
+            where=path.name,
+            value=harm or None,
+            next_step=_PLAIN if contents.objects else _SAVE,
         )
+    contents.arrays.pop("", None)
     try:
         table = table_of(
             contents.arrays, columns, joints=joints, where=path.name, format="mat", names=names
         )
     except RecordError as error:
+        if contents.objects and not harm:
+            raise RecordError(
+                f"{error.what}; {contents.objects} variables are timeseries or tables, which only "
+                "MATLAB can read",
+                where=path.name,
+                value=error.value,
+                next_step=_PLAIN,
+            ) from error
         if not harm:
             raise
         raise RecordError(

@@ -22,7 +22,7 @@ HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8",
           13: "u8"}  # fmt: skip
-_STRUCT, _OBJECT = 2, 3
+_STRUCT, _OBJECT, _OPAQUE = 2, 3, 17
 _NUMERIC = range(6, 16)
 _MAX_DEPTH = 12
 _MAX_ELEMENTS = 200
@@ -42,6 +42,8 @@ class Contents:
     """Path (`rec.act_pos`, `run(2).q`) to array of one or two axes."""
     damaged: list[str] = field(default_factory=list[str])
     """What is wrong with each variable that could not be read."""
+    objects: int = 0
+    """Variables of MATLAB's own classes (timeseries, table), which only MATLAB can read."""
     cut: bool = False
     """The file ends in the middle of a variable."""
 
@@ -120,6 +122,7 @@ def _matrix(body: bytes, order: str, path: str | None, into: Contents, depth: in
     _, flags = _next(parts)
     (kind,) = struct.unpack_from(order + "I", flags)
     kind &= 0xFF
+    into.objects += kind == _OPAQUE
     if kind not in _NUMERIC and kind not in (_STRUCT, _OBJECT):
         # Text, cells, sparse matrices, functions and tables hold no recording.
         return

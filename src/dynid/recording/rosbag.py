@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from dynid.recording.bag.ros1 import MAGIC as ROS1_MAGIC
 from dynid.recording.bag.ros1 import Ros1Decoder, ros1_messages
 from dynid.recording.columns import parse_columns
 from dynid.recording.table import Mask, RawTable, Rows, plain
-from dynid.recording.vocabulary import UR_JOINTS
+from dynid.recording.vocabulary import TARGET, UR_JOINTS
 
 _SUFFIXES = (".db3", ".mcap", ".bag")
 _DEFAULT = {"q": "position", "qd": "velocity", "effort": "effort"}
@@ -142,7 +143,13 @@ def _topic(topics: Mapping[str, Collector], wanted: str | None, where: str) -> s
         )
     if not topics:
         raise RecordError("the bag has no JointState message", where=where)
-    return wanted or max(topics, key=lambda name: (topics[name].count, name))
+    return wanted or max(topics, key=lambda name: (*_standing(name, topics[name]), name))
+
+
+def _standing(name: str, collector: Collector) -> tuple[bool, bool, int]:
+    """Measured states go before commands, then the usual name, then the most messages."""
+    words = set(re.split(r"[^a-z]+", name.lower()))
+    return not words & TARGET, name.endswith("joint_states"), collector.count
 
 
 def _joints(

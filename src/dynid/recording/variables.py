@@ -14,6 +14,7 @@ from dynid.core.arrays import Array
 from dynid.core.errors import RecordError
 from dynid.recording.columns import parse_columns, select
 from dynid.recording.headers import match_headers
+from dynid.recording.layout import suggest_columns
 from dynid.recording.naming import parse_name, says_degrees
 from dynid.recording.table import ANGLES, RawTable, plain
 from dynid.recording.units import factor_of, refuse_unit
@@ -160,7 +161,8 @@ def _guess(
             ),
             where=where,
             value="; ".join(f"{p} {variables[p].shape}" for p in paths[:25]),
-            next_step="Name them with --columns, for example t=rec.time,q=rec.pos,effort=rec.tau.",
+            next_step=_by_numbers(variables, joints)
+            or "Name them with --columns, for example t=rec.time,q=rec.pos,effort=rec.tau.",
         ) from error
     clocks = [clock for clock in match.clocks if len(clock.columns) == 1]
     longest = max(arrays["q"].shape)
@@ -170,6 +172,15 @@ def _guess(
             arrays["t"], labels["t"] = variables[path], path
             break
     return arrays, labels, list(match.notes)
+
+
+def _by_numbers(variables: Mapping[str, Array], joints: Sequence[str]) -> str:
+    """What the numbers of one wide matrix tell of its columns; nothing where there are more."""
+    matrices = [value for value in variables.values() if min(value.shape, default=0) > 1]
+    if len(matrices) != 1:
+        return ""
+    tall = matrices[0] if matrices[0].shape[0] >= matrices[0].shape[1] else matrices[0].T
+    return suggest_columns(tall, len(joints) or None)
 
 
 def _pick(variables: Mapping[str, Array], quantity: str, selector: str, where: str) -> Array:
