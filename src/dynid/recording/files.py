@@ -12,24 +12,19 @@ from dynid.core.provenance import file_hash
 from dynid.recording.csv import read_csv
 from dynid.recording.detect import FORMATS, content_kind
 from dynid.recording.frame import read_frame
+from dynid.recording.given import given_files
 from dynid.recording.hdf5 import read_hdf5
 from dynid.recording.mat import read_mat
 from dynid.recording.npz import read_npz
 from dynid.recording.own import read_own
 from dynid.recording.record import ExperimentRecord
 from dynid.recording.repair.pipeline import RepairSettings, repair
-from dynid.recording.rosbag import bag_files, read_bag
-from dynid.recording.segments import partial_path
+from dynid.recording.rosbag import read_bag
 from dynid.recording.table import RawTable
 from dynid.recording.unpack import unpacked
 from dynid.robot.model import RobotModel
 
 _TEXT = ("auto", "csv", "ur-csv", "ur-rtde-csv")
-
-_EXTENSIONS = (
-    *(".csv", ".txt", ".tsv", ".dat", ".log", ".mat", ".npz", ".npy", ".h5", ".hdf5"),
-    *(".parquet", ".feather", ".arrow", ".gz", ".bz2", ".xz", ".zst", ".zip"),
-)
 
 MAX_RATE_HZ = 1e6
 
@@ -77,7 +72,7 @@ def read_recording(
         RecordError: Not a recording, or not one of this robot; the message says what to do.
         MissingExtraError: A compressed bag without the `ros` extra.
     """
-    given = _existing(paths)
+    given = given_files(paths)
     known = _gains(gains)
     if rate_hz is not None and not 0 < rate_hz < MAX_RATE_HZ:
         raise RecordError(
@@ -109,58 +104,6 @@ def read_recording(
         record.metadata, origin=", ".join(str(file) for file in given), input_hash=_hash(given)
     )
     return replace(record, metadata=metadata)
-
-
-def _existing(paths: str | Path | Sequence[str | Path]) -> list[Path]:
-    files = [Path(paths)] if isinstance(paths, (str, Path)) else [Path(path) for path in paths]
-    if not files:
-        raise RecordError("no recording was given")
-    if len(files) == 1 and partial_path(files[0]).is_file() and not files[0].exists():
-        # A recording that was interrupted: what there is of it.
-        return [partial_path(files[0])]
-    for file in files:
-        try:
-            size = file.stat().st_size
-        except (OSError, ValueError) as error:
-            raise RecordError("there is no such file", where=str(file)) from error
-        if file.is_dir():
-            if len(files) > 1:
-                raise RecordError("a folder cannot stand beside other files", where=str(file))
-            return _in_folder(file)
-        if not file.is_file():
-            raise RecordError("this is no regular file", where=str(file))
-        if size == 0:
-            raise RecordError("the file is empty", where=str(file))
-    return files
-
-
-def _in_folder(folder: Path) -> list[Path]:
-    """The storage files of a bag, or the only recording that a folder holds.
-
-    Raises:
-        RecordError: The folder holds no recording, or several.
-    """
-    bags = bag_files(folder)
-    others = sorted(
-        path
-        for path in folder.iterdir()
-        if path.is_file() and path.name.lower().endswith(_EXTENSIONS) and path not in bags
-    )
-    if bags or len(others) == 1:
-        return bags or others
-    if not others:
-        raise RecordError(
-            "the folder holds no recording",
-            where=str(folder),
-            limit="a ROS bag, or files that end in " + ", ".join(_EXTENSIONS),
-        )
-    quoted = " ".join(str(path) for path in others[:8])
-    raise RecordError(
-        f"the folder holds {len(others)} files",
-        where=str(folder),
-        value=[path.name for path in others[:20]],
-        next_step=f"Name one, or those that belong side by side: dynid import {quoted} ...",
-    )
 
 
 def _format(files: list[Path], wanted: str) -> str:

@@ -6,45 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from dynid.core.errors import RecordError
+from dynid.recording.chosen import choose
 from dynid.recording.clocks import Clock, find_clocks
-from dynid.recording.families import Family, collect, spelled
+from dynid.recording.families import Family, collect
 from dynid.recording.naming import parse_name, split_joint
 from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES
 from dynid.recording.units import factor_of, refuse_unit
-
-_TORQUE_STEMS = ("torque", "tau", "effort", "current", "cur")
-_NOT_MEASURED = frozenset(
-    [
-        "ext",
-        "external",
-        "error",
-        "err",
-        "gravity",
-        "grav",
-        "friction",
-        "coriolis",
-        "residual",
-        "model",
-        "estimated",
-        "est",
-        "predicted",
-        "feedforward",
-        "ff",
-        "limit",
-        "limits",
-        "max",
-        "min",
-        "bias",
-        "offset",
-        "hat",
-        "voltage",
-        "cmd",
-        "command",
-        "desired",
-        "target",
-    ]
-)
-_MAIN_SCOPES = frozenset({"joint_states", "joint_state", "actual", "feedback", "measured", "state"})
 
 
 class NotRecognised(RecordError):
@@ -82,7 +49,7 @@ def match_headers(names: Sequence[str], where: str, joints: Sequence[str] = ()) 
             sets of columns claim, or a unit that is not known.
     """
     families = _families(names, joints)
-    chosen, notes = _choose(families, names, where)
+    chosen, notes = choose(families, names, where)
     scope = chosen["q"].scope if "q" in chosen else ""
     clocks = tuple(find_clocks([parse_name(text) for text in names], names, scope, where))
     columns: dict[str, list[int]] = {}
@@ -180,71 +147,6 @@ def _only(family: Family, wanted: set[str]) -> Family:
     if set(family.joints) > wanted:
         family.members = [item for item in family.members if item[0].joint in wanted]
     return family
-
-
-def _choose(
-    families: Mapping[str, list[Family]], names: Sequence[str], where: str
-) -> tuple[dict[str, Family], list[str]]:
-    chosen: dict[str, Family] = {}
-    notes: list[str] = []
-    # Positions first: all other quantities are looked for beside them.
-    for quantity in sorted(filter(None, families), key=lambda name: name != "q"):
-        home = chosen["q"].scope if "q" in chosen else None
-        ranked = sorted(families[quantity], key=lambda family: _order(family, home))
-        tied = [family for family in ranked if _order(family, home) == _order(ranked[0], home)]
-        if len(tied) > 1 and quantity in ("q", *TORQUE_SOURCES):
-            columns = {
-                name: [column for _, column in family.members]
-                for name in ("q", "qd", "effort", "current")
-                for family in families.get(name, [])
-                if family.scope == tied[0].scope
-            }
-            clocks = find_clocks(list(map(parse_name, names)), names, tied[0].scope, where)
-            if clocks:
-                columns = {"t": list(clocks[0].columns), **columns}
-            raise RecordError(
-                f"{len(tied)} sets of columns can be {quantity}",
-                where=where,
-                value=", ".join(family.label for family in tied),
-                next_step=f"Say which with --columns, for those of {tied[0].label}: "
-                f"--columns {spelled(columns)}",
-            )
-        chosen[quantity] = ranked[0]
-        if len(ranked) > 1:
-            others = ", ".join(repr(family.label) for family in ranked[1:6])
-            notes.append(f"{quantity} is read from {ranked[0].label!r}, not from {others}")
-    others = [
-        family
-        for family in families.get("", [])
-        if family.base.startswith(_TORQUE_STEMS)
-        and not _NOT_MEASURED & set(family.label.replace(".", "_").split("_"))
-    ]
-    if others and "effort" not in chosen and "current" not in chosen:
-        if len(others) > 1:
-            raise RecordError(
-                "more than one set of columns can be torques",
-                where=where,
-                value=", ".join(family.label for family in others),
-                next_step="Say which with --columns, for example "
-                + spelled({"effort": [column for _, column in others[0].members]}),
-            )
-        stem = others[0].base
-        chosen["current" if stem.startswith("cur") else "effort"] = others[0]
-        notes.append(f"the only torque-like columns are {stem!r}; they are taken")
-    elif others:
-        kept = [chosen[x].label for x in ("effort", "current") if x in chosen]
-        notes.append(
-            f"torques are read from {' and '.join(map(repr, kept))}; not used: "
-            + ", ".join(repr(family.label) for family in others[:8])
-        )
-    return chosen, notes
-
-
-def _order(family: Family, home: str | None) -> tuple[bool, bool, bool, int]:
-    """The best family has the smallest: complete, beside the positions, a well-known path."""
-    words = set(family.scope.split(".")) | set(family.scope.replace(".", "_").split("_"))
-    away = home is not None and family.scope != home
-    return (not family.whole, away, bool(family.scope) and not words & _MAIN_SCOPES, family.rank)
 
 
 def _same_order(

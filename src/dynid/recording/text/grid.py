@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from dataclasses import dataclass, field
 
@@ -12,11 +11,11 @@ from dynid.core.arrays import Array
 from dynid.core.errors import RecordError
 from dynid.core.notices import Notice
 from dynid.recording.table import Mask, Rows, plain
-from dynid.recording.text.cells import decimals, is_missing, number, split
+from dynid.recording.text.cells import number, split
 from dynid.recording.text.dialect import COMMENT, Dialect
+from dynid.recording.text.endings import is_cut, moment
 from dynid.recording.text.lines import line_blocks
 from dynid.recording.text.lists import flatten
-from dynid.recording.text.stamps import stamp
 
 _CHUNK = 512
 _PIECE = 16
@@ -91,7 +90,7 @@ def read_grid(dialect: Dialect, wanted: list[int], soft: frozenset[int] = frozen
         cells = len(split(line, dialect.delimiter))
         before = [*draft.recent, *(text for _, text in chunk[:-1])]
         if cells < dialect.width or (
-            not closed and dialect.width - 1 in wanted and _is_cut(line, before, dialect)
+            not closed and dialect.width - 1 in wanted and is_cut(line, before, dialect)
         ):
             chunk.pop()
             notices.append(
@@ -199,7 +198,7 @@ def _fast(chunk: list[tuple[int, str]], dialect: Dialect, wanted: list[int]) -> 
             lines,
             delimiter=None if dialect.delimiter == " " else dialect.delimiter,
             usecols=wanted,
-            converters=dict.fromkeys(dialect.stamps & set(wanted), _moment) or None,
+            converters=dict.fromkeys(dialect.stamps & set(wanted), moment) or None,
             ndmin=2,
             comments=None,
             dtype=np.float64,
@@ -222,7 +221,7 @@ def _slow(
     faulty = False
     for k, column in enumerate(wanted):
         try:
-            read = _moment if column in dialect.stamps else number
+            read = moment if column in dialect.stamps else number
             values[0, k] = read(cells[column], dialect.decimal)
         except ValueError:
             if column in soft:
@@ -240,35 +239,3 @@ def _slow(
 def _names_others(row: str, dialect: Dialect) -> bool:
     """Whether a whole row has other joint names than the first, or in another order."""
     return dialect.joint_cells not in row and (len(split(row, dialect.delimiter)) == dialect.width)
-
-
-def _moment(cell: str, decimal: str = ".") -> float:
-    """The number of a cell in a column of dates; NaN where the value is missing."""
-    try:
-        return stamp(cell)
-    except ValueError:
-        return number(cell, decimal)
-
-
-def _is_cut(line: str, before: list[str], dialect: Dialect) -> bool:
-    """Whether the last number of a file without a last line end looks cut off.
-
-    A whole number is as long as those above it; one that has nine decimals lost at most
-    the tenth, and the plausible range catches a lost exponent.
-    """
-    last = split(line, dialect.delimiter)[-1]
-    above = [split(x, dialect.delimiter)[-1] for x in before[-60:]]
-    if is_missing(last):
-        return not all(map(is_missing, above))
-    try:
-        value = _moment(last, dialect.decimal)
-        others = np.array([_moment(x, dialect.decimal) for x in above], dtype=np.float64)
-    except ValueError:
-        return True
-    others = others[np.isfinite(others)]
-    if len(others) < 3 or not math.isfinite(value):
-        return False
-    spread = float(others.max() - others.min())
-    plausible = others.min() - spread <= value <= others.max() + spread
-    usual = float(np.median([decimals(x) for x in above]))
-    return not plausible or decimals(last) < min(usual - 1, 9)
