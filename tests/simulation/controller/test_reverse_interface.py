@@ -11,6 +11,7 @@ import itertools
 import math
 import socket
 import struct
+import time
 
 import pytest
 from rtde_client import TIMEOUT_S, RtdeClient, send_script
@@ -207,6 +208,23 @@ def test_a_driver_that_falls_silent_ends_its_program(controller, driver):
     # The program's end hangs up, which is how a driver learns of it.
     while driver.commands.recv(4096):
         pass
+
+
+@pytest.mark.realtime
+def test_virtual_time_does_not_run_away_from_a_program_that_listens(driver):
+    with controller_process("ur5", virtual_time=True) as fast, RtdeClient(fast.host) as client:
+        client.read_outputs(["timestamp", "output_int_register_30"])
+        client.start()
+        send_script(fast.host, driver.script(), 30002)
+        driver.accept(driver.stack)
+        begin, first = time.monotonic(), client.row()["timestamp"]
+        for k in range(1, 31):
+            driver.send(SERVOJ, [*UPRIGHT[:5], 1e-6 * k], timeout_ms=500)
+            row = client.until(lambda row, k=k: row["output_int_register_30"] == k)
+        driver.send(STOPPED)
+        passed, wall = row["timestamp"] - first, time.monotonic() - begin
+    # A cycle or two a set point; in free virtual time it would be twenty times the wall clock's.
+    assert passed < 2 * wall + 0.1
 
 
 def test_reading_and_writing_in_every_way(machine, driver):

@@ -81,6 +81,7 @@ class ControllerMachine:
         """Run one control cycle."""
         core = self.core
         core.cycles += 1
+        core.network.listening = False
         self._inputs.apply()
         self._power.step()
         core.scale()

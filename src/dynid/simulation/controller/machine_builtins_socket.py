@@ -53,6 +53,7 @@ def _until(
         if found is not None or (over and waited):
             break
         waited += 1
+        core.network.listening = True
         yield LISTENING
     if waited:
         yield BACK

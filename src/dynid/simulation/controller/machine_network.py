@@ -110,6 +110,8 @@ class Network:
 
     def __init__(self, allowed: Callable[[str], bool]) -> None:
         self._allowed = allowed
+        self.listening = False
+        """Whether a thread has waited for a socket in this cycle."""
         self._links: dict[str, Link] = {}
 
     def open(self, name: str, host: str, port: int) -> Link | str:
@@ -147,5 +149,6 @@ class Network:
 
     def close_all(self) -> None:
         """The program is over."""
+        self.listening = False
         for name in list(self._links):
             self.close(name)

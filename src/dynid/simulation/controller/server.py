@@ -128,7 +128,8 @@ class ControllerServer:
             return self.pace.wait(now)
         if self._compiler.busy:
             return _IDLE_S
-        return self._virtual.wait(started, now) if started else self.pace.wait(now)
+        paced = self.pace.wait(now) if self._machine.core.network.listening else 0.0
+        return max(paced, self._virtual.wait(started, now)) if started else self.pace.wait(now)
 
     def _started(self) -> Sequence[RtdeClient]:
         return [client for client in self._rtde if client.session.streaming]
@@ -185,10 +186,8 @@ class ControllerServer:
         if obey(text, self._machine):
             return
         if not self._compiler.submit(text):
-            self._complain("a program was refused: too many are waiting to be compiled")
-
-    def _complain(self, words: str) -> None:
-        self._machine.core.say(words, "controller", rtde.Level.ERROR)
+            words = "a program was refused: too many are waiting to be compiled"
+            self._machine.core.say(words, "controller", rtde.Level.ERROR)
 
     def _welcome(self, door: Door) -> None:
         accepted = door.accept()

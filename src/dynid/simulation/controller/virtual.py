@@ -10,7 +10,8 @@ Nobody looks at the wall clock; time goes as fast as the clients read:
   written until just now, so that no set point is skipped or used twice;
 - an RTDE watchdog of a script starves when its time is over by both clocks: a client that
   writes often enough in real time is never too slow for virtual time;
-- without a client that has started RTDE, time goes at the pace of the wall clock.
+- without a client that has started RTDE, and while a program waits for a socket, time goes at the
+  pace of the wall clock.
 """
 
 from __future__ import annotations
