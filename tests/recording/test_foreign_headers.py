@@ -88,6 +88,8 @@ NUMBERED = {
         ],
     ),
     "struct": ("t", named("robot.joints[{}].pos", "robot.joints[{}].vel", "robot.joints[{}].tau")),
+    "axes": ("t", named("AIPos.A{}", "Vel.A{}", "MsrJntTrq_A{}[Nm]", joints=ONE_TO_SIX)),
+    "libfranka": ("time", named("state.q[{}]", "state.dq[{}]", "state.tau_J[{}]")),
     "upper case": ("TIME", named("POS{}", "VEL{}", "TORQUE{}", joints=ONE_TO_SIX)),
     "camel case": ("Timestamp", named("JointPos{}", "JointVel{}", "JointTorque{}")),
 }
@@ -334,6 +336,16 @@ def test_more_numbered_columns_than_joints_say_what_to_type(tmp_path: Path) -> N
         read_recording(path, robot=load_robot("ur5"))
     option = str(caught.value.next_step).partition("--columns ")[2].partition(";")[0]
     check(path, columns=option)
+
+
+def test_a_clock_that_is_worth_nothing_says_what_to_type(tmp_path: Path) -> None:
+    _, q, qd, effort = truth()
+    names = ["time", *named("q{}", "dq{}", "tau{}")]
+    path = write(tmp_path / "x.csv", names, np.full(len(q), 1.6e9), q, qd, effort)
+    with pytest.raises(RecordError, match="does not run forwards") as caught:
+        read_recording(path)
+    option = str(caught.value.next_step).partition("--columns ")[2].partition(" ")[0]
+    check(path, columns=option, rate_hz=125)
 
 
 def test_a_table_without_header_says_what_to_type(tmp_path: Path) -> None:

@@ -5,11 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recorded_motions import ALPHABETICAL, UR_JOINTS, Motion
+from recorded_motions import ALPHABETICAL, UR_JOINTS, Motion, write_mcap
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from dynid.core.errors import RecordError
+from dynid.recording.bag.ros1 import ros1_messages
 from dynid.recording.files import read_recording
 from dynid.robot.load import load_robot
 
@@ -25,6 +26,7 @@ def write_bag(
     names=ALPHABETICAL,
     stamped: bool = True,
     compression: str | None = None,
+    topic: str = "/joint_states",
 ) -> Path:
     """The motion as a ROS 1 bag, written by the rosbags library; a second topic beside it."""
     t = motion.t
@@ -40,7 +42,7 @@ def write_bag(
     if compression:
         writer.set_compression(getattr(Writer.CompressionFormat, compression))
     with writer:
-        joints = writer.add_connection("/joint_states", TYPE, typestore=STORE)
+        joints = writer.add_connection(topic, TYPE, typestore=STORE)
         other = writer.add_connection("/text", "std_msgs/msg/String", typestore=STORE)
         for k, stamp in enumerate(np.round(t * 1e9).astype(int).tolist()):
             seconds, nanoseconds = divmod(stamp if stamped else 0, 10**9)
@@ -113,3 +115,23 @@ def test_a_bag_without_joint_states_names_what_it_has(tmp_path: Path) -> None:
         writer.write(other, 1, STORE.serialize_ros1(text, "std_msgs/msg/String"))
     with pytest.raises(RecordError, match=r"/text \(std_msgs/String\)"):
         read_recording(tmp_path / "x.bag")
+
+
+def test_what_ros1_wrote_in_an_mcap_file(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "run.bag")
+    stream = [(receive, data) for _, receive, data in ros1_messages(bag, [])]
+    record = read_recording(write_mcap(MOTION, tmp_path / "run.mcap", stream=stream))
+    assert record.problems == ()
+    np.testing.assert_array_equal(record.signals["q"], MOTION.position(MOTION.t))
+
+
+def test_states_go_before_commands(tmp_path: Path) -> None:
+    """A topic of commands may have more messages, and be first by letter."""
+    states = write_bag(tmp_path / "states.bag")
+    ahead = Motion(samples=500, seed=3)
+    commands = write_bag(tmp_path / "commands.bag", ahead, topic="/joint_commands")
+    record = read_recording([commands, states])
+    assert record.metadata.extra["topic"] == "/joint_states"
+    np.testing.assert_array_equal(record.signals["q"], MOTION.position(MOTION.t))
+    asked = read_recording([commands, states], topic="/joint_commands")
+    np.testing.assert_array_equal(asked.signals["q"], ahead.position(ahead.t))

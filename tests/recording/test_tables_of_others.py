@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bz2
 import gzip
+import json
 import lzma
 import zipfile
 from pathlib import Path
@@ -234,3 +235,34 @@ def test_struct_arrays_in_hdf5(tmp_path: Path) -> None:
                 store[f"{name}{k}"] = value[None, :, k]
                 field[k, 0] = store[f"{name}{k}"].ref
     check(read_recording(tmp_path / "x.mat", robot=load_robot("ur5")))
+
+
+@pytest.mark.parametrize("layout", ["arrays", "objects", "lines"])
+def test_json(tmp_path: Path, layout: str) -> None:
+    t = MOTION.t
+    parts = {"q": MOTION.position(t), "qd": MOTION.velocity(t), "tau": MOTION.current(t)}
+    rows = [
+        {"time": x, "state": {name: value[k].tolist() for name, value in parts.items()}, "n": "a"}
+        for k, x in enumerate(t.tolist())
+    ]
+    path = tmp_path / "x.json"
+    if layout == "arrays":
+        arrays = {name: value.tolist() for name, value in parts.items()}
+        path.write_text(json.dumps({"robot": "x", "time": t.tolist(), **arrays}))
+    elif layout == "objects":
+        path.write_text(json.dumps(rows, indent=1))
+    else:
+        path.write_text("\n".join(map(json.dumps, rows)) + "\n")
+    check(read_recording(path, robot=load_robot("ur5")))
+    path.write_text(path.read_text()[:-20])
+    if layout != "lines":
+        with pytest.raises(RecordError, match="JSON file is damaged"):
+            read_recording(path)
+
+
+def test_json_that_is_no_recording(tmp_path: Path) -> None:
+    for text in ('{"a": 1}', '{"a": [1, "x"]}', "[[1, 2], [3]]", "{" * 2000, '{"q": [NaN]}'):
+        (tmp_path / "x.json").write_text(text)
+        with pytest.raises(RecordError) as caught:
+            read_recording(tmp_path / "x.json")
+        assert "\n" not in str(caught.value)

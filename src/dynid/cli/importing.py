@@ -11,7 +11,7 @@ import typer
 from dynid.cli.options import JsonFlag, examples
 from dynid.core.errors import InputError
 
-FORMATS = "auto|ur-csv|ur-rtde-csv|csv|rosbag|mcap|mat|npz|hdf5|parquet"
+FORMATS = "auto|ur-csv|ur-rtde-csv|csv|rosbag|mcap|mat|npz|hdf5|json|parquet"
 
 
 def register(app: typer.Typer) -> None:

@@ -10,7 +10,18 @@ from dynid.recording.segments import MARK
 from dynid.recording.text.lines import looks_like_text
 from dynid.recording.unpack import packing
 
-FORMATS = ("ur-csv", "ur-rtde-csv", "csv", "rosbag", "mcap", "mat", "npz", "hdf5", "parquet")
+FORMATS = (
+    "ur-csv",
+    "ur-rtde-csv",
+    "csv",
+    "rosbag",
+    "mcap",
+    "mat",
+    "npz",
+    "hdf5",
+    "json",
+    "parquet",
+)
 PACKED = "packed"
 """What `content_kind` calls a compressed file."""
 _MARKS: tuple[tuple[bytes, str], ...] = (
@@ -83,15 +94,21 @@ def content_kind(path: Path) -> str:
             next_step="Record again without --binary.",
         )
     if looks_like_text(head):
-        return "csv"
+        return "json" if _is_json(head) else "csv"
     by_name = _EXTENSIONS.get(path.suffix.lower())
     if by_name is not None:
         return by_name
     raise RecordError(
         "this is none of the formats that dynid reads",
         where=path.name,
-        limit="UR logs, CSV, ROS bags, MCAP, MATLAB, HDF5, NumPy, Parquet",
+        limit="UR logs, CSV, ROS bags, MCAP, MATLAB, HDF5, NumPy, JSON, Parquet",
     )
+
+
+def _is_json(head: bytes) -> bool:
+    """Whether a text begins as an object, or as a list of objects or of numbers."""
+    start = head.lstrip(b"\xef\xbb\xbf \t\r\n")[:200]
+    return start.startswith(b"{") or b"".join(start.split()).startswith((b"[{", b"[["))
 
 
 def _is_binary_ur(head: bytes) -> bool:

@@ -120,3 +120,15 @@ def spelled(columns: Mapping[str, Sequence[int]]) -> str:
         else:
             items.append(f"{quantity}={'+'.join(map(str, numbers))}")
     return ",".join(items)
+
+
+def by_rows(columns: Mapping[str, Sequence[int]]) -> str:
+    """What to type to count time by rows in place of the time column.
+
+    Args:
+        columns: Quantity to column numbers, without the time; empty where there are none.
+    """
+    kept = {name: columns[name] for name in ("q", "qd", "effort", "current") if name in columns}
+    if "q" not in kept:
+        return "Leave t out of --columns and give the clock with --rate."
+    return f"Leave the time out and give the clock: --columns {spelled(kept)} --rate HZ."

@@ -14,6 +14,7 @@ from dynid.recording.detect import FORMATS, content_kind
 from dynid.recording.frame import read_frame
 from dynid.recording.given import given_files
 from dynid.recording.hdf5 import read_hdf5
+from dynid.recording.jsonfile import read_json
 from dynid.recording.mat import read_mat
 from dynid.recording.npz import read_npz
 from dynid.recording.own import read_own
@@ -54,7 +55,7 @@ def read_recording(
         robot: The robot: its number of joints, names, limits, and drives. Where its drives
             say so, motor positions and torques become joint values.
         format: `auto` (by content, then by extension), `ur-csv`, `ur-rtde-csv`, `csv`,
-            `rosbag`, `mcap`, `mat`, `npz`, `hdf5` or `parquet`.
+            `rosbag`, `mcap`, `mat`, `npz`, `hdf5`, `json` or `parquet`.
         columns: Quantity to columns: `t=0,q=1:7,current=13:19` (from 0, ranges exclude their
             end), header names, `.mat` paths (`q=rec.act_pos`), or JointState fields
             (`current=effort`).
@@ -177,6 +178,8 @@ def _read(
         )
     if kind == "arrow":
         return read_frame(files[0], joints=names, columns=columns)
+    if kind == "json":
+        return read_json(files[0], columns=columns, joints=joints, names=names)
     if kind == "hdf5":
         return read_hdf5(files[0], columns=columns, joints=joints, names=names)
     if kind == "npz":

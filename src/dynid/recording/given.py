@@ -10,7 +10,20 @@ from dynid.recording.rosbag import bag_files
 from dynid.recording.segments import partial_path
 
 _EXTENSIONS = (
-    *(".csv", ".txt", ".tsv", ".dat", ".log", ".mat", ".npz", ".npy", ".h5", ".hdf5"),
+    *(
+        ".csv",
+        ".txt",
+        ".tsv",
+        ".dat",
+        ".log",
+        ".mat",
+        ".npz",
+        ".npy",
+        ".h5",
+        ".hdf5",
+        ".json",
+        ".jsonl",
+    ),
     *(".parquet", ".feather", ".arrow", ".gz", ".bz2", ".xz", ".zst", ".zip"),
 )
 

@@ -14,6 +14,7 @@ _BRACKET = re.compile(r"[\[({]([^\[\](){}]*)[\])}]\s*$")
 _INDEX_LAST = re.compile(r"^(.*?)[\s_\-]*(?:(?<![a-z])(?:joint|jnt|axis|j|a))?[\s_\-]*(\d{1,3})$")
 _INDEX_FIRST = re.compile(r"^(?:joint|jnt|axis|motor|j|a)[\s_\-]*(\d{1,3})[\s_\-:]+(.+)$")
 _INDEX_WITHIN = re.compile(r"^([a-z][a-z_\s\-]*?)[\s_\-]*(\d{1,3})[\s_\-]+([a-z][a-z_\s\-]*)$")
+_INDEX_ALONE = re.compile(r"(?:joint|jnt|axis|motor|j|a)?[\s_\-]*(\d{1,3})")
 _INDEX_PATH = re.compile(r"^(.*?)[\[(]?(?<![a-z\d])(\d{1,3})[\])]?$")
 _DEGREES = re.compile(r"(^|_)(deg|degs|degree|degrees)(_|$)")
 _SECONDS = frozenset({"sec", "secs"})
@@ -112,8 +113,9 @@ def parse_name(text: str, joints: Sequence[str] = ()) -> Name:
     while parts and (not last or _joined(last) in CONTENT):
         last = parts.pop()
         if index is None:
-            if parts and last.isdecimal():
-                index, last = int(last), parts.pop()
+            if parts and (match := _INDEX_ALONE.fullmatch(last)):
+                # `position.3`, `AIPos.A1`
+                index, last = int(match.group(1)), parts.pop()
             else:
                 last, index = _index(last)
     if index is None and not inside and parts and (match := _INDEX_PATH.match(parts[-1])):

@@ -101,7 +101,7 @@ def guess_variables(
 
 def _by_numbers(variables: Mapping[str, Array], joints: Sequence[str]) -> str:
     """What the numbers of one wide matrix tell of its columns; nothing where there are more."""
-    matrices = [value for value in variables.values() if min(value.shape, default=0) > 1]
+    matrices = [value for value in variables.values() if value.ndim == 2]
     if len(matrices) != 1:
         return ""
     tall = matrices[0] if matrices[0].shape[0] >= matrices[0].shape[1] else matrices[0].T

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dynid.core.arrays import Array
-from dynid.recording.bag.cdr import CdrError, JointStateDecoder
+from dynid.recording.bag.cdr import CdrError, JointState, JointStateDecoder
 from dynid.recording.bag.inflate import ZSTD_MAGIC, InflateError, inflate
 from dynid.recording.bag.ros1 import Ros1Decoder
 from dynid.recording.table import Rows
@@ -68,7 +68,7 @@ class Collector:
         try:
             if data.startswith(ZSTD_MAGIC):
                 data = inflate(data, "zstd")
-            message = self.decoder.decode(data)
+            message = self._decoded(data)
         except (CdrError, InflateError):
             self._damage()
             return
@@ -83,6 +83,18 @@ class Collector:
         sent = (message.position, message.velocity, message.effort)
         for name, values in zip(FIELDS, sent, strict=True):
             group.columns[name].extend(values if len(values) == joints else [_NAN] * joints)
+
+    def _decoded(self, data: bytes) -> JointState:
+        try:
+            return self.decoder.decode(data)
+        except CdrError:
+            if self.groups:
+                raise
+            # An MCAP file may hold what ROS 1 wrote.
+            other = Ros1Decoder()
+            message = other.decode(data)
+            self.decoder = other
+            return message
 
     def _damage(self) -> None:
         self.damaged += 1

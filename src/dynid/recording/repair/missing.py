@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynid.core.errors import RecordError
+from dynid.recording.families import by_rows
 from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, Mask, RawTable, rows_with
 
 ABSURD = 1e12
@@ -36,7 +37,7 @@ def drop_missing(table: RawTable) -> RawTable:
                 "the time column has no numbers on most rows",
                 where=table.source,
                 value=f"{int(np.isnan(t).sum())} of {rows}",
-                next_step="Leave t out of --columns and give the clock with --rate.",
+                next_step=by_rows(table.columns),
             )
         alive &= np.isfinite(t)
     _require_positions(table, alive)

@@ -8,6 +8,7 @@ import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.core.errors import RecordError
+from dynid.recording.families import by_rows
 from dynid.recording.table import Mask, RawTable, Rows
 
 MOST_DROPPED = 0.2
@@ -31,7 +32,7 @@ def repair_stamps(table: RawTable) -> RawTable:
             "time does not run forwards",
             where=table.source,
             value=f"{len(forward)} of {len(steps)} steps are positive",
-            next_step="Check which column is t, or leave it out and give --rate.",
+            next_step=f"Check which column is the time. {by_rows(table.columns)}",
         )
     nominal = float(np.median(forward))
     wrong = _single_outliers(t, nominal)
@@ -47,7 +48,7 @@ def repair_stamps(table: RawTable) -> RawTable:
             f"{lost} of {table.samples} rows have stamps that repeat or run backwards",
             where=table.source,
             limit=f"{MOST_DROPPED:.0%} of the rows",
-            next_step="Leave t out of --columns and give the clock with --rate.",
+            next_step=by_rows(table.columns),
         )
     first = int(np.argmax(wrong))
     repeated = int(np.count_nonzero(steps == 0))
