@@ -214,9 +214,9 @@ def test_a_driver_that_falls_silent_ends_its_program(controller, driver):
 def test_virtual_time_does_not_run_away_from_a_program_that_listens(driver):
     with controller_process("ur5", virtual_time=True) as fast, RtdeClient(fast.host) as client:
         client.read_outputs(["timestamp", "output_int_register_30"])
-        client.start()
         send_script(fast.host, driver.script(), 30002)
         driver.accept(driver.stack)
+        client.start()
         begin, first = time.monotonic(), client.row()["timestamp"]
         for k in range(1, 31):
             driver.send(SERVOJ, [*UPRIGHT[:5], 1e-6 * k], timeout_ms=500)
