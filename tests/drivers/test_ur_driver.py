@@ -206,6 +206,7 @@ def test_streaming_starts_after_the_same_way() -> None:
     assert len(stopped.moves) == 2
 
 
+@pytest.mark.realtime
 def test_set_points_can_be_streamed_by_ur_rtde(controller: RunningController) -> None:
     pytest.importorskip("rtde_control")
     recorder = ListRecorder()
