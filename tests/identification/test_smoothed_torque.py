@@ -19,6 +19,7 @@ from dynid.signals.samples import ProcessingSettings
 from dynid.signals.torque_filter import TorqueFilter
 from dynid.validation.prediction import validate
 from dynid.workflow.identify import Identification, identify
+from dynid.workflow.shared_inertias import identify_shared
 
 CUTOFF_HZ = 2.5
 ORDER = 3
@@ -68,6 +69,25 @@ def test_it_survives_the_file(found: Identification, tmp_path: Path) -> None:
     again = validate(read, smoothed(1))
     assert found.validation is not None
     np.testing.assert_allclose(again.metrics.rmse, found.validation.metrics.rmse, rtol=1e-9)
+
+
+def test_another_record_is_judged_as_it_was_measured(found: Identification) -> None:
+    raw = validate(found.estimate, recording(1, seconds=20.0, period=20.0, velocities=True))
+    assert (raw.metrics.rmse < 1.15 * NOISE).all()
+    assert (raw.metrics.rmse > 0.9 * NOISE).all()
+
+
+def test_a_filter_must_hold_for_all_records() -> None:
+    both = [smoothed(0), recording(1, seconds=20.0, period=20.0, velocities=True)]
+    assert identify(both, ur5()).estimate.settings.torque_filter is None
+
+
+def test_shared_inertias_pass_it_too() -> None:
+    result = identify_shared([smoothed(0), smoothed(1)], ur5())
+    for estimate in result.estimates:
+        assert estimate.settings.torque_filter is not None
+        value = dict(zip(estimate.names, estimate.values, strict=True))
+        assert [value[f"Fc{j + 1}"] for j in range(6)] == pytest.approx(COULOMB, rel=0.1)
 
 
 def test_a_record_as_it_was_measured_passes_no_filter() -> None:

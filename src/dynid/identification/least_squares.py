@@ -144,11 +144,14 @@ def solve(factors: Array, weights: Array, prior_gain: float | None = None) -> tu
     r = factors.shape[1] - 1
     stacked = (factors * weights[:, None, None]).reshape(-1, r + 1)
     scale = np.linalg.norm(stacked[:, :r], axis=0)
-    if (scale == 0).any():
+    if (scale == 0).any() and prior_gain is None:
         raise JobError(
             "a base parameter has no effect on any torque of this recording",
-            next_step="The motion stands still or moves too few joints: record more.",
+            next_step="The motion stands still or moves too few joints: record more, lock the "
+            "joints that stand still ([locked] in a robot file), or use --preset best.",
         )
+    # What no torque shows stays with the prior: zero.
+    scale = np.where(scale == 0, 1.0, scale)
     stacked = stacked / np.append(scale, 1.0)
     if prior_gain is not None:
         # Column k explains norm(scale_k p_k) of the norm of all torques.

@@ -47,19 +47,23 @@ class IdentificationProblem:
         """Rows a second."""
         return self.samples.rate_hz / self.samples.block
 
+    def parts(self) -> Iterator[tuple[slice, slice]]:
+        """Rows and samples of parts of the problem that fit in the cache."""
+        used, block = self.samples.rows, self.samples.block
+        step = max(1, chunk_size(self.samples) // block)
+        for first in range(0, self.blocks, step):
+            rows = slice(first, min(first + step, self.blocks))
+            yield rows, slice(used.start + rows.start * block, used.start + rows.stop * block)
+
     def chunks(self) -> Iterator[tuple[slice, Array, Array]]:
-        """Parts of the problem that fit in the cache, torques and columns averaged alike.
+        """Parts of the problem, torques and columns averaged alike.
 
         Yields:
             Rows covered, columns (r, n, T), torques (n, T) with known torques added.
         """
         model, samples, block = self.base.model, self.samples, self.samples.block
         columns = list(self.base.independent)
-        step = max(1, chunk_size(samples) // block)
-        for first in range(0, self.blocks, step):
-            rows = slice(first, min(first + step, self.blocks))
-            first_sample = samples.rows.start + rows.start * block
-            part = slice(first_sample, first_sample + (rows.stop - rows.start) * block)
+        for rows, part in self.parts():
             stack, torque = recorded_rows(model, samples, part, columns)
             yield rows, block_mean(stack, block), block_mean(torque, block)
 

@@ -33,6 +33,8 @@ from dynid.signals.samples import ProcessingSettings
 
 EXTRA_TERMS = ("fo", "fca", "fva", "fs", "fr", LOAD)
 """Terms that a joint may take beside the paper's; load-dependent friction has the step's width."""
+ALIKE = frozenset({"fs", "fr"})
+"""Both bend the curve below some speed: together they cancel, inside the record only."""
 PAIR = frozenset({"fo", "fca"})
 """Together an offset that stops at rest; alone neither helps."""
 PRIOR_GAINS = (PRIOR_GAIN, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
@@ -187,6 +189,8 @@ class Search:
             moves += [replace(now, delay=k) for k in range(len(self.delays))]
         for term in range(len(self.extras)):
             toggled = now.terms ^ {term}
+            if {self.extras[k] for k in toggled} >= ALIKE:
+                continue
             moves += [replace(now, terms=toggled, width=k) for k in widths]
         if set(self.extras) >= PAIR:
             both = frozenset(self.extras.index(term) for term in PAIR)

@@ -20,7 +20,7 @@ from dynid.robot.model import RobotModel
 from dynid.signals.filters import NYQUIST_SHARE
 from dynid.signals.resample import UniformSignals
 from dynid.signals.samples import ProcessingSettings
-from dynid.signals.torque_filter import ORDERS, TorqueFilter, torque_end, was_smoothed
+from dynid.signals.torque_filter import ORDERS, TorqueFilter, torque_end
 
 CUTOFFS_HZ = (2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 22.0, 33.0, 50.0, 75.0)
 """Cut-offs that are tried, as far as the record's length and rate allow."""
@@ -54,6 +54,7 @@ def select(
     settings: ProcessingSettings,
     *,
     terms: FrictionTerms | None = None,
+    smoothed: bool = False,
     progress: Progress | None = None,
 ) -> Selection:
     """Choose settings and friction terms by cross-validation inside one record.
@@ -64,6 +65,7 @@ def select(
         signals: The identification record on a uniform grid, folded if it is periodic.
         settings: Settings given by the user: what is set there stays.
         terms: Terms given by the user; None to choose them.
+        smoothed: Whether the torque was smoothed before it was written: what did it is found.
         progress: Told what is being tried and how far it is (0 to 1).
 
     Raises:
@@ -79,7 +81,7 @@ def select(
         scored.append((search.score(search.candidates(trial), plain)[0], index))
     best = min(scored)[1]
     choices = plain
-    if settings.torque_filter is None and was_smoothed(signals):
+    if smoothed and settings.torque_filter is None:
         tell("what smoothed the torque", 0.3)
         passed = _passed_by(search, trials[best], plain)
         trials = tuple(replace(trial, torque_filter=passed) for trial in trials)

@@ -16,8 +16,7 @@ import numpy as np
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError, JobError
 from dynid.core.linalg import solve_upper, upper_triangle
-from dynid.identification.problem import IdentificationProblem, block_mean
-from dynid.regressor.model import CHUNK
+from dynid.identification.problem import IdentificationProblem, block_mean, recorded_rows
 
 INERTIAS = ("Im", "Imm")
 """Columns after the links' that belong to the robot, not to its friction."""
@@ -103,15 +102,10 @@ class SharedProblem:
         last = 10 * (self.joints - 1)
         tail = list(range(last, last + self.payload))
         order = [problem.base.independent[k] for k in (*self.own, *self.common)]
-        step = max(1, CHUNK // block)
-        for first in range(0, problem.blocks, step):
-            rows = slice(first, min(first + step, problem.blocks))
-            part = slice(rows.start * block, rows.stop * block)
-            q = samples.q[part]
-            columns = model.stack(q, samples.dq[part], samples.ddq[part])[order + tail]
+        for rows, part in problem.parts():
+            columns, torque = recorded_rows(model, samples, part, order + tail)
             if tail and not carries:
                 columns[-PAYLOAD:] = 0.0
-            torque = (samples.tau[part] + model.known_torque(q)).T
             yield rows, block_mean(columns, block), block_mean(torque, block)
 
     def factors(self, record: int) -> Array:

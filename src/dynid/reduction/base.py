@@ -10,7 +10,7 @@ from dynid.core.arrays import Array, read_only
 from dynid.core.errors import InputError
 from dynid.core.notices import Notice
 from dynid.reduction.rank import RANK_TOLERANCE, Rank, rank_and_classes, regrouping
-from dynid.reduction.sampling import random_states
+from dynid.reduction.sampling import random_states, slow_states
 from dynid.regressor.model import InverseDynamicModel
 from dynid.robot.model import RobotModel
 from dynid.robot.nominal import nominal_geometry, structural_gravity
@@ -122,8 +122,11 @@ def reduce_model(
     structural, warnings = _structural_model(model)
     # Three rows for two columns determine the rank; the paper's 25 points give 150 for 78.
     rows = max(samples, -(-3 * len(model.columns) // (2 * model.robot.joints)))
-    states = random_states(model.robot, rows, seed)
-    w = structural.observation_matrix(*states)
+    w = structural.observation_matrix(*random_states(model.robot, rows, seed))
+    if any(term == "fs" for term, _ in model.friction.terms):
+        # Random speeds of pi rad/s rarely meet a Stribeck peak that ends near 0.1 rad/s.
+        slow = slow_states(model.robot, rows, seed + 1, 2 * model.friction.stribeck_velocity)
+        w = np.vstack([w, structural.observation_matrix(*slow)])
     classes = rank_and_classes(w, tolerance)
     independent, dependent, k = regrouping(w, tolerance)
     warnings = (*warnings, *_weak_gap(classes), *_two_ranks(classes.rank, len(independent)))

@@ -17,6 +17,7 @@ from dynid.signals.filters import default_cutoff
 from dynid.signals.process import uniform_signals
 from dynid.signals.samples import ProcessingSettings, Samples
 from dynid.signals.stamps import samples_at_stamps
+from dynid.signals.torque_filter import was_smoothed
 from dynid.validation.metrics import MOVING_SPEED, Metrics, metrics
 
 EXTRAPOLATION = 1.15
@@ -115,7 +116,13 @@ def _settings(
     settings = replace(
         estimate.settings, start_s=start_s, stop_s=stop_s, decimate=False, period_s=None
     )
-    return settings if "qd" in record.signals else replace(settings, velocity="position")
+    if "qd" not in record.signals:
+        settings = replace(settings, velocity="position")
+    robot = estimate.model.robot
+    if settings.torque_filter and not was_smoothed(uniform_signals(record, robot, settings)):
+        # This record shows what the other had lost.
+        settings = replace(settings, torque_filter=None)
+    return settings
 
 
 def _seen_before(

@@ -14,9 +14,9 @@ from typing import Any, cast
 import numpy as np
 
 from dynid.core.arrays import Array
-from dynid.identification.problem import block_mean
+from dynid.identification.problem import block_mean, chunk_size
 from dynid.reduction.base import reduce_model
-from dynid.regressor.model import CHUNK, InverseDynamicModel
+from dynid.regressor.model import InverseDynamicModel
 from dynid.regressor.terms import FrictionTerms
 from dynid.signals.samples import Samples
 
@@ -128,12 +128,13 @@ def profile_of(model: InverseDynamicModel, samples: Samples) -> Profile:
         for axis in axes
     ]
     block = max(samples.block, -(-samples.count // MOST_ROWS))
-    rows = samples.count // block
+    used = samples.rows
+    rows = (used.stop - used.start) // block
     width = 3 * len(columns) + 1
     products = np.zeros((STRETCHES, robot.joints, width, width))
-    edges = np.linspace(0, rows, STRETCHES + 1).astype(int) * block
-    step = max(1, CHUNK // block) * block
-    for k, (start, stop) in enumerate(pairwise(edges.tolist())):
+    cuts = [used.start + k * rows // STRETCHES * block for k in range(STRETCHES + 1)]
+    step = max(1, chunk_size(samples) // block) * block
+    for k, (start, stop) in enumerate(pairwise(cuts)):
         for first in range(start, stop, step):
             part = slice(first, min(first + step, stop))
             values = block_mean(_columns(model, still, columns, samples, part), block)
@@ -150,17 +151,20 @@ def _columns(
     part: slice,
 ) -> Array:
     """(3r + 1, n, T) columns, those of gravity along both axes, torque."""
-    q = samples.q[part]
+    wide, inner = samples.surroundings(part)
+    q = samples.q[wide]
     rest = np.zeros_like(q)
     chosen = list(columns)
     inertial = [c for c in chosen if c < 10 * model.robot.joints]
-    stacks = [model.stack(q, samples.dq[part], samples.ddq[part])[chosen]]
+    stacks = [model.stack(q, samples.dq[wide], samples.ddq[wide])[chosen]]
     for other in still:
         gravity = np.zeros_like(stacks[0])
         gravity[: len(inertial)] = other.stack(q, rest, rest)[inertial]
         stacks.append(gravity)
-    torque = (samples.tau[part] + model.known_torque(q)).T
-    return np.concatenate([*stacks, torque[None]])
+    stacks.append(model.known_torque(q).T[None])
+    values = samples.as_recorded(np.concatenate(stacks), wide)[..., inner]
+    values[-1] += samples.tau[part].T
+    return values
 
 
 def across(gravity: Array) -> Array:

@@ -13,6 +13,7 @@ from dynid.robot.model import RobotModel
 from dynid.signals.periods import find_period, fold_periods
 from dynid.signals.process import uniform_signals
 from dynid.signals.samples import ProcessingSettings
+from dynid.signals.torque_filter import was_smoothed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,9 +34,19 @@ def choose(
     processing: ProcessingSettings,
     *,
     terms: FrictionTerms | None = None,
+    smoothed: bool = True,
     progress: Progress | None = None,
 ) -> Choice:
     """Choose settings and friction on the longest record; a lone periodic one is averaged.
+
+    Args:
+        records: The recordings.
+        robot: The robot.
+        frames: Parameter frames.
+        processing: Settings given by the user: what is set there stays.
+        terms: Terms given by the user; None to choose them.
+        smoothed: Whether to look for a low-pass that the torques have passed.
+        progress: Told what is being tried and how far it is (0 to 1).
 
     Raises:
         InputError: See `select`.
@@ -49,7 +60,13 @@ def choose(
         repetitions = int(len(signals.t) / signals.rate_hz / period + 1e-6)
         signals = fold_periods(signals, period)
         averaged = (f"average of {repetitions} periods of {period:g} s",)
-    chosen = select(robot, frames, signals, processing, terms=terms, progress=progress)
+    # A filter that one record has passed says nothing of the others.
+    smoothed = smoothed and all(
+        was_smoothed(uniform_signals(record, robot, processing)) for record in records
+    )
+    chosen = select(
+        robot, frames, signals, processing, terms=terms, smoothed=smoothed, progress=progress
+    )
     return Choice(
         processing=chosen.settings,
         friction=chosen.friction,

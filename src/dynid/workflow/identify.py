@@ -28,7 +28,9 @@ from dynid.robot.model import RobotModel
 from dynid.signals.filters import NYQUIST_SHARE
 from dynid.signals.process import process
 from dynid.signals.samples import ProcessingSettings, joined
+from dynid.validation.disturbance import disturbed
 from dynid.validation.prediction import ValidationResult, reproduce, validate
+from dynid.validation.wrong_inputs import suspicious_inputs
 from dynid.workflow.choosing import choose
 from dynid.workflow.identify_settings import IdentifySettings, chosen_estimator
 
@@ -136,7 +138,14 @@ def _identify(
     ill_conditioned = False
     if settings.preset == "best":
         choice = choose(
-            records, robot, settings.frames, processing, terms=settings.terms, progress=progress
+            records,
+            robot,
+            settings.frames,
+            processing,
+            terms=settings.terms,
+            # Maximum likelihood has a noise of its own for each sample: no filter fits there.
+            smoothed=settings.estimator != "ml",
+            progress=progress,
         )
         processing, friction = choice.processing, choice.friction
         prior_gain, words = choice.prior_gain, choice.words
@@ -165,7 +174,12 @@ def _identify(
     )
     training = reproduce(estimate, records[0], start_s=settings.start_s, stop_s=settings.stop_s)
     result = None
-    warnings = [*estimate.warnings, *implausible_gravity(estimate)]
+    warnings = [
+        *estimate.warnings,
+        *implausible_gravity(estimate),
+        *suspicious_inputs(estimate, samples),
+        *disturbed(training, robot.joint_names),
+    ]
     for record in records:
         warnings += [notice for notice in record.problems if notice not in warnings]
     validation, validation_start_s, validation_stop_s = other

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from dynid.identification.diagnostics import DO_NOT_USE
+from dynid.validation.disturbance import DISTURBED
 from dynid.validation.prediction import SAME_RECORD
 from dynid.workflow.identify import Identification
 
@@ -94,6 +95,8 @@ def verdict(result: Identification) -> Verdict:
         found.append("extrapolated")
     if found:
         doubts.append(f"see the warning{'s' * (len(found) > 1)} {', '.join(found)}")
+    if any(DISTURBED in notice.message for notice in result.warnings):
+        doubts.append("something touched the arm while it was recorded (corrupt_rows)")
     if result.validation is None or seen:
         doubts.append("no other motion has confirmed it yet (--validate)")
         return Verdict(level="care", reasons=tuple(doubts))
