@@ -282,9 +282,12 @@ def test_what_cannot_be_reached_is_no_socket(machine, driver):
 
 @pytest.mark.parametrize(
     ("host", "here"),
-    [("127.0.0.1", True), ("127.9.8.7", True), ("10.0.0.1", False), ("example.org", False)],
+    [
+        *(("127.0.0.1", True), ("127.9.8.7", True), ("192.0.2.1", False), ("224.0.0.1", False)),
+        *(("0.0.0.0", False), ("example.org", False), ("", False)),
+    ],
 )
-def test_only_loopback_addresses_are_this_machine(host, here):
+def test_only_its_own_addresses_are_this_machine(host, here):
     assert on_this_machine(host) is here
 
 

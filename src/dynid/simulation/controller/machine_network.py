@@ -19,9 +19,20 @@ _PIECE = 4096
 def on_this_machine(host: str) -> bool:
     """Whether an IPv4 address leads to this machine."""
     try:
-        return ipaddress.IPv4Address(host).is_loopback
+        address = ipaddress.IPv4Address(host)
     except ValueError:
         return False
+    if address.is_loopback:
+        return True
+    if address.is_multicast or address.is_unspecified:
+        return False
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as sock:
+        try:
+            # Only an address of one's own can be bound to.
+            sock.bind((host, 0))
+        except OSError:
+            return False
+    return True
 
 
 class Link:
