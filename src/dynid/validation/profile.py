@@ -88,9 +88,14 @@ class Profile:
         r = self.rank
         matrix, vector = sums[:, :r, :r], sums[:, :r, -1]
         if inputs.tilt.any():
-            turn = np.hstack([np.eye(r), inputs.tilt[0] * np.eye(r), inputs.tilt[1] * np.eye(r)])
-            matrix = turn @ sums[:, :-1, :-1] @ turn.T
-            vector = sums[:, :-1, -1] @ turn.T
+            # Block by block: the columns are those without tilt and two shares of gravity's.
+            share = np.append(1.0, inputs.tilt)
+            blocks = sums[:, :-1, :-1].reshape(-1, 3, r, 3, r)
+            matrix = np.zeros((len(sums), r, r))
+            for a in range(3):
+                for b in range(3):
+                    matrix += share[a] * share[b] * blocks[:, a, :, b]
+            vector = np.tensordot(sums[:, :-1, -1].reshape(-1, 3, r), share, axes=(1, 0))
         scales = inputs.scales
         return np.square(scales)[:, None, None] * matrix, scales[:, None] * vector, sums[:, -1, -1]
 

@@ -25,15 +25,13 @@ from dynid.validation.profile import (
     profile_of,
 )
 
-EXPLAINED = 0.1
+EXPLAINED = 0.05
 """Drop of the sum of log noises that makes a gain or a tilt worth a look."""
 EXPLAINED_BY_SIGN = 0.3
 """... and a sign: a stronger word."""
 CERTAIN = 7.0
 """Distance from what was told, in standard deviations from leaving stretches out: few stretches,
 many joints to choose from."""
-CERTAIN_TILT = 5.0
-"""There is one mounting."""
 LEAST_GAIN = 0.05
 """Gains are never known much better."""
 LEAST_TILT_DEG = 0.5
@@ -181,7 +179,7 @@ def _lean(
     direction = change / max(size, 1e-12)
     spread = float(np.sqrt(direction @ covariance @ direction))
     if (
-        size < max(CERTAIN_TILT * spread, np.radians(LEAST_TILT_DEG))
+        size < max(CERTAIN * spread, np.radians(LEAST_TILT_DEG))
         or np.abs(lean).max() > 0.98 * WIDEST_TILT
     ):
         return None
