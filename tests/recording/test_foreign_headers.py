@@ -368,6 +368,73 @@ def test_columns_that_may_be_no_measured_torque_are_not_taken(tmp_path: Path, wh
         read_recording(path, robot=load_robot("ur5"))
 
 
+DISTRACTORS = {
+    "wanted": (
+        "desired_position_{}",
+        "actual_position_{}",
+        "desired_torque_{}",
+        "actual_torque_{}",
+    ),
+    "commanded": ("q_cmd_{}", "q_meas_{}", "tau_cmd_{}", "tau_meas_{}"),
+    "of the tool": ("tcp_pos_{}", "joint_pos_{}", "tcp_force_{}", "joint_torque_{}"),
+    "errors": ("pos_error_{}", "pos_{}", "torque_error_{}", "torque_{}"),
+    "of the motor": ("motor_position_{}", "link_position_{}", "motor_torque_{}", "link_torque_{}"),
+    "of the motor first": ("motor_pos{}", "joint_pos{}", "motor_torque{}", "joint_torque{}"),
+}
+
+
+@pytest.mark.parametrize("case", DISTRACTORS)
+def test_columns_beside_the_measured_ones(tmp_path: Path, case: str) -> None:
+    t, q, _, effort = truth()
+    names = ["time", *named(*DISTRACTORS[case])]
+    check(write(tmp_path / "x.csv", names, t, 9 * q + 1, q, effort * 7 + 2, effort))
+
+
+def test_torques_of_motors_taken_for_the_joints_are_told(tmp_path: Path) -> None:
+    t, q, _, effort = truth()
+    path = write(tmp_path / "x.csv", ["t", *named("q{}", "motor_torque{}")], t, q, effort)
+    messages = [p.message for p in read_recording(path, robot=load_robot("ur5")).problems]
+    assert any("torque_side" in message for message in messages)
+
+
+def test_a_unit_tells_torques_of_unknown_names(tmp_path: Path) -> None:
+    t, q, _, effort = truth()
+    check(write(tmp_path / "x.csv", ["t", *named("q{}", "M{} [mNm]")], t, q, effort * 1e3))
+
+
+def test_exponents_of_fortran(tmp_path: Path) -> None:
+    t, q, _, effort = truth()
+    path = write(tmp_path / "x.csv", ["t", *named("q{}", "tau{}")], t, q, effort)
+    header, *rows = path.read_text().splitlines()
+    numbers = [[f"{float(x):.16E}".replace("E", "D") for x in row.split(",")] for row in rows]
+    path.write_text("\n".join([header, *(",".join(row) for row in numbers)]) + "\n")
+    check(path)
+
+
+@pytest.mark.parametrize("origin", [45_000, 738_000])
+def test_days_of_spreadsheets_and_matlab(tmp_path: Path, origin: int) -> None:
+    t, q, _, effort = truth()
+    days = origin + np.round((t - t[0]) * 1e4) / 1e4 / 86400
+    path = write(tmp_path / "x.csv", ["t", *named("q{}", "tau{}")], days, q, effort)
+    record = read_recording(path)
+    assert record.rate_hz == pytest.approx(125, rel=0.01)
+    assert "days by their size" in record.problems[0].message
+
+
+def test_files_that_both_have_the_time(tmp_path: Path) -> None:
+    t, q, _, effort = truth()
+    files = [
+        write(tmp_path / "pos.csv", ["time", *named("q{}")], t, q),
+        write(tmp_path / "tau.csv", ["time", *named("tau{}")], t, effort),
+    ]
+    record = read_recording(files, robot=load_robot("ur5"))
+    np.testing.assert_allclose(record.signals["effort"], effort)
+    np.testing.assert_allclose(record.t, t - t[0], atol=1e-9)
+    write(files[1], ["time", *named("tau{}")], t + 0.02, effort)
+    with pytest.raises(RecordError, match="times of the files are not the same"):
+        read_recording(files, robot=load_robot("ur5"))
+
+
 def test_qualifiers_are_no_joints(tmp_path: Path) -> None:
     t, q, _, effort = truth()
     names = ["t", "q_raw", "q_filtered", "tau_raw", "tau_filtered"]

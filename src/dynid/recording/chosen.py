@@ -9,6 +9,7 @@ from dynid.recording.clocks import find_clocks
 from dynid.recording.families import Family, spelled
 from dynid.recording.naming import parse_name
 from dynid.recording.table import TORQUE_SOURCES
+from dynid.recording.units import factor_of
 
 _TORQUE_STEMS = ("torque", "tau", "effort", "current", "cur")
 _NOT_MEASURED = frozenset(
@@ -92,7 +93,7 @@ def choose(
     others = [
         family
         for family in families.get("", [])
-        if family.base.startswith(_TORQUE_STEMS)
+        if (family.base.startswith(_TORQUE_STEMS) or _by_unit(family))
         and not _NOT_MEASURED & set(family.label.replace(".", "_").split("_"))
     ]
     if others and "effort" not in chosen and "current" not in chosen:
@@ -105,7 +106,8 @@ def choose(
                 + spelled({"effort": [column for _, column in others[0].members]}),
             )
         stem = others[0].base
-        chosen["current" if stem.startswith("cur") else "effort"] = others[0]
+        current = _by_unit(others[0]) == "current" or stem.startswith("cur")
+        chosen["current" if current else "effort"] = others[0]
         notes.append(f"the only torque-like columns are {stem!r}; they are taken")
     elif others:
         kept = [chosen[x].label for x in ("effort", "current") if x in chosen]
@@ -114,6 +116,18 @@ def choose(
             + ", ".join(repr(family.label) for family in others[:8])
         )
     return chosen, notes
+
+
+def _by_unit(family: Family) -> str:
+    """`effort` or `current`, where all columns of a name that is not known have such a unit."""
+    units = {name.unit for name, _ in family.members}
+    if not family.whole or "" in units or len(family.members) < 2:
+        return ""
+    # Forces in N may be anything's.
+    for quantity, letter in (("effort", "m"), ("current", "a")):
+        if all(factor_of(quantity, unit) is not None and letter in unit for unit in units):
+            return quantity
+    return ""
 
 
 def _order(family: Family, home: str | None) -> tuple[bool, bool, bool, int]:

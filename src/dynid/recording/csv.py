@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from dynid.core.arrays import Array
 from dynid.core.errors import RecordError
 from dynid.recording.assignment import assign
+from dynid.recording.clocks import Clock
 from dynid.recording.filenames import names_by_files
 from dynid.recording.headers import NotRecognised
 from dynid.recording.layout import suggest_columns
@@ -93,6 +95,8 @@ def read_csv(
     values = pasted.values
     position = {column: k for k, column in enumerate(wanted)}
     moments = sheets[0].dialect.stamps if len(sheets) == 1 else frozenset[int]()
+    if len(sheets) > 1:
+        _check_clocks(found.clocks, lambda k: values[:, position[k]], where)
     stamps = stamps_of(found.clocks, lambda k: values[:, position[k]], moments)
     return RawTable(
         source=where,
@@ -143,12 +147,36 @@ def _all_names(sheets: list[Sheet]) -> tuple[str, ...] | None:
     """Names of all columns, with the units of a line of their own in brackets."""
     if any(sheet.dialect.names is None for sheet in sheets):
         return None
-    return tuple(
-        f"{name} [{unit}]" if unit.strip("- ") else name
-        for sheet in sheets
-        for names in [sheet.dialect.names or ()]
-        for name, unit in zip(names, sheet.dialect.units or ("",) * len(names), strict=True)
-    )
+    found: list[str] = []
+    for number, sheet in enumerate(sheets):
+        names = sheet.dialect.names or ()
+        for name, unit in zip(names, sheet.dialect.units or ("",) * len(names), strict=True):
+            meaning = parse_name(name).meaning
+            again = number > 0 and name in found and meaning is not None and meaning[0] == "t"
+            # Each file may have the time: that of the first is taken.
+            path = f"file{number}/" if again else ""
+            found.append(f"{path}{name} [{unit}]" if unit.strip("- ") else f"{path}{name}")
+    return tuple(found)
+
+
+def _check_clocks(clocks: Sequence[Clock], column: Callable[[int], Array], where: str) -> None:
+    """Refuse files side by side whose own times are not the same."""
+    own = [clock for clock in clocks if len(clock.columns) == 1]
+    times = [column(clock.columns[0]) for clock in own if clock.label.startswith("file")]
+    if not own or not times:
+        return
+    first = column(own[0].columns[0])
+    step = float(np.nanmedian(np.abs(np.diff(first))))
+    for t in times:
+        apart = float(np.nanmax(np.abs(t - first), initial=0.0))
+        if not apart <= 0.5 * step:
+            raise RecordError(
+                "the times of the files are not the same",
+                where=where,
+                value=f"{apart:.4g} apart",
+                limit=f"half a step, {0.5 * step:.4g}",
+                next_step="Give files that were recorded together, row by row.",
+            )
 
 
 def _no_header(sheets: list[Sheet], where: str, joints: int | None) -> RecordError:

@@ -52,11 +52,12 @@ _SYNONYMS: dict[str, str] = {
     "effort": (
         "tau_j effort efforts torque torques tau joint_torque joint_torques joint_effort "
         "tau_meas tau_measured tau_act actual_torque actual_torques measured_torque "
-        "measured_torques trq motor_torque actual_current_as_torque act_torque "
+        "measured_torques trq actual_current_as_torque act_torque "
         "measured_joint_torque measured_joint_torques joint_torque_measured "
         "joint_effort_measured torque_measured torque_act msr_jnt_trq jtor jtorque joints_torque "
         "joints_torques actual_joint_torque actual_joint_torques actual_effort torque_actual "
-        "trq_act actual_trq tau_msr tau_mes joint_torque_actual taus moment moments"
+        "trq_act actual_trq tau_msr tau_mes joint_torque_actual taus moment moments "
+        "link_torque link_torques sensor_torque torque_sensor motor_torque motor_torques"
     ),
     "target_q": (
         "target_q q_target q_d q_des q_desired desired_q q_ref ref_q q_cmd cmd_q position_cmd "

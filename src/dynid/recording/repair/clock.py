@@ -10,7 +10,12 @@ import numpy as np
 from dynid.core.arrays import Array
 from dynid.recording.table import Mask, RawTable
 
-_UNITS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns"}
+_DAY = 86400.0
+_UNITS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns", _DAY: "days"}
+_DAY_COUNTS = ((3e4, 6e4), (7e5, 8e5))
+"""Days since 1900, as spreadsheets count, and since year 0, as MATLAB does."""
+_FASTEST = 2e-5
+"""Shortest step that a robot's recorder may have [s]."""
 _DEGREE = np.pi / 180
 
 
@@ -86,6 +91,12 @@ def settle_unit(table: RawTable) -> RawTable:
             "unit_suspect",
             f"time stamps are in {_UNITS[scale]} by their size ({rate:.4g} Hz); converted to s",
         )
+    step = float(np.median(np.diff(table.stamps)))
+    if step < _FASTEST:
+        table = table.report(
+            "unit_suspect",
+            f"the time stamps say {1 / step:.4g} Hz, which is no robot's rate: another unit?",
+        )
     return table
 
 
@@ -100,6 +111,9 @@ def _scale(t: Array, table: RawTable) -> float:
                 for factor in (1.0, _DEGREE, 1 / _DEGREE):
                     if abs(slope / (scale * factor) - 1) < 0.25:
                         return scale
+    first = 0.0 if table.t is None else float(table.t[0])
+    if step < _FASTEST and any(low < first < high for low, high in _DAY_COUNTS):
+        return _DAY
     if step < 0.5:
         return 1.0
     scale = 1e-3 if step < 100 else 1e-6 if step < 1e5 else 1e-9

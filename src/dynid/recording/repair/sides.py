@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from dynid.core.arrays import Array
@@ -31,6 +33,15 @@ def to_joint_side(table: RawTable, robot: RobotModel | None) -> RawTable:
         for name in ("effort", "target_moment"):
             if name in table.signals:
                 changes[name] = table.signals[name] @ drives.motor_from_joint
+    named = [name for name in ("q", "effort") if name in table.signals and name not in changes]
+    for name in named:
+        if "motor" in re.split(r"[^a-z]+", " ".join(table.labels.get(name, ())).lower()):
+            side = "position_side" if name == "q" else "torque_side"
+            table = table.report(
+                "unit_suspect",
+                f"{table.label(name, 0)} says motor and is taken as the joint's: if it is on the "
+                f'motor\'s side, write {side} = "motor" and gear_ratio into a robot file',
+            )
     if not changes:
         return table
     return table.with_signals(changes).note(

@@ -12,6 +12,7 @@ _MISSING = frozenset(
 )
 _WINDOWS_NAN = ("1.#", "-1.#", "nan(", "-nan(")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?")
+_DOUBLE = re.compile(r"(?<=\d)(\.?)[dD](?=[+-]?\d+$)")
 _NAME = re.compile(r"[\"'#%/\s]*[A-Za-z_]")
 
 
@@ -38,7 +39,8 @@ def number(cell: str, decimal: str = ".") -> float:
         text = cell.strip().strip("\"'")
         if decimal == "," and _DECIMAL_COMMA.fullmatch(text):
             text = text.replace(",", ".")
-        return float(text)
+        # Fortran writes 1.5D-03.
+        return float(_DOUBLE.sub(r"\1E", text))
 
 
 def is_number(cell: str, decimal: str = ".") -> bool:
