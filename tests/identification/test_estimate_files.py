@@ -66,9 +66,9 @@ def test_an_interrupt_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.Mo
 def test_unwritable_and_missing_files_are_said(estimate: Estimate, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot write"):
         write_estimate(estimate, tmp_path / "absent" / "estimate.json")
-    with pytest.raises(InputError, match="cannot read"):
+    with pytest.raises(InputError, match="cannot be read"):
         read_estimate(tmp_path / "absent.json")
-    (tmp_path / "other.json").write_text("[1, 2]")
+    (tmp_path / "other.json").write_text('{"kind": "dynid.trajectory"}')
     with pytest.raises(InputError, match="not a dynid estimate"):
         read_estimate(tmp_path / "other.json")
 

@@ -66,6 +66,26 @@ def test_wrong_gains(good: tuple[Record, Record], factor: float) -> None:
     assert "unit_suspect" in codes
 
 
+@pytest.mark.parametrize(("joint", "factor"), [(1, 1.1), (2, 0.9), (3, -1.0)])
+def test_one_wrong_gain(good: tuple[Record, Record], joint: int, factor: float) -> None:
+    def scaled(record: Record) -> Record:
+        current = record.signals["current"].copy()
+        current[:, joint] *= factor
+        return replace(record, signals={**record.signals, "current": current})
+
+    result = dynid.identify(scaled(good[0]), ROBOT, PAPER, validation=scaled(good[1]))
+    assert dynid.verdict(result).level != "usable"
+    suspected = [n.message for n in result.warnings if n.code == "unit_suspect"]
+    assert any(ROBOT.joint_names[joint] in message for message in suspected)
+
+
+def test_a_base_that_leans_a_little() -> None:
+    robot = with_mount(ROBOT, "tilt:2")
+    found, codes = judged((recorded(1, robot=robot), recorded(2, robot=robot)))
+    assert found.level == "care"
+    assert "unit_suspect" in codes
+
+
 @pytest.mark.parametrize(
     "mounted",
     [lambda: with_mount(ROBOT, "wall"), lambda: with_mount(ROBOT, "tilt:60")],

@@ -8,6 +8,7 @@ from dynid.core.arrays import Array
 from dynid.core.notices import Notice
 from dynid.identification.conditioning import ILL_CONDITIONED
 from dynid.identification.estimate import Estimate
+from dynid.identification.plausible_signs import symbol_of
 from dynid.signals.samples import Samples
 
 SMALL_RANGE = 0.1
@@ -107,7 +108,7 @@ def not_physical(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
         for name, value, std, unit in zip(
             estimate.names, estimate.values, estimate.std, estimate.units, strict=True
         )
-        if name.rstrip("0123456789") in ("Fc", "Fv", "Im") and value < -3 * std
+        if symbol_of(name) in ("Fc", "Fv", "Im") and value < -3 * std
     ]
     text = [f"below zero beyond doubt: {', '.join(found)}"] if found else []
     steps = [
@@ -121,7 +122,8 @@ def not_physical(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
         text.append(f"the mass matrix is not positive at some poses (eigenvalue {smallest:.2g})")
     if not text:
         return ()
-    return (Notice("not_physical", "; ".join(text) + ". Do not simulate or invert this model"),)
+    advice = ". Do not simulate or invert this model; --estimator sdp fits bodies that can exist"
+    return (Notice("not_physical", "; ".join(text) + advice),)
 
 
 def smallest_mass_eigenvalue(estimate: Estimate, samples: Samples) -> float:

@@ -7,7 +7,7 @@ import os
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from dynid.regressor.terms import terms_from_json
 from dynid.robot.serial import robot_from_json, robot_to_json
 from dynid.signals.samples import ProcessingSettings
 from dynid.signals.torque_filter import TorqueFilter
+from dynid.trajectory.json_fields import load_object
 
 FORMAT = "dynid-estimate"
 VERSION = 1
@@ -108,19 +109,23 @@ def read_estimate(path: Path | str) -> Estimate:
         source = Path(path)
         if source.stat().st_size > MAX_BYTES:
             raise InputError("too large for an estimate", where=where, limit=f"{MAX_BYTES} bytes")
-        data = json.loads(source.read_text(encoding="utf-8"))
     except OSError as error:
-        raise InputError(f"cannot read: {error.strerror or error}", where=where) from error
-    except (UnicodeDecodeError, ValueError, RecursionError) as error:
-        raise InputError("not a JSON file", where=where, value=str(error)) from error
-    if not isinstance(data, dict) or cast("dict[str, Any]", data).get("format") != FORMAT:
+        raise InputError(
+            f"the file cannot be read: {error.strerror or error}", where=where
+        ) from error
+    except ValueError as error:
+        raise InputError("this can be no file's name", where=where) from error
+    data = dict(load_object(source).values)
+    if data.get("format") != FORMAT:
+        found = data.get("kind") or data.get("format")
         raise InputError(
             "not a dynid estimate",
             where=where,
+            value=found,
             next_step="Make one with: dynid identify RECORD -o ESTIMATE.json",
         )
     try:
-        return _estimate(cast("dict[str, Any]", data))
+        return _estimate(data)
     except InputError as error:
         raise InputError(str(error), where=where) from error
     except (KeyError, TypeError, ValueError, AttributeError, IndexError) as error:

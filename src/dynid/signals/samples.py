@@ -52,7 +52,12 @@ class ProcessingSettings:
             raise InputError("derivative", value=self.derivative, limit=METHODS)
         for name, value in (("--from", self.start_s), ("--to", self.stop_s)):
             if value is not None and not 0 <= value < 1e9:
-                raise InputError("must not be negative", where=name, value=value)
+                raise InputError(
+                    "must be a time after the record's start",
+                    where=name,
+                    value=value,
+                    limit="0 s or more, below 1e9 s",
+                )
         if self.start_s is not None and self.stop_s is not None and self.stop_s <= self.start_s:
             raise InputError("--to must be later than --from", value=(self.start_s, self.stop_s))
 
