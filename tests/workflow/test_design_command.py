@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from designed_arm import written_arm
 import dynid
 from dynid.cli.app import main
 from dynid.trajectory.families import FAMILY_NAMES
+from dynid.workflow.design_limits import given_limits
 from dynid.workflow.design_settings import DEFAULT_STARTS
 
 QUICK = ("--harmonics", "3", "--period", "6", "--starts", "2", "--jobs", "1")
@@ -313,3 +315,27 @@ sys.exit(main(sys.argv[1:]))
     assert design["feasible"]
     assert "interrupted: the best so far" in out
     assert "Traceback" not in err
+
+
+def test_a_payload_that_is_in_the_arm_everywhere_is_refused_at_once(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.json"
+    box = {"type": "box", "size": [0.1, 0.1, 0.2], "position": [0, 0, 0.1]}
+    scene.write_text(json.dumps({"payload": [box]}))
+    with pytest.raises(dynid.InputError, match="in the arm in every pose looked at; got -8"):
+        dynid.design("ur5", dynid.DesignSettings(scene=str(scene), starts=1))
+
+
+def test_the_scene_of_the_documents_leaves_room(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "docs" / "excitation.md").read_text()
+    (shown,) = re.findall(r"```json\n(.*?)```", text, re.DOTALL)
+    scene = tmp_path / "cell.json"
+    scene.write_text(shown)
+    judge = given_limits("safe", True, scene).constraints(dynid.load_robot("ur5"))
+    random, still = np.random.default_rng(0), np.zeros((1, 6))
+    poses = random.uniform(-np.pi, np.pi, (300, 1, 6))
+    usages = [judge.usage(q, still, still) for q in poses]
+    free = [
+        usage.distance("self_collision") > 0.001 and usage.distance("environment") > 0.01
+        for usage in usages
+    ]
+    assert sum(free) > 5

@@ -35,7 +35,7 @@ def _estimators(
 ) -> None:
     """Every estimator, three levels of noise, several seeds: BIRDy's figures of merit."""
     from dynid.bench.estimators import compare_estimators, summary, to_json
-    from dynid.cli.output import console, number, print_json, print_table
+    from dynid.cli.output import console, count, number, print_json, print_table
     from dynid.cli.progress import progress_bar
     from dynid.identification.registry import ESTIMATORS
 
@@ -59,7 +59,7 @@ def _estimators(
     ]
     print_table(
         console(),
-        f"Means over {seeds} seeds (d_beta: 0 to 2; errors on another motion)",
+        f"Means over {count(seeds, 'seed')} (d_beta: 0 to 2; errors on another motion)",
         ("scenario", "estimator", "d_beta", "d_tau %", "d_q %", "s", "failed"),
         rows,
         words=(0, 1),

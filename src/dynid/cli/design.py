@@ -47,7 +47,7 @@ def _design(
     trajectory: Annotated[
         str,
         typer.Option(
-            metavar="fourier|modified-fourier|fourier-quintic|bspline", help="Kind of motion."
+            metavar="fourier|modified-fourier|fourier-quintic|bspline|poses", help="Kind of motion."
         ),
     ] = "fourier",
     harmonics: Annotated[int, typer.Option(metavar="H", help="Harmonics of the series.")] = 5,
