@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from recorded_motions import Motion
+from recorded_motions import Motion, write_rtde_csv
 
 from dynid.core.errors import RecordError
 from dynid.recording.files import read_recording
@@ -324,6 +324,25 @@ def test_coarse_stamps_of_uneven_rows_are_not_spread() -> None:
     record = run(holes)
     assert {"clock_jitter", "dropped_rows"} & set(codes(record))
     assert not any("spread" in problem.message for problem in record.problems)
+
+
+def test_one_odd_row_is_no_coarse_clock(tmp_path: Path) -> None:
+    path = write_rtde_csv(MOTION, tmp_path / "x.csv")
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:500], "event: pause", *lines[500:]]) + "\n")
+    record = read_recording(path)
+    assert codes(record) == ["corrupt_rows"]
+    np.testing.assert_allclose(record.t, MOTION.t - MOTION.t[0], atol=1e-6)
+
+
+def test_efforts_of_zero_give_way_to_currents() -> None:
+    table = raw()
+    record = run(signals(table, effort=np.zeros((1500, 6))))
+    assert codes(record) == ["saturated"]
+    assert set(record.signals) == {"q", "qd", "current"}
+    alone = {name: table.signals[name] for name in ("q", "qd")}
+    silent = replace(table, signals={**alone, "effort": np.zeros((1500, 6))})
+    assert codes(run(silent)) == ["saturated"] * 6
 
 
 def runs_in_one(*pieces: slice, restart: bool = True) -> RawTable:

@@ -79,7 +79,10 @@ def unpacked(files: Sequence[Path]) -> Generator[list[Path]]:
             # The libraries share no exception for damaged bytes.
             except (OSError, EOFError, ValueError, RuntimeError, lzma.LZMAError) as error:
                 raise RecordError(
-                    f"the {kind} file is damaged", where=file.name, value=str(error) or None
+                    f"the {kind} file is damaged",
+                    where=file.name,
+                    value=str(error) or None,
+                    next_step="Copy it again, or unpack what is left of it and import that.",
                 ) from error
             plain.append(target)
         yield plain

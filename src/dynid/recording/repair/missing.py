@@ -43,6 +43,7 @@ def drop_missing(table: RawTable) -> RawTable:
     _require_positions(table, alive)
     for quantity in [name for name in signals if name != "q"]:
         table = _judge(table, quantity, alive)
+    table = _without_silence(table)
     if not any(name in table.signals for name in TORQUE_SOURCES):
         raise RecordError(
             "there is neither current nor effort",
@@ -69,6 +70,24 @@ def drop_missing(table: RawTable) -> RawTable:
             f"out; first: {_place(table, int(np.argmax(fresh)))}",
         )
     return table.keep(good)
+
+
+def _without_silence(table: RawTable) -> RawTable:
+    """Without a source of torque that is zero everywhere, where another is not.
+
+    Drivers fill fields that their robot does not measure with zeros.
+    """
+    loud = {
+        name: bool(np.nan_to_num(table.signals[name]).any())
+        for name in TORQUE_SOURCES
+        if name in table.signals
+    }
+    if all(loud.values()) or not any(loud.values()):
+        return table
+    silent = next(name for name, there in loud.items() if not there)
+    return table.without(silent).report(
+        "saturated", f"{silent} is 0 on every row of every joint; it is left out"
+    )
 
 
 def _require_positions(table: RawTable, alive: Mask) -> None:
