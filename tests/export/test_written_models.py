@@ -245,15 +245,20 @@ def test_refuses_what_it_cannot_do(tmp_path: Path) -> None:
         write_model(truth(ROBOTS["ur5"]), "json", tmp_path / "none" / "arm")
 
 
-def test_friction_that_grows_with_load_is_refused_in_every_format(tmp_path: Path) -> None:
+def test_friction_that_grows_with_load_is_left_out_or_refused(tmp_path: Path) -> None:
     robot = ROBOTS["ur5"]
     load = LoadFriction(joints=(1, 2), parameters=tuple(parameters_of(robot)[:60].tolist()))
     friction = FrictionTerms(load=load)
     estimate = estimate_of(robot, parameters_of(robot, 0, friction), friction)
-    for to in FORMATS:
+    for to in ("json", "c", "python"):
         with pytest.raises(JobError, match=r"no file can hold; got Fl; .*--terms fc,fv,im"):
             write_model(estimate, to, tmp_path / "arm")
     assert list(tmp_path.iterdir()) == []
+    for to in ("urdf", "mjcf"):
+        done = write_model(estimate, to, tmp_path / "arm")
+        assert done.verified.passed
+        assert "friction that grows with load" in done.left_out
+        assert "friction that grows with load" in (tmp_path / "arm").read_text()
 
 
 def test_paths_may_be_text(tmp_path: Path) -> None:

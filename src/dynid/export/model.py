@@ -22,6 +22,9 @@ JOINT_SYMBOLS = ("Fc", "Fv", "Im", "Fo", "Fca", "Fva", "Fs", "Fr")
 MOTOR_SYMBOLS = ("Fcm", "Fvm", "Imm")
 """Terms of a motor that drives several joints: Coulomb, viscous, inertia."""
 
+BEYOND = {"Fl": "friction that grows with load"}
+"""Terms that depend on more than their joint's velocity and acceleration, in words."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportModel:
@@ -54,6 +57,8 @@ class ExportModel:
     """The links and motors that cannot exist, in words; empty if all can."""
     origin: str = ""
     """How the standard parameters were found, in words."""
+    beyond: tuple[str, ...] = ()
+    """What was identified and no file can hold, in words."""
 
     def __post_init__(self) -> None:
         n = self.robot.joints
@@ -94,12 +99,13 @@ def export_model(estimate: Estimate) -> ExportModel:
     return completed_model(estimate)[0]
 
 
-def completed_model(estimate: Estimate) -> tuple[ExportModel, Completion]:
+def completed_model(estimate: Estimate, *, partial: bool = False) -> tuple[ExportModel, Completion]:
     """The model of an estimate, and the standard parameters that it was completed to.
 
     Args:
         estimate: The estimate. Physically consistent ones carry their standard parameters;
             others are completed by the bodies nearest to the prior with the same torques.
+        partial: Leave out the terms that no file can hold, and say so in `beyond`.
 
     Raises:
         JobError: The model has terms that no file can hold, such as friction that grows with load.
@@ -109,8 +115,12 @@ def completed_model(estimate: Estimate) -> tuple[ExportModel, Completion]:
     n, values = robot.joints, found.values
     frames = robot.parameter_frames[model.frames]
     terms: dict[str, Array] = {}
+    beyond: dict[str, None] = {}
     for column, value in zip(model.columns[10 * n :], values[10 * n :], strict=True):
         symbol = column.name.rstrip("0123456789")
+        if partial and symbol not in (*JOINT_SYMBOLS, *MOTOR_SYMBOLS):
+            beyond.setdefault(BEYOND.get(symbol, symbol))
+            continue
         terms.setdefault(symbol, np.zeros(n))[column.joint] = value
     width = model.friction.width
     motors = coupled_motors(robot)
@@ -132,6 +142,7 @@ def completed_model(estimate: Estimate) -> tuple[ExportModel, Completion]:
             physical=found.physical,
             worst=found.worst,
             origin=found.origin,
+            beyond=tuple(beyond),
         )
     except InputError as error:
         raise JobError(

@@ -85,7 +85,7 @@ def left_out(model: ExportModel, held: Iterable[str]) -> tuple[str, ...]:
         if symbol not in held and values.any()
     ]
     springs = ["torques of counterbalances"] if model.springs else []
-    return tuple(dict.fromkeys([*gone, *springs]))
+    return tuple(dict.fromkeys([*gone, *springs, *model.beyond]))
 
 
 def numbers(values: Iterable[float]) -> str:

@@ -65,7 +65,7 @@ def write_model(estimate: Estimate, to: str, path: str | Path, note: str = "") -
     if to not in FORMATS:
         raise InputError("unknown format", where="--to", value=to, limit=", ".join(FORMATS))
     path = Path(path)
-    model, completed = completed_model(estimate)
+    model, completed = completed_model(estimate, partial=to in _HELD)
     states = random_motion(model.joints, model.robot.prismatic)
     held = _HELD.get(to)
     ours = our_torque(estimate, completed, states, held)
