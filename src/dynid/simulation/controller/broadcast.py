@@ -72,7 +72,7 @@ class Broadcast:
         if not session.streaming:
             return
         for message in messages:
-            if message.level < rtde.Level.INFO:
+            if message.level < rtde.Level.WARNING:
                 client.connection.offer(session.text(message.words, message.source, message.level))
         recipe = session.outputs
         if recipe is not None and self._machine.core.cycles % session.every == 0:
