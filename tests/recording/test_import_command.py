@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +58,62 @@ def test_two_arms_say_what_to_type_for_the_first(tmp_path: Path) -> None:
     assert option == "t=0,q=1:7,effort=7:13"
     record = read_recording(tmp_path / "x.csv", robot=load_robot("ur5"), columns=option)
     np.testing.assert_allclose(record.signals["q"], q)
+
+
+@pytest.mark.parametrize("by_names", [True, False])
+def test_fingers_beside_joints_of_a_shorter_name(tmp_path: Path, by_names: bool) -> None:
+    """A robot file says `joint1`; the driver `panda_joint1`, and `panda_finger_joint1` as well."""
+    motion = Motion(samples=400, joints=6)
+    q, current = motion.position(motion.t), motion.current(motion.t)
+    fingers = np.full((len(q), 2), 0.02)
+    joints = [
+        *(f"panda_finger_joint{k}" for k in (1, 2)),
+        *(f"panda_joint{k}" for k in range(1, 7)),
+    ]
+    names = [f"{what}[{joint}]" for what in ("position", "effort") for joint in joints]
+    table = np.column_stack([motion.t, fingers, q, fingers, current])
+    header = ",".join(["t", *names])
+    np.savetxt(tmp_path / "x.csv", table, delimiter=",", header=header, comments="")
+    ur5 = load_robot("ur5")
+    if by_names:
+        robot = replace(ur5, joint_names=tuple(f"joint{k}" for k in range(1, 7)))
+        record = read_recording(tmp_path / "x.csv", robot=robot)
+        assert "finger" in record.metadata.extra["notes"]
+    else:
+        with pytest.raises(
+            RecordError, match=r"8 joints but ur5 has 6.*--joint-order panda"
+        ) as caught:
+            read_recording(tmp_path / "x.csv", robot=ur5)
+        assert "panda_joint6" in str(caught.value.value)
+        record = read_recording(tmp_path / "x.csv", robot=ur5, joint_order=joints[2:])
+    np.testing.assert_allclose(record.signals["q"], q)
+    np.testing.assert_allclose(record.signals["effort"], current)
+
+
+@pytest.mark.parametrize("names", ["current_velocity_{}", "current_mode_{}", "torque_enable_{}"])
+def test_words_that_only_begin_like_a_torque(tmp_path: Path, names: str) -> None:
+    q = MOTION.position(MOTION.t)
+    table = np.column_stack([MOTION.t, q, MOTION.velocity(MOTION.t)])
+    header = ",".join(["t", *(f"q_{k}" for k in range(6)), *(names.format(k) for k in range(6))])
+    np.savetxt(tmp_path / "x.csv", table, delimiter=",", header=header, comments="")
+    with pytest.raises(RecordError, match="neither current nor effort"):
+        read_recording(tmp_path / "x.csv")
+
+
+def test_each_quantity_is_ordered_by_its_own_joint_names(tmp_path: Path) -> None:
+    q, current = MOTION.position(MOTION.t), MOTION.current(MOTION.t)
+    back = UR_JOINTS[::-1]
+    names = [f"position[{joint}]" for joint in UR_JOINTS] + [f"effort[{joint}]" for joint in back]
+    table = np.column_stack([MOTION.t, q, current[:, ::-1]])
+    header = ",".join(["t", *names])
+    np.savetxt(tmp_path / "x.csv", table, delimiter=",", header=header, comments="")
+    for robot in (None, load_robot("ur5")):
+        for columns in (None, "t=0,q=1:7,effort=7:13"):
+            if robot is None and columns:
+                continue
+            record = read_recording(tmp_path / "x.csv", robot=robot, columns=columns)
+            np.testing.assert_allclose(record.signals["q"], q)
+            np.testing.assert_allclose(record.signals["effort"], current)
 
 
 def test_names_of_another_robot_are_put_in_order_and_told(tmp_path: Path) -> None:

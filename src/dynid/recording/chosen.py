@@ -10,38 +10,19 @@ from dynid.recording.families import Family, spelled
 from dynid.recording.naming import parse_name
 from dynid.recording.table import TORQUE_SOURCES
 from dynid.recording.units import factor_of
+from dynid.recording.vocabulary import OTHER, TARGET
 
 _TORQUE_STEMS = ("torque", "tau", "effort", "current", "cur")
 _NOT_MEASURED = frozenset(
-    [
-        "ext",
-        "external",
-        "error",
-        "err",
-        "gravity",
-        "grav",
-        "friction",
-        "coriolis",
-        "residual",
-        "model",
-        "estimated",
-        "est",
-        "predicted",
-        "feedforward",
-        "ff",
-        "limit",
-        "limits",
-        "max",
-        "min",
-        "bias",
-        "offset",
-        "hat",
-        "voltage",
-        "cmd",
-        "command",
-        "desired",
-        "target",
-    ]
+    word
+    for line in (
+        "ext external error err gravity grav friction coriolis residual model estimated est",
+        "predicted feedforward ff limit limits max min bias offset hat voltage cmd command",
+        "desired target position positions pos velocity velocities vel speed speeds angle angles",
+        "pose q qd dq time mode state id step index name gain enable enabled constant const rate",
+        "ratio temperature temp",
+    )
+    for word in line.split()
 )
 _MAIN_SCOPES = frozenset({"joint_states", "joint_state", "actual", "feedback", "measured", "state"})
 
@@ -94,7 +75,8 @@ def choose(
         family
         for family in families.get("", [])
         if (family.base.startswith(_TORQUE_STEMS) or _by_unit(family))
-        and not _NOT_MEASURED & set(family.label.replace(".", "_").split("_"))
+        and not _NOT_MEASURED & set(family.base.split("_"))
+        and not (OTHER | TARGET) & set(family.scope.replace(".", "_").split("_"))
     ]
     if others and "effort" not in chosen and "current" not in chosen:
         if len(others) > 1:

@@ -17,6 +17,7 @@ from dynid.recording.bag.mcap import MAGIC, mcap_messages
 from dynid.recording.bag.ros1 import MAGIC as ROS1_MAGIC
 from dynid.recording.bag.ros1 import Ros1Decoder, ros1_messages
 from dynid.recording.columns import parse_columns
+from dynid.recording.jointnames import places_of
 from dynid.recording.table import Mask, RawTable, Rows, plain
 from dynid.recording.vocabulary import TARGET, UR_JOINTS
 
@@ -182,14 +183,7 @@ def _joints(
 
 def _matched(wanted: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:
     """The message's names for the wanted joints: the same, or the same behind one prefix."""
-    if not wanted:
-        return ()
-    if all(name in names for name in wanted):
-        return wanted
-    found = [[name for name in names if name.endswith(short)] for short in wanted]
-    if all(len(options) == 1 for options in found):
-        return tuple(options[0] for options in found)
-    return ()
+    return tuple(names[k] for k in places_of(wanted, names))
 
 
 def _clock(stamps: Rows, receive: Rows) -> tuple[str, Rows]:

@@ -26,7 +26,9 @@ _SYNONYMS: dict[str, str] = {
         "joint_position_measured joint_position_actual msr_jnt_pos axis_act ai_pos aipos "
         "act_joint_pos act_jpos jpos joints_position joints_positions link_position q_msr q_mes "
         "pos_act pos_actual position_actual actual_pos actual_joint_position "
-        "actual_joint_positions actual_angle actual_angles joints_angle qs q_joint"
+        "actual_joint_positions actual_angle actual_angles joints_angle qs q_joint "
+        "current_position current_positions current_joint_position current_joint_positions "
+        "current_q current_angle current_angles current_joint_angles"
     ),
     "qd": (
         "actual_qd qd dq qdot q_dot qd_act qd_actual act_qd dq_act dq_meas qd_meas "
@@ -37,7 +39,9 @@ _SYNONYMS: dict[str, str] = {
         "velocity_actual vel_actual actual_vel actual_joint_velocity actual_joint_velocities "
         "joint_speeds speeds "
         "vel_msr dq_msr qdot_measured dotq dot_q qd_measured dq_measured dq_actual qdot_meas "
-        "angular_velocity joint_angular_velocity vels"
+        "angular_velocity joint_angular_velocity vels "
+        "current_velocity current_velocities current_joint_velocity current_joint_velocities "
+        "current_qd current_dq current_speed"
     ),
     "qdd": (
         "qdd ddq qddot q_ddot acc acceleration accelerations joint_acceleration "

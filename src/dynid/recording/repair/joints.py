@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from dynid.core.errors import RecordError
 from dynid.recording.families import spelled
+from dynid.recording.jointnames import places_of, plainly
 from dynid.recording.table import RawTable, plain
 from dynid.recording.vocabulary import UR_JOINTS
 from dynid.robot.model import RobotModel
@@ -84,11 +85,11 @@ def _permutation(
 
 
 def _by_name(table: RawTable, robot: RobotModel) -> RawTable:
-    place = _places(table.joint_names, robot.joint_names)
+    place = places_of(robot.joint_names, table.joint_names)
     if place:
         return _reorder(table, place)
     # A robot file may call its joints differently from the driver.
-    known = _places(table.joint_names, UR_JOINTS) or _numbered(table.joint_names)
+    known = places_of(UR_JOINTS, table.joint_names) or _numbered(table.joint_names)
     ordered = _reorder(table, known) if known else table
     return ordered.report(
         "unit_suspect",
@@ -99,25 +100,9 @@ def _by_name(table: RawTable, robot: RobotModel) -> RawTable:
     )
 
 
-def _places(names: Sequence[str], wanted: Sequence[str]) -> list[int]:
-    """Where each wanted joint stands among names that may have one prefix more; else empty."""
-    place: list[int] = []
-    for joint in map(_same, wanted):
-        exact = [k for k, name in enumerate(names) if _same(name) == joint]
-        found = exact or [k for k, name in enumerate(names) if _same(name).endswith(joint)]
-        if len(found) != 1:
-            return []
-        place.append(found[0])
-    return place if len(set(place)) == len(place) else []
-
-
-def _same(name: str) -> str:
-    return re.sub(r"[^a-z0-9]+", "_", name.strip().lower()).strip("_")
-
-
 def _numbered(names: Sequence[str]) -> list[int]:
     """The order of names that differ by their last number only (`joint10` after `joint2`)."""
-    parts = [re.fullmatch(r"(.*?)(\d+)(\D*)", _same(name)) for name in names]
+    parts = [re.fullmatch(r"(.*?)(\d+)(\D*)", plainly(name)) for name in names]
     stems = {(part.group(1), part.group(3)) for part in parts if part}
     if len(stems) != 1 or not all(parts):
         return []
@@ -126,7 +111,7 @@ def _numbered(names: Sequence[str]) -> list[int]:
 
 def _without_others(table: RawTable, robot: RobotModel) -> RawTable:
     """Only the robot's joints, where the file names more (a gripper's fingers)."""
-    place = _places(table.joint_names, robot.joint_names)
+    place = places_of(robot.joint_names, table.joint_names)
     if not place:
         return table
     others = [name for k, name in enumerate(table.joint_names) if k not in place]
@@ -136,6 +121,11 @@ def _without_others(table: RawTable, robot: RobotModel) -> RawTable:
 
 def _first_columns(table: RawTable, joints: int) -> str:
     """What to type to take the first columns of each quantity."""
+    if table.joint_names:
+        return (
+            f"Name the {joints} joints of the robot, base to tip, with --joint-order, for example "
+            f"--joint-order {plain(','.join(table.joint_names[:joints]), 300)}"
+        )
     if not table.columns:
         return "Choose the columns with --columns, or lock the robot's other joints."
     time = {"t": list(table.clock_columns)} if table.clock_columns else {}
