@@ -25,7 +25,7 @@ from dynid.validation.profile import (
     profile_of,
 )
 
-EXPLAINED = 0.05
+EXPLAINED = 0.07
 """Drop of the sum of log noises that makes a gain or a tilt worth a look."""
 EXPLAINED_BY_SIGN = 0.3
 """... and a sign: a stronger word."""
