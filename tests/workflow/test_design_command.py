@@ -317,6 +317,17 @@ sys.exit(main(sys.argv[1:]))
     assert "Traceback" not in err
 
 
+def test_a_scene_that_would_not_be_looked_at_is_refused(run: Run, tmp_path: Path) -> None:
+    file, scene = tmp_path / "design.json", tmp_path / "scene.json"
+    assert run("design", written_arm(tmp_path), "-o", file, *QUICK)[0] == 0
+    scene.write_text(json.dumps({"shapes": [{"type": "floor", "height": -1.0}]}))
+    assert run("check", file, "--scene", scene)[0] == 0
+    for words in (("--no-collision",), ("--limits", "paper")):
+        code, _, err = run("check", file, "--scene", scene, *words)
+        assert code == 2
+        assert "--scene: a scene is looked at only with" in err
+
+
 def test_a_payload_that_is_in_the_arm_everywhere_is_refused_at_once(tmp_path: Path) -> None:
     scene = tmp_path / "scene.json"
     box = {"type": "box", "size": [0.1, 0.1, 0.2], "position": [0, 0, 0.1]}

@@ -22,7 +22,7 @@ JOINT_SYMBOLS = ("Fc", "Fv", "Im", "Fo", "Fca", "Fva", "Fs", "Fr")
 MOTOR_SYMBOLS = ("Fcm", "Fvm", "Imm")
 """Terms of a motor that drives several joints: Coulomb, viscous, inertia."""
 
-BEYOND = {"Fl": "friction that grows with load"}
+BEYOND = {"Fl": "friction that grows with load", "Fw": "torque ripple of gears"}
 """Terms that depend on more than their joint's velocity and acceleration, in words."""
 
 

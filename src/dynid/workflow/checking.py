@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from dynid.constraints.certificate import Certificate, certify
+from dynid.core.errors import InputError
 from dynid.workflow.design_files import StoredDesign, read_design
 from dynid.workflow.design_limits import DesignLimits, given_limits
 from dynid.workflow.robot_units import unit_notes
@@ -64,8 +65,14 @@ def check(
         mount: The mounting; None for the design's.
 
     Raises:
-        InputError: Not a design, or a scene that makes no sense.
+        InputError: Not a design, a scene that makes no sense, or one that would not be looked at.
     """
+    if scene is not None and (limits == "paper" or not collision):
+        raise InputError(
+            "a scene is looked at only with --limits safe and collisions on",
+            where="--scene",
+            value=str(scene),
+        )
     stored = read_design(design, robot=robot, mount=mount)
     held = given_limits(limits, collision, None if scene is None else Path(scene))
     if scene is None and stored.limits is not None and collision:
