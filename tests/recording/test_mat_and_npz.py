@@ -166,3 +166,12 @@ def test_paths_that_say_degrees_are_converted_once(tmp_path: Path) -> None:
     for degrees in (False, True):
         record = read_recording(path, columns=columns, degrees=degrees)
         np.testing.assert_allclose(record.signals["q"], motion.position(t))
+
+
+def test_a_struct_called_after_degrees_is_not_converted(tmp_path: Path) -> None:
+    motion = Motion()
+    t = motion.t
+    rec = {"q": motion.position(t), "tau": motion.current(t), "t": t}
+    scipy.io.savemat(tmp_path / "x.mat", {"tilted_30_deg": rec})
+    record = read_recording(tmp_path / "x.mat")
+    np.testing.assert_array_equal(record.signals["q"], motion.position(t))

@@ -28,12 +28,13 @@ def unit_of(quantity: str, path: str) -> str:
         path: Its path, with or without a choice of columns.
     """
     match = SLICE.fullmatch(path)
-    unit = parse_name(match.group(1) if match else path).unit
-    if not unit and quantity in ANGLES and says_degrees(path):
+    name = parse_name(match.group(1) if match else path)
+    # The last word counts: a struct may be called after a pose, `at_30_deg.q`.
+    if not name.unit and quantity in ANGLES and says_degrees(name.base):
         return {"q": "deg", "target_q": "deg"}.get(
             quantity, "deg/s^2" if quantity.endswith("qdd") else "deg/s"
         )
-    return unit
+    return name.unit
 
 
 def guess_variables(
