@@ -108,6 +108,11 @@ def test_no_ripple_is_made_of_noise() -> None:
     assert result.estimate.model.friction.ripples == ()
 
 
+def test_no_ripple_is_made_of_what_filters_leave() -> None:
+    result = identify(recording(0, noise=0.0, width=0.02), ur5())
+    assert result.estimate.model.friction.ripples == ()
+
+
 def test_it_survives_the_file(found: Identification, tmp_path: Path) -> None:
     write_estimate(found.estimate, tmp_path / "model.json")
     read = read_estimate(tmp_path / "model.json")

@@ -24,6 +24,8 @@ MOST_SAMPLES = 40_000
 """Of a longer record, every so manieth."""
 GAIN = 0.01
 """Ripple must lower the logarithm of a joint's held-out RMS by this much."""
+MATTERS = 1e-3
+"""Ripple below this share of a joint's torque is not worth a column."""
 FAMILIES = ((1.0,), (0.5, 1.0), (1.0, 2.0), (0.5, 1.0, 2.0))
 """Waves over the strongest: once a turn of the motor, twice, four times."""
 POWERS = (1, 2, 3, 4, 5)
@@ -62,7 +64,12 @@ def with_ripple(
     residual = samples.tau + model.known_torque(samples.q) - predicted
     step = -(-samples.count // MOST_SAMPLES)
     q, dq, left = (np.array(x.T[:, ::step]) for x in (samples.q, samples.dq, residual))
-    ripples = find_ripples(q, dq, left, samples.rate_hz, model.robot.prismatic)
+    least = MATTERS * np.sqrt(np.square(samples.tau).mean(axis=0))
+    ripples = tuple(
+        ripple
+        for ripple in find_ripples(q, dq, left, samples.rate_hz, model.robot.prismatic)
+        if ripple.torque(q, dq).std() > least[ripple.joint]
+    )
     return InverseDynamicModel(
         robot=model.robot, frames=model.frames, friction=replace(model.friction, ripples=ripples)
     )
