@@ -11,7 +11,9 @@ from dynid.core.arrays import Array
 from dynid.core.provenance import provenance
 from dynid.identification.estimate import Estimate, MotionRange
 from dynid.reduction.base import reduce_model
+from dynid.regressor.load import LoadFriction
 from dynid.regressor.model import InverseDynamicModel
+from dynid.regressor.ripple import Gear, TorqueRipple
 from dynid.regressor.terms import FrictionTerms, parse_terms
 from dynid.robot.chain import robot_from_chain
 from dynid.robot.counterbalance import Counterbalance
@@ -21,7 +23,38 @@ from dynid.robot.model import RobotModel
 from dynid.signals.samples import ProcessingSettings
 
 EVERY_TERM = parse_terms("fc,fv,im,fo,fca,fva,fs,fr", width=0.02)
+# Steps so wide that random states tell the offset, the asymmetry and Stribeck friction apart.
+WIDE_TERMS = parse_terms("fc,fv,im,fo,fca,fva,fs,fr", width=0.5, stribeck_velocity=1.0)
 IN_PINOCCHIO = [0, 1, 2, 3, 4, 6, 9, 8, 7, 5]
+
+
+def load_bodies(joints: int, seed: int = 0) -> tuple[Array, Array]:
+    """Two sets of bodies (10 n), each possible, whose difference is not."""
+    return some_bodies(seed + 50, joints).ravel(), some_bodies(seed + 90, joints).ravel()
+
+
+def with_load(terms: FrictionTerms, joints: int, seed: int = 0) -> FrictionTerms:
+    """Friction by load on all joints but the first; the load is that of no possible bodies."""
+    more, less = load_bodies(joints, seed)
+    named = tuple(range(1, joints))
+    load = LoadFriction(joints=named, parameters=tuple((more - less).tolist()))
+    return replace(terms, load=load)
+
+
+def with_ripple(terms: FrictionTerms, joints: int, seed: int = 0) -> FrictionTerms:
+    """Ripple of the first joint's gear, and of it and the last one's in the last joint."""
+    random = np.random.default_rng(seed)
+    first = Gear(joint=0, waves=(120.2, 240.4), speed=1.7, powers=3)
+    last = Gear(joint=joints - 1, waves=(2.0,), speed=0.4, powers=1)
+    of_the_first_joint, of_the_last = (
+        TorqueRipple(
+            joint=joint,
+            gears=gears,
+            coefficients=tuple(random.normal(size=sum(gear.size for gear in gears)).tolist()),
+        )
+        for joint, gears in ((0, (first,)), (joints - 1, (first, last)))
+    )
+    return replace(terms, ripples=(of_the_first_joint, of_the_last))
 
 
 def some_bodies(seed: int, links: int) -> Array:

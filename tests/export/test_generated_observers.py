@@ -7,7 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_exports import EVERY_TERM, estimate_of, heavy_arm, mixed_chain, parameters_of
+from known_exports import (
+    EVERY_TERM,
+    WIDE_TERMS,
+    estimate_of,
+    heavy_arm,
+    mixed_chain,
+    parameters_of,
+    with_load,
+    with_ripple,
+)
 
 from dynid.core.arrays import Array
 from dynid.export.load_code import C_FLAGS, c_compiler
@@ -43,10 +52,12 @@ def motion(joints: int) -> tuple[Array, Array, Array, Array]:
     return t, q, dq, np.random.default_rng(0).normal(size=q.shape)
 
 
-@pytest.fixture(scope="module")
-def heavy() -> Estimate:
+@pytest.fixture(scope="module", params=["speed alone", "load and ripple"])
+def heavy(request: pytest.FixtureRequest) -> Estimate:
     robot = heavy_arm()
-    return estimate_of(robot, parameters_of(robot, 1, EVERY_TERM), EVERY_TERM)
+    shaped = request.param == "load and ripple"
+    terms = with_ripple(with_load(WIDE_TERMS, 6), 6) if shaped else EVERY_TERM
+    return estimate_of(robot, parameters_of(robot, 1, terms), terms)
 
 
 def test_python_observer_is_the_librarys(heavy: Estimate, tmp_path: Path) -> None:

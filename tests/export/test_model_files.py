@@ -7,16 +7,26 @@ from typing import Any
 
 import numpy as np
 import pytest
-from known_exports import EVERY_TERM, estimate_of, heavy_arm, mixed_chain, parameters_of
+from known_exports import (
+    WIDE_TERMS,
+    estimate_of,
+    heavy_arm,
+    mixed_chain,
+    parameters_of,
+    with_load,
+    with_ripple,
+)
 
 from dynid.cli.app import main
 from dynid.core.errors import InputError
-from dynid.export.c_code import c_code, c_prefix, number
+from dynid.export.c_code import c_code, c_prefix
+from dynid.export.c_text import number
 from dynid.export.json_model import model_from_json, model_to_json
 from dynid.export.model import ExportModel, export_model
 from dynid.export.python_code import python_code
 from dynid.export.writing import FORMATS
 from dynid.identification.estimate_file import write_estimate
+from dynid.regressor.terms import parse_terms
 from dynid.robot.load import load_robot
 
 UR5 = load_robot("ur5")
@@ -24,18 +34,21 @@ UR5 = load_robot("ur5")
 
 @pytest.fixture(scope="module")
 def heavy() -> ExportModel:
-    robot = heavy_arm()
-    return export_model(estimate_of(robot, parameters_of(robot, 1, EVERY_TERM), EVERY_TERM))
+    robot, terms = heavy_arm(), with_ripple(with_load(WIDE_TERMS, 6), 6)
+    return export_model(estimate_of(robot, parameters_of(robot, 1, terms), terms))
 
 
 def test_json_comes_back_as_it_was(heavy: ExportModel) -> None:
     back = model_from_json(json.loads(json.dumps(model_to_json(heavy), allow_nan=False)))
-    for name in ("inertials", "width", "shares"):
+    for name in ("inertials", "width", "shares", "load"):
         np.testing.assert_array_equal(getattr(back, name), getattr(heavy, name))
     for symbol, values in heavy.terms.items():
         np.testing.assert_array_equal(back.terms[symbol], values)
     for name in ("motors", "physical", "worst", "origin", "stribeck_velocity", "springs"):
         assert getattr(back, name) == getattr(heavy, name)
+    assert back.ripples == heavy.ripples
+    assert len(back.ripples) == 2
+    assert back.terms["Fl"].any()
     assert back.robot.joint_names == heavy.robot.joint_names
 
 
@@ -54,6 +67,13 @@ def test_json_comes_back_as_it_was(heavy: ExportModel) -> None:
         lambda d: d.update(coulomb_width=[1.0]),
         lambda d: d.update(coupled_motors=[{}]),
         lambda d: d.update(stribeck_velocity=None),
+        lambda d: d.update(load=None),
+        lambda d: d["load"].pop(),
+        lambda d: d["load"][3].pop("mx"),
+        lambda d: d["ripples"].pop(),
+        lambda d: d["ripples"][0].update(joint=6),
+        lambda d: d["ripples"][0]["gears"][0].update(joint=7),
+        lambda d: d["ripples"][0]["coefficients"].pop(),
     ],
 )
 def test_damaged_models_are_refused(
@@ -63,6 +83,19 @@ def test_damaged_models_are_refused(
     change(document)
     with pytest.raises(InputError):
         model_from_json(document)
+
+
+def test_models_of_before_there_was_friction_by_load_are_read() -> None:
+    document = json.loads(
+        json.dumps(model_to_json(export_model(estimate_of(UR5, parameters_of(UR5)))))
+    )
+    for key in ("load", "ripples", "formulas"):
+        del document[key]
+    for symbol in ("Fl", "Fw"):
+        del document["terms"][symbol]
+    read = model_from_json(document)
+    assert read.load is None
+    assert read.speed_alone
 
 
 @pytest.mark.parametrize(
@@ -133,6 +166,24 @@ def test_the_command_says_what_is_not_physical(
     assert told["left_out"] == ["motor inertias"]
     assert main(["export", str(path), "--to", "mjcf", "-o", str(out)]) == 1
     assert "not physical" in capsys.readouterr().err
+
+
+def test_the_command_says_when_much_friction_is_left_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    terms = with_ripple(parse_terms("fc,fv,im"), 6)
+    path, out = tmp_path / "e.json", tmp_path / "model"
+    for size, codes in ((0.01, []), (3.0, ["left_out"])):
+        parameters = parameters_of(UR5, 0, terms)
+        parameters[-2:] = size
+        write_estimate(estimate_of(UR5, parameters, terms), path)
+        for to in ("mjcf", "c"):
+            assert main(["export", str(path), "--to", to, "-o", str(out), "--json"]) == 0
+            told = json.loads(capsys.readouterr().out)
+            assert [one["code"] for one in told["warnings"]] == (codes if to == "mjcf" else [])
+            assert told["left_out"] == (["torque ripple of gears"] if to == "mjcf" else [])
+            if told["warnings"]:
+                assert "at joints 1 (" in told["warnings"][0]["message"]
 
 
 def test_the_command_refuses_bad_usage(

@@ -22,9 +22,6 @@ from dynid.export.model import ExportModel
 from dynid.export.verification import States, random_motion
 from dynid.export.writing import FORMATS, write_model
 from dynid.identification.estimate import Estimate
-from dynid.regressor.load import LoadFriction
-from dynid.regressor.ripple import Gear, TorqueRipple
-from dynid.regressor.terms import FrictionTerms
 from dynid.robot.load import load_robot
 from dynid.robot.model import RobotModel
 
@@ -244,41 +241,6 @@ def test_refuses_what_it_cannot_do(tmp_path: Path) -> None:
         write_model(truth(ROBOTS["ur5"]), "sdf", tmp_path / "arm")
     with pytest.raises(InputError, match="cannot write"):
         write_model(truth(ROBOTS["ur5"]), "json", tmp_path / "none" / "arm")
-
-
-BEYOND = {
-    "Fl": LoadFriction(joints=(1, 2), parameters=tuple(parameters_of(ROBOTS["ur5"])[:60].tolist())),
-    "Fw": TorqueRipple(
-        joint=1,
-        gears=(Gear(joint=1, waves=(200.0,), speed=1.0, powers=1),),
-        coefficients=(3.0, 2.0),
-    ),
-}
-
-
-@pytest.mark.parametrize(
-    ("symbol", "words"),
-    [("Fl", "friction that grows with load"), ("Fw", "torque ripple of gears")],
-)
-def test_terms_of_more_than_one_joint_are_left_out_or_refused(
-    symbol: str, words: str, tmp_path: Path
-) -> None:
-    robot, term = ROBOTS["ur5"], BEYOND[symbol]
-    friction = (
-        FrictionTerms(load=term)
-        if isinstance(term, LoadFriction)
-        else FrictionTerms(ripples=(term,))
-    )
-    estimate = estimate_of(robot, parameters_of(robot, 0, friction), friction)
-    for to in ("json", "c", "python"):
-        with pytest.raises(JobError, match=rf"no file can hold; got {symbol}; .*--terms fc,fv,im"):
-            write_model(estimate, to, tmp_path / "arm")
-    assert list(tmp_path.iterdir()) == []
-    for to in ("urdf", "mjcf"):
-        done = write_model(estimate, to, tmp_path / "arm")
-        assert done.verified.passed
-        assert words in done.left_out
-        assert words in (tmp_path / "arm").read_text()
 
 
 def test_paths_may_be_text(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ CODES = frozenset(
         "saturated",
         "unit_suspect",
         "extrapolated",
+        "left_out",
     }
 )
 

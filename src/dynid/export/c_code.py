@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
-import numpy as np
-
-from dynid.core.arrays import Array
-from dynid.export.c_template import BODY, OBSERVER, RIGID
+from dynid.export.c_friction import c_friction, friction_call, still_friction_call
+from dynid.export.c_observer import OBSERVER
+from dynid.export.c_template import BODY, FRICTION, RIGID
+from dynid.export.c_text import number, safe, spread, table, vector, weighted_sum
 from dynid.export.chain import joint_turns
+from dynid.export.friction_words import friction_words
 from dynid.export.model import ExportModel
 
 
@@ -21,10 +22,11 @@ def c_code(model: ExportModel, comment: str = "") -> str:
         comment: Where it comes from, for the file's head.
     """
     lines = [
-        f"/* Dynamics of {_safe(model.robot.name)}, {model.joints} joints, as identified by dynid.",
-        *(f"   {_safe(line)}" for line in comment.splitlines()),
+        f"/* Dynamics of {safe(model.robot.name)}, {model.joints} joints, as identified by dynid.",
+        *(f"   {safe(line)}" for line in comment.splitlines()),
         "   C99; no allocation, no hidden state; SI units (rad, m, s, N.m, N, kg). Joints:",
-        f"   {', '.join(_safe(name) for name in model.robot.joint_names)}. */",
+        f"   {', '.join(safe(name) for name in model.robot.joint_names)}.",
+        *_interface(model),
         "#ifndef $_DYNAMICS_H",
         "#define $_DYNAMICS_H",
         "",
@@ -36,9 +38,9 @@ def c_code(model: ExportModel, comment: str = "") -> str:
         *_motors(model),
         RIGID,
         *_known(model),
-        *_friction(model),
-        BODY,
-        OBSERVER,
+        *c_friction(model),
+        BODY.replace(FRICTION, friction_call(model)),
+        OBSERVER.replace(FRICTION, still_friction_call(model)),
         "#endif",
         "",
     ]
@@ -52,10 +54,15 @@ def c_prefix(name: str) -> str:
     return text if text and text[0].isalpha() else f"robot_{text}".rstrip("_")
 
 
-def number(value: float) -> str:
-    """A double constant that reads back exactly."""
-    text = repr(float(value))
-    return text if any(mark in text for mark in ".e") else f"{text}.0"
+def _interface(model: ExportModel) -> Iterator[str]:
+    if model.speed_alone:
+        yield "   inverse_dynamics(q, dq, ddq) = mass_matrix(q) ddq + coriolis(q, dq) + gravity(q)"
+        yield "   + friction(dq). */"
+        return
+    yield "   inverse_dynamics(q, dq, ddq) = mass_matrix(q) ddq + coriolis(q, dq) + gravity(q)"
+    yield "   + friction(q, dq, ddq). Friction is more than one of speed here:"
+    yield from (f"   {line}" for line in friction_words(model))
+    yield "   To solve for ddq, give friction the last ddq, or zeros. */"
 
 
 def _constants(model: ExportModel) -> Iterator[str]:
@@ -63,7 +70,7 @@ def _constants(model: ExportModel) -> Iterator[str]:
     n = model.joints
     slides = ", ".join(str(int(x)) for x in robot.prismatic)
     yield f"static const int @_prismatic[$_JOINTS] = {{{slides}}};"
-    yield _vector("@_gravity_vector[3]", robot.gravity)
+    yield vector("@_gravity_vector[3]", robot.gravity)
     for name, value in (
         ("fixed", turns.fixed.reshape(n, 9)),
         ("sine", turns.sine.reshape(n, 9)),
@@ -72,9 +79,9 @@ def _constants(model: ExportModel) -> Iterator[str]:
         ("slide", turns.slide),
         ("axis", robot.axes),
     ):
-        yield _table(f"@_{name}", value)
+        yield table(f"@_{name}", value)
     yield "/* m, mx, my, mz, Jxx, Jyy, Jzz, Jyz, Jxz, Jxy about the joint frame. */"
-    yield _table("@_inertials", model.inertials)
+    yield table("@_inertials", model.inertials)
 
 
 def _motors(model: ExportModel) -> Iterator[str]:
@@ -87,8 +94,8 @@ def _motors(model: ExportModel) -> Iterator[str]:
     for share, motor in zip(model.shares, model.motors, strict=True):
         inertia = model.terms["Imm"][motor]
         yield "    {"
-        yield f"        const double push = {number(inertia)} * ({_sum(share, 'ddq')});"
-        yield from _spread(share, "push")
+        yield f"        const double push = {number(inertia)} * ({weighted_sum(share, 'ddq')});"
+        yield from spread(share, "push")
         yield "    }"
     yield "    (void)ddq;"
     yield "    (void)torque;"
@@ -118,72 +125,3 @@ def _known(model: ExportModel) -> Iterator[str]:
     yield "    (void)torque;"
     yield "}"
     yield ""
-
-
-def _friction(model: ExportModel) -> Iterator[str]:
-    yield "/* Friction torques [N.m, N] at speeds dq. */"
-    yield "static inline void @_friction(const double dq[$_JOINTS], double torque[$_JOINTS])"
-    yield "{"
-    for i in range(model.joints):
-        terms = [text for text in _joint_friction(model, i) if text]
-        yield f"    torque[{i}] = {' + '.join(terms) if terms else '0.0'};"
-    for share, motor in zip(model.shares, model.motors, strict=True):
-        coulomb, viscous = model.terms["Fcm"][motor], model.terms["Fvm"][motor]
-        yield "    {"
-        yield f"        const double speed = {_sum(share, 'dq')};"
-        step = _step("speed", float(model.width[motor]))
-        yield f"        const double push = {number(coulomb)} * {step} + {number(viscous)} * speed;"
-        yield from _spread(share, "push")
-        yield "    }"
-    yield "    (void)dq;"
-    yield "}"
-    yield ""
-
-
-def _joint_friction(model: ExportModel, i: int) -> Iterator[str]:
-    terms = {symbol: float(values[i]) for symbol, values in model.terms.items()}
-    speed, step = f"dq[{i}]", _step(f"dq[{i}]", float(model.width[i]))
-    bell = f"exp(-({speed} * {speed}) / {number(model.stribeck_velocity**2)})"
-    for symbol, factor in (
-        ("Fc", step),
-        ("Fv", speed),
-        ("Fca", f"fabs({step})"),
-        ("Fva", f"fabs({speed})"),
-        ("Fs", f"{bell} * {step}"),
-        ("Fr", f"cbrt({speed})"),
-    ):
-        if terms[symbol]:
-            yield f"{number(terms[symbol])} * {factor}"
-    if terms["Fo"]:
-        yield number(terms["Fo"])
-
-
-def _step(speed: str, width: float) -> str:
-    if width > 0:
-        return f"tanh({speed} / {number(width)})"
-    return f"(double)(({speed} > 0.0) - ({speed} < 0.0))"
-
-
-def _sum(share: Array, name: str) -> str:
-    return " + ".join(f"{number(x)} * {name}[{k}]" for k, x in enumerate(share) if x)
-
-
-def _spread(share: Array, name: str) -> Iterator[str]:
-    for k, x in enumerate(share):
-        if x:
-            yield f"        torque[{k}] += {number(x)} * {name};"
-
-
-def _vector(name: str, values: Sequence[float] | Array) -> str:
-    return f"static const double {name} = {{{', '.join(number(x) for x in values)}}};"
-
-
-def _table(name: str, values: Array) -> str:
-    rows = ",\n".join(f"    {{{', '.join(number(x) for x in row)}}}" for row in np.asarray(values))
-    return f"static const double {name}[$_JOINTS][{values.shape[1]}] = {{\n{rows}}};"
-
-
-def _safe(text: str) -> str:
-    """Text that cannot end a comment or be taken for one of our marks."""
-    clean = "".join(c if c.isascii() and c.isprintable() and c not in "@$\\" else "?" for c in text)
-    return clean.replace("*/", "* /").replace("/*", "/ *")

@@ -9,10 +9,11 @@ from types import MappingProxyType
 import numpy as np
 
 from dynid.core.arrays import Array, frozen
-from dynid.core.errors import InputError, JobError
+from dynid.core.errors import InputError
 from dynid.export.completion import Completion, complete
 from dynid.identification.estimate import Estimate
 from dynid.regressor.coupling import coupled_motors
+from dynid.regressor.ripple import TorqueRipple
 from dynid.robot.counterbalance import Counterbalance
 from dynid.robot.inertia import move
 from dynid.robot.model import RobotModel
@@ -21,20 +22,22 @@ JOINT_SYMBOLS = ("Fc", "Fv", "Im", "Fo", "Fca", "Fva", "Fs", "Fr")
 """Terms of one joint: Coulomb, viscous, motor inertia, offset, asymmetries, Stribeck, cube root."""
 MOTOR_SYMBOLS = ("Fcm", "Fvm", "Imm")
 """Terms of a motor that drives several joints: Coulomb, viscous, inertia."""
-
-BEYOND = {"Fl": "friction that grows with load", "Fw": "torque ripple of gears"}
-"""Terms that depend on more than their joint's velocity and acceleration, in words."""
+SHAPED_SYMBOLS = ("Fl", "Fw")
+"""Terms of one joint whose shape was identified too: friction by load, torque ripple."""
+SYMBOLS = (*JOINT_SYMBOLS, *MOTOR_SYMBOLS, *SHAPED_SYMBOLS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportModel:
     """A robot with numbers for everything its inverse dynamics need.
 
-    tau = M(q) ddq + c(q, dq) + g(q) + friction(dq), M with the motor inertias, g with the known
-    torques of counterbalances.
+    tau = M(q) ddq + c(q, dq) + g(q) + friction, M with the motor inertias, g with the known
+    torques of counterbalances. Friction depends on dq; that of load on q and ddq too, and ripple
+    on q.
 
     Raises:
-        InputError: Arrays that do not fit the robot, or terms that no file can hold.
+        InputError: Arrays that do not fit the robot, terms that no file can hold, or friction by
+            load or ripple without its shape.
     """
 
     robot: RobotModel
@@ -51,14 +54,17 @@ class ExportModel:
     """(k, n) turns of each coupled motor per turn of the joints; k = 0 without coupling."""
     motors: tuple[int, ...] = ()
     """(k) which motors these are, from 0."""
+    load: Array | None = None
+    """(n, 10) parameters about the joint frames of the bodies whose torque, less that of the
+    counterbalances, is the load that `Fl` multiplies; bodies that need not be able to exist."""
+    ripples: tuple[TorqueRipple, ...] = ()
+    """The torques that `Fw` multiplies, each joint once."""
     physical: bool = True
     """Whether every link is a body that can exist and no motor inertia is negative."""
     worst: str = ""
     """The links and motors that cannot exist, in words; empty if all can."""
     origin: str = ""
     """How the standard parameters were found, in words."""
-    beyond: tuple[str, ...] = ()
-    """What was identified and no file can hold, in words."""
 
     def __post_init__(self) -> None:
         n = self.robot.joints
@@ -69,24 +75,43 @@ class ExportModel:
         ):
             value = frozen(getattr(self, name), shape=shape, name=name)
             object.__setattr__(self, name, value)
-        unknown = sorted(set(self.terms) - {*JOINT_SYMBOLS, *MOTOR_SYMBOLS})
+        if self.load is not None:
+            object.__setattr__(self, "load", frozen(self.load, shape=(n, 10), name="load"))
+        unknown = sorted(set(self.terms) - set(SYMBOLS))
         if unknown:
             raise InputError(
                 "friction terms that no file can hold",
                 value=", ".join(unknown),
-                limit=", ".join((*JOINT_SYMBOLS, *MOTOR_SYMBOLS)),
+                limit=", ".join(SYMBOLS),
                 next_step="Identify again with --terms fc,fv,im, or other terms of one joint.",
             )
         terms = {
             symbol: frozen(self.terms.get(symbol, np.zeros(n)), shape=(n,), name=symbol)
-            for symbol in (*JOINT_SYMBOLS, *MOTOR_SYMBOLS)
+            for symbol in SYMBOLS
         }
         object.__setattr__(self, "terms", MappingProxyType(terms))
+        self._check_shapes()
+
+    def _check_shapes(self) -> None:
+        if self.load is None and self.terms["Fl"].any():
+            raise InputError("friction that grows with load needs the load's bodies", where="Fl")
+        named = [ripple.joint for ripple in self.ripples]
+        moved = [gear.joint for ripple in self.ripples for gear in ripple.gears]
+        bare = set(np.flatnonzero(self.terms["Fw"]).tolist()) - set(named)
+        if bare or len(set(named)) < len(named) or max([*named, *moved], default=0) >= self.joints:
+            raise InputError(
+                "torque ripple needs its waves, each joint once", where="Fw", value=named
+            )
 
     @property
     def joints(self) -> int:
         """Number of joints n."""
         return self.robot.joints
+
+    @property
+    def speed_alone(self) -> bool:
+        """Whether friction depends on nothing but speed: no friction by load, no ripple."""
+        return not any(self.terms[symbol].any() for symbol in SHAPED_SYMBOLS)
 
     @property
     def springs(self) -> tuple[Counterbalance, ...]:
@@ -99,53 +124,45 @@ def export_model(estimate: Estimate) -> ExportModel:
     return completed_model(estimate)[0]
 
 
-def completed_model(estimate: Estimate, *, partial: bool = False) -> tuple[ExportModel, Completion]:
+def completed_model(estimate: Estimate) -> tuple[ExportModel, Completion]:
     """The model of an estimate, and the standard parameters that it was completed to.
 
     Args:
         estimate: The estimate. Physically consistent ones carry their standard parameters;
             others are completed by the bodies nearest to the prior with the same torques.
-        partial: Leave out the terms that no file can hold, and say so in `beyond`.
-
-    Raises:
-        JobError: The model has terms that no file can hold, such as friction that grows with load.
     """
     model, robot = estimate.model, estimate.model.robot
     found = complete(estimate)
     n, values = robot.joints, found.values
     frames = robot.parameter_frames[model.frames]
     terms: dict[str, Array] = {}
-    beyond: dict[str, None] = {}
     for column, value in zip(model.columns[10 * n :], values[10 * n :], strict=True):
         symbol = column.name.rstrip("0123456789")
-        if partial and symbol not in (*JOINT_SYMBOLS, *MOTOR_SYMBOLS):
-            beyond.setdefault(BEYOND.get(symbol, symbol))
-            continue
         terms.setdefault(symbol, np.zeros(n))[column.joint] = value
-    width = model.friction.width
+    friction = model.friction
+    width = friction.width
     motors = coupled_motors(robot)
     ratios = robot.drives.motor_from_joint
-    try:
-        whole = ExportModel(
-            robot=robot,
-            inertials=np.array(
-                [
-                    move(own, frame)
-                    for own, frame in zip(values[: 10 * n].reshape(n, 10), frames, strict=True)
-                ]
-            ),
-            terms=terms,
-            width=np.broadcast_to(np.asarray(width, dtype=np.float64), (n,)),
-            stribeck_velocity=model.friction.stribeck_velocity,
-            shares=np.array([ratios[m] / ratios[m, m] for m in motors]).reshape(-1, n),
-            motors=motors,
-            physical=found.physical,
-            worst=found.worst,
-            origin=found.origin,
-            beyond=tuple(beyond),
-        )
-    except InputError as error:
-        raise JobError(
-            error.what, value=error.value, limit=error.limit, next_step=error.next_step
-        ) from error
+    whole = ExportModel(
+        robot=robot,
+        inertials=_about_joints(values[: 10 * n], frames),
+        terms=terms,
+        width=np.broadcast_to(np.asarray(width, dtype=np.float64), (n,)),
+        stribeck_velocity=friction.stribeck_velocity,
+        shares=np.array([ratios[m] / ratios[m, m] for m in motors]).reshape(-1, n),
+        motors=motors,
+        load=None
+        if friction.load is None
+        else _about_joints(np.array(friction.load.parameters), frames),
+        ripples=friction.ripples,
+        physical=found.physical,
+        worst=found.worst,
+        origin=found.origin,
+    )
     return whole, found
+
+
+def _about_joints(parameters: Array, frames: Array) -> Array:
+    """(n, 10) from parameters (10 n) about the parameter frames, which are in the joint frames."""
+    rows = parameters.reshape(-1, 10)
+    return np.array([move(own, frame) for own, frame in zip(rows, frames, strict=True)])

@@ -9,8 +9,11 @@ import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.export.chain import joint_turns
+from dynid.export.friction_words import friction_words
 from dynid.export.model import JOINT_SYMBOLS, MOTOR_SYMBOLS, ExportModel
-from dynid.export.python_template import BODY
+from dynid.export.python_friction import friction_arguments, python_friction
+from dynid.export.python_template import BODY, FRICTION, STILL
+from dynid.export.waves import ripple_waves
 
 
 def python_code(model: ExportModel, comment: str = "") -> str:
@@ -20,16 +23,25 @@ def python_code(model: ExportModel, comment: str = "") -> str:
         model: The model.
         comment: Where it comes from, for the file's head.
     """
+    words = friction_words(model)
+    now, still = friction_arguments(model)
     head = [
         f'"""Dynamics of {_safe(model.robot.name)}, {model.joints} joints, as identified by dynid.',
         "",
         *(_safe(line) for line in comment.splitlines()),
+        "",
+        "inverse_dynamics(q, dq, ddq) = mass_matrix(q) @ ddq + coriolis(q, dq) + gravity(q)",
+        f"+ friction({now})",
+        *words,
+        *([] if model.speed_alone else ["To solve for ddq, give friction the last one, or zeros."]),
         '"""',
         "",
         "import numpy as np",
         "",
     ]
-    return "\n".join([*head, *_constants(model), BODY])
+    body = BODY.replace(FRICTION, now).replace(STILL, still)
+    functions = python_friction(model, words)
+    return "\n".join([*head, *_constants(model), "", functions.rstrip(), body])
 
 
 def _constants(model: ExportModel) -> Iterator[str]:
@@ -59,6 +71,17 @@ def _constants(model: ExportModel) -> Iterator[str]:
     yield "# joint, outer, inner, rest_length, offset, piston_area, gas_work, gas_volume"
     springs = [astuple(spring) for spring in model.springs]
     yield f"COUNTERBALANCES = {[tuple(map(_plain, spring)) for spring in springs]!r}"
+    if model.load is not None and model.terms["Fl"].any():
+        yield "# What the load of a gear is the torque of: need not be bodies that can exist."
+        yield _array("LOAD", model.load)
+        yield _array("FL", model.terms["Fl"])
+    if waves := ripple_waves(model):
+        yield "# joint, whose position, waves a turn, speed, polynomials of cosine and sine"
+        yield "WAVES = ["
+        for wave in waves:
+            one = (wave.joint, wave.gear, wave.number, wave.speed, wave.cosine, wave.sine)
+            yield f"    {one!r},"
+        yield "]"
 
 
 def _array(name: str, values: Array) -> str:

@@ -1,10 +1,16 @@
-"""The functions of the generated Python file, the same for every robot."""
+"""The functions of the generated Python file, the same for every robot.
+
+`FRICTION` stands for what friction is called with, `STILL` for the same without acceleration.
+"""
+
+FRICTION = "<state>"
+STILL = "<still>"
 
 BODY = '''
 
 def inverse_dynamics(q, dq, ddq):
     """Joint torques [N.m, N], shape (..., n), for q [rad, m], dq, ddq of shape (..., n)."""
-    return rigid_body(q, dq, ddq) + motor_torque(ddq) + known_torque(q) + friction(dq)
+    return rigid_body(q, dq, ddq) + motor_torque(ddq) + known_torque(q) + friction(<state>)
 
 
 def mass_matrix(q):
@@ -29,16 +35,6 @@ def gravity(q):
     return rigid_body(q, still, still) + known_torque(q)
 
 
-def friction(dq):
-    """Friction torques [N.m, N], shape (..., n), for speeds dq of shape (..., n)."""
-    dq = np.asarray(dq, dtype=float)
-    step = _step(dq, WIDTH)
-    torque = FC * step + FV * dq + FO + FCA * np.abs(step) + FVA * np.abs(dq)
-    torque = torque + FS * np.exp(-np.square(dq / STRIBECK_VELOCITY)) * step + FR * np.cbrt(dq)
-    speed = dq @ SHARES.T
-    return torque + (FCM * _step(speed, MOTOR_WIDTH) + FVM * speed) @ SHARES
-
-
 def motor_torque(ddq):
     """Torques that turn the motors [N.m, N], shape (..., n)."""
     ddq = np.asarray(ddq, dtype=float)
@@ -60,7 +56,7 @@ def known_torque(q):
 def momentum(q, dq):
     """Generalised momentum p = M dq and the derivative of the kinetic energy by q, (..., n) each.
 
-    Without contact dp/dt = torque - friction(dq) - gravity(q) + derivative.
+    Without contact dp/dt = torque - friction - gravity(q) + derivative.
     """
     q, dq = (np.asarray(x, dtype=float) for x in (q, dq))
     zero = np.zeros((*q.shape[:-1], 3))
@@ -114,7 +110,7 @@ class Observer:
     def step(self, dt, q, dq, torque):
         """The residual now, `dt` [s] after the step before."""
         own, slope = momentum(q, dq)
-        push = np.asarray(torque, dtype=float) - gravity(q) - friction(dq) + slope
+        push = np.asarray(torque, dtype=float) - gravity(q) - friction(<still>) + slope
         if self.start is None:
             self.start, self.push = own, push
             return self.residual
@@ -126,7 +122,7 @@ class Observer:
         return self.residual
 
 
-def rigid_body(q, dq, ddq, gravity=GRAVITY):
+def rigid_body(q, dq, ddq, gravity=GRAVITY, bodies=INERTIALS):
     """Torques of the links alone, recursive Newton-Euler in the joint frames."""
     q, dq, ddq = (np.asarray(x, dtype=float) for x in (q, dq, ddq))
     zero = np.zeros((*q.shape[:-1], 3))
@@ -143,7 +139,7 @@ def rigid_body(q, dq, ddq, gravity=GRAVITY):
             spin = spin + gain + np.cross(turn, speed)
             turn = turn + speed
         frames.append((rotation, place))
-        forces.append(_wrench(INERTIALS[i], turn, spin, push))
+        forces.append(_wrench(bodies[i], turn, spin, push))
     torque = np.empty(q.shape)
     force, moment = zero, zero
     for i in reversed(range(JOINTS)):

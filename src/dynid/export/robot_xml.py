@@ -11,6 +11,7 @@ import numpy as np
 from dynid.core.arrays import Array
 from dynid.core.errors import JobError
 from dynid.export.model import ExportModel
+from dynid.export.nearest_friction import NearestFriction
 from dynid.robot.inertia import tensor
 
 ADVICE = "Identify with --estimator sdp, or export to json, c or python."
@@ -24,6 +25,8 @@ _LONG = {
     "Fcm": "friction of coupled motors",
     "Fvm": "friction of coupled motors",
     "Imm": "inertias of coupled motors",
+    "Fl": "friction that grows with load",
+    "Fw": "torque ripple of gears",
 }
 
 
@@ -85,7 +88,18 @@ def left_out(model: ExportModel, held: Iterable[str]) -> tuple[str, ...]:
         if symbol not in held and values.any()
     ]
     springs = ["torques of counterbalances"] if model.springs else []
-    return tuple(dict.fromkeys([*gone, *springs, *model.beyond]))
+    return tuple(dict.fromkeys([*gone, *springs]))
+
+
+def stand_in_words(friction: NearestFriction | None) -> list[str]:
+    """Lines of a comment where the friction of a file is not the identified one."""
+    if friction is None or not friction.stands_in:
+        return []
+    left = " ".join(f"{value:.3g}" for value in friction.missing)
+    return [
+        "Damping and dry friction: the two that are nearest to all friction that was identified,",
+        f"over the recorded range. RMS of what they leave, by joint: {left} N.m (N).",
+    ]
 
 
 def numbers(values: Iterable[float]) -> str:

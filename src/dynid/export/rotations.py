@@ -8,9 +8,6 @@ import numpy as np
 
 from dynid.core.arrays import Array
 
-_UPRIGHT = 1e-12
-"""Cosine of the pitch below which roll and yaw turn about one axis."""
-
 
 def roll_pitch_yaw(rotation: Array) -> tuple[float, float, float]:
     """Angles about the fixed axes x, y, z, in that order [rad], as URDF has them.
@@ -18,12 +15,15 @@ def roll_pitch_yaw(rotation: Array) -> tuple[float, float, float]:
     Args:
         rotation: (3, 3) rotation.
     """
-    level = math.hypot(rotation[0, 0], rotation[1, 0])
-    pitch = math.atan2(-rotation[2, 0], level)
-    if level < _UPRIGHT:
-        return math.atan2(-rotation[1, 2], rotation[1, 1]), pitch, 0.0
-    roll = math.atan2(rotation[2, 1], rotation[2, 2])
-    return roll, pitch, math.atan2(rotation[1, 0], rotation[0, 0])
+    yaw = math.atan2(rotation[1, 0], rotation[0, 0])
+    c, s = math.cos(yaw), math.sin(yaw)
+    pitch = math.atan2(-rotation[2, 0], c * rotation[0, 0] + s * rotation[1, 0])
+    # Of the rotation turned back by the yaw: near upright, where the yaw is all rounding, the
+    # roll takes its error back.
+    roll = math.atan2(
+        s * rotation[0, 2] - c * rotation[1, 2], c * rotation[1, 1] - s * rotation[0, 1]
+    )
+    return roll, pitch, yaw
 
 
 def quaternion(rotation: Array) -> Array:

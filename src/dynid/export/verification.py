@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.export.completion import Completion
+from dynid.export.nearest_friction import NearestFriction
 from dynid.identification.estimate import Estimate
 
 STATES = 200
@@ -70,7 +71,11 @@ def random_motion(joints: int, prismatic: Iterable[bool]) -> States:
 
 
 def our_torque(
-    estimate: Estimate, completed: Completion, states: States, held: Iterable[str] | None = None
+    estimate: Estimate,
+    completed: Completion,
+    states: States,
+    held: Iterable[str] | None = None,
+    friction: NearestFriction | None = None,
 ) -> Array:
     """(N, n) torques by the model that was identified, not by anything in this package.
 
@@ -79,15 +84,16 @@ def our_torque(
         completed: Its standard parameters.
         states: Where.
         held: Terms beside the inertias that the file has a place for: the others, and
-            counterbalances, are left out, and Coulomb friction is a sign. None for everything.
+            counterbalances, are left out. None for everything.
+        friction: Coulomb and viscous friction of such a file.
     """
     model, values = estimate.model, np.array(completed.values)
-    if held is None:
+    if held is None or friction is None:
         torque = model.inverse_dynamics(states.q, states.dq, states.ddq, values)
         return torque - model.known_torque(states.q)
-    kept = set(held)
+    kept = set(held) - {"Fc", "Fv"}
     for k, column in enumerate(model.columns[10 * model.robot.joints :]):
         if column.name.rstrip("0123456789") not in kept:
             values[10 * model.robot.joints + k] = 0.0
-    sharp = replace(model, friction=replace(model.friction, width=0.0))
-    return sharp.inverse_dynamics(states.q, states.dq, states.ddq, values)
+    torque = model.inverse_dynamics(states.q, states.dq, states.ddq, values)
+    return torque + friction.torque(states.dq)

@@ -17,8 +17,9 @@ from dynid.export.json_model import model_from_json, model_to_json
 from dynid.export.load_code import c_torque, python_torque
 from dynid.export.load_models import mjcf_torque, urdf_torque
 from dynid.export.model import ExportModel, completed_model
+from dynid.export.nearest_friction import NearestFriction, nearest_friction
 from dynid.export.python_code import python_code
-from dynid.export.robot_xml import left_out
+from dynid.export.robot_xml import left_out, stand_in_words
 from dynid.export.verification import States, Verification, our_torque, random_motion
 from dynid.identification.estimate import Estimate
 
@@ -44,6 +45,8 @@ class ExportedFile:
     """What another program made of it."""
     left_out: tuple[str, ...]
     """What the identified model has and the file has no place for, in words."""
+    friction: NearestFriction | None = None
+    """Coulomb and viscous friction of a file that has a place for no other."""
 
 
 def write_model(estimate: Estimate, to: str, path: str | Path, note: str = "") -> ExportedFile:
@@ -65,11 +68,14 @@ def write_model(estimate: Estimate, to: str, path: str | Path, note: str = "") -
     if to not in FORMATS:
         raise InputError("unknown format", where="--to", value=to, limit=", ".join(FORMATS))
     path = Path(path)
-    model, completed = completed_model(estimate, partial=to in _HELD)
+    model, completed = completed_model(estimate)
     states = random_motion(model.joints, model.robot.prismatic)
     held = _HELD.get(to)
-    ours = our_torque(estimate, completed, states, held)
-    text = _text(model, to, f"{note}\nStandard parameters: {model.origin}.".strip())
+    friction = None if held is None else nearest_friction(estimate, completed, model)
+    ours = our_torque(estimate, completed, states, held, friction)
+    model = model if friction is None else friction.put_into(model)
+    remarks = [note, f"Standard parameters: {model.origin}.", *stand_in_words(friction)]
+    text = _text(model, to, "\n".join(remarks).strip())
     # Names the process, ends as the format wants it: loaders look at the suffix.
     part = path.with_name(f".{path.stem}.{os.getpid()}{SUFFIXES[to]}")
     try:
@@ -89,7 +95,9 @@ def write_model(estimate: Estimate, to: str, path: str | Path, note: str = "") -
     finally:
         part.unlink(missing_ok=True)
     missing = () if held is None else left_out(model, held)
-    return ExportedFile(path=path, model=model, verified=verified, left_out=missing)
+    return ExportedFile(
+        path=path, model=model, verified=verified, left_out=missing, friction=friction
+    )
 
 
 def _text(model: ExportModel, to: str, note: str) -> str:

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from dynid.core.arrays import Array
 from dynid.core.notices import Notice
 from dynid.export.writing import ExportedFile, write_model
 from dynid.workflow.temperature_file import estimate_at
@@ -56,18 +59,33 @@ def export_file(
         f"{known.samples} samples, identified {made.created}."
     )
     written = write_model(known, to, Path(output), note)
-    return Export(to=to, written=written, warnings=_warnings(written))
+    return Export(to=to, written=written, warnings=_warnings(to, written, known.noise))
 
 
-def _warnings(written: ExportedFile) -> tuple[Notice, ...]:
-    model = written.model
-    if model.physical:
-        return ()
-    return (
-        Notice(
-            "not_physical",
-            f"no bodies that can exist have the identified base parameters ({model.worst}):"
-            " torques are right, but single masses and inertias mean nothing and simulators may"
-            " refuse them; --estimator sdp finds consistent ones",
-        ),
-    )
+def _warnings(to: str, written: ExportedFile, noise: Array) -> tuple[Notice, ...]:
+    model, friction = written.model, written.friction
+    found: list[Notice] = []
+    if not model.physical:
+        found.append(
+            Notice(
+                "not_physical",
+                "no bodies that can exist have the identified base parameters"
+                f" ({model.worst}): torques are right, but single masses and inertias mean nothing"
+                " and simulators may refuse them; --estimator sdp finds consistent ones",
+            )
+        )
+    if friction is not None and (friction.missing > noise).any():
+        joints = ", ".join(
+            f"{j + 1} ({friction.missing[j]:.2g} against {noise[j]:.2g})"
+            for j in np.flatnonzero(friction.missing > noise)
+        )
+        found.append(
+            Notice(
+                "left_out",
+                f"{to} has no place for all friction that was identified; damping and dry friction"
+                " are the nearest to it over the recorded range. What they leave is more than the"
+                f" noise of the identification at joints {joints}, RMS in N.m or N; c, python and"
+                " json hold all of it",
+            )
+        )
+    return tuple(found)
