@@ -1,8 +1,10 @@
 """Time of one inverse dynamics by the generated C header and Python file, beside pinocchio's.
 
-A UR5 with the paper's friction. The header is compiled with -O2 and times itself in processor
-time, so that other work on the machine does not count; the fastest of several rounds counts. The
-asked figure is 2 us a call in C. Needs a C compiler and pinocchio: pip install 'dynid[dev]'.
+A UR5 with the paper's friction, and the header also of one whose gears all have friction that grows
+with load and torque ripple like the Panda's: two waves of each, cubic in speed. The header is
+compiled with -O2 and times itself in processor time, so that other work on the machine does not
+count; the fastest of several rounds counts. The asked figure is 2 us a call in C. Needs a C
+compiler and pinocchio: pip install 'dynid[dev]'.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +28,10 @@ from dynid.export.writing import write_model
 from dynid.identification.estimate import Estimate, MotionRange
 from dynid.identification.prior import inertial_prior
 from dynid.reduction.base import reduce_model
+from dynid.regressor.load import LoadFriction
 from dynid.regressor.model import InverseDynamicModel
+from dynid.regressor.ripple import Gear, TorqueRipple
+from dynid.regressor.terms import FrictionTerms
 from dynid.robot.load import load_robot
 from dynid.signals.samples import ProcessingSettings
 
@@ -57,18 +63,20 @@ int main(void)
 """
 
 
-def ur5_estimate() -> Estimate:
+def ur5_estimate(friction: FrictionTerms) -> Estimate:
     """The UR5 with its prior inertias and friction of the real arm's size."""
-    base = reduce_model(InverseDynamicModel(robot=load_robot("ur5")))
+    base = reduce_model(InverseDynamicModel(robot=load_robot("ur5"), friction=friction))
     bodies = inertial_prior(base.model.robot, base.model.frames).parameters.ravel()
     coulomb, viscous = [7.7, 8.4, 8.3, 1.9, 1.8, 1.8], [10.8, 8.8, 5.5, 2.8, 1.9, 1.4]
     motor = [2.0, 2.2, 1.1, 0.3, 0.3, 0.3]
     one = np.ones(6)
+    shaped = np.full(len(base.model.columns) - 78, 0.05)
+    known = np.concatenate([bodies, coulomb, viscous, motor, shaped])
     return Estimate(
         model=base.model,
         independent=base.independent,
         expressions=base.expressions,
-        values=base.from_standard(np.concatenate([bodies, coulomb, viscous, motor])),
+        values=base.from_standard(known),
         covariance=np.eye(base.rank),
         naive_std=np.ones(base.rank),
         noise=one,
@@ -82,6 +90,22 @@ def ur5_estimate() -> Estimate:
         essential=(),
         motion=MotionRange(lower=-one, upper=one, speed=one, acceleration=one),
         provenance=provenance(),
+    )
+
+
+def with_load_and_ripple() -> FrictionTerms:
+    """Of every joint, the load being that of the arm's prior bodies."""
+    robot = load_robot("ur5")
+    bodies = inertial_prior(robot, robot.default_frames).parameters.ravel()
+    gears = [Gear(joint=j, waves=(120.0, 240.0), speed=2.0, powers=4) for j in range(6)]
+    weights = tuple(np.random.default_rng(0).normal(size=gears[0].size).tolist())
+    return replace(
+        FrictionTerms(),
+        load=LoadFriction(joints=tuple(range(6)), parameters=tuple(bodies.tolist())),
+        ripples=tuple(
+            TorqueRipple(joint=j, gears=(gear,), coefficients=weights)
+            for j, gear in enumerate(gears)
+        ),
     )
 
 
@@ -112,7 +136,13 @@ def main() -> int:
     if c_compiler() is None:
         print("no C compiler", file=sys.stderr)
         return 1
-    estimate = ur5_estimate()
+    plain, every = FrictionTerms(), with_load_and_ripple()
+    estimate = ur5_estimate(plain)
+    more = {
+        "friction by load": replace(plain, load=every.load),
+        "torque ripple": replace(plain, ripples=every.ripples),
+        "both": every,
+    }
     q, dq, ddq = np.random.default_rng(0).uniform(-3, 3, (3, BATCH, 6))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -122,6 +152,12 @@ def main() -> int:
             for to, end in (("c", "h"), ("python", "py"), ("urdf", "urdf"))
         ]
         compiled = c_seconds(folder / "arm.h", prefix, folder)
+        shaped: dict[str, float] = {}
+        for label, terms in more.items():
+            written.append(write_model(ur5_estimate(terms), "c", folder / "more.h"))
+            shaped[f"the header with {label}, 6 joints"] = c_seconds(
+                folder / "more.h", prefix, folder
+            )
         arm = runpy.run_path(str(folder / "arm.py"))
         theirs = pin.buildModelFromUrdf(str(folder / "arm.urdf"))
     data = theirs.createData()
@@ -141,6 +177,7 @@ def main() -> int:
     times = {
         "pinocchio, rnea from Python, rigid part alone": reference,
         "generated C header, -O2, friction included": compiled,
+        **shaped,
         f"generated Python file, batches of {BATCH}, friction included": fastest(batch),
     }
     print(f"UR5, processor time of one inverse dynamics, fastest of {ROUNDS} rounds")
@@ -150,8 +187,11 @@ def main() -> int:
     for one in written:
         found = one.verified
         print(f"{one.path.name:10} {found.max_torque_difference:.2e} N.m, {found.loaded_with}")
-    print(f"C: {1e6 * compiled:.2f} us a call; asked: at most {ASKED_US:g}")
-    return int(1e6 * compiled > ASKED_US)
+    slowest = 1e6 * max(compiled, *shaped.values())
+    print(
+        f"C: {1e6 * compiled:.2f} us a call, {slowest:.2f} with more; asked: at most {ASKED_US:g}"
+    )
+    return int(slowest > ASKED_US)
 
 
 if __name__ == "__main__":
