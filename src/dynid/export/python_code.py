@@ -12,7 +12,7 @@ from dynid.export.chain import joint_turns
 from dynid.export.friction_words import friction_words
 from dynid.export.model import JOINT_SYMBOLS, MOTOR_SYMBOLS, ExportModel
 from dynid.export.python_friction import friction_arguments, python_friction
-from dynid.export.python_template import BODY, FRICTION, STILL
+from dynid.export.python_template import BODY, FRICTION, NOTE, STILL
 from dynid.export.waves import ripple_waves
 
 
@@ -24,7 +24,7 @@ def python_code(model: ExportModel, comment: str = "") -> str:
         comment: Where it comes from, for the file's head.
     """
     words = friction_words(model)
-    now, still = friction_arguments(model)
+    now, still, why = friction_arguments(model)
     head = [
         f'"""Dynamics of {_safe(model.robot.name)}, {model.joints} joints, as identified by dynid.',
         "",
@@ -39,7 +39,7 @@ def python_code(model: ExportModel, comment: str = "") -> str:
         "import numpy as np",
         "",
     ]
-    body = BODY.replace(FRICTION, now).replace(STILL, still)
+    body = BODY.replace(FRICTION, now).replace(STILL, still).replace(NOTE, why)
     functions = python_friction(model, words)
     return "\n".join([*head, *_constants(model), "", functions.rstrip(), body])
 

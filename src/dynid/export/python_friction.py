@@ -70,8 +70,9 @@ def python_friction(model: ExportModel, words: list[str]) -> str:
     return "".join([known.replace("<parts>", " + ".join(parts)), *texts])
 
 
-def friction_arguments(model: ExportModel) -> tuple[str, str]:
-    """What `friction` is called with, and with what where no acceleration is known."""
+def friction_arguments(model: ExportModel) -> tuple[str, str, str]:
+    """What `friction` is called with, with what where no acceleration is known, and a comment."""
     if model.speed_alone:
-        return "dq", "dq"
-    return "q, dq, ddq", "q, dq, np.zeros(JOINTS)"
+        return "dq", "dq", ""
+    why = "# No acceleration is known here: the load of a gear is that of gravity and speed."
+    return "q, dq, ddq", "q, dq, np.zeros(JOINTS)", f"        {why}\n"

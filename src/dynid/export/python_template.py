@@ -1,10 +1,12 @@
 """The functions of the generated Python file, the same for every robot.
 
-`FRICTION` stands for what friction is called with, `STILL` for the same without acceleration.
+`FRICTION` stands for what friction is called with, `STILL` for the same without acceleration, which
+`NOTE` explains.
 """
 
 FRICTION = "<state>"
 STILL = "<still>"
+NOTE = "<note>"
 
 BODY = '''
 
@@ -110,7 +112,7 @@ class Observer:
     def step(self, dt, q, dq, torque):
         """The residual now, `dt` [s] after the step before."""
         own, slope = momentum(q, dq)
-        push = np.asarray(torque, dtype=float) - gravity(q) - friction(<still>) + slope
+<note>        push = np.asarray(torque, dtype=float) - gravity(q) - friction(<still>) + slope
         if self.start is None:
             self.start, self.push = own, push
             return self.residual
