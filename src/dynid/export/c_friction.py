@@ -131,8 +131,8 @@ def _ripple(waves: Sequence[Wave]) -> Iterator[str]:
             yield f"        c = cos({number(turns)} * q[{gear}]);"
             yield f"        n = sin({number(turns)} * q[{gear}]);"
             for wave in same:
-                cosine, sine = _polynomial(wave.cosine), _polynomial(wave.sine)
-                yield f"        torque[{wave.joint}] += ({cosine}) * c + ({sine}) * n;"
+                yield f"        torque[{wave.joint}] += ({_polynomial(wave.cosine)}) * c;"
+                yield f"        torque[{wave.joint}] += ({_polynomial(wave.sine)}) * n;"
         yield "        (void)s;"
         yield "    }"
     yield "}"
