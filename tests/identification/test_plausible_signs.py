@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from known_robot import ur5
 from scipy.optimize import nnls
 
-from dynid.identification.crossvalidation import signed_solutions
+from dynid.identification.candidate_columns import WIDTHS, CandidateColumns
+from dynid.identification.crossvalidation import Candidates, Variant, signed_solutions
 from dynid.identification.plausible_signs import not_negative
 from dynid.regressor.model import InverseDynamicModel
 
@@ -46,3 +48,38 @@ def test_free_unknowns_stay_free() -> None:
     positive = np.array([True, False, True, False, True])
     found = signed_solutions(np.stack([normal] * 2), np.stack([right] * 2), positive)
     np.testing.assert_allclose(found, [truth, truth], rtol=0, atol=SAME)
+
+
+def test_a_choice_that_needs_negative_friction_gains_nothing() -> None:
+    generator = np.random.default_rng(1)
+    rows = generator.normal(size=(8, 3, 50))
+    # The second column would explain the torque with the wrong sign.
+    rows[:, 2] = 2.0 * rows[:, 0] - 1.5 * rows[:, 1]
+    products = np.einsum("kam,kbm->kab", rows, rows)[None]
+    alone = Variant(columns=(), torque=0)
+    both = Variant(columns=(0,), torque=0)
+    errors = {}
+    for signed in (True, False):
+        candidates = Candidates(
+            products=products,
+            shared=1,
+            torques=2,
+            samples=400,
+            positive=np.array([False, signed]),
+        )
+        errors[signed] = [
+            float(candidates.score((variant,), np.ones(1))[0][0]) for variant in (alone, both)
+        ]
+    assert errors[True][1] == pytest.approx(errors[True][0], rel=1e-6)
+    assert errors[False][1] < 0.01 * errors[False][0]
+
+
+def test_the_columns_that_a_joint_may_take_know_their_signs() -> None:
+    columns = CandidateColumns(
+        stepped=(("fc", None),), extras=("fo", "fca", "fr", "fl"), stribeck_velocity=0.1
+    )
+    width = len(WIDTHS)
+    expected = [True] * width + [False, False, True] + [True] * width
+    assert columns.positive.tolist() == expected
+    assert columns.values(np.linspace(-1, 1, 20), np.ones(20)).shape == (len(expected), 20)
+    assert columns.places(0, 2, frozenset({1, 3})) == (2, width + 1, width + 3 + 2)
