@@ -1,11 +1,17 @@
+import json
+
 import numpy as np
+import pinocchio as pin
 import pytest
-from known_robot import recording, ur5
+from known_robot import COULOMB, VISCOUS, oracle, recording, ur5
 
 from dynid.core.errors import InputError
 from dynid.recording.record import ExperimentRecord
 from dynid.regressor.terms import parse_terms
+from dynid.signals.process import process
+from dynid.signals.samples import ProcessingSettings
 from dynid.workflow.identify import Identification, IdentifySettings, identify
+from dynid.workflow.verdict import verdict
 
 
 def codes(result: Identification) -> set[str]:
@@ -96,3 +102,29 @@ def test_same_input_same_bits() -> None:
     second = identify([recording(0)], ur5()).estimate
     np.testing.assert_array_equal(first.values, second.values)
     np.testing.assert_array_equal(first.covariance, second.covariance)
+
+
+def test_a_joint_that_stands_still_takes_nothing_from_the_others() -> None:
+    record = recording(3, seconds=20.0, period=20.0)
+    q = record.signals["q"].copy()
+    q[:, 4:] = q[0, 4:]
+    model, _ = oracle()
+    data = model.createData()
+    still = ExperimentRecord(t=record.t, signals={"q": q, "effort": record.signals["effort"]})
+    samples = process(still, ur5(), ProcessingSettings(cutoff_hz=10.0))
+    rigid = np.array(
+        [
+            pin.rnea(model, data, *state)
+            for state in zip(samples.q, samples.dq, samples.ddq, strict=True)
+        ]
+    )
+    torque = rigid + COULOMB * np.tanh(samples.dq / 0.02) + VISCOUS * samples.dq
+    noise = 0.1 * np.random.default_rng(0).normal(size=torque.shape)
+    again = ExperimentRecord(t=samples.t, signals={"q": samples.q, "effort": torque + noise})
+    result = identify(again, ur5(), IdentifySettings(preset="best"))
+    estimate = result.estimate
+    assert np.isfinite(estimate.std).all()
+    json.dumps(result.to_json(), allow_nan=False)
+    value = dict(zip(estimate.names, estimate.values, strict=True))
+    assert [value[f"Fv{j}"] for j in (1, 2, 3)] == pytest.approx(VISCOUS[:3], rel=0.1)
+    assert verdict(result).level == "do_not_use"

@@ -20,6 +20,8 @@ from dynid.signals.samples import ProcessingSettings
 
 ILL_CONDITIONED = 50.0
 """Of `motion_condition_number`: excitation trajectories of real arms reach 10 to 30."""
+LARGEST = 1e16
+"""Beyond rounding all condition numbers are alike, and JSON knows no infinity."""
 BANDWIDTH_FACTOR = 2.0
 LOWEST_HZ = 0.5
 
@@ -32,7 +34,7 @@ def observation_root(problem: IdentificationProblem) -> Array:
 
 def condition_number(root: Array) -> float:
     """Of W as it stands, which depends on units and frames: the paper's."""
-    return float(np.linalg.cond(root))
+    return min(float(np.linalg.cond(root)), LARGEST)
 
 
 def scaled_condition_number(root: Array, mapping: Array) -> float:
@@ -46,14 +48,14 @@ def scaled_condition_number(root: Array, mapping: Array) -> float:
         mapping: (r, p) base parameters of standard parameters, from `base_mapping`.
 
     Returns:
-        Largest over r-th singular value; infinite if that is zero.
+        Largest over r-th singular value; `LARGEST` if that is zero.
     """
     columns = root @ mapping
     norms = np.linalg.norm(columns, axis=0)
     seen = norms > 1e-12 * norms.max(initial=1e-300)
     values = np.linalg.svd(columns[:, seen] / norms[seen], compute_uv=False)
     weakest = values[len(root) - 1] if len(values) >= len(root) else 0.0
-    return float(values[0] / weakest) if weakest > 1e-15 * values[0] else float("inf")
+    return float(values[0] / weakest) if weakest > 1e-15 * values[0] else LARGEST
 
 
 def base_mapping(base: BaseParametrization) -> Array:

@@ -15,6 +15,8 @@ MIN_LAG_S = 0.3
 MAX_LAG_SHARE = 0.1
 """... and at most over this share of the record."""
 
+UNSEEN = 1e-18
+"""Share of the naive variance below which sums of scores are those of an empty column."""
 MODEL_CORRELATION = 0.2
 """Autocorrelation at one row from which a model of the noise supports the Newey-West sums."""
 
@@ -59,6 +61,10 @@ def hac_covariance(fit: Fit, problem: IdentificationProblem) -> Array:
     floor = np.diag(naive_covariance(fit))
     if autocorrelation(residual, 1).max() > MODEL_CORRELATION and fit.row_weights is None:
         floor = np.maximum(floor, np.diag(ar_covariance(fit, problem, residual)))
+    # Of what no torque shows only the prior speaks: no scores, no sums to raise.
+    unseen = np.diag(covariance) <= UNSEEN * floor
+    covariance[unseen, :] = covariance[:, unseen] = 0.0
+    covariance[unseen, unseen] = floor[unseen]
     raise_to = np.sqrt(np.maximum(floor / np.maximum(np.diag(covariance), 1e-300), 1.0))
     return covariance * raise_to[:, None] * raise_to[None, :]
 

@@ -209,15 +209,21 @@ def _check_cutoff(records: Sequence[ExperimentRecord], cutoff_hz: float | None) 
 
 
 def over_fitted(training: ValidationResult, validation: ValidationResult) -> tuple[Notice, ...]:
-    """Whether the model does much worse on another record than on its own."""
-    ratio = validation.metrics.rmse / training.metrics.rmse
+    """Whether the model does much worse on another record than on its own, where joints move.
+
+    At rest friction takes what it likes: more standstill is no sign of a worse model.
+    """
+    ratio = validation.moving.rmse / training.moving.rmse
+    if not np.isfinite(ratio).any():
+        return ()
     worst, typical = float(np.nanmax(ratio)), float(np.nanmedian(ratio))
     if typical <= OVER_FITTED and worst <= 2 * OVER_FITTED:
         return ()
     return (
         Notice(
             "over_fitted",
-            f"errors on the validation record are {typical:.1f} times those of the training "
-            f"record (worst joint {worst:.1f}): the model has learnt this record, not the robot",
+            f"errors on the validation record (moving joints) are {typical:.1f} times those of the "
+            f"training record (worst joint {worst:.1f}): the model has learnt this record, not the "
+            "robot",
         ),
     )

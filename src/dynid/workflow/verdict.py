@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from dynid.identification.diagnostics import DO_NOT_USE
+from dynid.recording.repair.angles import UNWRAPPED
 from dynid.validation.disturbance import DISTURBED
 from dynid.validation.prediction import SAME_RECORD
 from dynid.workflow.identify import Identification
@@ -68,7 +69,7 @@ def _unlike(error: float, codes: set[str]) -> str:
 
 def verdict(result: Identification) -> Verdict:
     """Judge an identification."""
-    codes = {notice.code for notice in result.warnings}
+    codes = {n.code for n in result.warnings if not n.message.endswith(UNWRAPPED)}
     fit = result.training.moving.relative_error_overall_percent
     wrong = any(n.code == "not_physical" and DO_NOT_USE in n.message for n in result.warnings)
     if wrong or not fit <= UNEXPLAINED:

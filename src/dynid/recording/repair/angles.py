@@ -13,6 +13,8 @@ from dynid.robot.model import RobotModel
 
 _TURN = 2 * math.pi
 _USE_DEGREES = "If they are degrees, pass --degrees."
+UNWRAPPED = "unwrapped"
+"""Ends the words of this repair, which leaves nothing to check."""
 
 
 def revolute(joints: int, robot: RobotModel | None) -> Mask:
@@ -78,7 +80,7 @@ def unwrap_turns(table: RawTable, robot: RobotModel | None) -> RawTable:
         )
     if not found:
         return table
-    return table.with_signals(changes).report("unit_suspect", f"{'; '.join(found)}; unwrapped")
+    return table.with_signals(changes).report("unit_suspect", f"{'; '.join(found)}; {UNWRAPPED}")
 
 
 def shift_turns(table: RawTable, robot: RobotModel | None) -> RawTable:
