@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,8 @@ from known_robot import NOISE, recording, ur5
 
 from dynid.core.errors import InputError
 from dynid.identification.estimate_file import read_estimate, write_estimate
-from dynid.identification.ripple import alike
+from dynid.identification.gear_waves import alike
+from dynid.identification.ripple import find_ripples
 from dynid.recording.record import ExperimentRecord
 from dynid.regressor.adjoint import check_differentiable
 from dynid.regressor.model import InverseDynamicModel
@@ -103,9 +105,25 @@ def test_it_predicts_another_motion(found: Identification) -> None:
     assert (found.validation.metrics.rmse < 1.3 * QUIET * NOISE).all()
 
 
-def test_no_ripple_is_made_of_noise() -> None:
-    result = identify(recording(4, rate=RATE, width=0.02), ur5())
-    assert result.estimate.model.friction.ripples == ()
+@pytest.mark.parametrize("correlation", [0.0, 0.95])
+def test_no_ripple_is_made_of_noise(correlation: float) -> None:
+    record = recording(4, rate=RATE, width=0.02, correlation=correlation)
+    assert identify(record, ur5()).estimate.model.friction.ripples == ()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_ripple_is_made_of_stiction_at_stops(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    stops = generator.uniform(-2, 2, size=(2, 25))
+    share = np.clip(np.linspace(0, 2, 2000), 0, 1)
+    way = 10 * share**3 - 15 * share**4 + 6 * share**5
+    q = np.concatenate([a[:, None] + (b - a)[:, None] * way for a, b in pairwise(stops.T)], axis=1)
+    dq = np.gradient(q, 1 / RATE, axis=1)
+    at_rest = np.repeat(generator.normal(size=(2, 24)), 2000, axis=1) * (np.abs(dq) < 1e-3)
+    residual = at_rest + 0.2 * generator.normal(size=q.shape)
+    assert find_ripples(q, dq, residual, RATE, (False, False)) == ()
+    shaken = residual + 0.3 * np.sin(160 * q)
+    assert {ripple.joint for ripple in find_ripples(q, dq, shaken, RATE, (False, False))} == {0, 1}
 
 
 def test_no_ripple_is_made_of_what_filters_leave() -> None:

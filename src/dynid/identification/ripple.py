@@ -2,43 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise, product
 
 import numpy as np
 
 from dynid.core.arrays import Array
+from dynid.identification.gear_waves import FOLDS, GAIN, STRETCHES, find_gears, held_out
 from dynid.identification.least_squares import WeightedLeastSquares
 from dynid.identification.problem import IdentificationProblem
 from dynid.reduction.base import reduce_model
 from dynid.regressor.model import InverseDynamicModel
 from dynid.regressor.ripple import Gear, TorqueRipple
-from dynid.signals.filters import NYQUIST_SHARE
 from dynid.signals.samples import Samples
 
-FEWEST_WAVES = 20.0
-"""Slower waves look like gravity and friction; no gear of an arm turns its motor so few times."""
-MOST_WAVES = 1000.0
 MOST_SAMPLES = 40_000
 """Of a longer record, every so manieth."""
-GAIN = 0.01
-"""Ripple must lower the logarithm of a joint's held-out RMS by this much."""
 MATTERS = 1e-3
 """Ripple below this share of a joint's torque is not worth a column."""
-FAMILIES = ((1.0,), (0.5, 1.0), (1.0, 2.0), (0.5, 1.0, 2.0))
-"""Waves over the strongest: once a turn of the motor, twice, four times."""
-POWERS = (1, 2, 3, 4, 5)
-"""Numbers of powers of the speed that are tried."""
-ALIKE = 1.03
-"""Ratio of waves that belong to gears of one size."""
-SPEED_SHARE = 99.0
-"""Percentile of the speeds that counts as the highest."""
-STRETCHES = 64
-FOLDS = 8
-"""Every eighth stretch is left out in turn: each lasts many waves, and all speeds stay seen."""
-RIDGE = 1e-3
-"""On the coefficients, over the trace of their products: powers of the speed are alike."""
+MOVING = 0.02
+"""Slower joints count as resting [rad/s]."""
+ONE_PART = STRETCHES // FOLDS
+"""Stretches that make one of eight parts of the record."""
 
 
 def with_ripple(
@@ -87,59 +72,25 @@ def find_ripples(
         rate_hz: Rate of the recording: faster waves are not seen.
         prismatic: (n) joints that slide have no turns.
     """
-    heard = {
-        j: peak
-        for j in range(len(q))
-        if not prismatic[j] and (peak := _peak(q[j], dq[j], residual[j], rate_hz)) is not None
-    }
-    gears: list[Gear] = []
-    for group in alike(heard):
-        wave = _common_wave({j: (q[j], dq[j], residual[j]) for j in group}, heard)
-        shaped = (_gear(j, q[j], dq[j], residual[j], rate_hz, wave) for j in group)
-        gears += [gear for gear in shaped if gear is not None]
+    # At rest there is stiction, and a wave that stands still.
+    moving = (np.abs(dq) > MOVING).any(axis=0)
+    if np.count_nonzero(moving) < STRETCHES**2:
+        return ()
+    q, dq, residual = (x[:, moving] for x in (q, dq, residual))
+    gears = find_gears(q, dq, residual, rate_hz, prismatic)
     columns = {gear: gear.columns(q[gear.joint], dq[gear.joint]) for gear in gears}
     found = [_ripple(j, residual[j], columns) for j in range(len(q))]
     return tuple(ripple for ripple in found if ripple is not None)
 
 
-def alike(peaks: Mapping[int, float]) -> list[list[int]]:
-    """Joints whose waves are the same within `ALIKE`: gears of one size."""
-    groups: list[list[int]] = []
-    for joint, peak in sorted(peaks.items(), key=lambda item: item[1]):
-        if groups and peak < peaks[groups[-1][-1]] * ALIKE:
-            groups[-1].append(joint)
-        else:
-            groups.append([joint])
-    return groups
-
-
-def _common_wave(
-    signals: Mapping[int, tuple[Array, Array, Array]], heard: Mapping[int, float]
-) -> float:
-    """The wave that suits the joints of a group together: one joint's reach may not tell."""
-    waves = [heard[j] for j in signals]
-    resolution = min(np.pi / 4 / float(np.ptp(q)) for q, _, _ in signals.values())
-    grid = np.arange(min(waves) - 4 * resolution, max(waves) + 4.5 * resolution, resolution)
-
-    def score(wave: float) -> float:
-        total = 0.0
-        for j, (q, dq, residual) in signals.items():
-            speed = float(np.percentile(np.abs(dq), SPEED_SHARE))
-            gear = Gear(joint=j, waves=(wave / 2, wave), speed=speed, powers=3)
-            total += np.log(_held_out([gear.columns(q, dq)], residual)[0])
-        return total
-
-    return min((float(wave) for wave in grid), key=score)
-
-
 def _ripple(joint: int, residual: Array, columns: dict[Gear, Array]) -> TorqueRipple | None:
     """Gears added to one joint's ripple as long as each lowers the error on blocks left out."""
     chosen: list[Gear] = []
-    best = float(np.square(residual).mean())
+    best = before = float(np.square(residual).mean())
     while len(chosen) < len(columns):
         error, gear = min(
             (
-                (_held_out([columns[g] for g in (*chosen, gear)], residual)[0], gear)
+                (held_out([columns[g] for g in (*chosen, gear)], residual)[0], gear)
                 for gear in columns
                 if gear not in chosen
             ),
@@ -148,73 +99,13 @@ def _ripple(joint: int, residual: Array, columns: dict[Gear, Array]) -> TorqueRi
         if np.log(best / error) / 2 < GAIN:
             break
         chosen.append(gear)
-        best = error
+        # Errors that last look like ripple beside themselves, but not in another part.
+        lasting = held_out([columns[g] for g in chosen], residual, ONE_PART)[0]
+        if lasting > before:
+            chosen.pop()
+            break
+        best, before = error, lasting
     if not chosen:
         return None
-    values = _held_out([columns[gear] for gear in chosen], residual)[1]
+    values = held_out([columns[gear] for gear in chosen], residual)[1]
     return TorqueRipple(joint=joint, gears=tuple(chosen), coefficients=tuple(values.tolist()))
-
-
-def _peak(q: Array, dq: Array, residual: Array, rate_hz: float) -> float | None:
-    """The strongest wave of one joint's residual over its own position."""
-    grid = _waves(q, dq, rate_hz)
-    if len(grid) < 2:
-        return None
-    return float(grid[int(np.argmax(wave_power(q, residual, grid)))])
-
-
-def _waves(q: Array, dq: Array, rate_hz: float) -> Array:
-    """Waves a turn that a recording can show, four to each that it can tell apart."""
-    reach, speed = float(np.ptp(q)), float(np.percentile(np.abs(dq), SPEED_SHARE))
-    if reach * FEWEST_WAVES < 4 * np.pi or speed <= 0:
-        return np.zeros(0)
-    highest = min(NYQUIST_SHARE * np.pi * rate_hz / speed, MOST_WAVES)
-    return np.arange(FEWEST_WAVES, highest, np.pi / 2 / reach)
-
-
-def _gear(
-    joint: int, q: Array, dq: Array, residual: Array, rate_hz: float, wave: float
-) -> Gear | None:
-    """The gear of one joint, or None where its own torque shows no ripple that predicts."""
-    highest = float(_waves(q, dq, rate_hz)[-1])
-    speed = float(np.percentile(np.abs(dq), SPEED_SHARE))
-
-    def score(gear: Gear) -> float:
-        return _held_out([gear.columns(q, dq)], residual)[0]
-
-    shapes = [
-        Gear(joint=joint, waves=waves, speed=speed, powers=powers)
-        for family, powers in product(FAMILIES, POWERS)
-        if (waves := tuple(wave * k for k in family if wave * k <= highest))
-    ]
-    best = min(shapes, key=score)
-    gain = np.log(float(np.square(residual).mean()) / score(best)) / 2
-    return best if gain > GAIN else None
-
-
-def wave_power(q: Array, residual: Array, waves: Array) -> Array:
-    """(k) power of evenly spaced waves a turn (k) in a residual (N) at positions (N)."""
-    turn = np.exp(1j * (waves[1] - waves[0]) * q)
-    carried = residual * np.exp(1j * waves[0] * q)
-    power = np.empty(len(waves))
-    for k in range(len(waves)):
-        power[k] = np.square(np.abs(carried.mean()))
-        carried *= turn
-    return power
-
-
-def _held_out(parts: Sequence[Array], residual: Array) -> tuple[float, Array]:
-    """Mean square error on stretches left out, and the coefficients of all."""
-    rows = np.vstack([*parts, residual])
-    cuts = [k * len(residual) // STRETCHES for k in range(STRETCHES + 1)]
-    products = [rows[:, a:b] @ rows[:, a:b].T for a, b in pairwise(cuts)]
-    folds: list[Array] = [np.sum(products[k::FOLDS], axis=0) for k in range(FOLDS)]
-    total: Array = np.sum(products, axis=0)
-    ridge = RIDGE * max(float(np.trace(total[:-1, :-1])), 1e-300) * np.eye(len(total) - 1)
-    error = 0.0
-    for fold in folds:
-        rest = total - fold
-        found = np.linalg.solve(rest[:-1, :-1] + ridge, rest[:-1, -1])
-        error += float(fold[-1, -1] - 2 * found @ fold[:-1, -1] + found @ fold[:-1, :-1] @ found)
-    values = np.linalg.solve(total[:-1, :-1] + ridge, total[:-1, -1])
-    return error / len(residual), np.asarray(values, dtype=np.float64)
