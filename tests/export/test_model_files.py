@@ -173,7 +173,7 @@ def test_the_command_says_when_much_friction_is_left_out(
 ) -> None:
     terms = with_ripple(parse_terms("fc,fv,im"), 6)
     path, out = tmp_path / "e.json", tmp_path / "model"
-    for size, codes in ((0.01, []), (3.0, ["left_out"])):
+    for size, codes in ((0.01, []), (3.0, ["extrapolated"])):
         parameters = parameters_of(UR5, 0, terms)
         parameters[-2:] = size
         write_estimate(estimate_of(UR5, parameters, terms), path)

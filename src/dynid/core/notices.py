@@ -20,7 +20,6 @@ CODES = frozenset(
         "saturated",
         "unit_suspect",
         "extrapolated",
-        "left_out",
     }
 )
 

@@ -30,13 +30,17 @@ from dynid.robot.model import RobotModel
 from dynid.signals.process import delayed, samples_from
 from dynid.signals.resample import UniformSignals
 from dynid.signals.samples import ProcessingSettings
+from dynid.signals.standstill import rest_share
 
 EXTRA_TERMS = ("fo", "fca", "fva", "fs", "fr", LOAD)
 """Terms that a joint may take beside the paper's; load-dependent friction has the step's width."""
 ALIKE = frozenset({"fs", "fr"})
 """Both bend the curve below some speed: together they cancel, inside the record only."""
 PAIR = frozenset({"fo", "fca"})
-"""Together an offset that stops at rest; alone neither helps."""
+"""Together an offset that stops at rest; alone neither helps. Where the arm rests, so does
+stiction, which is another one each time."""
+MOST_REST = 0.005
+"""Share of a record at rest above which `PAIR` is not tried."""
 PRIOR_GAINS = (PRIOR_GAIN, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
 """Priors that are tried on such a record."""
 DELAY_STEPS = (-3, -2, -1, 1, 2, 3)
@@ -76,6 +80,8 @@ class Search:
         )
         self.stepped = tuple(t for t in fixed.terms if t[0] in ("fc", "fca", "fs"))
         self.extras = EXTRA_TERMS if terms is None else ()
+        # Designs that are repeated start and end at rest.
+        self.restless = signals.noise is None and rest_share(signals) < MOST_REST
         self.base = reduce_model(
             InverseDynamicModel(
                 robot=robot,
@@ -192,7 +198,7 @@ class Search:
             if {self.extras[k] for k in toggled} >= ALIKE:
                 continue
             moves += [replace(now, terms=toggled, width=k) for k in widths]
-        if set(self.extras) >= PAIR:
+        if self.restless and set(self.extras) >= PAIR:
             both = frozenset(self.extras.index(term) for term in PAIR)
             moves += [replace(now, terms=now.terms | both, width=k) for k in widths]
         return [move for move in moves if move != now]

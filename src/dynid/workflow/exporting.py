@@ -81,7 +81,7 @@ def _warnings(to: str, written: ExportedFile, noise: Array) -> tuple[Notice, ...
         )
         found.append(
             Notice(
-                "left_out",
+                "extrapolated",
                 f"{to} has no place for all friction that was identified; damping and dry friction"
                 " are the nearest to it over the recorded range. What they leave is more than the"
                 f" noise of the identification at joints {joints}, RMS in N.m or N; c, python and"
