@@ -65,7 +65,7 @@ def test_a_wrong_shape_is_named(shape: Any, message: str) -> None:
 def test_wrong_files_are_named(tmp_path: Path) -> None:
     path = tmp_path / "cell.json"
     for text, message in (
-        ("{", "not JSON"),
+        ("{", "the file was cut short"),
         ("[]", "JSON object"),
         ("{}", "needs 'shapes' or 'payload'"),
         ('{"shape": []}', "unknown key 'shape'"),

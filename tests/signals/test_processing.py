@@ -289,7 +289,7 @@ def test_five_minutes_at_500_hz_fit_in_little_memory() -> None:
         ({"cutoff_hz": float("nan")}, "--cutoff"),
         ({"velocity": "guess"}, "velocity source; got guess; allowed: .*position"),
         ({"derivative": "spline"}, "derivative; got spline"),
-        ({"start_s": -1.0}, "--from: must not be negative"),
+        ({"start_s": -1.0}, "--from: must be a time after"),
         ({"stop_s": float("inf")}, "--to"),
         ({"start_s": 3.0, "stop_s": 3.0}, "--to must be later than --from"),
     ],
