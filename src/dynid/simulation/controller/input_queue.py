@@ -15,7 +15,9 @@ _SETPOINTS, _STREAM = "input_double_register", 3
 
 
 class InputQueue:
-    """Lets one package of each recipe act in each cycle, in the order in which they came.
+    """Lets one package of each recipe act in each cycle where a client streams set points.
+
+    Packages act in the order in which they came; those that are no stream act at once.
 
     Args:
         write: Writes an input.
@@ -51,8 +53,10 @@ class InputQueue:
             self._act()
 
     def apply_next(self) -> None:
-        """Let act what belongs to this cycle."""
-        if not self._waiting:
+        """Let act what belongs to this cycle: one set point of a stream, else all there is."""
+        if self._streak < _STREAM:
+            # A wish to stop must not wait behind signs of life that came in a bunch.
+            self.apply_all()
             return
         seen: set[int] = set()
         while self._waiting and self._waiting[0][0] not in seen:
