@@ -233,32 +233,32 @@ def test_no_number_in_an_input_breaks_the_controller(machine, session, number):
 def test_in_virtual_time_one_package_of_each_recipe_acts_in_a_cycle(machine):
     session = RtdeSession(machine, Owners(), orderly=True)
     session.receive(rtde.request_protocol(2))
-    session.receive(rtde.request_inputs(["input_double_register_24"]))
-    session.receive(rtde.request_inputs(["input_double_register_25"]))
-    one, two = (Recipe.of([f"input_double_register_{24 + k}"], ["DOUBLE"], k + 1) for k in range(2))
+    session.receive(rtde.request_inputs(["input_int_register_24"]))
+    session.receive(rtde.request_inputs(["input_int_register_25"]))
+    one, two = (Recipe.of([f"input_int_register_{24 + k}"], ["INT32"], k + 1) for k in range(2))
     for value in (1, 2, 3):
         session.receive(one.packet([value]) + two.packet([-value]))
     seen = []
     for _ in range(4):
-        session.queue.apply_next()
-        seen.append([machine.output(f"input_double_register_{k}") for k in (24, 25)])
+        session.queue.apply_next(guided=True)
+        seen.append([machine.output(f"input_int_register_{k}") for k in (24, 25)])
     assert seen == [[1, -1], [2, -2], [3, -3], [3, -3]]
 
 
 def test_of_a_client_that_writes_too_much_the_newest_act(machine):
     session = RtdeSession(machine, Owners(), orderly=True)
     session.receive(rtde.request_protocol(2))
-    session.receive(rtde.request_inputs(["input_double_register_24"]))
-    recipe = Recipe.of(["input_double_register_24"], ["DOUBLE"], 1)
+    session.receive(rtde.request_inputs(["input_int_register_24"]))
+    recipe = Recipe.of(["input_int_register_24"], ["INT32"], 1)
     for value in range(1, 10 * LONGEST + 1):
         session.receive(recipe.packet([value]))
-    session.queue.apply_next()
-    assert machine.output("input_double_register_24") == 9 * LONGEST + 1
+    session.queue.apply_next(guided=True)
+    assert machine.output("input_int_register_24") == 9 * LONGEST + 1
     session.close()
-    assert machine.output("input_double_register_24") == 10 * LONGEST
+    assert machine.output("input_int_register_24") == 10 * LONGEST
 
 
-def test_what_is_no_stream_acts_at_once(machine):
+def test_without_a_stream_all_acts_at_once(machine):
     session = RtdeSession(machine, Owners(), orderly=True)
     session.receive(rtde.request_protocol(2))
     session.receive(rtde.request_inputs(["input_int_register_24"]))
@@ -266,7 +266,7 @@ def test_what_is_no_stream_acts_at_once(machine):
     # A wish to stop behind signs of life that came in a bunch.
     for value in range(1, 40):
         session.receive(recipe.packet([value]))
-    session.queue.apply_next()
+    session.queue.apply_next(guided=False)
     assert machine.output("input_int_register_24") == 39
 
 

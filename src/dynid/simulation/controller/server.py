@@ -148,8 +148,9 @@ class ControllerServer:
             self.pace.advance(now)
         else:
             self.pace.restart(now)
+        guided = any(client.session.queue.guided(now) for client in self._rtde)
         for client in self._rtde:
-            client.session.queue.apply_next()
+            client.session.queue.apply_next(guided)
         self._machine.tick()
         self._broadcast.cycle(self._clients.values(), self._news())
 
