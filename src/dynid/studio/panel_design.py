@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -70,18 +71,19 @@ class DesignPanel:
 
     def finished(self, state: JobState) -> None:
         """Play the design."""
-        result = state.result
+        result, job = state.result, self._session.job
+        failure = ""
+        if result is not None and job is not None:
+            # Before the words that say it is done: whoever reads them finds the motion.
+            try:
+                self._session.open(Path(job.job.output))
+            except DynidError as error:
+                failure = str(error)
+            else:
+                self._opened()
         self.view.end(state, "" if result is None else _words(result))
-        if result is None or self._session.job is None:
-            return
-        from pathlib import Path
-
-        try:
-            self._session.open(Path(self._session.job.job.output))
-        except DynidError as error:
-            self.view.say(str(error), text.BAD)
-            return
-        self._opened()
+        if failure:
+            self.view.say(failure, text.BAD)
 
     def _start(self) -> None:
         session = self._session

@@ -83,18 +83,21 @@ class RunPanel:
         self._reader = None
         self._session.follow(None)
         result = state.result
-        self.view.end(state, "" if result is None else _words(result))
         record = None if result is None else result.get("record")
-        if result is not None and result.get("aborted"):
+        failure = ""
+        if isinstance(record, str):
+            # Before the words that say it is done: whoever reads them finds the recording.
+            try:
+                self._session.open(Path(record))
+            except DynidError as error:
+                failure = str(error)
+            else:
+                self._opened()
+        self.view.end(state, "" if result is None else _words(result))
+        if failure:
+            self.view.say(failure, text.BAD)
+        elif result is not None and result.get("aborted"):
             self.view.say(_words(result), text.WARN)
-        if not isinstance(record, str):
-            return
-        try:
-            self._session.open(Path(record))
-        except DynidError as error:
-            self.view.say(str(error), text.BAD)
-            return
-        self._opened()
 
     def draw(self, tail: Tail) -> None:
         """Draw the newest samples."""
