@@ -62,8 +62,9 @@ def write_model(estimate: Estimate, to: str, path: str | Path, note: str = "") -
         note: Where the model comes from, for the file's head.
 
     Raises:
-        InputError: An unknown format, or a file that cannot be written.
-        JobError: A model that the format cannot hold, or torques that differ.
+        InputError: An unknown format.
+        JobError: A model that the format cannot hold, torques that differ, or a file that cannot
+            be written.
     """
     if to not in FORMATS:
         raise InputError("unknown format", where="--to", value=to, limit=", ".join(FORMATS))
@@ -91,7 +92,9 @@ def write_model(estimate: Estimate, to: str, path: str | Path, note: str = "") -
             )
         part.replace(path)
     except OSError as error:
-        raise InputError(f"cannot write: {error.strerror or error}", where=str(path)) from error
+        raise JobError(
+            "the file cannot be written", where=str(path), value=error.strerror or str(error)
+        ) from error
     finally:
         part.unlink(missing_ok=True)
     missing = () if held is None else left_out(model, held)

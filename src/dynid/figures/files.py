@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dynid.core.errors import InputError, JobError
+from dynid.core.files import write_text
 from dynid.core.optional import require
 from dynid.figures.canvas import Canvas, copied
 from dynid.figures.theme import paint
@@ -37,7 +38,7 @@ def write_figure(drawn: Canvas, path: str | Path, *, dark: bool = False) -> Path
         if target.suffix == ".html":
             painted.write_html(target, include_plotlyjs=True, full_html=True)
         elif target.suffix == ".json":
-            target.write_text(painted.to_json() or "", encoding="utf-8")
+            write_text(target, painted.to_json() or "")
         else:
             _draw(painted, target)
     except OSError as error:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
-import os
-import tempfile
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dynid.core.errors import InputError
+from dynid.core.files import write_json
 from dynid.core.notices import Notice
 from dynid.core.provenance import Provenance
 from dynid.identification.estimate import Estimate, MotionRange, StandardParameters
@@ -68,34 +65,13 @@ def _standard_to_json(estimate: Estimate) -> dict[str, Any]:
     return {} if table is None else {"standard": table}
 
 
-def write_json(data: Mapping[str, Any], path: Path) -> None:
-    """Write a JSON object in one piece: an interrupt leaves the old file or the new one.
-
-    Raises:
-        InputError: The file cannot be written.
-    """
-    try:
-        handle, name = tempfile.mkstemp(dir=path.parent or ".", prefix=f".{path.name}.")
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as stream:
-                json.dump(data, stream, indent=1, allow_nan=False)
-                stream.write("\n")
-            os.chmod(name, 0o644)
-            os.replace(name, path)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise InputError(f"cannot write: {error.strerror or error}", where=str(path)) from error
-
-
 def write_estimate(estimate: Estimate, path: Path | str) -> None:
     """Write an estimate as JSON.
 
     Raises:
-        InputError: The file cannot be written.
+        JobError: The file cannot be written.
     """
-    write_json(estimate_to_json(estimate), Path(path))
+    write_json(Path(path), estimate_to_json(estimate))
 
 
 def read_estimate(path: Path | str) -> Estimate:

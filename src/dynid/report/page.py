@@ -5,15 +5,13 @@ from __future__ import annotations
 import base64
 import gzip
 import json
-import os
-import tempfile
 from collections.abc import Sequence
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from dynid.core.errors import JobError
+from dynid.core.files import write_text
 from dynid.core.optional import require
 from dynid.figures.canvas import script
 from dynid.figures.theme import layout
@@ -67,21 +65,7 @@ def write_report(
         JobError: The file cannot be written.
     """
     target = Path(path)
-    page = render(contents, sections)
-    try:
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as stream:
-                stream.write(page)
-            os.chmod(name, 0o644)
-            os.replace(name, target)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
-    except OSError as error:
-        raise JobError(
-            "the report cannot be written", where=str(target), value=error.strerror
-        ) from error
+    write_text(target, render(contents, sections))
     return target
 
 

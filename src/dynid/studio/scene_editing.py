@@ -13,8 +13,8 @@ from dynid.constraints.scene import Scene, scene_from_json
 from dynid.constraints.shapes import Shape
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError
+from dynid.core.files import write_json
 from dynid.export.rotations import roll_pitch_yaw
-from dynid.identification.estimate_file import write_json
 from dynid.robot.transforms import from_xyz_rpy, translation
 from dynid.trajectory.json_fields import JsonFields, load_object
 
@@ -182,9 +182,9 @@ class SceneEditor:
         """Write the scene file; it appears whole or not at all.
 
         Raises:
-            InputError: It cannot be written.
+            JobError: It cannot be written.
         """
-        write_json(self.to_json(), path)
+        write_json(path, self.to_json())
 
     def _item(self, number: int) -> dict[str, Any]:
         if number not in self._items:

@@ -182,7 +182,7 @@ class Session:
         """Write the scene into the studio's folder; where it is.
 
         Raises:
-            InputError: No name for a file, a scene without room, or it cannot be written.
+            DynidError: No name for a file, a scene without room, or it cannot be written.
         """
         path = file_in(self.folder, name, ".json")
         with self.lock:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +11,7 @@ import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError
+from dynid.core.files import write_json
 from dynid.core.provenance import Provenance
 from dynid.trajectory.bounds import MotionBounds, MotionLimits, copied_bounds
 from dynid.trajectory.codec import trajectory_from_json, trajectory_to_json
@@ -65,7 +64,7 @@ def write_trajectory(
     Raises:
         InputError: Limits for another number of joints, a trajectory of a foreign kind, extras
             that take a key of the file's own, or settings that JSON cannot hold.
-        OSError: The file cannot be written.
+        JobError: The file cannot be written.
     """
     bounds = copied_bounds(limits)
     if bounds.joints != trajectory.joints:
@@ -82,29 +81,7 @@ def write_trajectory(
         "limits": {name: _with_null(getattr(bounds, name)) for name in _BOUNDS},
         "provenance": provenance.to_json(),
     }
-    try:
-        text = json.dumps(document, indent=1, allow_nan=False)
-    except (TypeError, ValueError) as error:
-        raise InputError("settings and extras must be JSON values", value=error) from error
-    write_text(Path(path), text + "\n")
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file in one piece: an interrupted write leaves the old file, or none.
-
-    Args:
-        path: File to write.
-        text: Its content.
-
-    Raises:
-        OSError: The file cannot be written.
-    """
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    write_json(Path(path), document)
 
 
 def read_trajectory(path: str | Path) -> StoredTrajectory:

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from dynid.core.errors import InputError
-from dynid.identification.estimate_file import write_estimate, write_json
+from dynid.core.files import write_json
+from dynid.identification.estimate_file import write_estimate
 from dynid.robot.load import load_robot
 from dynid.validation.comparison import ParameterComparison, compare
 from dynid.workflow.analyze import Analysis, analyze
@@ -121,7 +122,7 @@ def run_demo(
         files=(*files, page, folder / "demo.json"),
         wall_s=time.perf_counter() - started,
     )
-    write_json(demo.to_json(), folder / "demo.json")
+    write_json(folder / "demo.json", demo.to_json())
     return demo
 
 

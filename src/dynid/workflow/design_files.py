@@ -36,7 +36,7 @@ def write_design(design: ExcitationDesign, path: str | Path) -> None:
         path: The file; `read_design`, `dynid check` and `dynid run` take it.
 
     Raises:
-        OSError: The file cannot be written.
+        JobError: The file cannot be written.
     """
     write_trajectory(
         path,

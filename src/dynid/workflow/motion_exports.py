@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from dynid.core.errors import InputError
+from dynid.core.files import write_text
 from dynid.excitation.design import ExcitationDesign
 from dynid.robot.load import load_robot
-from dynid.trajectory.files import write_text
 from dynid.trajectory.sampled import csv_text, joint_trajectory_yaml
 from dynid.trajectory.urscript import ur_program
 
@@ -24,7 +24,7 @@ def export_motion(design: ExcitationDesign, kind: str, path: str | Path) -> None
 
     Raises:
         InputError: An unknown kind, or a motion that the format cannot hold.
-        OSError: The file cannot be written.
+        JobError: The file cannot be written.
     """
     robot = load_robot(design.robot)
     match kind:

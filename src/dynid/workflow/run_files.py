@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from dynid.core.errors import DynidError
+from dynid.core.files import write_json
 from dynid.core.provenance import file_hash
 from dynid.drivers.simulated import SimulatedDriver
 from dynid.drivers.watchdog import Abort
-from dynid.identification.estimate_file import write_json
 from dynid.recording.parquet import read_record, write_record
 from dynid.robot.model import RobotModel
 from dynid.trajectory.trajectory import Trajectory
@@ -92,7 +92,7 @@ def write_truth(recording: Path, driver: SimulatedDriver) -> None:
     """Write what the simulated arm was made of; nothing but tests reads it.
 
     Raises:
-        InputError: The file cannot be written.
+        JobError: The file cannot be written.
     """
     if not driver.states:
         return
@@ -118,4 +118,4 @@ def write_truth(recording: Path, driver: SimulatedDriver) -> None:
             "load_factor": truth.friction.load_factor.tolist(),
         },
     }
-    write_json(data, truth_path(recording))
+    write_json(truth_path(recording), data)

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from dynid.core.errors import InputError
+from dynid.core.files import write_json
 from dynid.core.notices import Notice
 from dynid.identification.estimate import Estimate
-from dynid.identification.estimate_file import estimate_to_json, read_estimate, write_json
+from dynid.identification.estimate_file import estimate_to_json, read_estimate
 from dynid.identification.temperature import JointTemperatureLaw
 from dynid.trajectory.json_fields import JsonFields, load_object
 from dynid.workflow.temperature import TemperatureIdentification
@@ -33,11 +34,11 @@ def write_temperature(
             take it as the estimate in the middle of the records' temperatures.
 
     Raises:
-        InputError: The file cannot be written.
+        JobError: The file cannot be written.
     """
     model = found.model if isinstance(found, TemperatureIdentification) else found
     middle = model.estimate_at(model.reference_degC)
-    write_json({**estimate_to_json(middle), KEY: _to_json(model)}, Path(path))
+    write_json(Path(path), {**estimate_to_json(middle), KEY: _to_json(model)})
 
 
 def read_temperature(path: str | Path) -> TemperatureModel:

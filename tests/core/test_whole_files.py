@@ -1,0 +1,78 @@
+"""Files appear whole or not at all."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from dynid.core.errors import InputError, JobError
+from dynid.core.files import write_json, write_text
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(item.name for item in folder.iterdir())
+
+
+def test_a_file_is_written_and_written_again(tmp_path: Path) -> None:
+    path = tmp_path / "result.json"
+    write_json(path, {"m": [1.5, None], "unit": "kg"})
+    assert json.loads(path.read_text()) == {"m": [1.5, None], "unit": "kg"}
+    write_text(path, "Größe\n")
+    assert path.read_bytes() == "Größe\n".encode()
+    assert names(tmp_path) == ["result.json"]
+
+
+@pytest.mark.parametrize("fault", [KeyboardInterrupt(), OSError(errno.ENOSPC, "No space left")])
+def test_a_fault_while_writing_leaves_the_old_file(
+    fault: BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "result.json"
+    write_json(path, {"old": 1})
+    whole = Path.write_text
+
+    def half(self: Path, text: str, **how: str) -> int:
+        whole(self, text[: len(text) // 2], **how)
+        raise fault
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_text", half)
+        with pytest.raises((KeyboardInterrupt, JobError)):
+            write_json(path, {"new": 2})
+    assert json.loads(path.read_text()) == {"old": 1}
+    assert names(tmp_path) == ["result.json"]
+
+
+def test_the_file_gets_the_rights_of_any_new_file(tmp_path: Path) -> None:
+    before = os.umask(0o027)
+    try:
+        write_text(tmp_path / "a.txt", "a")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "a.txt").stat().st_mode) == 0o640
+
+
+def test_a_place_that_cannot_be_written_is_named_with_its_reason(tmp_path: Path) -> None:
+    for path in (tmp_path / "none" / "a.json", tmp_path):
+        with pytest.raises(JobError, match="cannot be written") as caught:
+            write_text(path, "a")
+        assert caught.value.where == str(path)
+        assert caught.value.value in {os.strerror(errno.ENOENT), os.strerror(errno.EISDIR)}
+    for nameless in (Path("."), tmp_path / "a\0b"):
+        with pytest.raises(JobError, match="cannot be written"):
+            write_text(nameless, "a")
+    assert names(tmp_path) == []
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), {1, 2}])
+def test_what_json_cannot_hold_is_refused_before_the_file_is_touched(
+    value: object, tmp_path: Path
+) -> None:
+    path = tmp_path / "result.json"
+    with pytest.raises(InputError, match="JSON values"):
+        write_json(path, {"a": value})
+    assert names(tmp_path) == []
