@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import time
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from dynid.core.errors import InputError
+from dynid.core.files import write_json
 from dynid.protocol import dashboard, rtde
 from dynid.robot.load import load_robot
 from dynid.simulation.controller.doors import PRIMARY, REALTIME, SECONDARY
@@ -123,13 +123,13 @@ def serve(
         }
         start = machine.output("joint_temperatures")
         if options.truth is not None:
-            _write(options.truth, _truth(machine, about) | {"start_degC": start})
+            write_json(options.truth, _truth(machine, about) | {"start_degC": start})
         ready(about)
         begun, worked = time.monotonic(), time.process_time()
         server.run(stopped)
         if options.report is not None:
             spent = {"wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - worked}
-            _write(options.report, _report(server, machine) | spent)
+            write_json(options.report, _report(server, machine) | spent)
         log.say(f"stopped by {stopped.why} after {machine.core.cycles} cycles")
     finally:
         server.close()
@@ -181,10 +181,3 @@ def _report(server: ControllerServer, machine: ControllerMachine) -> dict[str, A
         "late_us": {f"p{share:g}": value for share, value in zip(shares, late, strict=True)},
         "slips": server.pace.slips,
     }
-
-
-def _write(path: Path, document: dict[str, Any]) -> None:
-    """Write a JSON file that is there whole or not at all."""
-    partial = path.with_name(path.name + ".partial")
-    partial.write_text(json.dumps(document, indent=1) + "\n")
-    partial.replace(path)
