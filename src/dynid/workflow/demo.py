@@ -10,6 +10,7 @@ from typing import Any
 
 from dynid.core.errors import InputError
 from dynid.core.files import write_json
+from dynid.core.optional import require
 from dynid.identification.estimate_file import write_estimate
 from dynid.robot.load import load_robot
 from dynid.validation.comparison import ParameterComparison, compare
@@ -85,6 +86,8 @@ def run_demo(
         MissingExtraError: MuJoCo is not installed.
     """
     started = time.perf_counter()
+    # Said now, not after minutes of search by the process that needs it.
+    require("mujoco", "sim")
     tell: Progress = progress or _silent
     folder = _directory(directory)
     robot = load_robot(ROBOT)

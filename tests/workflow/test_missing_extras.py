@@ -1,0 +1,85 @@
+"""Without extras every job runs, or says at once which one it needs."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+PROJECT = Path(__file__).parents[2] / "pyproject.toml"
+EXTRAS = {
+    "sim": "mujoco",
+    "ur": "rtde_control",
+    "collision": "coal",
+    "sdp": "clarabel",
+    "dask": "distributed",
+    "figures": "kaleido",
+    "studio": "viser",
+    "hdf5": "h5py",
+    "ros": "lz4",
+}
+"""Every extra, and the module that it is for."""
+WITHOUT = """
+import json, sys
+for name in json.loads(sys.argv[1]):
+    sys.modules[name] = None
+from dynid.cli.app import main
+sys.exit(main(sys.argv[2:]))
+"""
+
+
+def without_extras(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """What a command says where no extra is installed."""
+    hidden = [*EXTRAS.values(), "rtde_receive", "backports.zstd", "trimesh"]
+    return subprocess.run(
+        [sys.executable, "-c", WITHOUT, json.dumps(hidden), *words],
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        timeout=120,
+        check=False,
+    )
+
+
+def test_every_extra_is_looked_at() -> None:
+    declared = tomllib.loads(PROJECT.read_text())["project"]["optional-dependencies"]
+    assert set(declared) - {"all", "dev"} == set(EXTRAS)
+    assert {f"dynid[{','.join(sorted(EXTRAS))}]"} == {
+        f"dynid[{','.join(sorted(item[6:-1].split(',')))}]" for item in declared["all"]
+    }
+
+
+@pytest.mark.parametrize(
+    ("words", "extra"),
+    [
+        (("demo", "-o", "demo", "--quick"), "sim"),
+        (("controller", "--robot", "ur5", "--virtual-time"), "sim"),
+        (("studio",), "studio"),
+        (("import", "a.h5", "-o", "a.parquet", "--robot", "ur5"), "hdf5"),
+        (("import", "a.csv.zst", "-o", "a.parquet", "--robot", "ur5"), "ros"),
+        (("design", "ur5", "-o", "d.json", "--dask", "127.0.0.1:1"), "dask"),
+    ],
+)
+def test_a_job_says_which_extra_it_needs_and_leaves_nothing(
+    words: tuple[str, ...], extra: str, tmp_path: Path
+) -> None:
+    (tmp_path / "a.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(64))
+    (tmp_path / "a.csv.zst").write_bytes(b"\x28\xb5\x2f\xfd" + bytes(64))
+    before = sorted(item.name for item in tmp_path.iterdir())
+    done = without_extras(tmp_path, *words)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.count("\n") == 1
+    assert done.stderr.startswith("dynid: ")
+    assert f"pip install 'dynid[{extra}]'" in done.stderr
+    assert done.stdout == ""
+    assert sorted(item.name for item in tmp_path.iterdir()) == before
+
+
+def test_the_core_dependencies_are_enough_to_analyze(tmp_path: Path) -> None:
+    done = without_extras(tmp_path, "analyze", "ur5", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["base_parameters"] == 52
