@@ -8,15 +8,17 @@ import numpy as np
 
 from dynid.constraints.arm import arm_geometry
 from dynid.constraints.collision import Bodies
-from dynid.constraints.judged_pairs import free_pairs, reachable
-from dynid.constraints.payload_shapes import payload_capsules
+from dynid.constraints.judged_pairs import free_holds, free_pairs, reachable
+from dynid.constraints.payload_shapes import carried_shapes, covering
 from dynid.constraints.settings import ConstraintSettings
-from dynid.constraints.shapes import Shape, packed
+from dynid.constraints.shapes import HALF_SPACE, Shape, outermost, packed
 from dynid.core.arrays import Array, read_only
 from dynid.core.errors import InputError
 from dynid.robot.capsule import Capsule
 from dynid.robot.model import RobotModel
 
+ARM, TO_ALL, TO_SOLIDS, TO_HALF_SPACES = range(4)
+"""A capsule of the arm, or one that stands for a payload towards these shapes of the scene."""
 _POSES = 1000
 _FEW_JOINTS = 3
 """Poses tried cover what this many joints do."""
@@ -43,19 +45,20 @@ def surroundings_of(
 ) -> Surroundings | None:
     """The bodies, and the names of their pairs; None where nothing is to be judged.
 
-    Neighbouring links are not judged, nor links that the robot says stay apart (what the flange
-    carries is judged against those), nor is the base against the scene it stands on. What is
-    near by construction is left out; see `judged_pairs`.
+    Neighbouring links are not judged, nor links that the robot says stay apart, nor is the base
+    against the scene it stands on; what the flange carries is judged against every other link.
+    What is near by construction is left out; see `judged_pairs`.
 
     Raises:
         InputError: A shape that touches a moving link in every pose.
     """
     scene = settings.scene
     shapes = () if scene is None else scene.shapes
-    capsules = (*robot.capsules, *payload_capsules(robot, () if scene is None else scene.payload))
+    carried = () if scene is None else carried_shapes(robot, scene.payload)
     complete = True
     if settings.self_collision or shapes:
         complete = _note_capsules(robot, settings, notes)
+    capsules, sides = _capsules(robot, carried)
     if shapes and not any(item.link for item in capsules):
         raise InputError(
             "a scene needs a robot with self-collision shapes",
@@ -65,38 +68,49 @@ def surroundings_of(
         )
     if not capsules:
         return None
-    # By link: pairs of two links then stand together, as the kernels want them.
-    own_count = len(robot.capsules)
-    order = sorted(range(len(capsules)), key=lambda k: capsules[k].link)
-    carried = [k >= own_count for k in order]
-    capsules = tuple(capsules[k] for k in order)
     of_link = [
         [k for k, item in enumerate(capsules) if item.link == link]
         for link in range(robot.joints + 1)
     ]
+    arm = [[k for k in members if sides[k] == ARM] for members in of_link]
+    judged = range(robot.joints + 1) if settings.self_collision else ()
     pairs = [
         (a, b)
-        for first in range(robot.joints + 1)
-        for second in range(first + 2, robot.joints + 1)
-        for a in of_link[first]
-        for b in of_link[second]
-        if settings.self_collision and (carried[b] or (first, second) not in robot.apart)
+        for first in judged
+        for second in judged[first + 2 :]
+        for a in arm[first]
+        for b in arm[second]
+        if (first, second) not in robot.apart
     ]
-    meetings = [(a, s) for members in of_link[1:] for s in range(len(shapes)) for a in members]
-    every = _bodies(robot, capsules, shapes, pairs, meetings)
+    holds = [(a, s) for first in judged[:-1] for s in range(len(carried)) for a in arm[first]]
+    meetings = [
+        (a, s)
+        for members in of_link[1:]
+        for s, shape in enumerate(shapes)
+        for a in members
+        if sides[a] != (TO_SOLIDS if shape.kind == HALF_SPACE else TO_HALF_SPACES)
+    ]
+    every = _bodies(robot, capsules, shapes, carried, pairs, holds, meetings)
     poses = _poses(settings)
     own, around = every.distances(poses)
+    own, held = own[:, : len(pairs)], own[:, len(pairs) :]
     pairs, left_out = free_pairs(robot, pairs, own, capsules, settings.self_clearance, notes)
+    every_hold = holds
+    holds = free_holds(holds, held, capsules, carried, robot.joints, settings.self_clearance, notes)
+    left_out |= len(holds) < len(every_hold)
     meetings = reachable(meetings, around, capsules, shapes, settings.clearance, notes)
-    if not pairs and not meetings:
+    if not pairs and not holds and not meetings:
         return None
     names = {
-        "self_collision": [f"{capsules[a].name} - {capsules[b].name}" for a, b in pairs],
+        "self_collision": [
+            *(f"{capsules[a].name} - {capsules[b].name}" for a, b in pairs),
+            *(f"{capsules[a].name} - {carried[s].name}" for a, s in holds),
+        ],
         "environment": [f"{capsules[a].name} - {shapes[s].name}" for a, s in meetings],
     }
-    bodies = _bodies(robot, capsules, shapes, pairs, meetings)
+    bodies = _bodies(robot, capsules, shapes, carried, pairs, holds, meetings)
     links = bodies.link[bodies.pairs]
-    met = bodies.distances(poses)[0].min(axis=0, initial=np.inf) < _FAR
+    met = bodies.distances(poses)[0][:, : len(pairs)].min(axis=0, initial=np.inf) < _FAR
     met |= links[:, 1] - links[:, 0] > _FEW_JOINTS
     likely = replace(bodies, pairs=bodies.pairs[met], overlap=read_only(bodies.overlap[met]))
     return Surroundings(
@@ -105,6 +119,20 @@ def surroundings_of(
         names=names,
         complete={"self_collision": complete and not left_out, "environment": complete},
     )
+
+
+def _capsules(
+    robot: RobotModel, carried: tuple[Shape, ...]
+) -> tuple[tuple[Capsule, ...], tuple[int, ...]]:
+    """The robot's capsules and those that stand for what it carries, and what each is for."""
+    covers = [covering(robot, shape) for shape in carried]
+    found = [(item, ARM) for item in robot.capsules]
+    for cover in covers:
+        found += [(item, TO_SOLIDS if cover.edges else TO_ALL) for item in cover.solid]
+        found += [(item, TO_HALF_SPACES) for item in cover.edges]
+    # By link: pairs of two links then stand together, as the kernels want them.
+    found.sort(key=lambda row: row[0].link)
+    return tuple(item for item, _ in found), tuple(side for _, side in found)
 
 
 def _note_capsules(robot: RobotModel, settings: ConstraintSettings, notes: list[str]) -> bool:
@@ -128,18 +156,24 @@ def _bodies(
     robot: RobotModel,
     capsules: tuple[Capsule, ...],
     shapes: tuple[Shape, ...],
+    carried: tuple[Shape, ...],
     pairs: list[tuple[int, int]],
+    holds: list[tuple[int, int]],
     meetings: list[tuple[int, int]],
 ) -> Bodies:
+    held = np.array([(a, len(shapes) + s) for a, s in holds], dtype=np.intp).reshape(-1, 2)
+    corners = np.array([outermost(shape) for shape in carried]).reshape(-1, 8, 3)
     return Bodies(
         arm=arm_geometry(robot),
         link=np.array([item.link for item in capsules], dtype=np.intp),
         ends=read_only(np.array([[item.start, item.end] for item in capsules])),
         radius=read_only(np.array([item.radius for item in capsules])),
         spheres=read_only(np.array([_around(capsules, k) for k in range(robot.joints + 1)])),
-        shapes=read_only(packed(shapes)),
+        shapes=read_only(packed((*shapes, *carried))),
+        corners=read_only(corners),
         pairs=np.array(pairs, dtype=np.intp).reshape(-1, 2),
         overlap=read_only(_overlaps(robot, capsules, pairs)),
+        holds=held,
         meetings=np.array(meetings, dtype=np.intp).reshape(-1, 2),
     )
 
@@ -160,15 +194,9 @@ def _around(capsules: tuple[Capsule, ...], link: int) -> Array:
 def _overlaps(
     robot: RobotModel, capsules: tuple[Capsule, ...], pairs: list[tuple[int, int]]
 ) -> Array:
-    """(P) what the robot's file allows; what the flange carries may not overlap."""
+    """(P) what the robot's file allows."""
     known = {row[:2]: row[2] for row in robot.overlap}
-    own = {id(item) for item in robot.capsules}
-    found = np.zeros(len(pairs))
-    for k, (a, b) in enumerate(pairs):
-        inner, outer = capsules[a], capsules[b]
-        if id(inner) in own and id(outer) in own:
-            found[k] = known.get((inner.link, outer.link), 0.0)
-    return found
+    return np.array([known.get((capsules[a].link, capsules[b].link), 0.0) for a, b in pairs])
 
 
 def _poses(settings: ConstraintSettings) -> Array:

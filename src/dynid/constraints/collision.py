@@ -42,23 +42,31 @@ class Bodies:
     spheres: Array
     """(n + 1, 4) centre and radius of a sphere around each link's capsules [m]."""
     shapes: Array
-    """(S, 16) packed shapes."""
+    """(S, 16) packed shapes: those of the scene, then what the flange carries, which stands in
+    the joint frame of the last link."""
+    corners: Array
+    """(K, 8, 3) outermost points of the K carried shapes in the last link [m]."""
     pairs: Indices
     """(P, 2) capsules that must not meet, the one of the inner link first, group by group."""
     overlap: Array
     """(P) how far the capsules of a pair may overlap before the links touch [m]."""
+    holds: Indices
+    """(H, 2) capsule of the arm and carried shape that must not meet, group by group."""
     meetings: Indices
-    """(E, 2) capsule and shape that must not meet, group by group."""
+    """(E, 2) capsule and shape of the scene that must not meet, group by group."""
     pair_groups: Indices = field(init=False)
     """(G, 4) inner link, outer link, first pair, last pair + 1."""
+    hold_groups: Indices = field(init=False)
+    """(G, 4) link, carried shape, first hold, last hold + 1."""
     meeting_groups: Indices = field(init=False)
     """(G, 4) link, shape, first meeting, last meeting + 1."""
 
     def __post_init__(self) -> None:
         inner, outer = self.link[self.pairs].T
         object.__setattr__(self, "pair_groups", _runs(inner, outer))
-        capsule, shape = self.meetings.T
-        object.__setattr__(self, "meeting_groups", _runs(self.link[capsule], shape))
+        for name, rows in (("hold_groups", self.holds), ("meeting_groups", self.meetings)):
+            capsule, shape = rows.T
+            object.__setattr__(self, name, _runs(self.link[capsule], shape))
 
     def distances(self, q: Array) -> tuple[Array, Array]:
         """Signed distances of all pairs.
@@ -67,11 +75,11 @@ class Bodies:
             q: (N, n) positions [rad or m].
 
         Returns:
-            (N, P) between capsules, their overlap added, and (N, E) from capsules to shapes
-            [m]. Capsules that intersect deeper than to their middle lines keep their least
-            value.
+            (N, P + H) between capsules, their overlap added, and from them to what is carried,
+            and (N, E) from capsules to shapes of the scene [m]. Capsules that intersect deeper
+            than to their middle lines keep their least value.
         """
-        own = np.empty((len(q), len(self.pairs)))
+        own = np.empty((len(q), len(self.pairs) + len(self.holds)))
         around = np.empty((len(q), len(self.meetings)))
         all_distances(
             self.arm.joints,
@@ -79,8 +87,10 @@ class Bodies:
             self.ends,
             self.radius,
             self.shapes,
+            len(self.corners),
             self.pairs,
             self.overlap,
+            self.holds,
             self.meetings,
             samples_of(q),
             own,
@@ -99,10 +109,33 @@ class Bodies:
             travel: (n) largest |q| of each joint anywhere [rad or m].
             way: (N, n) how far each joint may move from q [rad or m]; None for not at all.
         """
-        groups = self.meeting_groups if around else self.pair_groups
+        if around:
+            return self._nearest(q, self.meetings, self.meeting_groups, None, travel, way)
+        found = self._nearest(q, self.pairs, self.pair_groups, self.overlap, travel, way)
+        if not len(self.holds):
+            return found
+        held = self._nearest(q, self.holds, self.hold_groups, None, travel, way)
+        nearer = held.distance < found.distance
+        return Nearest(
+            distance=np.where(nearer, held.distance, found.distance),
+            pair=np.where(nearer, len(self.pairs) + held.pair, found.pair),
+            bound=np.minimum(held.bound, found.bound),
+        )
+
+    def _nearest(
+        self,
+        q: Array,
+        pairs: Indices,
+        groups: Indices,
+        overlap: Array | None,
+        travel: Array | None,
+        way: Array | None,
+    ) -> Nearest:
+        """The nearest of some pairs: of capsules with an overlap, else of capsule and shape."""
+        solid = overlap is None
         slack = np.zeros((len(q), len(groups)))
         if way is not None and travel is not None:
-            slack = way @ self._rates(groups, around, travel).T
+            slack = way @ self._rates(groups, solid, travel).T
         found = np.empty((2, len(q)))
         pair = np.empty(len(q), dtype=np.intp)
         nearest(
@@ -112,10 +145,11 @@ class Bodies:
             self.radius,
             self.spheres,
             self.shapes,
-            self.meetings if around else self.pairs,
-            np.zeros(len(self.meetings)) if around else np.array(self.overlap),
+            len(self.corners),
+            pairs,
+            np.zeros(len(pairs)) if overlap is None else np.array(overlap),
             groups,
-            around,
+            solid,
             samples_of(q),
             np.ascontiguousarray(slack),
             found,
@@ -143,9 +177,12 @@ class Bodies:
             self.radius,
             self.spheres,
             self.shapes,
+            len(self.corners),
             self.pairs,
             self.overlap,
             self.pair_groups,
+            self.holds,
+            self.hold_groups,
             self.meetings,
             self.meeting_groups,
             samples_of(q),
@@ -155,17 +192,21 @@ class Bodies:
         )
         return float(total), slope
 
-    def _rates(self, groups: Indices, around: bool, travel: Array) -> Array:
+    def _rates(self, groups: Indices, solid: bool, travel: Array) -> Array:
         """(G, n) how fast each joint can change the distances of a group [m/rad or 1]."""
         reach = np.zeros((self.arm.count + 1, self.arm.count))
         for link, ends in zip(self.link, self.ends, strict=True):
             for end in ends:
                 reach[link] = np.maximum(reach[link], self.arm.reach(int(link), end, travel))
-        if around:
-            return reach[groups[:, 0]]
-        rates = reach[groups[:, 1]]
-        # Joints up to the inner link move both bodies together.
-        for row, inner in zip(rates, groups[:, 0], strict=True):
+        rates = reach[groups[:, 0 if solid else 1]]
+        scene = len(self.shapes) - len(self.corners)
+        for row, (inner, other) in zip(rates, groups[:, :2], strict=True):
+            if solid and other < scene:
+                continue
+            if solid:
+                points = self.corners[other - scene]
+                row[:] = np.max([self.arm.reach(self.arm.count, p, travel) for p in points], axis=0)
+            # Joints up to the inner link move both bodies together.
             row[:inner] = 0.0
         return rates
 

@@ -36,32 +36,61 @@ def place_capsules(
 
 
 @njit(cache=True, error_model="numpy")
+def place_shapes(shapes: Array, carried: int, turn: Array, origin: Array, placed: Array) -> None:
+    """Write the last `carried` shapes, which stand on one link, in the base frame.
+
+    Args:
+        shapes: (S, 16) packed; the last ones in the link's frame.
+        carried: How many.
+        turn: (3, 3) rotation of the link's frame.
+        origin: (3) its origin [m].
+        placed: (S, 16) where they are written; kind and size stand there already.
+    """
+    for s in range(len(shapes) - carried, len(shapes)):
+        place_point(turn, origin, shapes[s, 10:13], placed[s, 10:13])
+        for r in range(3):
+            for c in range(3):
+                placed[s, 1 + 3 * r + c] = (
+                    shapes[s, 1 + 3 * r] * turn[c, 0]
+                    + shapes[s, 2 + 3 * r] * turn[c, 1]
+                    + shapes[s, 3 + 3 * r] * turn[c, 2]
+                )
+
+
+@njit(cache=True, error_model="numpy")
 def all_distances(
     joints: Array,
     link: Indices,
     ends: Array,
     radius: Array,
     shapes: Array,
+    carried: int,
     pairs: Indices,
     overlap: Array,
+    holds: Indices,
     meetings: Indices,
     q: Array,
     own: Array,
     around: Array,
 ) -> None:
-    """Write the distances of all pairs, (N, P) and (N, E)."""
+    """Write the distances of all pairs, (N, P + H) and (N, E)."""
     n = q.shape[1]
     turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
-    placed, slope = np.empty((len(link), 2, 3)), np.empty(3)
+    placed, slope, solids = np.empty((len(link), 2, 3)), np.empty(3), shapes.copy()
     for k in range(len(q)):
         place_capsules(joints, link, ends, q[k], turn, origin, axis, placed)
+        place_shapes(shapes, carried, turn[n], origin[n], solids)
         for p in range(len(pairs)):
             a, b = pairs[p]
             far = closest_on_segments(placed[a, 0], placed[a, 1], placed[b, 0], placed[b, 1])[0]
             own[k, p] = far - radius[a] - radius[b] + overlap[p]
+        for p in range(len(holds)):
+            a, s = holds[p]
+            far = segment_to_shape(solids[s], placed[a, 0], placed[a, 1], slope)[0]
+            own[k, len(pairs) + p] = far - radius[a]
         for p in range(len(meetings)):
             a, s = meetings[p]
-            far = segment_to_shape(shapes[s], placed[a, 0], placed[a, 1], slope)[0]
+            far = segment_to_shape(solids[s], placed[a, 0], placed[a, 1], slope)[0]
             around[k, p] = far - radius[a]
 
 
@@ -95,6 +124,7 @@ def nearest(
     radius: Array,
     spheres: Array,
     shapes: Array,
+    carried: int,
     pairs: Indices,
     overlap: Array,
     groups: Indices,
@@ -113,6 +143,7 @@ def nearest(
         radius: (C).
         spheres: (n + 1, 4).
         shapes: (S, 16).
+        carried: How many of them, the last ones, stand on the last link.
         pairs: (P, 2) pairs of capsules, or of capsule and shape if `around`.
         overlap: (P) added to the distances [m].
         groups: (G, 4) two links, or link and shape; first and last + 1 of its pairs.
@@ -124,16 +155,17 @@ def nearest(
     """
     n = q.shape[1]
     turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
-    placed, slope = np.empty((len(link), 2, 3)), np.empty(3)
+    placed, slope, solids = np.empty((len(link), 2, 3)), np.empty(3), shapes.copy()
     centres = np.empty((n + 1, 3))
     for k in range(len(q)):
         place_capsules(joints, link, ends, q[k], turn, origin, axis, placed)
+        place_shapes(shapes, carried, turn[n], origin[n], solids)
         for i in range(n + 1):
             place_point(turn[i], origin[i], spheres[i, :3], centres[i])
         least, low, index = np.inf, np.inf, 0
         for g in range(len(groups)):
             off = slack[k, g]
-            floor = group_distance(around, groups[g], spheres, centres, shapes, slope)
+            floor = group_distance(around, groups[g], spheres, centres, solids, slope)
             if floor >= least and floor - off >= low:
                 continue
             outer, last, far_off = groups[g, 1], -1, False
@@ -148,7 +180,7 @@ def nearest(
                 if far_off:
                     continue
                 if around:
-                    far = segment_to_shape(shapes[b], placed[a, 0], placed[a, 1], slope)[0]
+                    far = segment_to_shape(solids[b], placed[a, 0], placed[a, 1], slope)[0]
                     far -= radius[a]
                 else:
                     far = closest_on_segments(

@@ -29,32 +29,54 @@ def free_pairs(
         robot: The robot.
         pairs: Candidates (P).
         own: (N, P) their distances in poses all over [m].
-        capsules: The robot's and what it carries.
+        capsules: The robot's.
         clearance: What they must keep [m].
         notes: Told what is left out.
-
-    Raises:
-        InputError: What the robot carries meets a far link in every pose.
     """
     kept: list[tuple[int, int]] = []
     wide = _too_wide(robot, pairs, own, capsules, clearance, notes)
     for pair, far in zip(pairs, own.T, strict=True):
         a, b = (capsules[k] for k in pair)
-        if (a.link, b.link) in wide and _is_own(robot, a, b):
+        if (a.link, b.link) in wide:
             continue
         if abs(a.link - b.link) <= _NEAR and float(far.max()) < clearance:
             notes.append(f"{a.name} and {b.name} are never farther apart: not judged")
-        elif float(far.max()) < clearance and not _is_own(robot, a, b):
+        else:
+            kept.append(pair)
+    return kept, bool(wide)
+
+
+def free_holds(
+    holds: list[tuple[int, int]],
+    own: Array,
+    capsules: tuple[Capsule, ...],
+    carried: tuple[Shape, ...],
+    last: int,
+    clearance: float,
+    notes: list[str],
+) -> list[tuple[int, int]]:
+    """The pairs of capsule and carried shape that can be judged; arguments as in `free_pairs`.
+
+    Raises:
+        InputError: A shape meets a link in every pose, beside the neighbour of the `last`.
+    """
+    kept: list[tuple[int, int]] = []
+    for (a, s), far in zip(holds, own.T, strict=True):
+        item, shape = capsules[a], carried[s]
+        if float(far.max()) >= clearance:
+            kept.append((a, s))
+        elif item.link == last - 1:
+            # The wrist in front of the flange: a tool may reach around it by construction.
+            notes.append(f"{item.name} and {shape.name} are never farther apart: not judged")
+        else:
             raise InputError(
                 "the robot cannot carry this: it is in collision in every pose",
-                where=f"{a.name} - {b.name}",
+                where=f"{item.name} - {shape.name}",
                 value=f"{float(far.max()):.3f} m",
                 limit=f"{clearance:g} m",
                 next_step="Sizes are in metres, places in the flange's frame.",
             )
-        else:
-            kept.append(pair)
-    return kept, bool(wide)
+    return kept
 
 
 def _too_wide(
@@ -69,11 +91,7 @@ def _too_wide(
     links = [(capsules[a].link, capsules[b].link) for a, b in pairs]
     found: set[tuple[int, int]] = set()
     for near in {pair for pair in links if pair[1] - pair[0] <= _NEAR}:
-        rows = [
-            k
-            for k, (a, b) in enumerate(pairs)
-            if links[k] == near and _is_own(robot, capsules[a], capsules[b])
-        ]
+        rows = [k for k, pair in enumerate(links) if pair == near]
         share = float((own[:, rows] < clearance).any(axis=1).mean())
         if share > _MOSTLY:
             names = " and ".join(("base", *robot.joint_names)[link] for link in near)
@@ -83,10 +101,6 @@ def _too_wide(
             )
             found.add(near)
     return found
-
-
-def _is_own(robot: RobotModel, *items: Capsule) -> bool:
-    return all(any(item is one for one in robot.capsules) for item in items)
 
 
 def reachable(

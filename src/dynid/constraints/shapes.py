@@ -43,6 +43,22 @@ class Shape:
             raise InputError("sizes must be positive", where=self.name)
 
 
+def outer_half(shape: Shape) -> Array:
+    """(3) half the sides of the box around a solid along its own axes; zeros for a sphere [m]."""
+    if shape.kind == SPHERE:
+        return np.zeros(3)
+    return np.array(shape.size if shape.kind == BOX else shape.size[[0, 0, 1]])
+
+
+def outermost(shape: Shape) -> Array:
+    """(8, 3) points whose hull, widened by a sphere's radius, holds a solid that is no half-space.
+
+    In the frame that the shape stands in: corners of the box around it, a sphere's centre [m].
+    """
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    return shape.pose[:3, 3] + (signs * outer_half(shape)) @ shape.pose[:3, :3].T
+
+
 def packed(shapes: tuple[Shape, ...]) -> Array:
     """(S, 16) kind, rotation base to shape (row-major), origin, size: what the kernels read."""
     rows = np.zeros((len(shapes), 16))

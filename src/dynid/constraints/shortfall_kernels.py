@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from dynid.constraints.arm import collect, place_point
-from dynid.constraints.collision_kernels import group_distance, place_capsules
+from dynid.constraints.collision_kernels import group_distance, place_capsules, place_shapes
 from dynid.constraints.distance import (
     closest_on_segments,
     point_to_segment,
@@ -44,6 +44,52 @@ def _along(segment: Array, t: float) -> tuple[float, float, float]:
 
 
 @njit(cache=True, error_model="numpy")
+def _from_shapes(
+    meetings: Indices,
+    groups: Indices,
+    link: Indices,
+    radius: Array,
+    spheres: Array,
+    centres: Array,
+    shapes: Array,
+    placed: Array,
+    middles: Array,
+    half: Array,
+    clearance: float,
+    carried: bool,
+    force: Array,
+    moment: Array,
+    way: Array,
+) -> float:
+    """Sum of squared shortfalls towards shapes; adds what pushes the links away from them.
+
+    Shapes that are carried push back on the last link.
+    """
+    total = 0.0
+    for g in range(len(groups)):
+        if group_distance(True, groups[g], spheres, centres, shapes, way) >= clearance:
+            continue
+        for p in range(groups[g, 2], groups[g, 3]):
+            a, b = meetings[p]
+            touch = float(radius[a] + clearance)
+            x0, x1, x2 = middles[a, 0], middles[a, 1], middles[a, 2]
+            if signed_distance(shapes[b], x0, x1, x2, way) >= touch + half[a]:
+                continue
+            far, t = segment_to_shape(shapes[b], placed[a, 0], placed[a, 1], way)
+            if far >= touch:
+                continue
+            short = (touch - far) / LENGTH
+            total += short * short
+            x0, x1, x2 = _along(placed[a], t)
+            by = -2.0 * short / LENGTH
+            _push(force[link[a]], moment[link[a]], x0, x1, x2, way, by)
+            if carried:
+                # Along the line of action the same moment, wherever on it the shape is hit.
+                _push(force[-1], moment[-1], x0, x1, x2, way, -by)
+    return total
+
+
+@njit(cache=True, error_model="numpy")
 def shortfalls(
     joints: Array,
     prismatic: Indices,
@@ -52,9 +98,12 @@ def shortfalls(
     radius: Array,
     spheres: Array,
     shapes: Array,
+    carried: int,
     pairs: Indices,
     overlap: Array,
     pair_groups: Indices,
+    holds: Indices,
+    hold_groups: Indices,
     meetings: Indices,
     meeting_groups: Indices,
     q: Array,
@@ -65,7 +114,7 @@ def shortfalls(
     """Sum of squared shortfalls of two clearances; adds its derivative (N, n) to `out`."""
     n = q.shape[1]
     turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
-    placed, way = np.empty((len(link), 2, 3)), np.empty(3)
+    placed, way, solids = np.empty((len(link), 2, 3)), np.empty(3), shapes.copy()
     force, moment, centres = np.empty((n + 1, 3)), np.empty((n + 1, 3)), np.empty((n + 1, 3))
     half, middles = np.empty(len(link)), np.empty((len(link), 3))
     for c in range(len(link)):
@@ -76,6 +125,7 @@ def shortfalls(
     total = 0.0
     for k in range(len(q)):
         place_capsules(joints, link, ends, q[k], turn, origin, axis, placed)
+        place_shapes(shapes, carried, turn[n], origin[n], solids)
         for i in range(n + 1):
             place_point(turn[i], origin[i], spheres[i, :3], centres[i])
         for c in range(len(link)):
@@ -84,7 +134,7 @@ def shortfalls(
         moment[:] = 0.0
         before = total
         for g in range(len(pair_groups)):
-            if group_distance(False, pair_groups[g], spheres, centres, shapes, way) >= own:
+            if group_distance(False, pair_groups[g], spheres, centres, solids, way) >= own:
                 continue
             outer, last, far_off = pair_groups[g, 1], -1, False
             for p in range(pair_groups[g, 2], pair_groups[g, 3]):
@@ -118,22 +168,24 @@ def shortfalls(
                 way[0], way[1], way[2] = x0 - y0, x1 - y1, x2 - y2
                 _push(force[link[a]], moment[link[a]], x0, x1, x2, way, by)
                 _push(force[link[b]], moment[link[b]], y0, y1, y2, way, -by)
-        for g in range(len(meeting_groups)):
-            if group_distance(True, meeting_groups[g], spheres, centres, shapes, way) >= around:
-                continue
-            for p in range(meeting_groups[g, 2], meeting_groups[g, 3]):
-                a, b = meetings[p]
-                touch = float(radius[a] + around)
-                x0, x1, x2 = middles[a, 0], middles[a, 1], middles[a, 2]
-                if signed_distance(shapes[b], x0, x1, x2, way) >= touch + half[a]:
-                    continue
-                far, t = segment_to_shape(shapes[b], placed[a, 0], placed[a, 1], way)
-                if far >= touch:
-                    continue
-                short = (touch - far) / LENGTH
-                total += short * short
-                x0, x1, x2 = _along(placed[a], t)
-                _push(force[link[a]], moment[link[a]], x0, x1, x2, way, -2.0 * short / LENGTH)
+        for inside in (True, False):
+            total += _from_shapes(
+                holds if inside else meetings,
+                hold_groups if inside else meeting_groups,
+                link,
+                radius,
+                spheres,
+                centres,
+                solids,
+                placed,
+                middles,
+                half,
+                own if inside else around,
+                inside,
+                force,
+                moment,
+                way,
+            )
         if total > before:
             collect(origin, axis, prismatic, force, moment, out[k])
     return total

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynid.constraints.collision import Bodies
+from dynid.constraints.collision_kernels import place_shapes
 from dynid.constraints.distance import closest_on_segments, segment_to_shape
 from dynid.constraints.motion import MotionConstraints
 from dynid.constraints.usage import DISTANCES, Worst
@@ -82,12 +83,18 @@ def _near(
     around = kind == "environment"
     found = bodies.nearest(q, around=around)
     row = int(found.pair[0])
-    first, second = (bodies.meetings if around else bodies.pairs)[row]
+    held = row - len(bodies.pairs)
+    solid = around or held >= 0
+    first, second = (
+        bodies.meetings[row] if around else bodies.holds[held] if solid else bodies.pairs[row]
+    )
     a, b = _segment(bodies, int(first), poses)
     radius = float(bodies.radius[first])
-    if around:
-        slope = np.empty(3)
-        far, share = segment_to_shape(np.array(bodies.shapes[second]), a, b, slope)
+    if solid:
+        slope, shapes = np.empty(3), np.array(bodies.shapes)
+        carried = np.ascontiguousarray(poses[-1, :3, :3]), np.array(poses[-1, :3, 3])
+        place_shapes(np.array(bodies.shapes), len(bodies.corners), *carried, shapes)
+        far, share = segment_to_shape(shapes[second], a, b, slope)
         middle = a + share * (b - a)
         start, end = middle - radius * slope, middle - far * slope
     else:

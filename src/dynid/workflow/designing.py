@@ -126,7 +126,8 @@ def _check_payload(judge: MotionConstraints) -> None:
         where="--scene",
         value=f"{1000 * best:.1f} mm at best, of {POSES} random poses",
         limit=f"{1000 * settings.self_clearance:g} mm",
-        next_step="A shape counts as the capsule around it: draw a wide one as several.",
+        next_step="Sizes are in metres, places in the flange's frame; draw a hollow tool as several"
+        " shapes.",
     )
 
 
