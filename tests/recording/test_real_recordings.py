@@ -112,7 +112,9 @@ def test_panda_one_number_a_line() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "rows"), [("RecordTrajectory_quadratic", 4945), ("RunTrajectory1", 1942)]
+    # On 121 rows of the second, one torque sensor stands still while its joint moves.
+    ("name", "rows"),
+    [("RecordTrajectory_quadratic", 4945), ("RunTrajectory1", 1942 - 121)],
 )
 def test_kinova_header(name: str, rows: int) -> None:
     robot = load_robot(DATA / "kinova_gen3" / "gen3.urdf")

@@ -6,7 +6,7 @@ import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.recording.families import spelled
-from dynid.recording.repair.clock import common_slope, velocity_slopes
+from dynid.recording.repair.velocities import common_slope, velocity_slopes
 from dynid.recording.table import Mask
 
 _FEWEST_ROWS = 100

@@ -19,9 +19,11 @@ from dynid.recording.repair.bursts import (
     drop_bursts,
     drop_zero_positions,
 )
-from dynid.recording.repair.clock import check_velocities, report_clock, settle_unit
+from dynid.recording.repair.clock import report_clock, settle_unit
 from dynid.recording.repair.findings import report_odd_torques, report_rest, report_saturation
+from dynid.recording.repair.frozen import drop_frozen
 from dynid.recording.repair.joints import settle_joints
+from dynid.recording.repair.jumps import mend_jumps, shorten_gaps
 from dynid.recording.repair.missing import drop_missing
 from dynid.recording.repair.repeats import drop_repeats
 from dynid.recording.repair.runs import join_runs, spread_stamps
@@ -30,6 +32,7 @@ from dynid.recording.repair.spikes import drop_spikes
 from dynid.recording.repair.stamps import repair_stamps
 from dynid.recording.repair.tails import drop_broken_ends
 from dynid.recording.repair.topics import lay_together
+from dynid.recording.repair.velocities import check_velocities
 from dynid.recording.table import RawTable
 from dynid.robot.model import RobotModel
 
@@ -69,14 +72,17 @@ def repair(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
     table = drop_missing(table)
     table = drop_zero_positions(table)
     table = drop_repeats(table)
+    table = mend_jumps(table)
     table = join_runs(table)
     table = spread_stamps(table)
     table = repair_stamps(table)
+    table = shorten_gaps(table)
     _require_rows(table)
     table = convert_degrees(table, robot, settings.degrees)
     table = unwrap_turns(table, robot)
     table = to_joint_side(table, robot)
     table = shift_turns(table, robot)
+    table = drop_frozen(table)
     table = drop_spikes(table)
     table = drop_bursts(table)
     table = drop_broken_ends(table)
