@@ -54,8 +54,9 @@ class JointMode(IntEnum):
     """Output `joint_mode`: the modes that a healthy arm passes through."""
 
     POWER_OFF = 239
-    IDLE = 255
+    BOOTING = 247
     RUNNING = 253
+    IDLE = 255
 
 
 class RobotStatus(IntFlag):

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from dynid.core.arrays import Array
-from dynid.protocol.modes import RobotMode
+from dynid.protocol.modes import JointMode, RobotMode, RobotStatus, RuntimeState
 from dynid.simulation.controller.machine_core import Core
 from dynid.simulation.controller.machine_registers import BITS, COUNT
 from dynid.simulation.controller.motion_poses import to_pose
@@ -21,8 +21,11 @@ OutputValue = bool | int | float | list[int] | list[float]
 _Reader = Callable[[Core], OutputValue]
 
 _BUS, _IDLE_CURRENT = 48.0, 0.4
-_JOINT_MODE = {RobotMode.POWER_OFF: 239, RobotMode.POWER_ON: 247, RobotMode.IDLE: 255}
-_RUNNING_JOINT, _IDLE_TOOL = 253, 255
+_JOINT_MODE = {
+    RobotMode.POWER_OFF: JointMode.POWER_OFF,
+    RobotMode.POWER_ON: JointMode.BOOTING,
+    RobotMode.IDLE: JointMode.IDLE,
+}
 _REFERENCE_DEGC = 26.0
 
 
@@ -72,13 +75,18 @@ def _acceleration(core: Core) -> OutputValue:
 
 def _status(core: Core) -> OutputValue:
     powered = core.mode not in (RobotMode.POWER_OFF,)
-    return int(powered) | core.playing << 1 | core.teaching << 2
+    bits = (
+        (RobotStatus.POWER_ON, powered),
+        (RobotStatus.PROGRAM_RUNNING, core.playing),
+        (RobotStatus.TEACH_BUTTON, core.teaching),
+    )
+    return sum(bit for bit, on in bits if on)
 
 
 def _runtime(core: Core) -> OutputValue:
     if not core.playing:
-        return 1
-    return 4 if core.paused else 2
+        return int(RuntimeState.STOPPED)
+    return int(RuntimeState.PAUSED if core.paused else RuntimeState.PLAYING)
 
 
 def _robot_current(core: Core) -> OutputValue:
@@ -103,7 +111,12 @@ def _elbow_speed(core: Core) -> OutputValue:
 
 
 def _joint_modes(core: Core) -> OutputValue:
-    return [_JOINT_MODE.get(core.mode, _RUNNING_JOINT)] * 6
+    return [int(_JOINT_MODE.get(core.mode, JointMode.RUNNING))] * 6
+
+
+def _tool_mode(core: Core) -> OutputValue:
+    running = core.mode == RobotMode.RUNNING
+    return int(JointMode.RUNNING if running else JointMode.IDLE)
 
 
 def _current_window(core: Core) -> OutputValue:
@@ -207,7 +220,7 @@ READERS: dict[str, _Reader] = {
     "euromap67_output_bits": _constant(0),
     "euromap67_24V_voltage": _constant(0.0),
     "euromap67_24V_current": _constant(0.0),
-    "tool_mode": lambda core: _RUNNING_JOINT if core.mode == RobotMode.RUNNING else _IDLE_TOOL,
+    "tool_mode": _tool_mode,
     "tool_analog_input_types": _constant(0),
     "tool_analog_input0": _constant(0.0),
     "tool_analog_input1": _constant(0.0),

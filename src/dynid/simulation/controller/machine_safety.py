@@ -7,20 +7,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dynid.core.errors import InputError
-from dynid.protocol.modes import SafetyMode
+from dynid.protocol.modes import SafetyMode, SafetyStatus
 
-_STOPPED_DUE_TO_SAFETY = 1 << 10
-_EMERGENCY = 1 << 7
+_EMERGENCY = SafetyStatus.EMERGENCY_STOPPED
 _BITS = {
-    SafetyMode.NORMAL: 1 << 0,
-    SafetyMode.REDUCED: 1 << 1,
-    SafetyMode.PROTECTIVE_STOP: 1 << 2,
-    SafetyMode.RECOVERY: 1 << 3,
-    SafetyMode.SAFEGUARD_STOP: 1 << 4,
-    SafetyMode.SYSTEM_EMERGENCY_STOP: 1 << 5 | _EMERGENCY,
-    SafetyMode.ROBOT_EMERGENCY_STOP: 1 << 6 | _EMERGENCY,
-    SafetyMode.VIOLATION: 1 << 8,
-    SafetyMode.FAULT: 1 << 9,
+    SafetyMode.NORMAL: SafetyStatus.NORMAL,
+    SafetyMode.REDUCED: SafetyStatus.REDUCED,
+    SafetyMode.PROTECTIVE_STOP: SafetyStatus.PROTECTIVE_STOPPED,
+    SafetyMode.RECOVERY: SafetyStatus.RECOVERY,
+    SafetyMode.SAFEGUARD_STOP: SafetyStatus.SAFEGUARD_STOPPED,
+    SafetyMode.SYSTEM_EMERGENCY_STOP: SafetyStatus.SYSTEM_EMERGENCY_STOPPED | _EMERGENCY,
+    SafetyMode.ROBOT_EMERGENCY_STOP: SafetyStatus.ROBOT_EMERGENCY_STOPPED | _EMERGENCY,
+    SafetyMode.VIOLATION: SafetyStatus.VIOLATION,
+    SafetyMode.FAULT: SafetyStatus.FAULT,
 }
 
 
@@ -78,7 +77,7 @@ class Safety:
         """The RTDE variable `safety_status_bits`."""
         stopped = self.mode not in (SafetyMode.NORMAL, SafetyMode.REDUCED)
         bit = _BITS[self.mode]
-        return bit | _STOPPED_DUE_TO_SAFETY if stopped else bit
+        return int(bit | SafetyStatus.STOPPED_DUE_TO_SAFETY if stopped else bit)
 
     @property
     def stopped(self) -> bool:
