@@ -1,7 +1,8 @@
 """The certificate of a motion: every limit and every distance, between samples too.
 
 Positions, velocities and accelerations of a Fourier series are bounded as trigonometric
-polynomials; distances, speeds and momentum by how fast they can change (branch and bound).
+polynomials, those of the other kinds by their formulas' higher derivatives (`extremes`);
+distances, speeds and momentum by how fast they can change (branch and bound).
 Torque and power are looked at in 1 kHz samples with twice their curvature as an allowance:
 dense, not proven; `proven` says which kinds are.
 """
@@ -83,7 +84,7 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
     Raises:
         InputError: A motion of another number of joints.
     """
-    times = dense_times(trajectory.duration)
+    times = dense_times(trajectory)
     motion = trajectory.evaluate(times)
     if motion.q.shape[1] != constraints.robot.joints:
         raise InputError(

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from dynid.core.arrays import Array
-from dynid.trajectory.fourier import FourierSeries
+from dynid.core.errors import InputError
+from dynid.trajectory.bspline import BSpline
+from dynid.trajectory.fourier import FourierSeries, harmonic_basis
+from dynid.trajectory.fourier_quintic import FourierQuintic
+from dynid.trajectory.pieces import Piece, pieces
 from dynid.trajectory.scaling import peaks
+from dynid.trajectory.sequence import MotionSequence, Repetition
 from dynid.trajectory.trajectory import Trajectory
 
 _RATE_HZ = 1000.0
 _FEWEST, _MOST = 2000, 60_000
+_WAVE, _SPAN = 64, 32
+"""Fewest samples of a harmonic, and of a polynomial."""
+_STEPS, _WAVE_STEPS = 256, 128
+"""Intervals of a polynomial, and of a harmonic, whose derivatives are bounded."""
 _DOUBT = 2.0
 """Jerk between samples over the largest jerk seen across one sample."""
 
@@ -34,14 +44,57 @@ class Extremes:
     between samples taken as twice what neighbouring samples show."""
 
 
-def dense_times(duration: float) -> Array:
-    """Regular times from 0 to `duration`, at 1 kHz, both ends included."""
-    count = int(np.clip(np.ceil(duration * _RATE_HZ), _FEWEST, _MOST))
-    return np.linspace(0.0, duration, count + 1)
+def dense_times(trajectory: Trajectory) -> Array:
+    """Times from 0 to the end at 1 kHz, and closer where a part is short or waves are.
+
+    Of a repetition the first period, which is all of it.
+    """
+    leaves = list(_leaves(trajectory, 0.0))
+    counts = [_samples(leaf) for _, leaf in leaves]
+    more = max(1.0, _FEWEST / sum(counts))
+    return np.concatenate(
+        [
+            start + np.linspace(0.0, leaf.duration, int(np.ceil(more * count)) + 1)
+            for (start, leaf), count in zip(leaves, counts, strict=True)
+        ]
+    )
+
+
+def _samples(leaf: Trajectory) -> int:
+    match leaf:
+        case FourierSeries() | FourierQuintic():
+            fewest = _WAVE * leaf.harmonics
+        case BSpline():
+            fewest = _SPAN * (leaf.control.shape[1] - leaf.degree)
+        case _:
+            fewest = _SPAN
+    return max(fewest, int(np.clip(np.ceil(leaf.duration * _RATE_HZ), 1, _MOST)))
+
+
+def _leaves(trajectory: Trajectory, start: float) -> Iterator[tuple[float, Trajectory]]:
+    """The motions that a motion is put together from, and when they begin."""
+    if isinstance(trajectory, MotionSequence):
+        for part, begin in zip(trajectory.parts, trajectory.starts, strict=True):
+            yield from _leaves(part, start + float(begin))
+    elif isinstance(trajectory, Repetition):
+        yield from _leaves(trajectory.part, start)
+    else:
+        yield start, trajectory
 
 
 def extremes(trajectory: Trajectory) -> Extremes:
-    """The bounds of any trajectory; proven for Fourier series (`scaling.peaks`)."""
+    """The bounds of any trajectory; proven for every kind of this package."""
+    found = [_of_leaf(leaf) for _, leaf in _leaves(trajectory, 0.0)]
+    return Extremes(
+        lower=np.min([item.lower for item in found], axis=0),
+        upper=np.max([item.upper for item in found], axis=0),
+        velocity=np.max([item.velocity for item in found], axis=0),
+        acceleration=np.max([item.acceleration for item in found], axis=0),
+        proven=all(item.proven for item in found),
+    )
+
+
+def _of_leaf(trajectory: Trajectory) -> Extremes:
     if isinstance(trajectory, FourierSeries):
         peak = peaks(trajectory)
         return Extremes(
@@ -51,7 +104,58 @@ def extremes(trajectory: Trajectory) -> Extremes:
             acceleration=peak.acceleration,
             proven=True,
         )
-    times = dense_times(trajectory.duration)
+    try:
+        parts = pieces(trajectory)
+    except InputError:
+        return _from_samples(trajectory)
+    bounds = np.array([_of_piece(piece) for piece in parts])
+    lower, upper = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
+    most = np.maximum(np.abs(lower), np.abs(upper))
+    return Extremes(
+        lower=lower[0], upper=upper[0], velocity=most[1], acceleration=most[2], proven=True
+    )
+
+
+def _of_piece(piece: Piece) -> Array:
+    """(2, 3, n) what q, dq and ddq of a formula are not below and not above.
+
+    Between samples h apart a function leaves the larger of both by at most h^2 / 8 of its second
+    derivative, and that one its own samples by h^2 / 8 of the fourth, which is at most the sum of
+    its coefficients' sizes.
+    """
+    waves = piece.harmonics
+    count = max(_STEPS, _WAVE_STEPS * waves)
+    s: Array = np.linspace(0.0, 1.0, count + 1)
+    eighth = 1.0 / (8.0 * count**2)
+    turns = 2.0 * np.pi * np.arange(1, waves + 1)
+    sizes = np.abs(piece.a) + np.abs(piece.b)
+    sine, cosine = piece.a, piece.b
+    polynomial = piece.polynomial
+    values: list[Array] = []
+    steepest: list[Array] = []
+    for order in range(7):
+        steepest.append(np.abs(polynomial).sum(axis=1) + sizes @ turns**order)
+        if order < 5:
+            powers: Array = s[:, None] ** np.arange(polynomial.shape[1])
+            value = powers @ polynomial.T
+            if waves:
+                value += harmonic_basis(s, 1.0, waves)[0] @ np.hstack([sine, cosine]).T
+            values.append(value)
+        polynomial = polynomial[:, 1:] * np.arange(1.0, polynomial.shape[1])
+        # Of a sin - b cos: w a cos + w b sin, again of that form.
+        sine, cosine = cosine * turns, -sine * turns
+    bounds = np.empty((2, 3, len(piece.polynomial)))
+    for order in range(3):
+        value, bend = values[order], np.abs(values[order + 2])
+        room = eighth * (np.maximum(bend[:-1], bend[1:]) + eighth * steepest[order + 4])
+        bounds[0, order] = (np.minimum(value[:-1], value[1:]) - room).min(axis=0)
+        bounds[1, order] = (np.maximum(value[:-1], value[1:]) + room).max(axis=0)
+        bounds[:, order] /= piece.duration**order
+    return bounds
+
+
+def _from_samples(trajectory: Trajectory) -> Extremes:
+    times = dense_times(trajectory)
     motion = trajectory.evaluate(times)
     step = trajectory.duration / (len(times) - 1)
     jerk = _DOUBT * np.abs(np.diff(motion.ddq, axis=0)).max(axis=0) / step

@@ -1,0 +1,99 @@
+"""Bounds over all time, against motions looked at far more finely, and against hidden spikes."""
+
+import numpy as np
+import pytest
+
+from dynid.constraints.certificate import certify
+from dynid.constraints.extremes import dense_times, extremes
+from dynid.constraints.presets import paper_constraints, safe_constraints
+from dynid.robot.load import load_robot
+from dynid.trajectory.bspline import BSpline
+from dynid.trajectory.fourier import FourierSeries
+from dynid.trajectory.fourier_quintic import FourierQuintic
+from dynid.trajectory.quintic import Quintic
+from dynid.trajectory.sequence import MotionSequence, Repetition
+from dynid.trajectory.trajectory import Trajectory
+
+FINE = 200_001
+LOOSE = 2e-3
+"""Share of its size by which a bound may lie beyond the truth."""
+ROUNDING = 1e-9
+HOME = np.array([0.0, -1.2, 0.9, -1.2, -1.5, 0.0])
+
+
+def numbers(seed: int, *shape: int) -> np.ndarray:
+    return np.random.default_rng(seed).standard_normal(shape)
+
+
+def hidden_spike(reach: float) -> MotionSequence:
+    """At rest for 10 s but for 0.6 ms, which fall between samples a millisecond apart."""
+    tiny = 3e-4
+    out = HOME + np.array([reach, 0, 0, 0, 0, 0])
+    before, after = 5.0002, 10.0 - 5.0002 - 2 * tiny
+    return MotionSequence(
+        parts=(
+            Quintic(start=HOME, goal=HOME, travel_time=before),
+            Quintic(start=HOME, goal=out, travel_time=tiny),
+            Quintic(start=out, goal=HOME, travel_time=tiny),
+            Quintic(start=HOME, goal=HOME, travel_time=after),
+        )
+    )
+
+
+def motions(seed: int) -> dict[str, Trajectory]:
+    a, b = 0.3 * numbers(seed, 2, 2, 7)
+    quintic = Quintic(start=numbers(seed, 2), goal=numbers(seed + 1, 2), travel_time=0.7)
+    back = Quintic(start=quintic.goal, goal=quintic.start, travel_time=1.3)
+    there = MotionSequence(parts=(quintic, back))
+    return {
+        "fourier": FourierSeries(period=3.0, offset=numbers(seed, 2), a=a, b=b),
+        "fourier-quintic": FourierQuintic(
+            period=3.0, start=numbers(seed, 2), goal=numbers(seed + 1, 2), a=a, b=b
+        ),
+        "bspline": BSpline(travel_time=2.0, degree=5, control=numbers(seed, 2, 30)),
+        "cubic": BSpline(travel_time=2.0, degree=3, control=numbers(seed, 2, 9)),
+        "quintic": quintic,
+        "sequence": there,
+        "repetition": Repetition(part=there, times=3),
+    }
+
+
+@pytest.mark.parametrize("kind", motions(0))
+@pytest.mark.parametrize("seed", range(3))
+def test_bounds_hold_and_are_tight(kind: str, seed: int) -> None:
+    motion = motions(seed)[kind]
+    found = extremes(motion)
+    dense = motion.evaluate(np.linspace(0.0, motion.duration, FINE))
+    low, high = dense.q.min(axis=0), dense.q.max(axis=0)
+    loose = LOOSE * (high - low)
+    assert found.proven
+    assert (found.lower <= low + ROUNDING).all()
+    assert (found.lower >= low - loose).all()
+    assert (found.upper >= high - ROUNDING).all()
+    assert (found.upper <= high + loose).all()
+    for bound, values in ((found.velocity, dense.dq), (found.acceleration, dense.ddq)):
+        most = np.abs(values).max(axis=0)
+        assert (bound >= most * (1 - ROUNDING)).all()
+        assert (bound <= most * (1 + LOOSE)).all()
+
+
+def test_a_spike_between_milliseconds_is_seen() -> None:
+    robot = load_robot("ur5")
+    spike = hidden_spike(0.3)
+    regular = spike.evaluate(np.linspace(0.0, 10.0, 10_001))
+    assert np.abs(regular.q - HOME).max() < 1e-12  # no sample of a millisecond shows it
+    certificate = certify(spike, paper_constraints(robot))
+    assert set(certificate.broken) == {"velocity", "acceleration"}
+    assert certificate.worst["velocity"].t == pytest.approx(5.0005, abs=1e-3)
+    broken = set(certify(spike, safe_constraints(robot)).broken)
+    assert {"velocity", "acceleration", "torque", "tcp_speed"} <= broken
+
+
+def test_the_period_of_a_long_repetition_is_looked_at_as_closely_as_alone() -> None:
+    once = FourierSeries(period=1.0, offset=HOME, a=np.full((6, 1), 0.1), b=np.zeros((6, 1)))
+    often = Repetition(part=once, times=5000)
+    assert len(dense_times(often)) == len(dense_times(once))
+    judge = safe_constraints(load_robot("ur5"))
+    one, many = certify(once, judge), certify(often, judge)
+    assert many.margins["torque"] == one.margins["torque"]
+    assert many.broken == one.broken
