@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import os
 import sys
-import time
 from collections.abc import Callable
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -27,7 +26,7 @@ from dynid.reduction.base import reduce_model
 from dynid.regressor.model import InverseDynamicModel
 from dynid.robot.load import load_robot
 from dynid.trajectory.fourier import harmonic_basis
-from regressor import pinocchio_model
+from regressor import fastest, pinocchio_model
 
 SAMPLES = 1250
 PERIOD = 10.0
@@ -38,20 +37,6 @@ ASKED_GRADIENT = 4.0
 SAME_CONDITION = 1e-8
 ORDER = [0, 1, 2, 3, 4, 6, 9, 8, 7, 5]
 """Where our ten parameters of a link stand in pinocchio's."""
-
-
-def fastest(works: dict[str, Callable[[], object]], rare: set[str]) -> dict[str, float]:
-    """The shortest time of each [s]; the first round warms the caches, rare ones run every 8th."""
-    times = dict.fromkeys(works, np.inf)
-    for number in range(ROUNDS + 1):
-        for name, work in works.items():
-            if name in rare and number % 8:
-                continue
-            start = time.perf_counter()
-            work()
-            if number:
-                times[name] = min(times[name], time.perf_counter() - start)
-    return times
 
 
 def main() -> int:
@@ -121,7 +106,7 @@ def main() -> int:
     for name in CRITERIA:
         works[f"dynid: {name}"] = value(kernel, parse_criterion(name))
         works[f"dynid: {name} and gradient"] = gradient(parse_criterion(name))
-    times = fastest(works, {reference})
+    times = fastest(works, ROUNDS, {reference})
     here, there = cond(), plain()
     if abs(here - there) > SAME_CONDITION * there:
         print(f"the two ways disagree: {here} and {there}", file=sys.stderr)

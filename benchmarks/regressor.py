@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import numpy as np
 import pinocchio as pin
@@ -39,11 +39,15 @@ def pinocchio_model(robot: RobotModel, frames: str) -> tuple[pin.Model, np.ndarr
     return model, np.tile(np.array(body.toDynamicParameters())[order], robot.joints)
 
 
-def fastest(works: dict[str, Callable[[], object]]) -> dict[str, float]:
-    """The shortest time of each [s]; the first round warms the caches."""
+def fastest(
+    works: dict[str, Callable[[], object]], rounds: int, rare: Collection[str] = ()
+) -> dict[str, float]:
+    """The shortest time of each [s]; the first round warms the caches, rare ones run every 8th."""
     times = dict.fromkeys(works, np.inf)
-    for number in range(ROUNDS + 1):
+    for number in range(rounds + 1):
         for name, work in works.items():
+            if name in rare and number % 8:
+                continue
             start = time.perf_counter()
             work()
             if number:
@@ -77,7 +81,8 @@ def main() -> int:
             f"{asked}, memory new each time": lambda: inertial_columns(constants, *by_joint),
             "dynid, stack, 78 columns": lambda: model.stack(q, dq, ddq, out=stack_out),
             "dynid, stack, 78 columns, memory new each time": lambda: model.stack(q, dq, ddq),
-        }
+        },
+        ROUNDS,
     )
     ours = np.tensordot(parameters, columns_out, axes=1).T
     truth = np.array([pin.rnea(theirs, data, *state) for state in zip(q, dq, ddq, strict=True)])

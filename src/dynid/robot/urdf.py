@@ -79,7 +79,7 @@ def robot_from_urdf(
     joints = [tree.joints[name] for name in trunk.joints]
     notes = [*tree.notes, *trunk.notes]
     inertias = _merge(tree, trunk, poses, carriers, notes)
-    placements = np.array([_in_previous(joint, poses, carriers) for joint in joints])
+    placements = np.array([poses[joint.parent] @ joint.origin for joint in joints])
     with located(where):
         robot = robot_from_chain(
             name=tree.name or shown(stem),
@@ -131,10 +131,6 @@ def place_links(tree: UrdfTree, trunk: Trunk) -> tuple[dict[str, Array], dict[st
                 carriers[joint.child] = carriers[link]
             waiting.append(joint.child)
     return poses, carriers
-
-
-def _in_previous(joint: UrdfJoint, poses: dict[str, Array], carriers: dict[str, int]) -> Array:
-    return poses[joint.parent] @ joint.origin
 
 
 def _merge(

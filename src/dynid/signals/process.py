@@ -62,12 +62,17 @@ def samples_from(signals: UniformSignals, settings: ProcessingSettings) -> Sampl
     rate = signals.rate_hz
     cutoff = settings.cutoff_hz or default_cutoff(signals.q, rate)
     cutoff = min(cutoff, NYQUIST_SHARE * rate / 2)
+    folded = settings.period_s is not None
     if settings.period_s is not None:
-        return _periodic(fold_periods(signals, settings.period_s), settings, cutoff)
-    torque = delayed(signals.torque, rate, settings.delays_s)
-    q = low_pass(signals.q, rate, cutoff)
-    dq, ddq = _derivatives(signals, settings, q, cutoff)
-    keep = _kept(signals, settings, cutoff)
+        signals = fold_periods(signals, settings.period_s)
+        # Exact derivatives of one averaged period: a circle has no ends.
+        q, dq = fourier_derivative(signals.q, rate, cutoff)
+        ddq = fourier_derivative(dq, rate, cutoff)[1]
+    else:
+        q = low_pass(signals.q, rate, cutoff)
+        dq, ddq = _derivatives(signals, settings, q, cutoff)
+    torque = delayed(signals.torque, rate, settings.delays_s, circular=folded)
+    keep = _kept(signals, settings, cutoff, circular=folded)
     return Samples(
         t=signals.t[keep] - signals.t[0],
         q=q[keep],
@@ -77,6 +82,7 @@ def samples_from(signals: UniformSignals, settings: ProcessingSettings) -> Sampl
         block=_block(rate, cutoff) if settings.decimate else 1,
         rate_hz=rate,
         cutoff_hz=cutoff,
+        noise=signals.noise,
         torque_filter=settings.torque_filter,
     )
 
@@ -118,27 +124,6 @@ def _derivatives(
         return dq, derivative(dq, rate, settings.derivative, cutoff)
     dq = derivative(q, rate, settings.derivative, cutoff)
     return dq, derivative(dq, rate, settings.derivative, cutoff)
-
-
-def _periodic(one: UniformSignals, settings: ProcessingSettings, cutoff: float) -> Samples:
-    """Exact derivatives of one averaged period; only gaps to trim on a circle."""
-    rate = one.rate_hz
-    torque = delayed(one.torque, rate, settings.delays_s, circular=True)
-    q, dq = fourier_derivative(one.q, rate, cutoff)
-    _, ddq = fourier_derivative(dq, rate, cutoff)
-    keep = _kept(one, settings, cutoff, circular=True)
-    return Samples(
-        t=one.t[keep] - one.t[0],
-        q=q[keep],
-        dq=dq[keep],
-        ddq=ddq[keep],
-        tau=torque[keep],
-        block=_block(rate, cutoff) if settings.decimate else 1,
-        rate_hz=rate,
-        cutoff_hz=cutoff,
-        noise=one.noise,
-        torque_filter=settings.torque_filter,
-    )
 
 
 def _kept(
