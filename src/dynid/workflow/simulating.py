@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from typing import Any
-
-import numpy as np
 
 from dynid.recording.record import ExperimentRecord, RecordMetadata
 from dynid.robot.model import RobotModel
 from dynid.simulation.library import simulated_arm
 from dynid.simulation.run import SimulatedRun, simulate
 from dynid.simulation.thermal import Thermal
-from dynid.simulation.truth import GroundTruth
 from dynid.trajectory.trajectory import Trajectory
 
 
@@ -78,26 +74,3 @@ def record_of(run: SimulatedRun) -> ExperimentRecord:
             },
         ),
     )
-
-
-def truth_to_json(robot: RobotModel, truth: GroundTruth, run: SimulatedRun) -> dict[str, Any]:
-    """The truth behind a simulated run, to hold beside an estimate."""
-    temperature = run.truth.temperature.mean(axis=0)
-    order = ["m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy", "Fc", "Fv", "Im"]
-    noise = run.gain * np.std(run.current - run.truth.torque / run.gain, axis=0)
-    return {
-        "robot": robot.name,
-        "label": truth.label,
-        "seed": run.seed,
-        "mean_degC": temperature.tolist(),
-        "parameters": order,
-        "frame": "joint frames, tensors about their origins; Fc and Fv at mean_degC",
-        "links": truth.standard_parameters_at(temperature).tolist(),
-        "drive_gain": run.gain.tolist(),
-        "torque_noise": noise.tolist(),
-        "friction_beyond_the_paper": {
-            "breakaway": truth.friction.breakaway.tolist(),
-            "stribeck_velocity": truth.friction.stribeck_velocity.tolist(),
-            "load_factor": truth.friction.load_factor.tolist(),
-        },
-    }
