@@ -16,7 +16,15 @@ import dynid
 from dynid.figures import friction, learning, motion, parameters, signals, structure, torque
 from dynid.figures.canvas import Canvas, plain
 from dynid.figures.files import write_figure
-from dynid.figures.theme import POINTS, TITLE_WIDTH, figure, label, thinned
+from dynid.figures.theme import (
+    POINTS,
+    TITLE_WIDTH,
+    figure,
+    joint_unit,
+    label,
+    log_axis,
+    thinned,
+)
 from dynid.trajectory.bounds import copied_bounds
 
 SINGLE = 1e-6
@@ -61,6 +69,41 @@ def test_every_plot_has_a_title_data_and_axes_with_units(gallery: dict[str, Canv
         assert shown["data"], name
         axes = [layout[key] for key in layout if re.fullmatch(r"yaxis\d*", key)]
         assert all(axis["title"]["text"] for axis in axes), name
+
+
+def test_units_are_those_of_joints_that_slide(identified: dynid.Identification) -> None:
+    result = identified.validation
+    assert result is not None
+    slides = (False, True, *(False,) * 4)
+    shown = plain(torque.residuals(result, "abcdef", prismatic=slides))["layout"]
+    assert shown["yaxis"]["title"]["text"] == "residual [N.m]"
+    assert shown["yaxis2"]["title"]["text"] == "residual [N]"
+    assert shown["xaxis6"]["title"]["text"] == "velocity [rad/s, m/s where sliding]"
+    errors = plain(torque.moving_and_at_rest(result, "abcdef", (True,) * 6))["layout"]
+    assert errors["yaxis"]["title"]["text"] == "RMS error [N]"
+    assert "0.02 m/s" in errors["title"]["text"].replace("<br>", " ")
+    assert joint_unit("rad/s\u00b2", (False, False)) == "rad/s\u00b2"
+
+
+def test_ticks_of_logarithmic_axes_can_be_read(gallery: dict[str, Canvas]) -> None:
+    for name, axis in (("convergence", "yaxis"), ("spectrum", "xaxis")):
+        shown = plain(gallery[name])["layout"][axis]
+        assert (shown["type"], shown["tickformat"], shown["dtick"]) == ("log", "~g", "D2"), name
+    assert "dtick" not in log_axis(np.array([1e-6, 1.0]))
+
+
+def test_every_parameter_has_its_name_on_a_telephone(gallery: dict[str, Canvas]) -> None:
+    layout = plain(gallery["intervals"])["layout"]
+    axes = [layout[key] for key in layout if re.fullmatch(r"xaxis\d*", key)]
+    assert [axis["dtick"] for axis in axes] == [1] * len(axes)
+
+
+def test_distances_are_in_millimetres(gallery: dict[str, Canvas]) -> None:
+    drawn = plain(gallery["distances"])
+    assert drawn["layout"]["yaxis"]["title"]["text"] == "distance [mm]"
+    gaps = np.concatenate([series.y for series in gallery["distances"].data])
+    assert gaps.max() == pytest.approx(500.0)
+    assert drawn["layout"]["shapes"][0]["y0"] == pytest.approx(20.0)
 
 
 def test_titles_fit_a_telephone_and_legends_stay_below_the_axes(gallery: dict[str, Canvas]) -> None:

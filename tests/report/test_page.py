@@ -15,7 +15,7 @@ from dynid.core.notices import Notice
 from dynid.report.contents import ReportContents, ReportedEstimate
 from dynid.report.page import render, write_report
 from dynid.report.recipe import default_sections
-from dynid.report.section import number
+from dynid.report.section import Table, number
 from dynid.workflow.reporting import report
 
 MAX_BYTES = 6_000_000
@@ -66,6 +66,16 @@ def test_numbers_are_those_of_the_estimate(page: str, finished_run: Path) -> Non
     assert f"condition number {number(estimate['condition_number'])}" in text
     for digest in estimate["provenance"]["inputs"].values():
         assert digest in text
+
+
+def test_numbers_keep_their_digits_and_stand_below_each_other(page: str) -> None:
+    texts = [number(value) for value in (1.7, 524.0, 0.0415, 0.0, 87300.0, None, float("nan"))]
+    assert texts == ["1.70", "524", "0.0415", "0", "8.73e+04", "-", "-"]
+    rows = (("a", "1.70", "-", "kg"), ("b", "12.0", "", "kg"))
+    assert Table(columns=("", "value", "std", "unit"), rows=rows).numeric == (0, 1, 1, 0)
+    assert Table(columns=("", ""), rows=(("samples", "12"),)).numeric == (False, False)
+    assert re.search(r'<th scope="col" class="n">R2</th>', page)
+    assert re.search(r'<td class="n">[\d.]+</td>', page)
 
 
 def test_nothing_is_fetched(page: str) -> None:
@@ -148,6 +158,9 @@ def test_a_design_is_shown_with_its_limits_over_time(finished_run: Path, tmp_pat
     (shown,) = contents.designs
     assert shown.judged is not None
     worst = dynid.check(tmp_path / "design.json").certificate.margins
+    # The instant where bodies come nearest is among those that are drawn.
+    nearest = json.loads((tmp_path / "design.json").read_text())["design"]["worst"]
+    assert {entry["t"] for entry in nearest.values()} <= set(shown.judged.t)
     largest = dict(zip(shown.judged.kinds, shown.judged.shares.max(axis=0), strict=True))
     # The certificate looks closer than two hundred instants, and adds what it is not sure of.
     assert 1 - largest["tcp_speed"] == pytest.approx(worst["tcp_speed"], abs=0.02)

@@ -7,7 +7,15 @@ import numpy as np
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError
 from dynid.figures.canvas import Canvas
-from dynid.figures.theme import MEASURED, PREDICTED, figure, line, points, torque_unit
+from dynid.figures.theme import (
+    MEASURED,
+    PREDICTED,
+    figure,
+    joint_unit,
+    line,
+    points,
+    torque_unit,
+)
 from dynid.identification.estimate import Estimate
 from dynid.validation.prediction import ValidationResult
 
@@ -49,7 +57,7 @@ def friction_figure(estimate: Estimate, result: ValidationResult) -> Canvas:
     drawn = figure(
         robot.joints,
         title="Friction over velocity",
-        x="velocity [rad/s]",
+        x=f"velocity [{joint_unit('rad/s', robot.prismatic)}]",
         y=[f"[{torque_unit(slides)}]" for slides in robot.prismatic],
         titles=robot.joint_names,
     )

@@ -8,7 +8,7 @@ import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.figures.canvas import Canvas
-from dynid.figures.theme import LIMIT, colour, figure, label, line
+from dynid.figures.theme import LIMIT, colour, figure, joint_unit, label, line, log_axis
 from dynid.trajectory.bounds import MotionBounds
 from dynid.trajectory.motion import JointMotion
 from dynid.trajectory.trajectory import Trajectory
@@ -16,19 +16,29 @@ from dynid.trajectory.trajectory import Trajectory
 SAMPLES = 1000
 
 
-def trajectory(motion: Trajectory, names: Sequence[str]) -> Canvas:
+def trajectory(
+    motion: Trajectory, names: Sequence[str], prismatic: Sequence[bool] = (False,)
+) -> Canvas:
     """Positions, velocities and accelerations over one period.
 
     Args:
         motion: The trajectory.
         names: (n) joint names.
+        prismatic: (n) which joints slide.
     """
     samples = motion.evaluate(np.linspace(0.0, motion.duration, SAMPLES))
     drawn = figure(
         3,
         title="Trajectory over one period",
         x="time [s]",
-        y=("position [rad]", "velocity [rad/s]", "acceleration [rad/s\N{SUPERSCRIPT TWO}]"),
+        y=[
+            f"{what} [{joint_unit(unit, prismatic)}]"
+            for what, unit in (
+                ("position", "rad"),
+                ("velocity", "rad/s"),
+                ("acceleration", "rad/s\N{SUPERSCRIPT TWO}"),
+            )
+        ],
         height=640,
     )
     for row, part in enumerate((samples.q, samples.dq, samples.ddq), start=1):
@@ -107,11 +117,11 @@ def distances(t: Array, gaps: Array, pairs: Sequence[str], clearance: float) -> 
         pairs: (k) names of the pairs.
         clearance: The smallest distance allowed [m].
     """
-    drawn = figure(title="Distances between bodies", x="time [s]", y="distance [m]")
+    drawn = figure(title="Distances between bodies", x="time [s]", y="distance [mm]")
     nearest = np.argsort(gaps.min(axis=0))[:8]
     for k, pair in enumerate(nearest):
-        drawn.add_trace(line(t, gaps[:, pair], label(pairs[int(pair)]), color=colour(k)))
-    drawn.add_hline(clearance, line={"color": LIMIT, "dash": "dash"})
+        drawn.add_trace(line(t, 1000 * gaps[:, pair], label(pairs[int(pair)]), color=colour(k)))
+    drawn.add_hline(1000 * clearance, line={"color": LIMIT, "dash": "dash"})
     return drawn
 
 
@@ -126,5 +136,5 @@ def convergence(evaluations: Array, best: Array, criterion: str) -> Canvas:
     drawn = figure(title="Search for the design", x="evaluations", y=label(criterion))
     drawn.add_trace(line(evaluations, best, label(criterion), color=colour(0), shape="hv"))
     if len(best) and (best > 0).all():
-        drawn.update_yaxes(type="log")
+        drawn.update_yaxes(**log_axis(best))
     return drawn

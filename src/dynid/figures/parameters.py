@@ -53,7 +53,10 @@ def parameter_intervals(estimate: Estimate) -> Canvas:
             col=1,
         )
     drawn.update_layout(hovermode="closest")
-    drawn.update_xaxes(matches=None, showticklabels=True, tickangle=-60)
+    # Every parameter has its name, on a telephone too.
+    drawn.update_xaxes(
+        matches=None, showticklabels=True, tickangle=-90, dtick=1, tickfont={"size": 10}
+    )
     return drawn
 
 
@@ -107,7 +110,8 @@ def side_by_side(first: Estimate, second: Estimate, labels: tuple[str, str]) -> 
         labels: What they are called.
     """
     friction = [k for k, name in enumerate(first.names) if name.startswith(("Fc", "Fv"))]
-    drawn = figure(title="Friction of two runs", x="", y="[N.m] and [N.m.s/rad]", height=420)
+    units = " and ".join(dict.fromkeys(f"[{first.units[k]}]" for k in friction))
+    drawn = figure(title="Friction of two runs", x="", y=units or "friction", height=420)
     for k, (estimate, name) in enumerate(zip((first, second), labels, strict=True)):
         drawn.add_trace(
             bar(

@@ -8,7 +8,7 @@ import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.figures.canvas import Canvas
-from dynid.figures.theme import LIMIT, colour, figure, label, line
+from dynid.figures.theme import LIMIT, colour, figure, label, line, log_axis
 
 FLOOR = 1e-9
 
@@ -42,6 +42,6 @@ def spectrum(
             )
         )
     drawn.add_vline(cutoff_hz, line={"color": LIMIT, "dash": "dash"})
-    drawn.update_xaxes(type="log")
+    drawn.update_xaxes(**log_axis(frequency[1:]))
     drawn.update_yaxes(type="log", exponentformat="power")
     return drawn

@@ -19,6 +19,8 @@ MEASURED, PREDICTED, LIMIT = PALETTE[0], PALETTE[1], PALETTE[7]
 POINTS = 800
 """A line is drawn with this many points at most: a page stays light, the picture the same."""
 ROW_HEIGHT = 150
+WIDE_RANGE = 3000.0
+"""Beyond this ratio ticks at each decade are enough; within, there are some at 2 and 5 too."""
 TITLE_WIDTH, TITLE_LINE = 36, 20
 """Characters of a title that fit on a telephone, and the height of another line [px]."""
 _GROUND = {
@@ -41,7 +43,30 @@ def label(name: str, longest: int = 40) -> str:
 
 def torque_unit(prismatic: bool) -> str:
     """Unit of a joint's torque or force."""
-    return "N" if prismatic else "N.m"
+    return joint_unit("N.m", (prismatic,))
+
+
+def joint_unit(unit: str, prismatic: Sequence[bool]) -> str:
+    """Unit of a quantity of several joints on one axis.
+
+    Args:
+        unit: That of turning joints, such as `rad/s` or `N.m`.
+        prismatic: (n) which joints slide.
+    """
+    sliding = unit.replace("N.m", "N").replace("rad", "m")
+    if all(prismatic):
+        return sliding
+    return f"{unit}, {sliding} where sliding" if any(prismatic) else unit
+
+
+def log_axis(values: Array) -> dict[str, Any]:
+    """A logarithmic axis whose ticks are whole numbers, not the last digit of each alone.
+
+    Args:
+        values: What is drawn along it, positive.
+    """
+    wide = float(values.max()) > WIDE_RANGE * float(values.min())
+    return {"type": "log", "tickformat": "~g"} | ({} if wide else {"dtick": "D2"})
 
 
 def layout(*, dark: bool = False) -> dict[str, Any]:

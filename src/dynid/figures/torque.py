@@ -14,6 +14,7 @@ from dynid.figures.theme import (
     PREDICTED,
     colour,
     figure,
+    joint_unit,
     label,
     line,
     points,
@@ -56,7 +57,8 @@ def residuals(
     names: Sequence[str],
     *,
     against: Array | None = None,
-    what: str = "velocity [rad/s]",
+    what: str | None = None,
+    prismatic: Sequence[bool] = (),
 ) -> Canvas:
     """Prediction errors as points, over velocity or anything else.
 
@@ -64,13 +66,20 @@ def residuals(
         result: Prediction of a record.
         names: (n) joint names.
         against: (N, n) or (N) values of the x axis; None for the velocities.
-        what: Label of the x axis, with its unit.
+        what: Label of the x axis, with its unit; None for that of velocities.
+        prismatic: (n) which joints slide; empty for none.
     """
+    slides = tuple(prismatic) or (False,) * len(names)
+    axis = what or f"velocity [{joint_unit('rad/s', slides)}]"
     values = result.dq if against is None else np.asarray(against)
     columns = values if values.ndim == 2 else np.repeat(values[:, None], len(names), axis=1)
     error = result.measured - result.predicted
     drawn = figure(
-        len(names), title=f"Residuals over {what}", x=what, y="residual [N.m]", titles=names
+        len(names),
+        title=f"Residuals over {axis}",
+        x=axis,
+        y=[f"residual [{torque_unit(sliding)}]" for sliding in slides],
+        titles=names,
     )
     for j in range(len(names)):
         drawn.add_trace(
@@ -106,17 +115,21 @@ def autocorrelations(result: ValidationResult, names: Sequence[str]) -> Canvas:
     return drawn
 
 
-def moving_and_at_rest(result: ValidationResult, names: Sequence[str]) -> Canvas:
+def moving_and_at_rest(
+    result: ValidationResult, names: Sequence[str], prismatic: Sequence[bool] = (False,)
+) -> Canvas:
     """RMS errors of moving joints and of joints at rest.
 
     Args:
         result: Prediction of a record.
         names: (n) joint names.
+        prismatic: (n) which joints slide.
     """
+    slowest = f"{MOVING_SPEED} {joint_unit('rad/s', prismatic)}"
     drawn = figure(
-        title=f"Errors of moving joints (above {MOVING_SPEED} rad/s) and at rest",
+        title=f"Errors of moving joints (above {slowest}) and at rest",
         x="joint",
-        y="RMS error [N.m]",
+        y=f"RMS error [{joint_unit('N.m', prismatic)}]",
     )
     parts: tuple[tuple[Metrics, str], ...] = (
         (result.moving, "moving"),

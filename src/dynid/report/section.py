@@ -19,6 +19,13 @@ class Table:
     folded: bool = False
     """Shown only on request: long tables."""
 
+    @property
+    def numeric(self) -> tuple[bool, ...]:
+        """Which columns hold numbers alone, and stand right below each other."""
+        cells = zip(*self.rows, strict=True) if any(self.columns) else ()
+        found = tuple(any(column) and all(map(_is_number, column)) for column in cells)
+        return found or (False,) * len(self.columns)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Part:
@@ -49,4 +56,12 @@ def number(value: float | None, digits: int = 3) -> str:
     """A number for people; a dash where there is none."""
     if value is None or value != value:
         return "-"
-    return f"{value:.{digits}g}"
+    return f"{value:#.{digits}g}".rstrip(".") if value else "0"
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return cell in ("", "-")
+    return True

@@ -74,11 +74,12 @@ def _judged(found: StoredDesign) -> JudgedMotion | None:
     if found.limits is None:
         return None
     judge = found.limits.constraints(found.robot)
-    t = np.linspace(0.0, found.stored.trajectory.duration, SAMPLES)
+    t = _instants(found)
+    count = len(t)
     motion = found.stored.trajectory.evaluate(t)
-    shares = np.empty((SAMPLES, len(KINDS)))
-    gaps = np.empty((SAMPLES, len(DISTANCES)))
-    for k in range(SAMPLES):
+    shares = np.empty((count, len(KINDS)))
+    gaps = np.empty((count, len(DISTANCES)))
+    for k in range(count):
         usage = judge.usage(motion.q[k : k + 1], motion.dq[k : k + 1], motion.ddq[k : k + 1])
         shares[k] = [usage.ratio(kind) for kind in KINDS]
         gaps[k] = [usage.distance(kind) for kind in DISTANCES]
@@ -92,8 +93,20 @@ def _judged(found: StoredDesign) -> JudgedMotion | None:
         kinds=KINDS,
         shares=shares,
         distance_kinds=tuple(
-            f"{kind.replace('_', ' ')} beyond {1000 * own:g} mm" for kind, own in names
+            f"{kind.replace('_', ' ')}, beyond {1000 * own:g} mm to keep" for kind, own in names
         ),
         distances=gaps - kept,
         clearance=0.0,
     )
+
+
+def _instants(found: StoredDesign) -> Array:
+    """When to judge: evenly, and where the certificate of the design is tightest."""
+    duration = found.stored.trajectory.duration
+    times = [np.linspace(0.0, duration, SAMPLES)]
+    worst = found.facts.get("worst")
+    for entry in worst.values() if isinstance(worst, dict) else ():  # pyright: ignore
+        when = entry.get("t") if isinstance(entry, dict) else None  # pyright: ignore
+        if isinstance(when, int | float) and 0.0 <= when <= duration:
+            times.append(np.array([float(when)]))
+    return np.unique(np.concatenate(times))

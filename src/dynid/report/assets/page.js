@@ -25,6 +25,8 @@
     const { data, layout } = JSON.parse(source.textContent);
     layout.autosize = true;
     delete layout.width;
+    // Titles are broken for telephones.
+    if (figure.clientWidth > 640) layout.title.text = layout.title.text.replace(/<br>/g, " ");
     source.remove();
     return Plotly.newPlot(figure, data, layout, { responsive: true, displaylogo: false })
       .then(() => Plotly.relayout(figure, coloured(layout)));

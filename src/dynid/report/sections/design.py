@@ -26,6 +26,7 @@ class DesignSection(Section):
 def _part(item: ReportedDesign) -> Part:
     names = item.robot.joint_names
     motion = item.trajectory.evaluate(np.linspace(0.0, item.trajectory.duration, SAMPLES))
+    criterion = dict(item.facts).get("criterion", "criterion")
     facts = (Table(columns=("", ""), rows=item.facts),) if item.facts else ()
     return Part(
         heading=item.name,
@@ -35,10 +36,10 @@ def _part(item: ReportedDesign) -> Part:
         ),
         tables=facts,
         figures=(
-            trajectory(item.trajectory, names),
+            trajectory(item.trajectory, names, item.robot.prismatic),
             limit_usage(motion, item.bounds, names),
             *_judged(item),
-            *((convergence(*item.search, "best criterion so far"),) if item.search else ()),
+            *((convergence(*item.search, f"{criterion}, best so far"),) if item.search else ()),
         ),
     )
 

@@ -31,7 +31,7 @@ class NextSection(Section):
 
 def _part(item: ReportedEstimate, named: bool) -> Part:
     codes = list(dict.fromkeys(notice.code for notice in item.warnings))
-    steps = [(ADVICE[code], f"because of {code}") for code in codes if code in ADVICE]
+    steps = [(ADVICE[code], f"warning {code}") for code in codes if code in ADVICE]
     if item.validation is None:
         steps.insert(0, ("Predict another motion: `dynid validate`.", "nothing confirms it yet"))
     if item.level == "usable" and not steps:

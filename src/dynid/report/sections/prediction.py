@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dynid.figures.theme import joint_unit
 from dynid.figures.torque import moving_and_at_rest, prediction
 from dynid.report.contents import ReportContents, ReportedEstimate
 from dynid.report.section import Part, Section, Table, number
@@ -41,15 +42,16 @@ def _part(item: ReportedEstimate, shown: ValidationResult) -> Part:
             "A joint at rest can hold any torque within its stiction, so judge by the moving "
             "ones; narrow peaks where a joint stops are friction whose direction is not known.",
         ),
-        tables=(_errors(robot.joint_names, shown),),
+        tables=(_errors(robot.joint_names, robot.prismatic, shown),),
         figures=(
             prediction(shown, robot.joint_names, robot.prismatic),
-            moving_and_at_rest(shown, robot.joint_names),
+            moving_and_at_rest(shown, robot.joint_names, robot.prismatic),
         ),
     )
 
 
-def _errors(names: tuple[str, ...], shown: ValidationResult) -> Table:
+def _errors(names: tuple[str, ...], prismatic: tuple[bool, ...], shown: ValidationResult) -> Table:
+    unit = joint_unit("N.m", prismatic)
     metrics, moving = shown.metrics, shown.moving
     rows = [_row(name, metrics, moving, j) for j, name in enumerate(names)]
     rows.append(
@@ -65,14 +67,14 @@ def _errors(names: tuple[str, ...], shown: ValidationResult) -> Table:
     return Table(
         columns=(
             "joint",
-            "RMS error [N.m]",
-            "RMS, moving [N.m]",
+            f"RMS error [{unit}]",
+            f"RMS, moving [{unit}]",
             "relative [%]",
             "relative, moving [%]",
             "R2",
         ),
         rows=tuple(rows),
-        caption=f"e_N = {number(metrics.normalized_error)} N.m with N = {metrics.samples}",
+        caption=f"e_N = {number(metrics.normalized_error)} {unit} with N = {metrics.samples}",
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dynid.figures.canvas import Canvas
 from dynid.figures.signals import spectrum
+from dynid.figures.theme import joint_unit
 from dynid.figures.torque import autocorrelations, residuals
 from dynid.report.contents import ReportContents, ReportedEstimate
 from dynid.report.section import Part, Section
@@ -24,20 +25,26 @@ class ResidualSection(Section):
 
 
 def _part(item: ReportedEstimate, shown: ValidationResult) -> Part:
-    names = item.estimate.model.robot.joint_names
+    robot = item.estimate.model.robot
+    names, slides = robot.joint_names, robot.prismatic
     drawn: list[Canvas] = [
-        residuals(shown, names),
-        residuals(shown, names, against=shown.t, what="time [s]"),
+        residuals(shown, names, prismatic=slides),
+        residuals(shown, names, against=shown.t, what="time [s]", prismatic=slides),
     ]
     if item.temperature is not None and len(item.temperature) == len(shown.t):
         drawn.append(
-            residuals(shown, names, against=item.temperature, what="temperature [\N{DEGREE SIGN}C]")
+            residuals(
+                shown,
+                names,
+                against=item.temperature,
+                what="temperature [\N{DEGREE SIGN}C]",
+                prismatic=slides,
+            )
         )
     drawn.append(autocorrelations(shown, names))
     if item.positions is not None:
-        drawn.append(
-            spectrum(item.positions, item.rate_hz, item.cutoff_hz, names, "positions [rad]")
-        )
+        what = f"positions [{joint_unit('rad', slides)}]"
+        drawn.append(spectrum(item.positions, item.rate_hz, item.cutoff_hz, names, what))
     return Part(
         heading=item.name,
         words=(
