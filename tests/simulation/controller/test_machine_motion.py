@@ -339,3 +339,14 @@ ARMS: list[SimulatedArm] = []
 def _arm_for_properties(arm: SimulatedArm) -> None:
     # hypothesis refuses function-scoped fixtures; this one is the session's own.
     ARMS[:] = [arm]
+
+
+def test_speedj_without_acceleration_keeps_the_speeds(machine: ControllerMachine) -> None:
+    # The splines of UR's drivers work out the acceleration that a step needs: often none.
+    text = (
+        "def spline():\n speedj([0.2, 0, 0, 0, 0, 0], 5.0, 0.2)\n"
+        " speedj([0.2, 0, 0, 0, 0, 0], 0.0, 0.4)\n stopj(4.0)\nend\n"
+    )
+    rows = recorded(machine, text, "target_qd")
+    steady = np.abs(rows["target_qd"][:, 0] - 0.2) < 1e-6
+    assert steady.sum() * machine.cycle > 0.35

@@ -15,9 +15,11 @@ CLIENTS = 128
 NEWCOMER_S = 1.0
 """How long a client may be silent before its place can be given to another [s]."""
 PRIMARY, SECONDARY, REALTIME = 30001, 30002, 30003
+INTERPRETER = 30020
+"""Takes statements for the running program while it is in interpreter mode."""
 READ_ONLY = {30011: PRIMARY, 30012: SECONDARY, 30013: REALTIME}
 """Ports that send what another does, and do not listen."""
-PORTS = (dashboard.PORT, PRIMARY, SECONDARY, REALTIME, rtde.PORT, *READ_ONLY)
+PORTS = (dashboard.PORT, PRIMARY, SECONDARY, REALTIME, rtde.PORT, INTERPRETER, *READ_ONLY)
 """The ports of a UR controller; clients cannot be told others."""
 # Where the kernel's queue is full, a client believes itself connected and nobody knows of it.
 _BACKLOG = 1024

@@ -27,9 +27,11 @@ from dynid.simulation.controller.motion_tool import (
 )
 from dynid.simulation.controller.urscript.builtin import Builtin, Kind, builtin, table
 from dynid.simulation.controller.urscript.errors import ScriptFault
+from dynid.simulation.controller.urscript.execution import Routine
 from dynid.simulation.controller.urscript.mathematics import MATHEMATICS
+from dynid.simulation.controller.urscript.matrices import MATRICES
 from dynid.simulation.controller.urscript.pose_functions import POSES
-from dynid.simulation.controller.urscript.values import Value, number
+from dynid.simulation.controller.urscript.values import Value, number, truth
 
 _MOTION_WEIGHT = 200
 _LONGEST_SLEEP_S = 1e6
@@ -97,7 +99,11 @@ def _stopl(core: Core, a: Value, aRot: Value = 0) -> Motion:
 
 
 def _direct_torque(
-    core: Core, torque: Value, viscous_scale: Value = None, coulomb_scale: Value = None
+    core: Core,
+    torque: Value,
+    friction_comp: Value = True,
+    viscous_scale: Value = None,
+    coulomb_scale: Value = None,
 ) -> Generator[None, None, None]:
     # It lasts a cycle on the robot, and ur_rtde's script counts on that.
     core.lacks("direct_torque")
@@ -116,6 +122,24 @@ def _sleep(core: Core, t: Value) -> Generator[None, None, None]:
         yield
 
 
+def _interpreter_mode(
+    core: Core, clearQueueOnEnter: Value = True, clearOnEnd: Value = True
+) -> Routine:
+    yield from core.interpreter.run(truth(clearQueueOnEnter), truth(clearOnEnd))
+
+
+def _end_interpreter(core: Core) -> None:
+    core.interpreter.end()
+
+
+def _clear_interpreter(core: Core) -> None:
+    core.interpreter.clear()
+
+
+_INTERPRETER: dict[str, Any] = {
+    "end_interpreter": _end_interpreter,
+    "clear_interpreter": _clear_interpreter,
+}
 _MOTIONS: dict[str, Any] = {
     "movej": _movej,
     "optimovej": _movej,
@@ -131,10 +155,12 @@ _MOTIONS: dict[str, Any] = {
     "direct_torque": _direct_torque,
     "sync": _sync,
     "sleep": _sleep,
+    "interpreter_mode": _interpreter_mode,
 }
 BUILTINS: dict[str, Builtin] = table(
     MATHEMATICS,
     POSES,
+    MATRICES,
     IO,
     STATE,
     MODEL,
@@ -153,6 +179,7 @@ BUILTINS: dict[str, Builtin] = table(
             1,
         )
     ],
+    (builtin(function, Kind.INSTANT, name=name) for name, function in _INTERPRETER.items()),
     ABSENT,
 )
 """The functions that every script may call."""

@@ -11,8 +11,7 @@ from dynid.simulation.controller.urscript.values import Value
 _WEIGHT = 20
 _YES: dict[int, str] = {
     0: """end_force_mode zero_ftsensor teach_mode end_teach_mode end_freedrive_mode
-        end_screw_driving stop_conveyor_tracking set_input_actions_to_default powerdown
-        end_interpreter clear_interpreter""",
+        end_screw_driving stop_conveyor_tracking set_input_actions_to_default powerdown""",
     1: """force_mode_set_damping force_mode_set_gain_scaling set_tool_output_mode
         set_runstate_outputs set_safety_mode_transition_hardness reset_revolution_counter set_pos
         encoder_set_tick_count encoder_enable_set_tick_count path_offset_disable
@@ -38,7 +37,7 @@ _YES: dict[int, str] = {
 _NOUGHT: dict[int, str] = {
     0: "get_freedrive_status get_conveyor_tick_count get_tool_current",
     1: """tool_contact encoder_get_tick_count get_euromap_input get_euromap_output read_port_bit
-        read_port_register modbus_get_signal_status interpreter_mode""",
+        read_port_register modbus_get_signal_status""",
     2: "encoder_unwind_delta_tick_count",
 }
 _NAMED_ARGUMENTS: dict[str, tuple[str, ...]] = {

@@ -11,6 +11,7 @@ import numpy as np
 from dynid.core.arrays import Array
 from dynid.protocol.modes import RobotMode
 from dynid.simulation.controller.machine_arm import PROGRAM_STOP, PROTECTIVE_STOP, ControlledArm
+from dynid.simulation.controller.machine_interpreter import Interpreter
 from dynid.simulation.controller.machine_messages import Message, MessageKind
 from dynid.simulation.controller.machine_network import Network, on_this_machine
 from dynid.simulation.controller.machine_registers import Registers, Signals
@@ -71,6 +72,7 @@ class Core:
         self.mode = RobotMode.RUNNING
         self.messages: deque[Message] = deque(maxlen=MESSAGES_KEPT)
         self.network = Network(on_this_machine)
+        self.interpreter = Interpreter()
         self.payload = Payload()
         self.tcp = [0.0] * 6
         self.tcp_matrix: Array = np.eye(4)

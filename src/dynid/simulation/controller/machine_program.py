@@ -83,6 +83,7 @@ class Programs:
         core.playing, core.paused = True, False
         core.watchdogs.clear()
         core.lacking.clear()
+        core.interpreter.begin(execution, program.context)
         core.rest_brake()
         core.say(self.name, "controller", 3, MessageKind.KEY, title=PROGRAM_STARTED)
 
@@ -129,6 +130,7 @@ class Programs:
         core.playing = core.paused = core.teaching = core.blocking_popup = False
         core.watchdogs.clear()
         core.network.close_all()
+        core.interpreter.finish()
         core.arm.refuse()
         if reason:
             core.say(f"program {self.name} stopped: {reason}", "controller", 2)
@@ -145,6 +147,7 @@ class Programs:
         main = self._main
         if main is None or self._core.paused:
             return
+        self._core.interpreter.step()
         main.step()
         if main.finished:
             if main.fault is not None:

@@ -57,6 +57,7 @@ def follow(
         plan: Gives, for a start (6) [rad], the profile and the path: share done to set point.
     """
     mover, arm = object(), core.arm
+    core.interpreter.take_abort()
     yield from brake(core, mover, 2.0)
     done = False
     while not done:
@@ -67,6 +68,10 @@ def follow(
             expected = place(profile.share(t))
             core.move(expected, mover)
             yield
+            if core.interpreter.take_abort():
+                yield from brake(core, mover, 2.0)
+                done = True
+                break
             if arm.setpoint != expected:
                 yield from brake(core, mover, 2.0)
                 break
@@ -128,14 +133,15 @@ def speed_joints(core: Core, goal: Sequence[float], a: float, time: float) -> Mo
     Args:
         core: The controller.
         goal: (6) speeds [rad/s].
-        a: Acceleration of the joint that changes most [rad/s^2].
+        a: Acceleration of the joint that changes most [rad/s^2]; with none and a time the arm
+            keeps its speeds, as in the constant parts of the splines of UR's drivers.
         time: How long; without it, until the speeds are reached [s].
 
     Raises:
         InputError: Numbers that make no motion.
     """
     wanted = six(goal, "joint speeds")
-    if not a > 0.0:
+    if not (a > 0.0 or (a == 0.0 and time > 0.0)):
         raise InputError("acceleration must be positive", value=a)
     mover, arm = object(), core.arm
     core.untune()

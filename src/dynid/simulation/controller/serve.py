@@ -14,11 +14,12 @@ from dynid.core.errors import InputError
 from dynid.core.files import write_json
 from dynid.protocol import dashboard, rtde
 from dynid.robot.load import load_robot
-from dynid.simulation.controller.doors import PRIMARY, REALTIME, SECONDARY
+from dynid.simulation.controller.doors import INTERPRETER, PRIMARY, REALTIME, SECONDARY
 from dynid.simulation.controller.log import Log
 from dynid.simulation.controller.machine import ControllerMachine
 from dynid.simulation.controller.priority import keep_time
-from dynid.simulation.controller.server import ControllerServer, ServerSettings
+from dynid.simulation.controller.reception import ServerSettings
+from dynid.simulation.controller.server import ControllerServer
 from dynid.simulation.library import simulated_arm
 from dynid.simulation.thermal import Thermal
 
@@ -30,6 +31,7 @@ _PORT_NAMES = {
     "secondary": SECONDARY,
     "realtime": REALTIME,
     "rtde": rtde.PORT,
+    "interpreter": INTERPRETER,
 }
 
 

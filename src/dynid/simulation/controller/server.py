@@ -5,30 +5,20 @@ from __future__ import annotations
 import select
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 
-from dynid.protocol import dashboard, rtde
+from dynid.protocol import rtde
 from dynid.simulation.controller.broadcast import Broadcast
-from dynid.simulation.controller.clients import (
-    Client,
-    DashboardClient,
-    LeavingClient,
-    RtdeClient,
-    ScriptClient,
-    WatchingClient,
-)
+from dynid.simulation.controller.clients import Client, LeavingClient, RtdeClient
 from dynid.simulation.controller.clock import Pace
 from dynid.simulation.controller.commands import obey
 from dynid.simulation.controller.compiler import ScriptCompiler
 from dynid.simulation.controller.connection import Connection
-from dynid.simulation.controller.dashboard import DashboardSession
-from dynid.simulation.controller.doors import READ_ONLY, Door, open_doors, place_for_another
+from dynid.simulation.controller.doors import Door, open_doors, place_for_another
 from dynid.simulation.controller.log import Log
 from dynid.simulation.controller.machine import ControllerMachine
 from dynid.simulation.controller.machine_messages import Message
 from dynid.simulation.controller.machine_network import Network, on_this_machine
-from dynid.simulation.controller.rtde import Owners, RtdeSession
-from dynid.simulation.controller.script_text import Pool, ScriptReader
+from dynid.simulation.controller.reception import Reception, ServerSettings
 from dynid.simulation.controller.virtual import TOGETHER_S, VirtualPace
 
 _EVENTS = 4
@@ -36,24 +26,6 @@ _IDLE_S = 0.5
 STALLED_S = 2.0
 """How long a client may read nothing before it is given up, in real time [s]."""
 _FAREWELL_S = 1.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ServerSettings:
-    """How the controller shows itself."""
-
-    host: str = "127.0.0.1"
-    """Address to listen on."""
-    virtual: bool = False
-    """Whether time goes as fast as the clients read."""
-    hold: bool = False
-    """Whether time stands still until the first client has started RTDE."""
-    model: str = "UR5"
-    """What the dashboard says the robot is."""
-    serial: str = "20240001"
-    """Its serial number."""
-    programs: dict[str, str] = field(default_factory=dict[str, str])
-    """Programs that the dashboard can load, text by name."""
 
 
 class ControllerServer:
@@ -69,13 +41,13 @@ class ControllerServer:
     """
 
     def __init__(self, machine: ControllerMachine, settings: ServerSettings, log: Log) -> None:
-        self._machine, self._settings, self._log = machine, settings, log
+        self._machine, self._log = machine, log
         # A socket of the loop's waits in this one: its time-outs are not rounded up to 1 ms.
         self._epoll = select.epoll()
         self._doors = {door.socket.fileno(): door for door in open_doors(settings.host)}
         self._clients: dict[int, Client] = {}
         self._rtde: list[RtdeClient] = []
-        self._owners, self._pool = Owners(), Pool()
+        self._reception = Reception(machine, settings, self._submit)
         self._compiler = ScriptCompiler(machine.compile)
         self._broadcast = Broadcast(machine, TOGETHER_S if settings.virtual else 0.0)
         if not on_this_machine(settings.host):
@@ -196,7 +168,7 @@ class ControllerServer:
             return
         now = time.monotonic()
         connection = Connection(*accepted)
-        client = self._client(connection, door.port)
+        client = self._reception.client(connection, door.port)
         others = [c for c in self._clients.values() if c.port == door.port]
         free, leaver = place_for_another(others, now)
         if leaver is not None:
@@ -212,19 +184,6 @@ class ControllerServer:
             self._rtde.append(client)
         self._epoll.register(connection.socket.fileno(), select.EPOLLIN)
         self._broadcast.greet(client)
-
-    def _client(self, connection: Connection, port: int) -> Client:
-        machine, settings = self._machine, self._settings
-        if port == rtde.PORT:
-            return RtdeClient(
-                connection, port, RtdeSession(machine, self._owners, orderly=settings.virtual)
-            )
-        if port == dashboard.PORT:
-            session = DashboardSession(machine, settings.model, settings.serial, settings.programs)
-            return DashboardClient(connection, port, session)
-        if port in READ_ONLY:
-            return WatchingClient(connection, port)
-        return ScriptClient(connection, port, ScriptReader(self._pool), self._submit)
 
     def _part(self, client: Client, now: float) -> None:
         """Say goodbye: at once to who has left, politely to who is sent away."""

@@ -54,6 +54,7 @@ class Function:
 
         def start(x: Execution, *values: Value) -> int:
             thread = x.new_thread()
+            thread.function = self
             x.start(thread, routine(x, values))
             return thread.handle
 

@@ -38,31 +38,43 @@ MAX_VARIABLES = 2_000
 class Names:
     """The definitions of one program."""
 
-    functions: dict[str, Definition] = field(default_factory=dict[str, Definition])
+    own_functions: dict[str, Definition] = field(default_factory=dict[str, Definition])
+    """What it defines itself, in the order of the text."""
+    functions: frozenset[str] = frozenset()
+    """All functions, also those of the program that it is added to."""
     shared: dict[str, int] = field(default_factory=dict[str, int])
     """Program variables and their places."""
     slow: set[str] = field(default_factory=set[str])
     """Functions that take time."""
 
 
-def names_of(program: Definition, builtins: Mapping[str, Builtin]) -> Names:
+def names_of(
+    program: Definition, builtins: Mapping[str, Builtin], outer: Names | None = None
+) -> Names:
     """What a program defines.
+
+    Args:
+        program: The program, or statements that are added to one.
+        builtins: The functions that it may call besides its own.
+        outer: What the program defines to which these statements are added.
 
     Raises:
         ScriptError: A name defined twice, or too many variables.
     """
-    names = Names()
+    before = outer or Names()
+    names = Names(shared=dict(before.shared))
     _collect(program, names)
+    names.functions = before.functions | names.own_functions.keys()
     for statement in walk(program.body):
         if isinstance(statement, Assign) and statement.scope != "local":
             names.shared.setdefault(statement.name, len(names.shared))
-    for definition in names.functions.values():
+    for definition in names.own_functions.values():
         for statement in walk(definition.body):
             if isinstance(statement, Assign) and statement.scope == "global":
                 names.shared.setdefault(statement.name, len(names.shared))
     if len(names.shared) > MAX_VARIABLES:
         raise ScriptError("too many variables", program.line, limit=MAX_VARIABLES)
-    names.slow = _slow(names.functions, builtins)
+    names.slow = _slow(names, builtins, before.slow - names.own_functions.keys())
     return names
 
 
@@ -133,23 +145,23 @@ def expressions(statement: Statement) -> list[Expression]:
 
 def _collect(definition: Definition, names: Names) -> None:
     for inner in definition.inner:
-        if inner.name in names.functions:
+        if inner.name in names.own_functions:
             raise ScriptError("defined twice", inner.line, value=inner.name)
-        names.functions[inner.name] = inner
+        names.own_functions[inner.name] = inner
         _collect(inner, names)
 
 
-def _slow(functions: Mapping[str, Definition], builtins: Mapping[str, Builtin]) -> set[str]:
+def _slow(names: Names, builtins: Mapping[str, Builtin], known_slow: set[str]) -> set[str]:
     callers: dict[str, set[str]] = {}
-    found: list[str] = []
-    for name, definition in functions.items():
+    found = list(known_slow)
+    for name, definition in names.own_functions.items():
         for statement in walk(definition.body):
             waits = (isinstance(statement, OnThread) and statement.word == "join") or (
                 isinstance(statement, Simple) and statement.word == "enter_critical"
             )
             for call in (call for part in expressions(statement) for call in calls(part)):
                 callers.setdefault(call.name, set()).add(name)
-                known = None if call.name in functions else builtins.get(call.name)
+                known = None if call.name in names.functions else builtins.get(call.name)
                 waits = waits or (known is not None and known.kind == Kind.BLOCKING)
             if waits:
                 found.append(name)

@@ -52,7 +52,12 @@ def _pose_trans(p_from: Value, p_from_to: Value) -> Pose:
     return pose_of(matrix_of(p_from) @ matrix_of(p_from_to))
 
 
-def _pose_inv(p_from: Value) -> Pose:
+def inverse_pose(p_from: Value) -> Pose:
+    """The way back.
+
+    Raises:
+        ScriptFault: No pose.
+    """
     return pose_of(inverse(matrix_of(p_from)))
 
 
@@ -108,8 +113,7 @@ def _apart(place: Array, rotation: Array) -> Pose:
 
 _TABLE: dict[str, Any] = {
     "pose_trans": _pose_trans,
-    "pose_inv": _pose_inv,
-    "inv": _pose_inv,
+    "pose_inv": inverse_pose,
     "pose_add": _pose_add,
     "pose_sub": _pose_sub,
     "pose_dist": _pose_dist,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from dynid.simulation.controller.urscript.builtin import Builtin
@@ -13,12 +13,52 @@ from dynid.simulation.controller.urscript.compile_statements import block
 from dynid.simulation.controller.urscript.errors import ScriptError
 from dynid.simulation.controller.urscript.execution import Execution, Frame, Routine
 from dynid.simulation.controller.urscript.functions import Function
-from dynid.simulation.controller.urscript.names import names_of, own_variables
+from dynid.simulation.controller.urscript.names import Names, names_of, own_variables
 from dynid.simulation.controller.urscript.parser import parse
 from dynid.simulation.controller.urscript.syntax import Definition
 
 UNNAMED = "unnamed"
 """The name of a program that is a few statements without a `def`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What a program knows; statements that are added to it while it runs know it too."""
+
+    builtins: Mapping[str, Builtin]
+    names: Names = field(default_factory=Names)
+    functions: Mapping[str, Function] = field(default_factory=dict[str, Function])
+
+    def with_program(self, main: Definition) -> Context:
+        """The context with what a program or an addition to one defines; its functions compiled.
+
+        Raises:
+            ScriptError: An unknown name, one that is defined twice, or too many variables.
+        """
+        names = names_of(main, self.builtins, self.names)
+        functions = dict(self.functions)
+        new: list[Function] = []
+        for name, definition in names.own_functions.items():
+            own = own_variables(definition, names)
+            functions[name] = Function(definition, name in names.slow, own)
+            new.append(functions[name])
+        for function in new:
+            scope = Scope(function.places, names.shared, functions, self.builtins, True)
+            code = block(scope, function.definition.body, in_loop=False)
+            # Whether it waits was worked out before its callers were compiled.
+            function.body = code if code.slow == function.slow else _as_waiting(code)
+        return Context(self.builtins, names, functions)
+
+    def body_of(self, main: Definition) -> tuple[Code, int]:
+        """The compiled body of a program or an addition, and how many `local` variables it has.
+
+        Raises:
+            ScriptError: As `with_program`.
+        """
+        own = own_variables(main, self.names)
+        may_wait = main.kind != "sec"
+        scope = Scope(own, self.names.shared, self.functions, self.builtins, may_wait)
+        return block(scope, main.body, in_loop=False), len(own)
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,11 +68,16 @@ class Program:
     name: str
     secondary: bool
     """Whether it runs beside the main program, without taking time (`sec`)."""
-    variables: Mapping[str, int]
-    """Program variables and their places."""
+    context: Context
+    """What it defines."""
     locals: int
     """How many variables of its body are declared `local`."""
     body: Code
+
+    @property
+    def variables(self) -> Mapping[str, int]:
+        """Program variables and their places."""
+        return self.context.names.shared
 
     def execution(self, port: Any, cycle: float) -> Execution:
         """The program, ready for its first cycle.
@@ -42,7 +87,9 @@ class Program:
             cycle: Length of a control cycle [s].
         """
         execution = Execution(port, len(self.variables), cycle)
-        execution.start(execution.new_thread(), _routine(self.body, execution, self.locals))
+        execution.start(
+            execution.new_thread(), routine_of(self.body, execution, [None] * self.locals)
+        )
         return execution
 
 
@@ -72,21 +119,17 @@ def compile_script(text: str, builtins: Mapping[str, Builtin]) -> Program:
         raise ScriptError("a thread is no program", main.line, value=main.name)
     if main.parameters:
         raise ScriptError("a program takes no arguments", main.line, value=main.parameters)
-    names = names_of(main, builtins)
-    secondary = main.kind == "sec"
-    functions: dict[str, Function] = {}
-    for name, definition in names.functions.items():
-        own = own_variables(definition, names)
-        functions[name] = Function(definition, name in names.slow, own)
-    for function in functions.values():
-        scope = Scope(function.places, names.shared, functions, builtins, True)
-        code = block(scope, function.definition.body, in_loop=False)
-        # Whether it waits was worked out before its callers were compiled.
-        function.body = code if code.slow == function.slow else _as_waiting(code)
-    own = own_variables(main, names)
-    scope = Scope(own, names.shared, functions, builtins, not secondary)
-    body = block(scope, main.body, in_loop=False)
-    return Program(main.name, secondary, names.shared, len(own), body)
+    context = Context(builtins).with_program(main)
+    body, slots = context.body_of(main)
+    return Program(main.name, main.kind == "sec", context, slots, body)
+
+
+def routine_of(body: Code, execution: Execution, frame: Frame) -> Routine:
+    """What runs a compiled body, with the variables that it declares `local`."""
+    if body.slow:
+        yield from body.wait(execution, frame)
+    else:
+        body.run(execution, frame)
 
 
 def _as_waiting(code: Code) -> Code:
@@ -95,11 +138,3 @@ def _as_waiting(code: Code) -> Code:
         yield  # makes it a generator function
 
     return Code(run, True, code.weight)
-
-
-def _routine(body: Code, execution: Execution, slots: int) -> Routine:
-    frame: Frame = [None] * slots
-    if body.slow:
-        yield from body.wait(execution, frame)
-    else:
-        body.run(execution, frame)

@@ -23,12 +23,14 @@ class ThreadEnd(Exception):
 class Thread:
     """One thread of a program."""
 
-    __slots__ = ("alive", "depth", "frames", "handle", "routine", "waits")
+    __slots__ = ("alive", "depth", "frames", "function", "handle", "routine", "waits")
 
     def __init__(self, handle: int) -> None:
         self.handle = handle
         self.alive = True
         self.frames: list[Frame] = []
+        self.function: object = None
+        """Which of the script's threads it runs."""
         self.routine: Routine | None = None
         self.waits: str | None = None
         """What it waits for, besides the next cycle."""

@@ -73,6 +73,14 @@ def number(value: Value) -> float:
     raise ScriptFault("a number expected", value=described(value))
 
 
+def is_matrix(value: Value) -> bool:
+    """Whether a value is a list of rows of one length."""
+    rows = cast("list[Any]", value) if value.__class__ is list else []
+    if not rows or any(row.__class__ is not list for row in rows):
+        return False
+    return len(rows[0]) > 0 and all(len(row) == len(rows[0]) for row in rows)
+
+
 def described(value: Value) -> str:
     """What kind of value this is, in words."""
     if value is None:
@@ -136,8 +144,27 @@ def _multiply(a: Value, b: Value) -> Value:
     if a.__class__ is float and b.__class__ is float:
         return a * b
     if a.__class__ is list or b.__class__ is list:
+        if b.__class__ is list and is_matrix(a):
+            return _product(a, b)
         return _elementwise(_multiply, a, b)
     return _number_result(number(a) * number(b))
+
+
+def _product(a: list[Any], b: list[Any]) -> Value:
+    """A matrix times a matrix, or times a list, which gives a list."""
+    columns: list[Any] = list(zip(*b, strict=True)) if is_matrix(b) else [b]
+    if len(a[0]) != len(b):
+        raise ScriptFault("rows and columns that do not fit", value=(len(a[0]), len(b)))
+    work = len(a) * len(b) * len(columns)
+    if work > MAX_LENGTH:
+        raise ScriptFault("the matrices are too big", value=work, limit=MAX_LENGTH)
+    found = [[_dot(row, column) for column in columns] for row in a]
+    return found if is_matrix(b) else [row[0] for row in found]
+
+
+def _dot(row: list[Any], column: list[Any]) -> Value:
+    whole = sum(number(x) * number(y) for x, y in zip(row, column, strict=True))
+    return _number_result(whole)
 
 
 def _divide(a: Value, b: Value) -> Value:
