@@ -31,6 +31,8 @@ from dynid.recording.parquet import write_record
 from dynid.recording.record import ExperimentRecord
 
 CASES = 500
+SECONDS = 5.0
+"""CPU time for one file: more would be a bomb [s]."""
 MOTION = Motion(samples=160, rate=125)
 BY_NUMBER = {"columns": "t=0,q=1:7,qd=7:13,current=13:19"}
 COUNTED = {"columns": "q=1:7,qd=7:13,current=13:19", "rate_hz": 125.0}
@@ -138,7 +140,7 @@ def test_damaged_files(name: str, tmp_path: Path) -> None:
         rng = random.Random(f"{name} {seed}")
         content, done = damaged(data, rng, text)
         path.write_bytes(content)
-        start = time.monotonic()
+        start = time.process_time()
         try:
             record = read_recording(path, **options)
         except InputError as error:
@@ -159,7 +161,7 @@ def test_damaged_files(name: str, tmp_path: Path) -> None:
                 counted = "rate_hz" in options
                 assert counted or heavy or wrong < 0.1, (seed, done, wrong, record.problems)
                 seen["reported"] += 1
-        assert time.monotonic() - start < 5, (seed, done)
+        assert time.process_time() - start < SECONDS, (seed, done)
     assert seen["error"] > 0
     assert sum(seen.values()) == CASES
 
@@ -187,11 +189,11 @@ def test_nonsense_under_every_extension(suffix: str, kind: str, tmp_path: Path) 
     }[kind]
     path = tmp_path / f"x{suffix}"
     path.write_bytes(content)
-    start = time.monotonic()
+    start = time.process_time()
     with pytest.raises(InputError) as caught:
         read_recording(path)
     assert "\n" not in str(caught.value)
-    assert time.monotonic() - start < 5
+    assert time.process_time() - start < SECONDS
 
 
 @pytest.mark.parametrize("name", FORMATS)

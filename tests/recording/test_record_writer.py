@@ -4,7 +4,7 @@ import os
 import signal
 import subprocess
 import sys
-import time
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,8 @@ from dynid.recording.segments import MARK, pack, partial_path
 from dynid.recording.writer import RecordWriter
 
 NAMES = ("a", "b")
+PATIENCE_S = 10.0
+"""Longest wait for what must come [s]."""
 
 
 def fill(writer: RecordWriter, rows: int, start: int = 0) -> None:
@@ -204,18 +206,24 @@ def test_bad_places_and_quantities_are_refused(tmp_path: Path) -> None:
 
 
 def test_appending_does_not_wait_for_the_disk(tmp_path: Path, monkeypatch) -> None:
-    real = os.fsync
+    real, busy, go_on = os.fsync, threading.Event(), threading.Event()
+    waited: list[bool] = []
 
     def slow(file: int) -> None:
-        time.sleep(0.3)
+        busy.set()
+        waited.append(go_on.wait(PATIENCE_S))
         real(file)
 
     monkeypatch.setattr(os, "fsync", slow)
     with open_writer(tmp_path / "run.parquet") as writer:
         fill(writer, 60)
-        start = time.monotonic()
+        assert busy.wait(PATIENCE_S)
         fill(writer, 100, 60)
-        assert time.monotonic() - start < 0.25
+        go_on.set()
+    # Had a row waited for the disk, the disk would have waited in vain for what follows it.
+    assert waited
+    assert all(waited)
+    assert read_record(tmp_path / "run.parquet").samples == 160
 
 
 def test_partial_without_description_is_one_error(tmp_path: Path) -> None:

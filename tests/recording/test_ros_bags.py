@@ -275,7 +275,7 @@ def test_bag_without_joint_states(tmp_path: Path) -> None:
     with sqlite3.connect(path) as database:
         database.execute("DELETE FROM topics WHERE id = 1")
     database.close()
-    with pytest.raises(RecordError, match="no sensor_msgs/JointState"):
+    with pytest.raises(RecordError, match="no readable sensor_msgs/JointState"):
         read_recording(path)
 
 

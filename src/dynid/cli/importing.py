@@ -68,7 +68,7 @@ def _import(
         typer.Option(metavar="0,2,1,...", help="The file's joints base to tip: numbers or names."),
     ] = None,
     topic: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The bag's JointState topic.")
+        str | None, typer.Option(metavar="NAME", help="The bag's topic, of any type.")
     ] = None,
     json: JsonFlag = False,
 ) -> None:

@@ -112,8 +112,12 @@ def _by_unit(family: Family) -> str:
     return ""
 
 
-def _order(family: Family, home: str | None) -> tuple[bool, bool, bool, int]:
-    """The best family has the smallest: complete, beside the positions, a well-known path."""
+def _order(family: Family, home: str | None) -> tuple[bool, bool, bool, bool, int]:
+    """The best family has the smallest: complete, beside the positions, a well-known path.
+
+    Of a joint's and its motor's states, the joint's is meant.
+    """
     words = set(family.scope.split(".")) | set(family.scope.replace(".", "_").split("_"))
     away = home is not None and family.scope != home
-    return (not family.whole, away, bool(family.scope) and not words & _MAIN_SCOPES, family.rank)
+    known = not family.scope or words & _MAIN_SCOPES
+    return (not family.whole, away, "motor" in words, not known, family.rank)

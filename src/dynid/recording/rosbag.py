@@ -1,24 +1,27 @@
-"""ROS recordings: the JointState messages of `.db3`, `.mcap` and `.bag` files, and bag folders."""
+"""ROS recordings: `.db3`, `.mcap` and `.bag` files, and bag folders; JointState first of all."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from dynid.core.errors import RecordError
 from dynid.core.notices import Notice
+from dynid.recording.bag.catalog import Catalog, Message, Topic
 from dynid.recording.bag.cdr import JointStateDecoder
 from dynid.recording.bag.db3 import db3_messages
 from dynid.recording.bag.jointstates import FIELDS, Collector
 from dynid.recording.bag.mcap import MAGIC, mcap_messages
 from dynid.recording.bag.ros1 import MAGIC as ROS1_MAGIC
 from dynid.recording.bag.ros1 import Ros1Decoder, ros1_messages
+from dynid.recording.bag.stamps import clock_of
 from dynid.recording.columns import parse_columns
 from dynid.recording.jointnames import places_of
-from dynid.recording.table import Mask, RawTable, Rows, plain
+from dynid.recording.statebag import read_states
+from dynid.recording.table import RawTable, plain
 from dynid.recording.vocabulary import TARGET, UR_JOINTS
 
 _SUFFIXES = (".db3", ".mcap", ".bag")
@@ -34,7 +37,7 @@ def read_bag(
     joint_order: Sequence[str] | None = None,
     format: str = "rosbag",
 ) -> RawTable:
-    """Read the JointState messages of one topic.
+    """Read the JointState messages of one topic, or other messages that the bag defines.
 
     Stamps are those of the headers; where those are all zero, the receive times. Joints are
     matched by name, so the order in the messages (alphabetical on UR drivers) does not matter.
@@ -44,7 +47,7 @@ def read_bag(
         joints: The robot's joint names, base to tip; empty if the robot is unknown.
         columns: Quantity to `position`, `velocity` or `effort`, where the default
             (q, qd, effort) is wrong: UR drivers send currents as effort.
-        topic: The topic; None for the JointState topic with most messages.
+        topic: The topic, of any type; None for the JointState topic with most messages.
         joint_order: The names to take, base to tip, as the messages give them.
         format: `rosbag` or `mcap`, for the metadata.
 
@@ -53,17 +56,25 @@ def read_bag(
         MissingExtraError: A compressed bag without the decompressor.
     """
     where = ", ".join(path.name for path in paths)
-    findings: list[Notice] = []
+    catalog = Catalog()
     topics: dict[str, Collector] = {}
-    for path in paths:
-        with path.open("rb") as stream:
-            head = stream.read(16)
-        ros1 = head.startswith(ROS1_MAGIC)
-        read = mcap_messages if head.startswith(MAGIC) else ros1_messages if ros1 else db3_messages
-        for name, receive, data in read(path, findings):
-            if name not in topics:
-                topics[name] = Collector(decoder=Ros1Decoder() if ros1 else JointStateDecoder())
-            topics[name].add(receive, data)
+    for name, receive, data in _messages(paths, catalog):
+        if name not in topics:
+            ros1 = catalog.topics[name].encoding == "ros1"
+            topics[name] = Collector(decoder=Ros1Decoder() if ros1 else JointStateDecoder())
+        topics[name].add(receive, data)
+    findings = catalog.findings
+    others = {name: item for name, item in catalog.topics.items() if not item.is_joint_state}
+    if others and not _enough(topics, catalog.topics, topic, len(joints)):
+        return read_states(
+            lambda wish: _messages(paths, wish),
+            catalog.topics if topic is not None else others,
+            joints=joints,
+            columns=columns,
+            topic=topic,
+            where=where,
+            format=format,
+        )
     chosen = _topic(topics, topic, where)
     collector = topics[chosen]
     if not collector.groups:
@@ -98,7 +109,7 @@ def read_bag(
                 "dropped_rows", f"{lacking} of {collector.count} messages lack one of the joints"
             )
         )
-    clock, ticks = _clock(stamps, receive)
+    clock, ticks = clock_of(stamps, receive)
     mapping = parse_columns(columns) if columns is not None else _DEFAULT
     for quantity, field in mapping.items():
         if field not in FIELDS or quantity == "t":
@@ -131,6 +142,29 @@ def read_bag(
     )
 
 
+def _messages(paths: Sequence[Path], catalog: Catalog) -> Iterator[Message]:
+    """The messages that a catalog wants, of all files of a bag."""
+    for path in paths:
+        with path.open("rb") as stream:
+            head = stream.read(16)
+        if head.startswith(MAGIC):
+            yield from mcap_messages(path, catalog)
+        elif head.startswith(ROS1_MAGIC):
+            yield from ros1_messages(path, catalog)
+        else:
+            yield from db3_messages(path, catalog)
+
+
+def _enough(
+    found: Mapping[str, Collector], topics: Mapping[str, Topic], wanted: str | None, joints: int
+) -> bool:
+    """Whether JointState messages are asked for, or there and have the robot's joints."""
+    if wanted is not None:
+        return wanted not in topics or topics[wanted].is_joint_state
+    sizes = [len(names) for collector in found.values() for names in collector.groups]
+    return max(sizes, default=0) >= max(joints, 1)
+
+
 def bag_files(folder: Path) -> list[Path]:
     """The storage files of a bag folder, in the order of their numbers; none in any other."""
     files = [path for path in folder.iterdir() if path.suffix in _SUFFIXES]
@@ -143,7 +177,11 @@ def _topic(topics: Mapping[str, Collector], wanted: str | None, where: str) -> s
             "no such JointState topic", where=where, value=wanted, limit=sorted(topics)
         )
     if not topics:
-        raise RecordError("the bag has no JointState message", where=where)
+        raise RecordError(
+            "the bag has no readable sensor_msgs/JointState message",
+            where=where,
+            next_step="Record the robot's /joint_states topic.",
+        )
     return wanted or max(topics, key=lambda name: (*_standing(name, topics[name]), name))
 
 
@@ -184,11 +222,3 @@ def _joints(
 def _matched(wanted: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:
     """The message's names for the wanted joints: the same, or the same behind one prefix."""
     return tuple(names[k] for k in places_of(wanted, names))
-
-
-def _clock(stamps: Rows, receive: Rows) -> tuple[str, Rows]:
-    """Header stamps, unless drivers left them empty."""
-    empty: Mask = stamps <= 0
-    if empty.mean() > 0.5 or np.unique(stamps).size <= max(1, len(stamps) // 10):
-        return "receive", receive
-    return "header", stamps

@@ -1,4 +1,4 @@
-"""ROS 2 bags in SQLite (`.db3`): JointState messages, also from a damaged file.
+"""ROS 2 bags in SQLite (`.db3`): messages, also from a damaged file.
 
 Python's own sqlite3 reads them in a stream: no metadata.yaml is needed, and what precedes
 or follows a damaged page is still had.
@@ -15,29 +15,27 @@ from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
 from dynid.core.errors import RecordError
-from dynid.core.notices import Notice
+from dynid.recording.bag.catalog import Catalog, Message, Topic
 
-JOINT_STATE_TYPES = frozenset({"sensor_msgs/msg/JointState", "sensor_msgs/JointState"})
-Message = tuple[str, int, bytes]
-"""Topic, receive time [ns], bytes."""
 _MOST_RESUMES = 60
 
 
-def db3_messages(path: Path, findings: list[Notice]) -> Iterator[Message]:
-    """JointState messages in the order in which they were written.
+def db3_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
+    """The wanted messages in the order in which they were written.
 
     Args:
         path: The `.db3` file.
-        findings: Gets a notice for each kind of damage.
+        catalog: Says which topics are wanted; gets all topics, and a notice for each kind of
+            damage.
 
     Yields:
         Topic, receive time [ns] and bytes.
 
     Raises:
-        RecordError: No SQLite database, no bag, or no JointState topic.
+        RecordError: No SQLite database, or no bag.
     """
     with _connection(path) as database:
-        topics = _topics(database, path)
+        topics = _topics(database, path, catalog)
         last, resumes, step = -1, 0, 1
         while True:
             try:
@@ -56,15 +54,15 @@ def db3_messages(path: Path, findings: list[Notice]) -> Iterator[Message]:
                     break
                 last, step = last + step, step * 2
         if resumes or _is_short(path):
-            findings.append(
-                Notice(
-                    "truncated_file",
-                    f"{path.name} is damaged or cut off; the messages that can be read are taken",
-                )
+            catalog.report(
+                "truncated_file",
+                f"{path.name} is damaged or cut off; the messages that can be read are taken",
             )
 
 
-def _topics(database: sqlite3.Connection, path: Path) -> dict[int, str]:
+def _topics(database: sqlite3.Connection, path: Path, catalog: Catalog) -> dict[int, str]:
+    """Number to name of each topic that is wanted."""
+    definitions = _definitions(database)
     try:
         rows = database.execute("SELECT id, name, type FROM topics").fetchall()
     except (sqlite3.Error, OverflowError) as error:
@@ -74,19 +72,22 @@ def _topics(database: sqlite3.Connection, path: Path) -> dict[int, str]:
             value=str(error),
             next_step="Give the .db3 file or the folder that `ros2 bag record` wrote.",
         ) from error
-    topics = {
-        number: str(name)
-        for number, name, kind in rows
-        if kind in JOINT_STATE_TYPES and isinstance(number, int)
-    }
-    if not topics:
-        raise RecordError(
-            "the bag has no sensor_msgs/JointState topic",
-            where=path.name,
-            value=[f"{name} ({kind})" for _, name, kind in rows][:20],
-            next_step="Record the robot's /joint_states topic.",
-        )
-    return topics
+    wanted: dict[int, str] = {}
+    for number, name, kind in rows:
+        text = definitions.get(str(kind), "")
+        topic = Topic(name=str(name), kind=str(kind), encoding="cdr", definition=text)
+        if catalog.add(topic) and isinstance(number, int):
+            wanted[number] = topic.name
+    return wanted
+
+
+def _definitions(database: sqlite3.Connection) -> dict[str, str]:
+    """Type to definition; bags before ROS 2 Iron have none."""
+    query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+    with suppress(sqlite3.Error, OverflowError):
+        rows = database.execute(query).fetchall()
+        return {str(kind): str(text) for kind, encoding, text in rows if encoding == "ros2msg"}
+    return {}
 
 
 @contextmanager

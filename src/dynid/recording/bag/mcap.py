@@ -1,17 +1,17 @@
-"""MCAP files: JointState messages in a stream, also from a file that was cut off."""
+"""MCAP files: messages in a stream, also from a file that was cut off."""
 
 from __future__ import annotations
 
 import struct
 import zlib
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
 from dynid.core.errors import RecordError
-from dynid.core.notices import Notice
-from dynid.recording.bag.db3 import JOINT_STATE_TYPES, Message
+from dynid.recording.bag.catalog import Catalog, Message, Topic
 from dynid.recording.bag.inflate import MAX_BYTES, InflateError, inflate
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -20,29 +20,32 @@ _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x02, 0x03, 0x04, 0x05
 
 @dataclass(slots=True)
 class _State:
-    schemas: dict[int, str] = field(default_factory=dict[int, str])
-    channels: dict[int, tuple[str, str]] = field(default_factory=dict[int, tuple[str, str]])
-    """Channel to topic and type."""
+    catalog: Catalog
+    schemas: dict[int, tuple[str, str]] = field(default_factory=dict[int, tuple[str, str]])
+    """Schema to type and definition."""
+    channels: dict[int, str] = field(default_factory=dict[int, str])
+    """Channel to topic, of those that are wanted."""
     chunks: int = 0
     damaged: int = 0
     ended: bool = False
 
 
-def mcap_messages(path: Path, findings: list[Notice]) -> Iterator[Message]:
-    """JointState messages in the order in which they were written.
+def mcap_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
+    """The wanted messages in the order in which they were written.
 
     Args:
         path: The `.mcap` file.
-        findings: Gets a notice for each kind of damage.
+        catalog: Says which topics are wanted; gets all topics, and a notice for each kind of
+            damage.
 
     Yields:
         Topic, receive time [ns] and bytes.
 
     Raises:
-        RecordError: The file cannot be read, or has no JointState topic.
+        RecordError: The file cannot be read.
         MissingExtraError: A compressed file without the decompressor.
     """
-    state = _State()
+    state = _State(catalog)
     try:
         with path.open("rb") as stream:
             size = path.stat().st_size
@@ -57,24 +60,13 @@ def mcap_messages(path: Path, findings: list[Notice]) -> Iterator[Message]:
             "the file cannot be read", where=path.name, value=error.strerror
         ) from error
     if state.damaged:
-        findings.append(
-            Notice(
-                "corrupt_rows",
-                f"{state.damaged} damaged pieces of {path.name} ({state.chunks} chunks) are left "
-                "out with their messages",
-            )
+        catalog.report(
+            "corrupt_rows",
+            f"{state.damaged} damaged pieces of {path.name} ({state.chunks} chunks) are left "
+            "out with their messages",
         )
     if not state.ended:
-        findings.append(
-            Notice("truncated_file", f"{path.name} is cut off; what precedes the cut is taken")
-        )
-    if not any(kind in JOINT_STATE_TYPES for _, kind in state.channels.values()):
-        raise RecordError(
-            "the file has no readable sensor_msgs/JointState topic",
-            where=path.name,
-            value=[f"{topic} ({kind})" for topic, kind in state.channels.values()][:20],
-            next_step="Record the robot's /joint_states topic.",
-        )
+        catalog.report("truncated_file", f"{path.name} is cut off; what precedes the cut is taken")
 
 
 def _records(stream: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
@@ -94,15 +86,16 @@ def _messages(opcode: int, content: bytes, state: _State) -> Iterator[Message]:
     try:
         if opcode == _SCHEMA:
             (number,) = struct.unpack_from("<H", content)
-            state.schemas.setdefault(number, _text(content, 2))
+            state.schemas.setdefault(number, _schema(content))
         elif opcode == _CHANNEL:
             number, schema = struct.unpack_from("<HH", content)
-            topic = (_text(content, 4), state.schemas.get(schema, "unknown"))
-            state.channels.setdefault(number, topic)
+            if number not in state.channels:
+                topic = _topic(content, *state.schemas.get(schema, ("unknown", "")))
+                state.channels[number] = topic.name if state.catalog.add(topic) else ""
         elif opcode == _MESSAGE:
             number, _, stamp = struct.unpack_from("<HIQ", content)
-            topic, kind = state.channels.get(number, ("", ""))
-            if kind in JOINT_STATE_TYPES and stamp < 1 << 62:
+            topic = state.channels.get(number)
+            if topic and stamp < 1 << 62:
                 yield topic, stamp, content[22:]
         elif opcode == _CHUNK:
             state.chunks += 1
@@ -126,6 +119,26 @@ def _chunk(content: bytes, state: _State) -> Iterator[Message]:
         if opcode != _CHUNK:
             yield from _messages(opcode, data[offset : offset + length], state)
         offset += length
+
+
+def _schema(content: bytes) -> tuple[str, str]:
+    """A schema's type, and its definition where it is written as ROS writes it."""
+    kind = _text(content, 2)
+    # Without its definition a type that is known can still be read.
+    with suppress(struct.error):
+        start = 6 + len(kind.encode())
+        encoding = _text(content, start)
+        if encoding in ("ros1msg", "ros2msg"):
+            return kind, _text(content, start + 4 + len(encoding))
+    return kind, ""
+
+
+def _topic(content: bytes, kind: str, definition: str) -> Topic:
+    name = _text(content, 4)
+    encoding = ""
+    with suppress(struct.error):
+        encoding = _text(content, 8 + len(name.encode()))
+    return Topic(name=name, kind=kind, encoding=encoding, definition=definition)
 
 
 def _text(content: bytes, offset: int) -> str:

@@ -1,4 +1,4 @@
-"""ROS 1 bags (`.bag`, version 2.0): JointState messages in a stream, also from a cut-off file."""
+"""ROS 1 bags (`.bag`, version 2.0): messages in a stream, also from a cut-off file."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import BinaryIO
 
 from dynid.core.errors import RecordError
-from dynid.core.notices import Notice
+from dynid.recording.bag.catalog import Catalog, Message, Topic
 from dynid.recording.bag.cdr import CdrError, JointState
-from dynid.recording.bag.db3 import JOINT_STATE_TYPES, Message
 from dynid.recording.bag.inflate import MAX_BYTES, InflateError, inflate
 
 MAGIC = b"#ROSBAG V2.0\n"
@@ -24,8 +23,9 @@ _MAX_TEXT = 4096
 
 @dataclass(slots=True)
 class _State:
-    connections: dict[int, tuple[str, str]] = field(default_factory=dict[int, tuple[str, str]])
-    """Connection to topic and type."""
+    catalog: Catalog
+    connections: dict[int, str] = field(default_factory=dict[int, str])
+    """Connection to topic, of those that are wanted."""
     expected: int = 0
     """Chunks that the bag's own header counts; 0 where the recorder was killed."""
     chunks: int = 0
@@ -33,21 +33,22 @@ class _State:
     cut: bool = False
 
 
-def ros1_messages(path: Path, findings: list[Notice]) -> Iterator[Message]:
-    """JointState messages in the order in which they were written.
+def ros1_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
+    """The wanted messages in the order in which they were written.
 
     Args:
         path: The `.bag` file.
-        findings: Gets a notice for each kind of damage.
+        catalog: Says which topics are wanted; gets all topics, and a notice for each kind of
+            damage.
 
     Yields:
         Topic, receive time [ns] and bytes.
 
     Raises:
-        RecordError: The file cannot be read, or has no JointState topic.
+        RecordError: The file cannot be read.
         MissingExtraError: A bag compressed by lz4 without the decompressor.
     """
-    state = _State()
+    state = _State(catalog)
     try:
         with path.open("rb") as stream:
             size = path.stat().st_size
@@ -59,20 +60,11 @@ def ros1_messages(path: Path, findings: list[Notice]) -> Iterator[Message]:
         ) from error
     state.cut |= state.chunks < state.expected
     if state.damaged:
-        findings.append(
-            Notice("corrupt_rows", f"{state.damaged} damaged pieces of {path.name} are left out")
+        catalog.report(
+            "corrupt_rows", f"{state.damaged} damaged pieces of {path.name} are left out"
         )
     if state.cut:
-        findings.append(
-            Notice("truncated_file", f"{path.name} is cut off; what precedes the cut is taken")
-        )
-    if not any(kind in JOINT_STATE_TYPES for _, kind in state.connections.values()):
-        raise RecordError(
-            "the bag has no readable sensor_msgs/JointState topic",
-            where=path.name,
-            value=[f"{topic} ({kind})" for topic, kind in state.connections.values()][:20],
-            next_step="Record the robot's /joint_states topic.",
-        )
+        catalog.report("truncated_file", f"{path.name} is cut off; what precedes the cut is taken")
 
 
 def _records(stream: BinaryIO, size: int, state: _State) -> Iterator[Message]:
@@ -101,14 +93,20 @@ def _record(fields: dict[bytes, bytes], data: bytes, state: _State) -> Iterator[
     try:
         if operation == _CONNECTION:
             (number,) = struct.unpack("<I", fields[b"conn"])
-            kind = _fields(data).get(b"type", b"")
-            topic = fields[b"topic"].decode(errors="replace")
-            state.connections.setdefault(number, (topic, kind.decode(errors="replace")))
+            if number in state.connections:
+                return
+            inner = _fields(data)
+            topic = Topic(
+                name=fields[b"topic"].decode(errors="replace"),
+                kind=inner.get(b"type", b"").decode(errors="replace"),
+                encoding="ros1",
+                definition=inner.get(b"message_definition", b"").decode(errors="replace"),
+            )
+            state.connections[number] = topic.name if state.catalog.add(topic) else ""
         elif operation == _MESSAGE:
             (number,) = struct.unpack("<I", fields[b"conn"])
             seconds, nanoseconds = struct.unpack("<II", fields[b"time"])
-            topic, kind = state.connections.get(number, ("", ""))
-            if kind in JOINT_STATE_TYPES:
+            if topic := state.connections.get(number):
                 yield topic, seconds * 1_000_000_000 + nanoseconds, data
         elif operation == _CHUNK:
             state.chunks += 1
