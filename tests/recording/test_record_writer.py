@@ -18,7 +18,7 @@ from dynid.recording.segments import MARK, pack, partial_path
 from dynid.recording.writer import RecordWriter
 
 NAMES = ("a", "b")
-PATIENCE_S = 10.0
+PATIENCE_S = 5.0
 """Longest wait for what must come [s]."""
 
 

@@ -22,6 +22,7 @@ from dynid.robot.nominal import nominal_geometry, structural_gravity
 
 DAMAGES = 700
 SECONDS = 3.0
+"""CPU time for one file: more would be a bomb [s]."""
 LIBRARY = Path(load_robot.__code__.co_filename).parent / "library"
 TOML = [FULL, *(path.read_text() for path in [LIBRARY / "ur5.toml", *EXAMPLES.glob("*.toml")])]
 URDF = [ARM, URS["ur5"], (EXAMPLES / "tx40.urdf").read_text()]
@@ -106,7 +107,7 @@ WAYS: list[Callable[[bytes, random.Random], bytes]] = [
 
 
 def _judge(path: Path) -> str:
-    start = time.perf_counter()
+    start = time.process_time()
     try:
         robot = load_robot(path)
         assert np.isfinite(robot.placements).all()
@@ -120,7 +121,7 @@ def _judge(path: Path) -> str:
         lines, outcome = [str(error)], "error"
     assert all(len(line) < 10_000 for line in lines)
     assert not any("\n" in line or "\0" in line for line in lines), lines
-    assert time.perf_counter() - start < SECONDS
+    assert time.process_time() - start < SECONDS
     return outcome
 
 
