@@ -11,6 +11,7 @@ from dynid.simulation.controller.machine_builtins_model import MODEL
 from dynid.simulation.controller.machine_builtins_socket import SOCKETS
 from dynid.simulation.controller.machine_builtins_state import STATE
 from dynid.simulation.controller.machine_core import Core
+from dynid.simulation.controller.motion_circle import move_circle
 from dynid.simulation.controller.motion_joint import (
     Motion,
     move_joints,
@@ -37,33 +38,36 @@ _MOTION_WEIGHT = 200
 _LONGEST_SLEEP_S = 1e6
 
 
-def _blend(core: Core, r: Value) -> None:
-    if number(r) > 0:
-        core.lacks("a blend radius (the arm stops at the waypoint)")
-
-
 def _movej(
     core: Core, q: Value, a: Value = 1.4, v: Value = 1.05, t: Value = 0, r: Value = 0
 ) -> Motion:
-    _blend(core, r)
-    yield from move_joints(core, goal_joints(core, q), number(a), number(v), number(t))
+    goal = goal_joints(core, q)
+    yield from move_joints(core, goal, number(a), number(v), number(t), number(r))
 
 
 def _movel(
     core: Core, pose: Value, a: Value = 1.2, v: Value = 0.25, t: Value = 0, r: Value = 0
 ) -> Motion:
-    _blend(core, r)
-    yield from move_tool(core, pose, number(a), number(v), number(t))
+    yield from move_tool(core, pose, number(a), number(v), number(t), number(r))
 
 
 def _movep(core: Core, pose: Value, a: Value = 1.2, v: Value = 0.25, r: Value = 0) -> Motion:
-    _blend(core, r)
-    yield from move_tool(core, pose, number(a), number(v), 0.0)
+    yield from move_tool(core, pose, number(a), number(v), 0.0, number(r))
 
 
-def _movec(*_: Any) -> Motion:
-    raise ScriptFault("movec is not simulated", next_step="Use movel or movep.")
-    yield
+def _movec(
+    core: Core,
+    pose_via: Value,
+    pose_to: Value,
+    a: Value = 1.2,
+    v: Value = 0.25,
+    r: Value = 0,
+    mode: Value = 0,
+) -> Motion:
+    fixed = number(mode) == 1
+    yield from move_circle(
+        core, pose_via, pose_to, number(a), number(v), blend=number(r), fixed=fixed
+    )
 
 
 def _servoj(
@@ -146,6 +150,7 @@ _MOTIONS: dict[str, Any] = {
     "movel": _movel,
     "optimovel": _movel,
     "movep": _movep,
+    "movec": _movec,
     "servoj": _servoj,
     "servoc": _servoc,
     "speedj": _speedj,
@@ -169,16 +174,6 @@ BUILTINS: dict[str, Builtin] = table(
         builtin(function, Kind.BLOCKING, name=name, weight=_MOTION_WEIGHT)
         for name, function in _MOTIONS.items()
     ),
-    [
-        Builtin(
-            "movec",
-            _movec,
-            Kind.BLOCKING,
-            ("pose_via", "pose_to", "a", "v", "r", "mode"),
-            (0,) * 6,
-            1,
-        )
-    ],
     (builtin(function, Kind.INSTANT, name=name) for name, function in _INTERPRETER.items()),
     ABSENT,
 )

@@ -16,6 +16,7 @@ from dynid.simulation.controller.machine_messages import Message, MessageKind
 from dynid.simulation.controller.machine_network import Network, on_this_machine
 from dynid.simulation.controller.machine_registers import Registers, Signals
 from dynid.simulation.controller.machine_safety import Safety
+from dynid.simulation.controller.motion_blend import Rest
 from dynid.simulation.controller.motion_poses import to_matrix
 from dynid.simulation.controller.urscript.errors import ScriptFault
 from dynid.simulation.servo import Servo
@@ -92,6 +93,8 @@ class Core:
         self.playing = False
         self.teaching = False
         self.blocking_popup = False
+        self.rest: Rest | None = None
+        """What a move has left to the next one, in a blend."""
         self.history: deque[list[float]] = deque(maxlen=round(_HISTORY_S * rate_hz))
         """Joint positions of the last second, newest first."""
 
@@ -118,7 +121,7 @@ class Core:
         """
         if self.arm.commanded and self._mover is not mover:
             raise ScriptFault("another thread moves the robot in the same cycle")
-        self._mover = mover
+        self._mover, self.rest = mover, None
         self.arm.command(q)
 
     def tune(self, lookahead: float, gain: float) -> None:

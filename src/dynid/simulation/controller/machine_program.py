@@ -129,6 +129,7 @@ class Programs:
         self._main = None
         core.playing = core.paused = core.teaching = core.blocking_popup = False
         core.watchdogs.clear()
+        core.rest = None
         core.network.close_all()
         core.interpreter.finish()
         core.arm.refuse()
@@ -149,7 +150,8 @@ class Programs:
             return
         self._core.interpreter.step()
         main.step()
-        if main.finished:
+        self._move_on()
+        if main.finished and (self._core.rest is None or main.fault is not None):
             if main.fault is not None:
                 self._fault(self.name, main.fault)
             # The last set point of a program that ended well still counts.
@@ -157,6 +159,14 @@ class Programs:
             self.stop("")
             if held is not None:
                 self._core.arm.command(held)
+
+    def _move_on(self) -> None:
+        """What a blend has left to do, while the program does something else."""
+        core = self._core
+        if core.rest is None or core.arm.commanded or core.mode != RobotMode.RUNNING:
+            return
+        if not core.rest.alone(core.arm, core.arm.cycle * core.scaling):
+            core.rest = None
 
     def _compiled(self, text: str) -> Program | None:
         try:

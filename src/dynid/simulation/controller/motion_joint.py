@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator, Sequence
 
 import numpy as np
 
 from dynid.core.errors import InputError
 from dynid.simulation.controller.machine_core import Core
+from dynid.simulation.controller.motion_blend import Rest, hands_over
 from dynid.simulation.controller.motion_profile import Trapezoid, trapezoid
 
 Motion = Generator[None, None, None]
@@ -15,7 +17,9 @@ _SETTLED = 1e-5
 _PATIENCE_S = 0.5
 
 
-def move_joints(core: Core, goal: Sequence[float], a: float, v: float, time: float) -> Motion:
+def move_joints(
+    core: Core, goal: Sequence[float], a: float, v: float, time: float, blend: float = 0.0
+) -> Motion:
     """`movej`: all joints start and end together, the one with the longest way sets the pace.
 
     Args:
@@ -24,6 +28,7 @@ def move_joints(core: Core, goal: Sequence[float], a: float, v: float, time: flo
         a: Acceleration [rad/s^2].
         v: Speed [rad/s].
         time: If positive, how long it takes, in place of the two [s].
+        blend: Blend radius [m].
 
     Raises:
         InputError: Numbers that make no move.
@@ -42,43 +47,76 @@ def move_joints(core: Core, goal: Sequence[float], a: float, v: float, time: flo
 
         return profile, place
 
-    yield from follow(core, plan)
+    yield from follow(core, plan, blend)
 
 
 def follow(
-    core: Core, plan: Callable[[list[float]], tuple[Trapezoid, Callable[[float], list[float]]]]
+    core: Core,
+    plan: Callable[[list[float]], tuple[Trapezoid, Callable[[float], list[float]]]],
+    blend: float = 0.0,
 ) -> Motion:
     """Move along a path from rest to rest; the speed slider scales its time.
 
-    When something else has moved the arm meanwhile (a pause), the rest is planned anew.
+    When something else has moved the arm meanwhile (a pause), the rest is planned anew. A move
+    that hands over in a blend is done when the next can begin.
 
     Args:
         core: The controller.
         plan: Gives, for a start (6) [rad], the profile and the path: share done to set point.
+        blend: Blend radius [m].
     """
-    mover, arm = object(), core.arm
+    mover = object()
     core.interpreter.take_abort()
-    yield from brake(core, mover, 2.0)
-    done = False
-    while not done:
-        profile, place = plan(arm.setpoint)
-        t, total = 0.0, profile.duration
-        while True:
-            t = min(t + arm.cycle * core.scaling, total)
-            expected = place(profile.share(t))
-            core.move(expected, mover)
-            yield
-            if core.interpreter.take_abort():
-                yield from brake(core, mover, 2.0)
-                done = True
-                break
-            if arm.setpoint != expected:
-                yield from brake(core, mover, 2.0)
-                break
-            if t >= total:
-                done = True
-                break
-    yield from settle(core, mover)
+    before, core.rest = core.rest, None
+    if before is None:
+        yield from brake(core, mover, 2.0)
+    while not (yield from _try(core, mover, plan, before, blend)):
+        before = None
+        yield from brake(core, mover, 2.0)
+    if core.rest is None:
+        yield from settle(core, mover)
+
+
+def _try(
+    core: Core,
+    mover: object,
+    plan: Callable[[list[float]], tuple[Trapezoid, Callable[[float], list[float]]]],
+    before: Rest | None,
+    blend: float,
+) -> Generator[None, None, bool]:
+    """Move along a path; whether that was the end of it, or something has moved the arm."""
+    arm = core.arm
+    profile, place = plan(arm.setpoint if before is None else before.end)
+    t, total = 0.0, profile.duration
+    while True:
+        step = arm.cycle * core.scaling
+        t = min(t + step, total)
+        expected = place(profile.share(t))
+        offset = None if before is None else before.next(step)
+        if offset is None:
+            before = None
+        else:
+            expected = [q + d for q, d in zip(expected, offset, strict=True)]
+        core.move(expected, mover)
+        yield
+        if core.interpreter.take_abort():
+            yield from brake(core, mover, 2.0)
+            return True
+        if arm.setpoint != expected:
+            return False
+        if before is not None:
+            continue
+        if t >= total:
+            return True
+        if hands_over(lambda: _apart(core, place(1.0)), profile, t, blend):
+            core.rest = Rest(profile, place, place(1.0), t, expected)
+            return True
+
+
+def _apart(core: Core, end: list[float]) -> float:
+    """How far the tool is from where it is at joint positions (6) [rad], in metres."""
+    forward, tool = core.arm.kinematics.forward, core.tcp_matrix
+    return math.dist(forward(core.arm.setpoint, tool)[:3, 3], forward(end, tool)[:3, 3])
 
 
 def settle(core: Core, mover: object) -> Motion:

@@ -39,7 +39,9 @@ def goal_joints(core: Core, goal: Sequence[float]) -> list[float]:
     return found.tolist()
 
 
-def move_tool(core: Core, goal: Sequence[float], a: float, v: float, time: float) -> Motion:
+def move_tool(
+    core: Core, goal: Sequence[float], a: float, v: float, time: float, blend: float = 0.0
+) -> Motion:
     """`movel`: the tool moves on a straight line and turns evenly.
 
     Args:
@@ -48,6 +50,7 @@ def move_tool(core: Core, goal: Sequence[float], a: float, v: float, time: float
         a: Tool acceleration [m/s^2]; of the turn [rad/s^2] where the tool only turns.
         v: Tool speed [m/s]; [rad/s] where the tool only turns.
         time: If positive, how long it takes, in place of the two [s].
+        blend: Blend radius [m].
 
     Raises:
         InputError: Numbers that make no move.
@@ -81,7 +84,7 @@ def move_tool(core: Core, goal: Sequence[float], a: float, v: float, time: float
 
         return profile, place
 
-    yield from follow(core, plan)
+    yield from follow(core, plan, blend)
 
 
 def speed_tool(core: Core, goal: Sequence[float], a: float, time: float) -> Motion:
