@@ -138,6 +138,9 @@ def test_a_visitor_plays_pauses_and_scrubs(
     until(lambda: np.abs(page.stage.link_positions - start).max() > 1e-3, visit)
     visit.click("Pause")
     until(lambda: not session.player.playing, visit)
+    # The page has the last place that the server knew: from here on the hand moves the slider.
+    pause = visit.page.get_by_role("button", name="Pause", exact=True)
+    until(pause.is_disabled, visit)
     slider = visit.page.get_by_role("slider").first
     slider.focus()
     slider.press("Home")

@@ -10,7 +10,7 @@ import numpy as np
 from dynid.core.errors import InputError
 from dynid.studio import text
 from dynid.studio.motions import REST
-from dynid.studio.player import SPEEDS
+from dynid.studio.player import SPEEDS, Player
 
 if TYPE_CHECKING:
     import viser
@@ -47,6 +47,8 @@ class MotionPanel:
         self.certify = gui.add_button("Certify the whole motion")
         self._certificate = gui.add_html(text.certificate(None))
         self._written = 0.0
+        self._moved = False
+        self._player: Player = session.player
         self._connect()
 
     def refresh(self) -> None:
@@ -60,9 +62,12 @@ class MotionPanel:
         session = self._session
         with session.lock:
             session.player.settle(clock)
-            playing = session.player.playing
-        if not session.following:
+            player, playing = session.player, session.player.playing
+        # Of a motion that rests the visitor's hand knows the place before we do.
+        moved = playing or self._moved or player is not self._player
+        if moved and not session.following:
             self.time.value = round(min(now.place, self.time.max), 2)
+            self._moved, self._player = playing, player
         self.play.disabled, self.pause.disabled = playing, not playing
         if clock - self._written >= _TEXT_EVERY_S or not playing:
             self._written = clock
