@@ -1,4 +1,4 @@
-"""Intervals under noise that is part slow, part white, as drives give it."""
+"""Intervals under noise that is part slow, part white, and of solutions that a prior has moved."""
 
 from __future__ import annotations
 
@@ -10,13 +10,15 @@ from known_robot import recording, ur5
 from scipy.signal import lfilter
 
 from dynid.core.arrays import Array
-from dynid.identification.least_squares import OrdinaryLeastSquares
+from dynid.identification.least_squares import OrdinaryLeastSquares, WeightedLeastSquares
 from dynid.identification.problem import IdentificationProblem
-from dynid.identification.statistics import hac_covariance
+from dynid.identification.statistics import hac_covariance, moved_by_prior
 from dynid.reduction.base import reduce_model
 from dynid.regressor.model import InverseDynamicModel
 from dynid.signals.process import process
 from dynid.signals.samples import ProcessingSettings
+from dynid.workflow.identify import identify
+from dynid.workflow.identify_settings import IdentifySettings
 
 SEEDS = range(14)
 
@@ -43,3 +45,29 @@ def test_intervals_cover_whatever_the_colour_of_the_noise(correlation: float, wh
         # The truth is zero: what is left is noise alone.
         hits.append(np.abs(fit.values) < 1.96 * std)
     assert 0.92 <= np.mean(hits) <= 0.995
+
+
+def test_what_a_prior_moved_is_found_from_the_normal_equations() -> None:
+    base = reduce_model(InverseDynamicModel(robot=ur5()))
+    samples = process(recording(3), ur5(), ProcessingSettings(cutoff_hz=8.0))
+    problem = IdentificationProblem(base=base, samples=samples)
+    fit = WeightedLeastSquares().fit(problem)
+    std = np.sqrt(np.diag(hac_covariance(fit, problem)))
+    np.testing.assert_allclose(moved_by_prior(fit, problem) / std, 0.0, atol=1e-6)
+    moved = np.random.default_rng(0).normal(size=base.rank) * std
+    found = moved_by_prior(replace(fit, values=fit.values + moved), problem)
+    np.testing.assert_allclose(found / std, moved / std, atol=1e-6)
+
+
+def test_intervals_of_consistent_bodies_reach_what_the_data_alone_say() -> None:
+    pytest.importorskip("clarabel")
+    record = recording(0)
+    plain, consistent = (
+        identify([record], ur5(), IdentifySettings(preset="paper", estimator=name)).estimate
+        for name in ("wls", "sdp")
+    )
+    apart = np.abs(consistent.values - plain.values)
+    assert (apart > 1.5 * plain.std).any()
+    # The deviations of the same motion and noise, and what the prior moved.
+    expected = np.hypot(plain.std, apart)
+    assert (consistent.std > 0.9 * expected).all()

@@ -42,7 +42,16 @@ class Wrong:
     tilt_deg: float = 0.0
     load_friction: float = 0.0
     push: float = 0.0
-    """Force on the flange from 6.0 to 6.4 s [N]."""
+    """Force on the flange from 6.0 s [N]."""
+    push_stop: float = 6.4
+    """Its end [s]."""
+    warming: float = 0.0
+    """Share of the viscous friction that is lost along the record."""
+    late: int = 0
+    """Rows by which torques are stamped too late."""
+    exchanged: bool = False
+    """Columns of the second and third joint."""
+    seconds: float = 12.0
     seed: int = 0
 
 
@@ -63,9 +72,9 @@ def arm(folder: Path) -> RobotModel:
     return load_robot(path)
 
 
-def motion() -> tuple[Array, Array, Array, Array]:
+def motion(seconds: float = SECONDS) -> tuple[Array, Array, Array, Array]:
     """t, q, dq, ddq of three joints that never repeat within the record."""
-    t = np.arange(int(SECONDS * RATE)) / RATE
+    t = np.arange(int(seconds * RATE)) / RATE
     q, dq, ddq = np.zeros((3, len(t), 3))
     random = np.random.default_rng(5)
     for speed in 2 * np.pi * np.array([0.15, 0.31, 0.53, 0.79]):
@@ -78,7 +87,7 @@ def motion() -> tuple[Array, Array, Array, Array]:
 
 
 def recording(wrong: Wrong) -> ExperimentRecord:
-    t, q, dq, ddq = motion()
+    t, q, dq, ddq = motion(wrong.seconds)
     model = pin.buildModelFromXML(urdf())
     lean = np.radians(wrong.tilt_deg)
     model.gravity.linear = 9.80665 * np.array(
@@ -87,13 +96,17 @@ def recording(wrong: Wrong) -> ExperimentRecord:
     data = model.createData()
     link = np.array([pin.rnea(model, data, *state) for state in zip(q, dq, ddq, strict=True)])
     push = np.array([0.0, wrong.push, wrong.push, 0.0, 0.0, 0.0])
-    for k in np.flatnonzero((t > 6.0) & (t < 6.4)):
+    for k in np.flatnonzero((t > 6.0) & (t < wrong.push_stop)):
         pin.computeJointJacobians(model, data, q[k])
         frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         link[k] += pin.getJointJacobian(model, data, 3, frame).T @ push
-    friction = (COULOMB + wrong.load_friction * np.abs(link)) * np.tanh(dq / 0.001) + VISCOUS * dq
+    viscous = VISCOUS * (1 - wrong.warming * t[:, None] / t[-1])
+    friction = (COULOMB + wrong.load_friction * np.abs(link)) * np.tanh(dq / 0.001) + viscous * dq
     noise = NOISE * np.random.default_rng(wrong.seed).normal(size=q.shape)
     torque = (link + friction + noise) * np.array(wrong.scales)
+    torque = np.roll(torque, wrong.late, axis=0)
+    if wrong.exchanged:
+        q, torque = q[:, [0, 2, 1]], torque[:, [0, 2, 1]]
     return ExperimentRecord(t=t, signals={"q": q, "effort": torque})
 
 

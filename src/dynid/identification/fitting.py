@@ -22,6 +22,7 @@ from dynid.identification.problem import IdentificationProblem
 from dynid.identification.statistics import (
     essential_parameters,
     hac_covariance,
+    moved_by_prior,
     naive_covariance,
 )
 from dynid.recording.record import ExperimentRecord
@@ -66,6 +67,10 @@ def fit_estimate(
     fit = estimator.fit(problem)
     root = observation_root(problem)
     covariance = hac_covariance(fit, problem)
+    if fit.standard is not None:
+        # What bounds and prior moved is no noise, but as unsure: half of it may be wrong.
+        moved = moved_by_prior(fit, problem)
+        covariance = covariance + np.outer(moved, moved)
     estimate = Estimate(
         model=model,
         independent=base.independent,

@@ -69,6 +69,20 @@ def hac_covariance(fit: Fit, problem: IdentificationProblem) -> Array:
     return covariance * raise_to[:, None] * raise_to[None, :]
 
 
+def moved_by_prior(fit: Fit, problem: IdentificationProblem) -> Array:
+    """(r) how far a solution lies from the weighted least-squares one, which has no prior.
+
+    From the normal equations: H^-1 sum_j w_j^2 W_j' r_j, the wrong way round.
+    """
+    pull = np.zeros(problem.base.rank)
+    square = np.square(fit.weights)[:, None]
+    for _, columns, torque in problem.chunks():
+        residual = torque - np.tensordot(fit.values, columns, axes=1)
+        pull += np.einsum("rjt,jt->r", columns, residual * square, optimize=True)
+    inverse = inverse_upper(fit.information)
+    return np.asarray(-inverse @ (inverse.T @ pull), dtype=np.float64)
+
+
 def correlation_lag(residual: Array, rate_hz: float) -> int:
     """Lags to include, from the residuals' autocorrelation.
 

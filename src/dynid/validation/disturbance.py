@@ -9,8 +9,8 @@ import numpy as np
 from dynid.core.arrays import Array
 from dynid.core.notices import Notice
 from dynid.validation.prediction import ValidationResult
+from dynid.validation.trimmed import WINDOW_S
 
-WINDOW_S = 0.3
 RAISED = 4.0
 """Error of a joint in a window over that of its median window."""
 STRUCK = 8.0
@@ -21,24 +21,32 @@ APART = 2.0
 """A contact's error over the largest elsewhere: what comes back often is friction."""
 LONGEST_SHARE = 0.1
 """Of the record, for all contacts together."""
+LONGEST_TRIMMED = 0.2
+"""... where the fit did without them."""
 MOST = 3
 """Contacts that are told from a wrong model."""
 LEAST_WINDOWS = 20
 DISTURBED = "do not belong to the motion"
 
 
-def disturbed(result: ValidationResult, names: tuple[str, ...]) -> tuple[Notice, ...]:
+def disturbed(
+    result: ValidationResult,
+    names: tuple[str, ...],
+    trimmed: tuple[Array, Array] | None = None,
+) -> tuple[Notice, ...]:
     """Say where a few windows stand far above all others in several joints.
 
     Args:
         result: Prediction against measurement.
         names: (n) joint names.
+        trimmed: Errors by window from `trimmed_errors`; None to take those of the result.
     """
-    starts, ratio = _raised_errors(result)
+    starts, ratio = trimmed or _raised_errors(result)
+    longest = LONGEST_SHARE if trimmed is None else LONGEST_TRIMMED
     if len(starts) < LEAST_WINDOWS:
         return ()
     found: list[str] = []
-    for first, stop in _contacts(ratio):
+    for first, stop in _contacts(ratio, longest):
         part = ratio[first:stop]
         worst = np.unravel_index(int(np.argmax(part)), part.shape)
         found.append(
@@ -54,7 +62,7 @@ def disturbed(result: ValidationResult, names: tuple[str, ...]) -> tuple[Notice,
     return (Notice("corrupt_rows", text),)
 
 
-def _contacts(ratio: Array) -> list[tuple[int, int]]:
+def _contacts(ratio: Array, longest: float) -> list[tuple[int, int]]:
     """Windows (first, one past last) of the stretches that stand apart from all others."""
     largest = ratio.max(axis=1)
     raised = np.flatnonzero(largest > RAISED)
@@ -64,7 +72,7 @@ def _contacts(ratio: Array) -> list[tuple[int, int]]:
         chosen = np.concatenate(groups[:count])
         rest = np.delete(largest, chosen)
         weakest = min(float(largest[g].max()) for g in groups[:count])
-        short = len(chosen) <= max(MOST, LONGEST_SHARE * len(largest))
+        short = len(chosen) <= max(MOST, longest * len(largest))
         if short and weakest > max(STRUCK, APART * float(rest.max(initial=0.0))):
             several = [g for g in groups[:count] if _joints_hit(ratio[g]) >= LEAST_JOINTS]
             return sorted((int(g[0]), int(g[-1]) + 1) for g in several)

@@ -106,8 +106,19 @@ def reproduce(
     stop_s: float | None = None,
 ) -> ValidationResult:
     """As `validate`, for the record that was identified from: the training errors."""
+    return validate_samples(estimate, samples_of(estimate, record, start_s=start_s, stop_s=stop_s))
+
+
+def samples_of(
+    estimate: Estimate,
+    record: ExperimentRecord,
+    *,
+    start_s: float | None = None,
+    stop_s: float | None = None,
+) -> Samples:
+    """A record's samples at its own stamps, processed as an estimate's were, nothing averaged."""
     settings = _settings(estimate, record, start_s, stop_s)
-    return validate_samples(estimate, samples_at_stamps(record, estimate.model.robot, settings))
+    return samples_at_stamps(record, estimate.model.robot, settings)
 
 
 def _settings(

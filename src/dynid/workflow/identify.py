@@ -16,7 +16,6 @@ from dynid.core.provenance import provenance
 from dynid.identification.estimate import Estimate
 from dynid.identification.fitting import fit_estimate
 from dynid.identification.loading import with_load
-from dynid.identification.plausibility import implausible_gravity
 from dynid.identification.ripple import with_ripple
 from dynid.identification.selection import Progress
 from dynid.recording.identity import identity
@@ -28,9 +27,8 @@ from dynid.robot.model import RobotModel
 from dynid.signals.filters import NYQUIST_SHARE
 from dynid.signals.process import process
 from dynid.signals.samples import ProcessingSettings, joined
-from dynid.validation.disturbance import disturbed
+from dynid.validation.findings import wrong_inputs
 from dynid.validation.prediction import ValidationResult, reproduce, validate
-from dynid.validation.wrong_inputs import suspicious_inputs
 from dynid.workflow.choosing import choose
 from dynid.workflow.identify_settings import IdentifySettings, chosen_estimator
 
@@ -176,9 +174,14 @@ def _identify(
     result = None
     warnings = [
         *estimate.warnings,
-        *implausible_gravity(estimate),
-        *suspicious_inputs(estimate, samples),
-        *disturbed(training, robot.joint_names),
+        *wrong_inputs(
+            estimate,
+            samples,
+            records[0],
+            training,
+            start_s=settings.start_s,
+            stop_s=settings.stop_s,
+        ),
     ]
     for record in records:
         warnings += [notice for notice in record.problems if notice not in warnings]

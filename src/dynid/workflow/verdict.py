@@ -15,6 +15,8 @@ from dynid.workflow.identify import Identification
 
 CARE = frozenset({"not_physical", "over_fitted", "saturated", "unit_suspect", "clock_mismatch"})
 """Codes that ask for a look before the result is used."""
+INPUTS = frozenset({"clock_mismatch", "unit_suspect"})
+"""Codes that name a wrong input; some of these forbid the result by themselves."""
 UNEXPLAINED = 40.0
 """[%] of the torque of moving joints that the fit to its own record may leave."""
 POOR_PREDICTION = 15.0
@@ -72,6 +74,13 @@ def verdict(result: Identification) -> Verdict:
     codes = {n.code for n in result.warnings if not n.message.endswith(UNWRAPPED)}
     fit = result.training.moving.relative_error_overall_percent
     wrong = any(n.code == "not_physical" and DO_NOT_USE in n.message for n in result.warnings)
+    found_out = [
+        n.message.split(":")[0].removesuffix(f", and {DO_NOT_USE}")
+        for n in result.warnings
+        if n.code in INPUTS and DO_NOT_USE in n.message
+    ]
+    if found_out:
+        return Verdict(level="do_not_use", reasons=tuple(found_out))
     if wrong or not fit <= UNEXPLAINED:
         return Verdict(level="do_not_use", reasons=tuple(_unexplained(fit, wrong)))
     # A mounting that was set straight is called ill_conditioned as well, and forbids nothing.

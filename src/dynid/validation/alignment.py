@@ -1,0 +1,80 @@
+"""Torques and motion that were stamped by different clocks: an offset in time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynid.core.arrays import Array, Indices
+from dynid.core.notices import Notice
+from dynid.identification.diagnostics import DO_NOT_USE
+from dynid.identification.estimate import Estimate
+from dynid.identification.problem import recorded_rows
+from dynid.signals.samples import Samples
+
+WIDEST_S = 1.5
+"""Offsets that are looked for."""
+STEP_S = 0.02
+LEAST_S = 0.08
+"""Smaller ones are delays, and preset best finds those a joint."""
+LEFT = 0.15
+"""Share of the residual sum that has to go with the offset."""
+MOST_ROWS = 1000
+WIDEST_SHARE = 0.15
+"""Of the record."""
+
+
+def time_offset(estimate: Estimate, samples: Samples) -> float | None:
+    """Seconds by which torques are stamped later than their motion, beyond known delays.
+
+    The model is fitted to the motion once, and torques of other instants are tried.
+
+    Args:
+        estimate: The estimate.
+        samples: The record it was identified from.
+
+    Returns:
+        None where the torques belong where they are.
+    """
+    rate, used = samples.rate_hz, samples.rows
+    most = int(min(WIDEST_S * rate, WIDEST_SHARE * (used.stop - used.start)))
+    step = max(1, round(STEP_S * rate))
+    if most < 3 * step:
+        return None
+    count = used.stop - used.start - 2 * most
+    thin = max(1, count // MOST_ROWS)
+    chosen: Indices = np.arange(0, count, thin, dtype=np.intp)
+    rows: Indices = chosen + used.start + most
+    model, columns = estimate.model, list(estimate.independent)
+    inner = slice(used.start + most, used.stop - most)
+    stack, torque = recorded_rows(model, samples, inner, columns)
+    known = torque - samples.tau[inner].T
+    scale = 1.0 / np.maximum(samples.tau.std(axis=0), 1e-12)
+    width = len(columns)
+    design = (stack[:, :, chosen] * scale[None, :, None]).reshape(width, -1).T
+    norms = np.linalg.norm(design, axis=0)
+    basis = np.linalg.qr(design[:, norms > 0] / norms[norms > 0])[0]
+
+    def left(shift: int) -> float:
+        moved = (samples.tau[rows + shift].T + known[:, chosen]) * scale[:, None]
+        flat: Array = moved.ravel()
+        return float(flat @ flat - np.square(basis.T @ flat).sum()) / float(flat @ flat)
+
+    shifts = np.arange(-most, most + 1, step)
+    sums = np.array([left(int(shift)) for shift in shifts])
+    best = int(np.argmin(sums))
+    if best in (0, len(shifts) - 1) or abs(shifts[best]) < LEAST_S * rate:
+        return None
+    if sums[best] > LEFT * left(0):
+        return None
+    near = range(int(shifts[best]) - step, int(shifts[best]) + step + 1)
+    return min(near, key=left) / rate
+
+
+def offset_notice(offset_s: float) -> Notice:
+    """An offset from `time_offset` in words."""
+    when = "later" if offset_s > 0 else "earlier"
+    return Notice(
+        "clock_mismatch",
+        f"the torques were stamped {abs(offset_s):.2f} s {when} than the motion they belong to: "
+        f"two clocks? Shift one of them in the file; {DO_NOT_USE}",
+    )
