@@ -5,12 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from chains_for_constraints import random_arm
 
 from dynid.constraints.presets import safe_constraints
 from dynid.constraints.scene import read_scene, scene_from_json
 from dynid.constraints.settings import ConstraintSettings
 from dynid.constraints.shapes import BOX, HALF_SPACE
 from dynid.core.errors import InputError
+from dynid.robot.capsule import Capsule
 from dynid.robot.load import load_robot
 from dynid.trajectory.bounds import MotionBounds, usable_bounds
 from dynid.trajectory.json_fields import JsonFields
@@ -150,3 +152,23 @@ def test_a_payload_that_no_pose_can_carry_is_refused() -> None:
     huge = {"payload": [{"type": "sphere", "radius": 2, "position": [0, 0, 0]}]}
     with pytest.raises(InputError, match="in collision in every pose"):
         safe_constraints(load_robot("ur5"), scene_from_json(JsonFields(huge)))
+
+
+def test_what_hardly_reaches_a_wall_is_still_judged_against_it() -> None:
+    # 1000 poses are tried; the one in which the arm points at the wall is not among them.
+    tip = Capsule(name="tip 1", link=2, start=[0.4, 0, 0], end=[0.45, 0, 0], radius=0.05)
+    ball = Capsule(name="ball 1", link=0, start=[0, 0, 0], end=[0, 0, 0.1], radius=0.05)
+    arm = replace(random_arm(2, 0, slides=False), capsules=(ball, tip))
+    placements = np.tile(np.eye(4), (2, 1, 1))
+    arm = replace(arm, placements=placements, axes=np.array([[0.0, 0, 1], [0.0, 1, 0]]))
+    turn = -1.06
+    still, pointing = np.zeros((1, 2)), np.array([[turn, 0.0]])
+    # Of the poses tried none comes nearer than 7 mm to a wall that is 1 mm within reach.
+    x, y = np.cos(turn), np.sin(turn)
+    wall = {"type": "wall", "point": [0.499 * x, 0.499 * y, 0], "normal": [-x, -y, 0]}
+    judge = safe_constraints(arm, scene(wall), acceleration=10.0)
+    assert any("tip is 0.007 m from 'wall 1'" in note for note in judge.notes)
+    usage = judge.usage(pointing, still, still)
+    assert not usage.feasible
+    assert usage.distance("environment") < 0.01
+    assert judge.usage(pointing + 0.5, still, still).feasible

@@ -109,6 +109,16 @@ def test_far_links_are_judged_however_wide() -> None:
     links = bodies.link[bodies.pairs]
     assert ((links == [1, 5]).all(axis=1)).any()
     assert not ((links == [3, 5]).all(axis=1)).any()
+    # Three links on, but in each other in every pose: shapes that say nothing, and no design.
+    inside = [
+        Capsule(name="in", link=k, start=[0, 0, 0], end=[0, 0, 0], radius=2.0) for k in (2, 5)
+    ]
+    judge = safe_constraints(replace(robot, capsules=(*robot.capsules, *inside)))
+    assert judge.surroundings is not None
+    bodies = judge.surroundings.bodies
+    assert not (bodies.link[bodies.pairs] == [2, 5]).all(axis=1).any()
+    assert any("100% of all poses" in note for note in judge.notes)
+    assert not judge.surroundings.complete["self_collision"]
 
 
 def safe_e_series(name: str):

@@ -118,11 +118,19 @@ def test_what_is_unknown_does_not_bind_and_is_null() -> None:
         robot,
         capsules=(),
         safety=type(robot.safety)(),
+        limits=replace(
+            robot.limits,
+            lower=np.array([-2.0, np.nan, -2.0]),
+            velocity=np.array([np.nan, 2.0, np.nan]),
+            acceleration=np.full(3, np.nan),
+        ),
         inertias=np.full((3, 10), np.nan),
     )
-    judge = everything(bare, None)
+    settings = ConstraintSettings(bounds=usable_bounds(bare.limits), self_clearance=0.01)
+    judge = MotionConstraints(bare, settings)
     margins = judge.usage(*random_states(3, 5, 0)).margins
     assert {kind for kind, value in margins.items() if value is None} == {
+        "acceleration",
         "torque",
         "tcp_speed",
         "elbow_speed",
@@ -133,3 +141,7 @@ def test_what_is_unknown_does_not_bind_and_is_null() -> None:
     }
     assert any("no shapes are known" in note for note in judge.notes)
     assert any("torque and power are not judged" in note for note in judge.notes)
+    text = "; ".join(judge.notes)
+    assert "no position limits are known of joint_2: taken as -3.142 to 2" in text
+    assert "velocity is not judged of joint_1, joint_3: no limit" in text
+    assert "acceleration is not judged of any joint: no limit" in text

@@ -98,7 +98,7 @@ def surroundings_of(
     every_hold = holds
     holds = free_holds(holds, held, capsules, carried, robot.joints, settings.self_clearance, notes)
     left_out |= len(holds) < len(every_hold)
-    meetings = reachable(meetings, around, capsules, shapes, settings.clearance, notes)
+    nearer = reachable(meetings, around, capsules, shapes, settings.clearance, notes)
     if not pairs and not holds and not meetings:
         return None
     names = {
@@ -109,6 +109,7 @@ def surroundings_of(
         "environment": [f"{capsules[a].name} - {shapes[s].name}" for a, s in meetings],
     }
     bodies = _bodies(robot, capsules, shapes, carried, pairs, holds, meetings)
+    bodies = replace(bodies, nearer=read_only(np.array(nearer)))
     links = bodies.link[bodies.pairs]
     met = bodies.distances(poses)[0][:, : len(pairs)].min(axis=0, initial=np.inf) < _FAR
     met |= links[:, 1] - links[:, 0] > _FEW_JOINTS
@@ -174,6 +175,7 @@ def _bodies(
         pairs=np.array(pairs, dtype=np.intp).reshape(-1, 2),
         overlap=read_only(_overlaps(robot, capsules, pairs)),
         holds=held,
+        nearer=read_only(np.zeros(len(meetings))),
         meetings=np.array(meetings, dtype=np.intp).reshape(-1, 2),
     )
 

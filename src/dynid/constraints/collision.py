@@ -54,6 +54,8 @@ class Bodies:
     """(H, 2) capsule of the arm and carried shape that must not meet, group by group."""
     meetings: Indices
     """(E, 2) capsule and shape of the scene that must not meet, group by group."""
+    nearer: Array
+    """(E) how much nearer than the clearance a meeting may be [m]."""
     pair_groups: Indices = field(init=False)
     """(G, 4) inner link, outer link, first pair, last pair + 1."""
     hold_groups: Indices = field(init=False)
@@ -76,8 +78,8 @@ class Bodies:
 
         Returns:
             (N, P + H) between capsules, their overlap added, and from them to what is carried,
-            and (N, E) from capsules to shapes of the scene [m]. Capsules that intersect deeper
-            than to their middle lines keep their least value.
+            and (N, E) from capsules to shapes of the scene, `nearer` added [m]. Capsules that
+            intersect deeper than to their middle lines keep their least value.
         """
         own = np.empty((len(q), len(self.pairs) + len(self.holds)))
         around = np.empty((len(q), len(self.meetings)))
@@ -92,6 +94,7 @@ class Bodies:
             self.overlap,
             self.holds,
             self.meetings,
+            self.nearer,
             samples_of(q),
             own,
             around,
@@ -110,11 +113,14 @@ class Bodies:
             way: (N, n) how far each joint may move from q [rad or m]; None for not at all.
         """
         if around:
-            return self._nearest(q, self.meetings, self.meeting_groups, None, travel, way)
-        found = self._nearest(q, self.pairs, self.pair_groups, self.overlap, travel, way)
+            groups = self.meeting_groups
+            return self._nearest(q, self.meetings, groups, self.nearer, True, travel, way)
+        groups = self.pair_groups
+        found = self._nearest(q, self.pairs, groups, self.overlap, False, travel, way)
         if not len(self.holds):
             return found
-        held = self._nearest(q, self.holds, self.hold_groups, None, travel, way)
+        none = np.zeros(len(self.holds))
+        held = self._nearest(q, self.holds, self.hold_groups, none, True, travel, way)
         nearer = held.distance < found.distance
         return Nearest(
             distance=np.where(nearer, held.distance, found.distance),
@@ -127,12 +133,12 @@ class Bodies:
         q: Array,
         pairs: Indices,
         groups: Indices,
-        overlap: Array | None,
+        overlap: Array,
+        solid: bool,
         travel: Array | None,
         way: Array | None,
     ) -> Nearest:
-        """The nearest of some pairs: of capsules with an overlap, else of capsule and shape."""
-        solid = overlap is None
+        """The nearest of some pairs: of capsule and shape if `solid`, else of capsules."""
         slack = np.zeros((len(q), len(groups)))
         if way is not None and travel is not None:
             slack = way @ self._rates(groups, solid, travel).T
@@ -147,7 +153,7 @@ class Bodies:
             self.shapes,
             len(self.corners),
             pairs,
-            np.zeros(len(pairs)) if overlap is None else np.array(overlap),
+            np.array(overlap),
             groups,
             solid,
             samples_of(q),
@@ -184,6 +190,7 @@ class Bodies:
             self.holds,
             self.hold_groups,
             self.meetings,
+            self.nearer,
             self.meeting_groups,
             samples_of(q),
             own,

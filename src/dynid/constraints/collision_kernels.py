@@ -69,6 +69,7 @@ def all_distances(
     overlap: Array,
     holds: Indices,
     meetings: Indices,
+    nearer: Array,
     q: Array,
     own: Array,
     around: Array,
@@ -91,7 +92,7 @@ def all_distances(
         for p in range(len(meetings)):
             a, s = meetings[p]
             far = segment_to_shape(solids[s], placed[a, 0], placed[a, 1], slope)[0]
-            around[k, p] = far - radius[a]
+            around[k, p] = far - radius[a] + nearer[p]
 
 
 @njit(cache=True, error_model="numpy")
@@ -181,7 +182,7 @@ def nearest(
                     continue
                 if around:
                     far = segment_to_shape(solids[b], placed[a, 0], placed[a, 1], slope)[0]
-                    far -= radius[a]
+                    far -= radius[a] - overlap[p]
                 else:
                     far = closest_on_segments(
                         placed[a, 0], placed[a, 1], placed[b, 0], placed[b, 1]

@@ -136,10 +136,10 @@ def _of_piece(piece: Piece) -> Array:
     for order in range(7):
         steepest.append(np.abs(polynomial).sum(axis=1) + sizes @ turns**order)
         if order < 5:
-            powers: Array = s[:, None] ** np.arange(polynomial.shape[1])
-            value = powers @ polynomial.T
+            exponents = np.arange(polynomial.shape[1], dtype=np.float64)
+            value: Array = np.power(s[:, None], exponents) @ polynomial.T
             if waves:
-                value += harmonic_basis(s, 1.0, waves)[0] @ np.hstack([sine, cosine]).T
+                value = value + harmonic_basis(s, 1.0, waves)[0] @ np.hstack([sine, cosine]).T
             values.append(value)
         polynomial = polynomial[:, 1:] * np.arange(1.0, polynomial.shape[1])
         # Of a sin - b cos: w a cos + w b sin, again of that form.

@@ -12,7 +12,6 @@ _NEAR = 2
 """Links this far apart, or from the base, may always be close together by construction."""
 _MOSTLY = 0.5
 """Share of poses beyond which the capsules of near links say more of themselves than of the arm."""
-_TOUCHING = 0.0
 
 
 def free_pairs(
@@ -87,19 +86,19 @@ def _too_wide(
     clearance: float,
     notes: list[str],
 ) -> set[tuple[int, int]]:
-    """Near links whose capsules overlap most of the time: arms are not built like that."""
+    """Links whose capsules overlap mostly, if near, or always: arms are not built like that."""
     links = [(capsules[a].link, capsules[b].link) for a, b in pairs]
     found: set[tuple[int, int]] = set()
-    for near in {pair for pair in links if pair[1] - pair[0] <= _NEAR}:
-        rows = [k for k, pair in enumerate(links) if pair == near]
+    for two in sorted(set(links)):
+        rows = [k for k, pair in enumerate(links) if pair == two]
         share = float((own[:, rows] < clearance).any(axis=1).mean())
-        if share > _MOSTLY:
-            names = " and ".join(("base", *robot.joint_names)[link] for link in near)
+        if share == 1.0 or (two[1] - two[0] <= _NEAR and share > _MOSTLY):
+            names = " and ".join(("base", *robot.joint_names)[link] for link in two)
             notes.append(
                 f"{names} are not judged against each other: their capsules overlap"
                 f" in {share:.0%} of all poses (give better ones: [[capsule]] in a robot file)"
             )
-            found.add(near)
+            found.add(two)
     return found
 
 
@@ -110,18 +109,22 @@ def reachable(
     shapes: tuple[Shape, ...],
     clearance: float,
     notes: list[str],
-) -> list[tuple[int, int]]:
-    """The pairs of capsule and shape that can be judged; arguments as in `free_pairs`.
+) -> list[float]:
+    """How much nearer than the clearance each pair of capsule and shape may be [m].
+
+    Arguments as in `free_pairs`. Bodies beside the base that are near a shape and never touch it,
+    such as the shoulder of an arm that stands on the floor, must keep half of their least distance.
 
     Raises:
         InputError: A capsule of a moving link is in a shape in every pose.
     """
-    kept: list[tuple[int, int]] = []
+    found: list[float] = []
+    near: dict[tuple[str, str], float] = {}
     for (a, s), far in zip(meetings, around.T, strict=True):
-        name, shape = capsules[a].name, shapes[s].name
+        item, shape = capsules[a], shapes[s].name
         if float(far.max()) <= 0:
             raise InputError(
-                f"the scene leaves the robot no room: {name} is in '{shape}' in every pose",
+                f"the scene leaves the robot no room: {item.name} is in '{shape}' in every pose",
                 where=shape,
                 value=f"{float(far.max()):.3f} m",
                 limit="0 m",
@@ -129,9 +132,13 @@ def reachable(
                 " from walls.",
             )
         least = float(far.min())
-        if capsules[a].link <= _NEAR and _TOUCHING < least < clearance:
-            # Such as the shoulder of an arm that stands on the floor.
-            notes.append(f"{name} and '{shape}' keep {least:.3f} m in every pose: not judged")
-        else:
-            kept.append((a, s))
-    return kept
+        beside = item.link <= _NEAR and 0.0 < least < clearance
+        found.append(clearance - least / 2 if beside else 0.0)
+        if beside:
+            part = (item.name.rsplit(" ", 1)[0], shape)
+            near[part] = min(least, near.get(part, clearance))
+    notes += [
+        f"{part} is {least:.3f} m from '{shape}' whatever the arm does: held to half of that there"
+        for (part, shape), least in near.items()
+    ]
+    return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dynid.core.arrays import Array
+from dynid.robot.model import RobotModel
 from dynid.trajectory.bounds import MotionBounds
 
 
@@ -37,6 +38,33 @@ def bound_violation(
         total += float(np.vdot(over, over))
         slopes.append(2.0 * over * np.sign(value) / limit)
     return total, slopes[0], slopes[1], slopes[2]
+
+
+def bound_notes(robot: RobotModel, bounds: MotionBounds) -> list[str]:
+    """What the robot does not say of its bounds, in words: what is unknown does not bind."""
+    notes: list[str] = []
+    unknown = np.isnan(robot.limits.lower) | np.isnan(robot.limits.upper)
+    taken = unknown & np.isfinite(bounds.lower) & np.isfinite(bounds.upper)
+    if taken.any():
+        low, high = float(bounds.lower[taken].min()), float(bounds.upper[taken].max())
+        notes.append(
+            f"no position limits are known of {_joints(robot, taken)}: taken as {low:.4g} to"
+            f" {high:.4g}"
+        )
+    for name, values in (("velocity", bounds.velocity), ("acceleration", bounds.acceleration)):
+        free = np.isinf(values)
+        if free.any():
+            notes.append(
+                f"{name} is not judged of {_joints(robot, free)}: no limit is known ([limits] in a"
+                " robot file)"
+            )
+    return notes
+
+
+def _joints(robot: RobotModel, which: Array) -> str:
+    if which.all():
+        return "any joint"
+    return ", ".join(name for name, one in zip(robot.joint_names, which, strict=True) if one)
 
 
 def _range(bounds: MotionBounds) -> tuple[Array, Array]:

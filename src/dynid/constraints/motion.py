@@ -9,7 +9,7 @@ import numpy as np
 
 from dynid.constraints.bodies import surroundings_of
 from dynid.constraints.dynamic import TorqueJudge
-from dynid.constraints.kinematic import bound_ratios, bound_violation
+from dynid.constraints.kinematic import bound_notes, bound_ratios, bound_violation
 from dynid.constraints.points import judged_points
 from dynid.constraints.prior import prior_dynamics, prior_link
 from dynid.constraints.settings import ConstraintSettings
@@ -40,7 +40,7 @@ class MotionConstraints:
             )
         self.robot = robot
         self.settings = settings
-        notes: list[str] = []
+        notes = bound_notes(robot, settings.bounds)
         self.surroundings = surroundings_of(robot, settings, notes)
         loaded = _loaded(robot, settings)
         self.torque = _torque_judge(loaded, settings, notes)

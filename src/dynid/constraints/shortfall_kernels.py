@@ -46,6 +46,7 @@ def _along(segment: Array, t: float) -> tuple[float, float, float]:
 @njit(cache=True, error_model="numpy")
 def _from_shapes(
     meetings: Indices,
+    nearer: Array,
     groups: Indices,
     link: Indices,
     radius: Array,
@@ -71,7 +72,7 @@ def _from_shapes(
             continue
         for p in range(groups[g, 2], groups[g, 3]):
             a, b = meetings[p]
-            touch = float(radius[a] + clearance)
+            touch = float(radius[a] + clearance - nearer[p])
             x0, x1, x2 = middles[a, 0], middles[a, 1], middles[a, 2]
             if signed_distance(shapes[b], x0, x1, x2, way) >= touch + half[a]:
                 continue
@@ -105,6 +106,7 @@ def shortfalls(
     holds: Indices,
     hold_groups: Indices,
     meetings: Indices,
+    nearer: Array,
     meeting_groups: Indices,
     q: Array,
     own: float,
@@ -122,6 +124,7 @@ def shortfalls(
         for r in range(3):
             square += (ends[c, 1, r] - ends[c, 0, r]) ** 2
         half[c] = 0.5 * math.sqrt(square)
+    none = np.zeros(len(holds))
     total = 0.0
     for k in range(len(q)):
         place_capsules(joints, link, ends, q[k], turn, origin, axis, placed)
@@ -171,6 +174,7 @@ def shortfalls(
         for inside in (True, False):
             total += _from_shapes(
                 holds if inside else meetings,
+                none if inside else nearer,
                 hold_groups if inside else meeting_groups,
                 link,
                 radius,
