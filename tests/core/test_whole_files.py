@@ -58,12 +58,12 @@ def test_the_file_gets_the_rights_of_any_new_file(tmp_path: Path) -> None:
 
 def test_a_place_that_cannot_be_written_is_named_with_its_reason(tmp_path: Path) -> None:
     for path in (tmp_path / "none" / "a.json", tmp_path):
-        with pytest.raises(JobError, match="cannot be written") as caught:
+        with pytest.raises(InputError, match="cannot be written") as caught:
             write_text(path, "a")
         assert caught.value.where == str(path)
         assert caught.value.value in {os.strerror(errno.ENOENT), os.strerror(errno.EISDIR)}
     for nameless in (Path("."), tmp_path / "a\0b"):
-        with pytest.raises(JobError, match="cannot be written"):
+        with pytest.raises(InputError, match="cannot be written"):
             write_text(nameless, "a")
     assert names(tmp_path) == []
 

@@ -5,16 +5,18 @@ from __future__ import annotations
 import threading
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from dynid.core.errors import JobError
+from dynid.core.errors import InputError, JobError
 from dynid.core.notices import Notice
 from dynid.drivers.driver import Driver, Execution, Outcome, Progress, Recorder, Source
 from dynid.drivers.watchdog import Abort
 from dynid.experiment.plan import ExperimentPlan
 from dynid.experiment.run import run
+from dynid.recording.writer import RecordWriter
 from dynid.robot.load import load_robot
 from dynid.trajectory.rest import rest_series
 
@@ -104,3 +106,30 @@ def test_an_error_before_the_motion_stays_an_error() -> None:
 
     with pytest.raises(JobError, match="cannot be started"):
         run(PLAN, Scripted([None, None, None]), open_recorder)
+
+
+def test_a_stop_before_the_second_sample_is_a_stop(tmp_path: Path) -> None:
+    names = [f"joint {k}" for k in range(6)]
+    result = run(
+        PLAN,
+        Scripted([None, None, STOP]),
+        lambda: RecordWriter(tmp_path / "run.parquet", names, ("q",)),
+    )
+    assert result.outcome.abort == STOP
+    assert result.stopped_in == "run"
+
+
+def test_a_recording_that_cannot_be_ended_stops_nothing_but_is_said(tmp_path: Path) -> None:
+    class Gone(RecordWriter):
+        def close(self) -> None:
+            super().close()
+            raise InputError("the file cannot be written", where="run.parquet")
+
+    names = [f"joint {k}" for k in range(6)]
+    writer = Gone(tmp_path / "run.parquet", names, ("q",))
+    for k in range(3):
+        writer.append(float(k), {"q": np.zeros(6)})
+    result = run(PLAN, Scripted([None, None, None]), lambda: writer)
+    assert result.outcome.abort is not None
+    assert result.outcome.abort.code == "recording"
+    assert "cannot be written" in result.outcome.abort.message

@@ -239,7 +239,7 @@ def test_without_another_program_it_says_so(
 def test_refuses_what_it_cannot_do(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="unknown format"):
         write_model(truth(ROBOTS["ur5"]), "sdf", tmp_path / "arm")
-    with pytest.raises(JobError, match="cannot be written"):
+    with pytest.raises(InputError, match="cannot be written"):
         write_model(truth(ROBOTS["ur5"]), "json", tmp_path / "none" / "arm")
 
 

@@ -186,7 +186,7 @@ def test_files_are_written_in_both_colours(gallery: dict[str, Canvas], tmp_path:
     assert grounds[0] != grounds[1]
     with pytest.raises(dynid.InputError, match="figure format"):
         write_figure(gallery["moving"], tmp_path / "a.gif")
-    with pytest.raises(dynid.JobError, match="cannot be written"):
+    with pytest.raises(dynid.InputError, match="cannot be written"):
         write_figure(gallery["moving"], tmp_path / "none" / "a.html")
 
 

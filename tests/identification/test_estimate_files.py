@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from known_robot import recording, ur5
 
-from dynid.core.errors import InputError, JobError
+from dynid.core.errors import InputError
 from dynid.identification.estimate import Estimate
 from dynid.identification.estimate_file import read_estimate, write_estimate
 from dynid.validation.prediction import validate
@@ -50,7 +50,7 @@ def test_the_file_is_strict_json_without_pickles(estimate: Estimate, tmp_path: P
 
 
 def test_unwritable_and_missing_files_are_said(estimate: Estimate, tmp_path: Path) -> None:
-    with pytest.raises(JobError, match="cannot be written"):
+    with pytest.raises(InputError, match="cannot be written"):
         write_estimate(estimate, tmp_path / "absent" / "estimate.json")
     with pytest.raises(InputError, match="cannot be read"):
         read_estimate(tmp_path / "absent.json")

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from dynid.core.errors import JobError, RecordError
+from dynid.core.errors import InputError, RecordError
 from dynid.core.notices import CODES, Notice
 from dynid.recording.parquet import KEY, read_record, write_record
 from dynid.recording.record import JOINT_QUANTITIES, ExperimentRecord, RecordMetadata
@@ -124,7 +124,7 @@ def test_failed_write_keeps_the_old_file(tmp_path: Path, monkeypatch) -> None:
 
 
 def test_unwritable_place_is_one_error(tmp_path: Path) -> None:
-    with pytest.raises(JobError, match="cannot be written"):
+    with pytest.raises(InputError, match="cannot be written"):
         write_record(small_record(), tmp_path / "no" / "folder" / "run.parquet")
 
 

@@ -141,7 +141,7 @@ def test_wrong_places_are_said(tmp_path: Path, finished_run: Path) -> None:
     with pytest.raises(dynid.InputError, match="no estimate"):
         report(tmp_path, tmp_path / "r.html")
     contents = ReportContents(title="t", directory=tmp_path)
-    with pytest.raises(dynid.JobError, match="cannot be written"):
+    with pytest.raises(dynid.InputError, match="cannot be written"):
         write_report(contents, tmp_path / "none" / "r.html")
 
 

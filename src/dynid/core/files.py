@@ -2,13 +2,47 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from dynid.core.errors import InputError, JobError
+from dynid.core.errors import DynidError, InputError, JobError
+
+_NO_SUCH_PLACE = frozenset(
+    {
+        errno.ENOENT,
+        errno.ENOTDIR,
+        errno.EISDIR,
+        errno.EACCES,
+        errno.EPERM,
+        errno.EROFS,
+        errno.ENAMETOOLONG,
+        errno.ELOOP,
+    }
+)
+"""What systems say of a place that the caller chose badly."""
+
+
+def cannot_write(path: Path, error: OSError | ValueError) -> DynidError:
+    """The error to raise where a file cannot be written: the caller's fault or the disk's.
+
+    Args:
+        path: The file.
+        error: What the system said; a ValueError where the name is none for a file.
+    """
+    if isinstance(error, ValueError) or error.errno in _NO_SUCH_PLACE:
+        return InputError(
+            "the file cannot be written",
+            where=str(path),
+            value=getattr(error, "strerror", None) or str(error),
+            next_step="Name a file in a folder that exists and may be written to.",
+        )
+    return JobError(
+        "the file cannot be written", where=str(path), value=error.strerror or str(error)
+    )
 
 
 def write_text(path: Path, text: str) -> None:
@@ -19,7 +53,8 @@ def write_text(path: Path, text: str) -> None:
         text: Its content.
 
     Raises:
-        JobError: The file cannot be written.
+        InputError: A place where no such file can be.
+        JobError: The disk does not take it.
     """
     # Beside the file: only within one folder does a rename happen in one piece.
     try:
@@ -29,14 +64,8 @@ def write_text(path: Path, text: str) -> None:
             part.replace(path)
         finally:
             part.unlink(missing_ok=True)
-    # ValueError: no name for a file at all.
     except (OSError, ValueError) as error:
-        raise JobError(
-            "the file cannot be written",
-            where=str(path),
-            value=getattr(error, "strerror", None) or str(error),
-            next_step="Name a file in a folder that exists and has room.",
-        ) from error
+        raise cannot_write(path, error) from error
 
 
 def write_json(path: Path, data: Mapping[str, Any]) -> None:
@@ -47,8 +76,8 @@ def write_json(path: Path, data: Mapping[str, Any]) -> None:
         data: JSON values; NaN and infinity are none.
 
     Raises:
-        InputError: Something that JSON cannot hold.
-        JobError: The file cannot be written.
+        InputError: Something that JSON cannot hold, or a place where no such file can be.
+        JobError: The disk does not take it.
     """
     try:
         text = json.dumps(data, indent=1, allow_nan=False)

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from threading import Event
 
-from dynid.core.errors import JobError
+from dynid.core.errors import DynidError
 from dynid.core.notices import Notice
 from dynid.drivers.driver import Driver, Execution, Outcome, Progress, Recorder
 from dynid.drivers.watchdog import Abort
@@ -72,8 +72,8 @@ def _recorded(
             outcome = driver.execute(execution, recorder, cancel=cancel, progress=progress)
             if outcome.abort is not None:
                 _mark(recorder, outcome.abort, outcome.samples)
-    except JobError as error:
-        # Before the motion it is an error; after it, the disk refused the end of the recording.
+    except DynidError as error:
+        # Before the motion it is an error; after it, the end of the recording was refused.
         if outcome is None:
             raise
         refused = Abort("recording", str(error))

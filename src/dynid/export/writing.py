@@ -11,6 +11,7 @@ import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError, JobError
+from dynid.core.files import cannot_write
 from dynid.export import mjcf, urdf
 from dynid.export.c_code import c_code, c_prefix
 from dynid.export.json_model import model_from_json, model_to_json
@@ -62,9 +63,9 @@ def write_model(estimate: Estimate, to: str, path: str | Path, note: str = "") -
         note: Where the model comes from, for the file's head.
 
     Raises:
-        InputError: An unknown format.
-        JobError: A model that the format cannot hold, torques that differ, or a file that cannot
-            be written.
+        InputError: An unknown format, or a place where no such file can be.
+        JobError: A model that the format cannot hold, torques that differ, or a disk that does
+            not take the file.
     """
     if to not in FORMATS:
         raise InputError("unknown format", where="--to", value=to, limit=", ".join(FORMATS))
@@ -92,9 +93,7 @@ def write_model(estimate: Estimate, to: str, path: str | Path, note: str = "") -
             )
         part.replace(path)
     except OSError as error:
-        raise JobError(
-            "the file cannot be written", where=str(path), value=error.strerror or str(error)
-        ) from error
+        raise cannot_write(path, error) from error
     finally:
         part.unlink(missing_ok=True)
     missing = () if held is None else left_out(model, held)

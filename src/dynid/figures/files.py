@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dynid.core.errors import InputError, JobError
-from dynid.core.files import write_text
+from dynid.core.files import cannot_write, write_text
 from dynid.core.optional import require
 from dynid.figures.canvas import Canvas, copied
 from dynid.figures.theme import paint
@@ -26,8 +26,8 @@ def write_figure(drawn: Canvas, path: str | Path, *, dark: bool = False) -> Path
         dark: On a dark ground.
 
     Raises:
-        InputError: Another ending.
-        JobError: The file cannot be written, or there is no browser for SVG and PNG.
+        InputError: Another ending, or a place where no such file can be.
+        JobError: The disk does not take the file, or there is no browser for SVG and PNG.
         MissingExtraError: The package that drives the browser is not installed.
     """
     target = Path(path)
@@ -42,9 +42,7 @@ def write_figure(drawn: Canvas, path: str | Path, *, dark: bool = False) -> Path
         else:
             _draw(painted, target)
     except OSError as error:
-        raise JobError(
-            "the figure cannot be written", where=str(target), value=error.strerror
-        ) from error
+        raise cannot_write(target, error) from error
     return target
 
 

@@ -69,7 +69,8 @@ def write_estimate(estimate: Estimate, path: Path | str) -> None:
     """Write an estimate as JSON.
 
     Raises:
-        JobError: The file cannot be written.
+        InputError: A place where no such file can be.
+        JobError: The disk does not take it.
     """
     write_json(Path(path), estimate_to_json(estimate))
 

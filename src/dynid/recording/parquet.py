@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from dynid.core.arrays import Array
-from dynid.core.errors import JobError, RecordError
+from dynid.core.errors import RecordError
+from dynid.core.files import cannot_write
 from dynid.recording.record import ExperimentRecord
 from dynid.recording.schema import (
     UNITS,
@@ -38,7 +39,8 @@ def write_record(record: ExperimentRecord, path: str | Path) -> None:
         path: The file to write; an existing one is replaced.
 
     Raises:
-        JobError: The file cannot be written.
+        InputError: A place where no such file can be.
+        JobError: The disk does not take it.
     """
     target = Path(path)
     names, columns = _columns(record)
@@ -80,9 +82,7 @@ def write_record(record: ExperimentRecord, path: str | Path) -> None:
         finally:
             draft.unlink(missing_ok=True)
     except OSError as error:
-        raise JobError(
-            "the recording cannot be written", where=str(target), value=error.strerror
-        ) from error
+        raise cannot_write(target, error) from error
 
 
 def is_own(path: Path) -> bool:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core.arrays import Array
-from dynid.core.errors import JobError, RecordError
+from dynid.core.errors import InputError, JobError, RecordError
 from dynid.core.notices import Notice
 from dynid.recording.parquet import write_record
 from dynid.recording.partial import create_partial
@@ -192,7 +192,7 @@ class RecordWriter:
     ) -> None:
         try:
             self.close()
-        except (RecordError, JobError):
+        except (InputError, JobError):
             # The rows stay readable in the partial file; the first error is the one to show.
             if error is None:
                 raise

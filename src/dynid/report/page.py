@@ -62,7 +62,8 @@ def write_report(
         sections: The chapters; None for the default recipe.
 
     Raises:
-        JobError: The file cannot be written.
+        InputError: A place where no such file can be.
+        JobError: The disk does not take it.
     """
     target = Path(path)
     write_text(target, render(contents, sections))

@@ -182,7 +182,8 @@ class SceneEditor:
         """Write the scene file; it appears whole or not at all.
 
         Raises:
-            JobError: It cannot be written.
+            InputError: A place where no such file can be.
+            JobError: The disk does not take it.
         """
         write_json(path, self.to_json())
 

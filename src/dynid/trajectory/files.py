@@ -63,8 +63,9 @@ def write_trajectory(
 
     Raises:
         InputError: Limits for another number of joints, a trajectory of a foreign kind, extras
-            that take a key of the file's own, or settings that JSON cannot hold.
-        JobError: The file cannot be written.
+            that take a key of the file's own, settings that JSON cannot hold, or a place where
+            no such file can be.
+        JobError: The disk does not take the file.
     """
     bounds = copied_bounds(limits)
     if bounds.joints != trajectory.joints:

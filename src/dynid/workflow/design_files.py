@@ -36,7 +36,8 @@ def write_design(design: ExcitationDesign, path: str | Path) -> None:
         path: The file; `read_design`, `dynid check` and `dynid run` take it.
 
     Raises:
-        JobError: The file cannot be written.
+        InputError: A place where no such file can be.
+        JobError: The disk does not take it.
     """
     write_trajectory(
         path,

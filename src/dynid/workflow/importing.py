@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from dynid.core.errors import InputError, JobError
 from dynid.recording.files import read_recording
 from dynid.recording.parquet import write_record
 from dynid.recording.record import ExperimentRecord
@@ -79,8 +78,9 @@ def import_recording(
         options: How to read the files.
 
     Raises:
-        InputError: A robot or recording that cannot be read, or an output that cannot be
-            written.
+        InputError: A robot or recording that cannot be read, or a place where no such file can
+            be.
+        JobError: The disk does not take the recording.
     """
     how = options or ImportOptions()
     record = read_recording(
@@ -100,9 +100,5 @@ def import_recording(
         # The name alone would not find a robot file again.
         metadata = replace(record.metadata, robot=robot_reference(robot))
         record = replace(record, metadata=metadata)
-    try:
-        write_record(record, output)
-    except JobError as error:
-        # The place was the user's choice: bad usage, as in every command that writes.
-        raise InputError(error.what, where=error.where, value=error.value) from error
+    write_record(record, output)
     return Imported(record=record, path=Path(output))

@@ -23,8 +23,9 @@ def export_motion(design: ExcitationDesign, kind: str, path: str | Path) -> None
         path: The file; it appears whole or not at all.
 
     Raises:
-        InputError: An unknown kind, or a motion that the format cannot hold.
-        JobError: The file cannot be written.
+        InputError: An unknown kind, a motion that the format cannot hold, or a place where no
+            such file can be.
+        JobError: The disk does not take the file.
     """
     robot = load_robot(design.robot)
     match kind:

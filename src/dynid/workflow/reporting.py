@@ -55,8 +55,8 @@ def report(
         progress: Told what is being done and how far it is (0 to 1).
 
     Raises:
-        InputError: No such directory, or no estimate in it.
-        JobError: The page cannot be written.
+        InputError: No such directory, no estimate in it, or a place where no page can be.
+        JobError: The disk does not take the page.
     """
     folder = Path(directory)
     if not folder.is_dir():

@@ -92,7 +92,8 @@ def write_truth(recording: Path, driver: SimulatedDriver) -> None:
     """Write what the simulated arm was made of; nothing but tests reads it.
 
     Raises:
-        JobError: The file cannot be written.
+        InputError: A place where no such file can be.
+        JobError: The disk does not take it.
     """
     if not driver.states:
         return

@@ -34,7 +34,8 @@ def write_temperature(
             take it as the estimate in the middle of the records' temperatures.
 
     Raises:
-        JobError: The file cannot be written.
+        InputError: A place where no such file can be.
+        JobError: The disk does not take it.
     """
     model = found.model if isinstance(found, TemperatureIdentification) else found
     middle = model.estimate_at(model.reference_degC)
