@@ -68,6 +68,14 @@ def _controller(
             "--software", metavar="VERSION", help="Version to announce, like 3.15.8 or 5.12.0."
         ),
     ] = None,
+    programs: Annotated[
+        Path | None,
+        typer.Option(
+            "--programs",
+            metavar="DIR",
+            help="Programs for the dashboard's load: work.script for `load work.urp`.",
+        ),
+    ] = None,
     truth: Annotated[
         Path | None,
         typer.Option("--truth", metavar="FILE", help="Write the simulated arm's true parameters."),
@@ -110,6 +118,7 @@ def _controller(
         seed=seed,
         rate_hz=rate,
         version=announced,
+        programs=programs,
         truth=truth,
         report=report,
         parent=parent,

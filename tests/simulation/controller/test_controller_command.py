@@ -23,6 +23,7 @@ BAD_USAGE = {
     "no software version": ["--software", "new"],
     "thermal state": ["--thermal", "lukewarm"],
     "built-in robot": ["--robot", "r2d2"],
+    "folder of programs": ["--programs", "nowhere/at/all"],
 }
 
 
@@ -110,3 +111,11 @@ def test_robots_of_both_series_name_themselves(real, real_e):
     assert (real.rate_hz, real_e.rate_hz) == (125.0, 500.0)
     assert ask_dashboard(real_e.host, "get robot model") == ["UR5"]
     assert real_e.version.startswith("5.")
+
+
+def test_programs_of_a_folder_are_loaded_and_played_by_the_dashboard(tmp_path):
+    (tmp_path / "work.script").write_text("def work():\n while True:\n  sync()\n end\nend\n")
+    with controller_process("ur5", programs=tmp_path) as controller:
+        replies = ask_dashboard(controller.host, "load work.urp", "play", "programState", "stop")
+    assert replies[:2] == ["Loading program: work.urp", "Starting program"]
+    assert replies[2:] == ["PLAYING work.urp", "Stopped"]

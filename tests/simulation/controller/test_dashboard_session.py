@@ -2,15 +2,30 @@
 
 import pytest
 
+from dynid.core.errors import InputError
 from dynid.protocol import dashboard as words
 from dynid.simulation.controller.dashboard import LONGEST_LINE, DashboardSession
+from dynid.simulation.controller.program_files import program_folder
 
 PROGRAM = "def work():\n  while True:\n    sync()\n  end\nend\n"
 
 
 @pytest.fixture
-def session(machine):
-    return DashboardSession(machine, "UR5", "20240001", {"work.urp": PROGRAM, "bad.urp": "def ("})
+def folder(tmp_path):
+    """As a robot's `/programs`: PolyScope keeps the script beside the program."""
+    programs = tmp_path / "programs"
+    (programs / "line 1").mkdir(parents=True)
+    for name, text in (("work", PROGRAM), ("bad", "def ("), ("line 1/deep", PROGRAM)):
+        (programs / f"{name}.script").write_text(text)
+    (programs / "work.urp").write_bytes(b"\x1f\x8b")
+    (programs / "binary.script").write_bytes(b"\xff\xfe")
+    (tmp_path / "secret.script").write_text(PROGRAM)
+    return programs
+
+
+@pytest.fixture
+def session(machine, folder):
+    return DashboardSession(machine, "UR5", "20240001", program_folder(folder))
 
 
 def run(machine, cycles):
@@ -84,9 +99,8 @@ def test_replies_of_the_cb_series(session, command, reply):
 
 
 @pytest.mark.parametrize(("command", "reply"), EVERYWHERE + E_SERIES)
-def test_replies_of_the_e_series(e_machine, command, reply):
-    programs = {"work.urp": PROGRAM, "bad.urp": "def ("}
-    session = DashboardSession(e_machine, "UR5", "20240001", programs)
+def test_replies_of_the_e_series(e_machine, folder, command, reply):
+    session = DashboardSession(e_machine, "UR5", "20240001", program_folder(folder))
     assert session.answer(command) == reply
 
 
@@ -165,3 +179,43 @@ def test_a_line_without_end_is_refused(session):
 def test_a_driver_reads_the_value():
     assert words.value("Robotmode: RUNNING") == "RUNNING"
     assert words.value("true") == "true"
+
+
+@pytest.mark.parametrize(
+    "name", ["work.urp", "/programs/work.urp", "work.script", "line 1/deep.urp", "/work.urp"]
+)
+def test_programs_of_the_folder_load_and_play(session, machine, name):
+    assert session.answer(f"load {name}") == f"Loading program: {name}"
+    assert session.answer("get loaded program") == f"Loaded program: {name}"
+    assert session.answer("play") == "Starting program"
+    run(machine, 2)
+    assert session.answer("programState") == f"PLAYING {name}"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "",
+        "work",
+        "../secret.urp",
+        "/programs/../../secret.urp",
+        "binary.urp",
+        "line 1",
+        "/",
+        ".urp",
+    ],
+)
+def test_what_is_no_program_of_the_folder_is_not_found(session, name):
+    assert session.answer(f"load {name}") == f"File not found: {name}"
+
+
+def test_a_program_is_read_when_it_is_loaded(session, machine, folder):
+    (folder / "work.script").write_text("def ")
+    assert session.answer("load work.urp") == "Error while loading program: work.urp"
+    (folder / "work.script").write_text(PROGRAM)
+    assert session.answer("load work.urp") == "Loading program: work.urp"
+
+
+def test_a_folder_that_is_none_is_refused(tmp_path):
+    with pytest.raises(InputError, match="no such folder"):
+        program_folder(tmp_path / "nowhere")

@@ -218,3 +218,35 @@ def test_over_the_wire(fast) -> None:
             client.until(lambda row: row["runtime_state"] == 1)
             assert lines.readline() == "ack: 3: end_interpreter()\n"
     assert ask_dashboard(fast.host, "programState")[0].startswith("STOPPED")
+
+
+def test_what_follows_a_clear_is_compiled_after_it(send: Sender) -> None:
+    send("def put(v): write_output_integer_register(5, v) end")
+    receive = send.machine.core.interpreter.receive
+    for line in ("sleep(0.2)", "clear_interpreter()", "put(1)", "sync()"):
+        receive(line, send.replies.append)
+    ticks(send.machine, 0.5)
+    assert send.replies[1:] == [
+        "ack: 2: sleep(0.2)",
+        "ack: 3: clear_interpreter()",
+        "discard: Compile error compile_error_name_not_found:put: put(1)",
+        "ack: 4: sync()",
+    ]
+
+
+def test_a_cleared_variable_leaves_nothing_to_the_next(send: Sender) -> None:
+    send("mine = 7")
+    send("clear_interpreter()")
+    send("if False: fresh = 1 end write_output_integer_register(5, fresh)")
+    assert send.machine.output("output_int_register_5") == 0
+    assert any("has no value" in words for words in said(send.machine))
+
+
+def test_dear_statements_take_as_many_cycles_as_they_need(send: Sender) -> None:
+    for _ in range(100):
+        send.machine.core.interpreter.receive(
+            "q = get_inverse_kin(get_forward_kin())", send.replies.append
+        )
+    ticks(send.machine, 2.0)
+    assert send.machine.program_running, said(send.machine)
+    assert send("statelastexecuted") == "state: 100: statelastexecuted"

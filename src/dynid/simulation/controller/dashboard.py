@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import PurePosixPath
 
 from dynid.protocol import dashboard as words
 from dynid.simulation.controller.machine import ControllerMachine
+from dynid.simulation.controller.program_files import FindProgram
 
 LONGEST_LINE = 4096
 """The longest command taken [bytes]."""
-_PROGRAM_FILE = ".urp"
 
 
 class DashboardSession:
     """What the dashboard knows of one client.
 
-    Programs cannot be uploaded to the dashboard: `load` finds the names in `programs` only.
+    Programs cannot be uploaded to the dashboard: `load` takes those that `programs` finds.
 
     Args:
         machine: The controller behind.
         model: The robot's model as the pendant shows it, `UR5`.
         serial: Its serial number.
-        programs: Programs that can be loaded, text by name.
+        programs: Finds the text of a program.
     """
 
     def __init__(
-        self, machine: ControllerMachine, model: str, serial: str, programs: dict[str, str]
+        self, machine: ControllerMachine, model: str, serial: str, programs: FindProgram
     ) -> None:
         self._machine, self._programs = machine, programs
         self._rest = b""
@@ -136,7 +135,7 @@ class DashboardSession:
         return f"Loaded program: {name}" if name else words.NO_PROGRAM
 
     def _load(self, name: str) -> str:
-        text = self._programs.get(PurePosixPath(name).name)
+        text = self._programs(name)
         if text is None:
             return f"File not found: {name}"
         if not self._machine.load(name, text):

@@ -82,6 +82,7 @@ def controller_process(
     seed: int = 0,
     rate_hz: float | None = None,
     software: str | None = None,
+    programs: Path | None = None,
     truth: Path | None = None,
     report: Path | None = None,
 ) -> Generator[RunningController]:
@@ -98,6 +99,7 @@ def controller_process(
         seed: Seed of the measurement noise.
         rate_hz: 125 or 500 control cycles a second; None: by the robot's name.
         software: Version to announce; None: the one usual for the rate.
+        programs: Folder of the programs that the dashboard can load.
         truth: Where to write the simulated arm's true parameters.
         report: Where to write, at the end, how time was kept.
 
@@ -111,6 +113,7 @@ def controller_process(
         "--seed": seed,
         "--rate": rate_hz,
         "--software": software,
+        "--programs": programs,
         "--truth": truth,
         "--report": report,
         "--parent": os.getpid(),

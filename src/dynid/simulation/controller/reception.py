@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from dynid.protocol import dashboard, rtde
 from dynid.simulation.controller.clients import (
@@ -18,6 +18,7 @@ from dynid.simulation.controller.connection import Connection
 from dynid.simulation.controller.dashboard import DashboardSession
 from dynid.simulation.controller.doors import INTERPRETER, READ_ONLY
 from dynid.simulation.controller.machine import ControllerMachine
+from dynid.simulation.controller.program_files import FindProgram, no_programs
 from dynid.simulation.controller.rtde import Owners, RtdeSession
 from dynid.simulation.controller.script_text import Pool, ScriptReader
 
@@ -36,8 +37,8 @@ class ServerSettings:
     """What the dashboard says the robot is."""
     serial: str = "20240001"
     """Its serial number."""
-    programs: dict[str, str] = field(default_factory=dict[str, str])
-    """Programs that the dashboard can load, text by name."""
+    programs: FindProgram = no_programs
+    """Finds the programs that the dashboard can load."""
 
 
 class Reception:

@@ -18,6 +18,7 @@ from dynid.simulation.controller.doors import INTERPRETER, PRIMARY, REALTIME, SE
 from dynid.simulation.controller.log import Log
 from dynid.simulation.controller.machine import ControllerMachine
 from dynid.simulation.controller.priority import keep_time
+from dynid.simulation.controller.program_files import no_programs, program_folder
 from dynid.simulation.controller.reception import ServerSettings
 from dynid.simulation.controller.server import ControllerServer
 from dynid.simulation.library import simulated_arm
@@ -63,6 +64,8 @@ class ControllerOptions:
     """Where to write the truth behind the measurements."""
     report: Path | None = None
     """Where to write, at the end, how well time was kept."""
+    programs: Path | None = None
+    """Folder of the programs that the dashboard can load."""
     parent: int | None = None
     """The process without which the controller ends; None: it stays."""
 
@@ -88,7 +91,7 @@ def serve(
         ready: Called once, when clients can connect, with what they need to know.
 
     Raises:
-        InputError: A robot that cannot be simulated, or an address that is none.
+        InputError: A robot that cannot be simulated, an address that is none, or no such folder.
         JobError: A port is taken.
         MissingExtraError: MuJoCo is not installed.
     """
@@ -107,6 +110,7 @@ def serve(
         virtual=options.virtual_time,
         hold=options.hold,
         model=robot.name.removesuffix("e").upper(),
+        programs=no_programs if options.programs is None else program_folder(options.programs),
     )
     server = ControllerServer(machine, settings, log)
     try:
