@@ -79,7 +79,7 @@ def find_clocks(
 
 
 def _stem(name: Name) -> tuple[str, str]:
-    return name.scope, name.base.rpartition("_")[0]
+    return name.scope, name.base.rpartition("_")[0].removesuffix("_nano")
 
 
 def _shared(one: str, other: str) -> int:

@@ -35,10 +35,17 @@ _MARKS: tuple[tuple[bytes, str], ...] = (
     (b"ARROW1", "arrow"),
     (b"#ROSBAG V2", "rosbag"),
 )
+_PICKLE = (
+    "A pickle runs code when it is loaded, so dynid loads none. In the program that wrote it: "
+    "DataFrame.to_parquet or to_csv, or numpy.savez(file, t=t, q=q, tau=tau)."
+)
 _OTHERS: tuple[tuple[bytes, str, str], ...] = (
     (b"#ROSBAG V", "a ROS 1 bag of before 2010", "Convert it with: rosbag fix FILE NEW"),
-    (b"\xd0\xcf\x11\xe0", "an Excel sheet", "Save it as CSV."),
-    (b"\x80\x04\x95", "a Python pickle", "Save plain arrays with numpy.savez."),
+    (b"\xd0\xcf\x11\xe0", "an Excel sheet of before 2007", "Save it as .xlsx or CSV."),
+    *((bytes([0x80, protocol]), "a Python pickle", _PICKLE) for protocol in range(2, 6)),
+    (b"FEA1", "a Feather file of version 1", "Write it again: pyarrow.feather.write_feather."),
+    (b"ORC", "an ORC table", "Save it as Parquet: pyarrow.parquet.write_table."),
+    (b"\xff\xff\xff\xff", "an Arrow stream", "Save it as Parquet: pyarrow.parquet.write_table."),
 )
 _EXTENSIONS = {
     ".db3": "rosbag",
@@ -83,9 +90,9 @@ def content_kind(path: Path) -> str:
         if b".npy" in head or path.suffix == ".npz":
             return "npz"
         raise RecordError(
-            "this is a zip archive or an Excel sheet",
+            "this is a zip archive",
             where=path.name,
-            next_step="Unpack it, or save the sheet as CSV.",
+            next_step="Unpack it.",
         )
     if _is_binary_ur(head):
         raise RecordError(
@@ -93,6 +100,9 @@ def content_kind(path: Path) -> str:
             where=path.name,
             next_step="Record again without --binary.",
         )
+    if path.suffix.lower() in (".pkl", ".pickle"):
+        # The oldest pickles have no mark of their own.
+        raise RecordError("this is a Python pickle", where=path.name, next_step=_PICKLE)
     if looks_like_text(head):
         return "json" if _is_json(head) else "csv"
     by_name = _EXTENSIONS.get(path.suffix.lower())
@@ -101,7 +111,7 @@ def content_kind(path: Path) -> str:
     raise RecordError(
         "this is none of the formats that dynid reads",
         where=path.name,
-        limit="UR logs, CSV, ROS bags, MCAP, MATLAB, HDF5, NumPy, JSON, Parquet",
+        limit="UR logs, CSV, Excel, ROS bags, MCAP, MATLAB, HDF5, NumPy, JSON, Parquet",
     )
 
 

@@ -77,6 +77,10 @@ def _collect(file: Any, item: Any, path: str, into: dict[str, Array], depth: int
     if depth > _MAX_DEPTH or len(into) >= _MAX_VARIABLES:
         return
     if not hasattr(item, "dtype"):
+        # pandas keeps its columns in blocks, and their names beside them.
+        for name in [name for name in item if f"{name.partition('_')[0]}_items" in item]:
+            if name.endswith("_values") and _keep_block(item, name, path, into):
+                return
         for name in item:
             _collect(file, item[name], f"{path}.{name}", into, depth + 1)
         return
@@ -95,6 +99,18 @@ def _collect(file: Any, item: Any, path: str, into: dict[str, Array], depth: int
                 _collect(file, file[reference], inner, into, depth + 1)
     elif "MATLAB_empty" not in item.attrs:
         _keep(path, item[()], into)
+
+
+def _keep_block(item: Any, name: str, path: str, into: dict[str, Array]) -> bool:
+    """Keep each column of a block of a pandas table under its own name."""
+    labels: list[Any] = item[name.replace("_values", "_items")][()].ravel().tolist()
+    values = item[name][()]
+    if values.ndim != 2 or values.shape[1] != len(labels):
+        return False
+    for k, label in enumerate(labels):
+        text = label.decode(errors="replace") if isinstance(label, bytes) else str(label)
+        _keep(f"{path}.{text}", values[:, k], into)
+    return True
 
 
 def _keep(path: str, value: Any, into: dict[str, Array]) -> None:

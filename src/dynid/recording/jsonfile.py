@@ -69,7 +69,7 @@ def _collect(item: Any, path: str, into: dict[str, Array], depth: int) -> None:
     if depth > _MAX_DEPTH:
         return
     if isinstance(item, dict):
-        for name, value in cast("dict[str, Any]", item).items():
+        for name, value in _by_columns(cast("dict[str, Any]", item)).items():
             _collect(value, f"{path}.{name}" if path else str(name), into, depth + 1)
     elif isinstance(item, list):
         rows = cast("list[Any]", item)
@@ -87,3 +87,24 @@ def _collect(item: Any, path: str, into: dict[str, Array], depth: int) -> None:
             return
         if array is not None and array.size:
             into[path or "array"] = array
+
+
+def _by_columns(item: dict[str, Any]) -> dict[str, Any]:
+    """An object as it is, or a pandas table as one list a column.
+
+    `DataFrame.to_json` writes objects of rows by their numbers, or `columns` beside `data`.
+    """
+    names, rows = item.get("columns"), item.get("data")
+    if isinstance(names, list) and isinstance(rows, list):
+        listed, table = cast("list[Any]", names), cast("list[Any]", rows)
+        width = len(listed)
+        if table and all(
+            isinstance(row, list) and len(cast("list[Any]", row)) == width for row in table
+        ):
+            return {str(name): [row[k] for row in table] for k, name in enumerate(listed)}
+    found: dict[str, Any] = {}
+    for name, value in item.items():
+        inner = cast("dict[str, Any]", value) if isinstance(value, dict) else {}
+        counted = bool(inner) and list(inner) == [str(k) for k in range(len(inner))]
+        found[name] = list(inner.values()) if counted else value
+    return found

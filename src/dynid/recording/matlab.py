@@ -22,7 +22,7 @@ HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8",
           13: "u8"}  # fmt: skip
-_STRUCT, _OBJECT, _OPAQUE = 2, 3, 17
+_CELL, _STRUCT, _OBJECT, _OPAQUE = 1, 2, 3, 17
 _NUMERIC = range(6, 16)
 _MAX_DEPTH = 12
 _MAX_ELEMENTS = 200
@@ -123,8 +123,8 @@ def _matrix(body: bytes, order: str, path: str | None, into: Contents, depth: in
     (kind,) = struct.unpack_from(order + "I", flags)
     kind &= 0xFF
     into.objects += kind == _OPAQUE
-    if kind not in _NUMERIC and kind not in (_STRUCT, _OBJECT):
-        # Text, cells, sparse matrices, functions and tables hold no recording.
+    if kind not in _NUMERIC and kind not in (_CELL, _STRUCT, _OBJECT):
+        # Text, sparse matrices, functions and tables hold no recording.
         return
     _, raw = _next(parts)
     dimensions = struct.unpack(f"{order}{len(raw) // 4}i", raw[: len(raw) // 4 * 4])
@@ -134,8 +134,13 @@ def _matrix(body: bytes, order: str, path: str | None, into: Contents, depth: in
         raise MatlabError(f"{path} has impossible dimensions")
     count = math.prod(dimensions)
     if kind in _NUMERIC:
-        if len(dimensions) == 2:
-            into.arrays[path] = _numbers(parts, order, path, dimensions, count)
+        # Simulink writes vectors over time as (n, 1, N).
+        shape = dimensions if len(dimensions) == 2 else tuple(k for k in dimensions if k != 1)
+        if len(shape) <= 2:
+            into.arrays[path] = _numbers(parts, order, path, shape, count)
+        return
+    if kind == _CELL:
+        _cells(parts, order, path, count, into, depth)
         return
     if kind == _OBJECT:
         _next(parts)
@@ -154,6 +159,27 @@ def _matrix(body: bytes, order: str, path: str | None, into: Contents, depth: in
             _matrix(content, order, f"{stem}.{item}", into, depth + 1)
 
 
+def _cells(
+    parts: Iterator[tuple[int, bytes]],
+    order: str,
+    path: str,
+    count: int,
+    into: Contents,
+    depth: int,
+) -> None:
+    """Collect what the cells hold; vectors as long as each other are the columns of a matrix."""
+    own = Contents()
+    for element in range(min(count, _MAX_ELEMENTS)):
+        _matrix(_next(parts)[1], order, f"{path}({element + 1})", own, depth + 1)
+    columns = list(own.arrays.values())
+    alike = len(columns) == count > 1 and {x.shape for x in columns} == {columns[0].shape}
+    if alike and columns[0].ndim == 1 and columns[0].size > count:
+        into.arrays[path] = np.column_stack(columns)
+        return
+    into.arrays.update(own.arrays)
+    into.objects += own.objects
+
+
 def _numbers(
     parts: Iterator[tuple[int, bytes]], order: str, path: str, shape: tuple[int, ...], count: int
 ) -> Array:
@@ -167,7 +193,7 @@ def _numbers(
     with np.errstate(all="ignore"):
         values = np.frombuffer(raw, dtype=stored).astype(np.float64)
     # MATLAB has no vectors: a matrix of one row or column is one.
-    return values if 1 in shape else values.reshape(shape, order="F")
+    return values if len(shape) < 2 or 1 in shape else values.reshape(shape, order="F")
 
 
 def _next(parts: Iterator[tuple[int, bytes]]) -> tuple[int, bytes]:

@@ -40,6 +40,8 @@ _QUALIFIERS = (TARGET | OTHER | CONTENT) | frozenset(
         "end",
     ]
 )
+_SUNRISE = re.compile(r"_lbr_[a-z]+_\d+_r\d+(_\d+)?")
+"""KUKA's DataRecorder writes the robot's name into each column's."""
 _ONE_LETTER = {"a": "current", "s": "t"}
 
 
@@ -67,9 +69,9 @@ class Name:
     def clock(self) -> str:
         """`sec` or `nanosec` for half of a stamp, `stamp` for a header's, else empty."""
         words = [word for word in (*self.scope.split("."), *self.base.split("_")) if word] or [""]
-        if words[-1] in _NANOSECONDS:
+        if words[-1] in _NANOSECONDS or words[-2:] == ["nano", "sec"]:
             return "nanosec"
-        if words[-1] in _SECONDS and ("stamp" in words or words == [words[-1]]):
+        if words[-1] in _SECONDS and (words[:-1] in ([], ["zeit", "in"]) or "stamp" in words):
             return "sec"
         return "stamp" if words[-1] == "stamp" and "header" in words else ""
 
@@ -178,7 +180,8 @@ def split_joint(text: str) -> Name | None:
 
 
 def _plain(text: str) -> str:
-    return _CAMEL.sub("_", text.strip().strip("\"'\ufeff").strip()).lower()
+    name = _CAMEL.sub("_", text.strip().strip("\"'\ufeff").strip()).lower()
+    return _SUNRISE.sub("", name)
 
 
 def _joined(name: str) -> str:

@@ -53,14 +53,21 @@ def read_npz(
                 {"array": content} if isinstance(content, np.ndarray) else dict(content)
             )
             for name, value in arrays.items():
-                array = numbers_of(value)
-                if array is not None:
-                    variables[name] = array
+                for own_name, part in _parts(name, value):
+                    array = numbers_of(part)
+                    if array is not None:
+                        variables[own_name] = array
     except RecordError:
         raise
     # A damaged archive can fail in zipfile, zlib, the header parser or the allocation.
     except Exception as error:
         text = " ".join(str(error).split()) or type(error).__name__
+        if "allow_pickle" in text:
+            raise RecordError(
+                "the file holds Python objects, which are pickled and never loaded",
+                where=path.name,
+                next_step="Save each array under its name: numpy.savez(file, t=t, q=q, tau=tau).",
+            ) from error
         raise RecordError(
             "the NumPy file is damaged or not plain arrays",
             where=path.name,
@@ -70,3 +77,11 @@ def read_npz(
     if not variables:
         raise RecordError("there are no arrays of numbers", where=path.name)
     return table_of(variables, columns, joints=joints, where=path.name, format="npz", names=names)
+
+
+def _parts(name: str, value: Any) -> list[tuple[str, Any]]:
+    """An array, or each field of an array with named fields."""
+    fields: tuple[str, ...] | None = getattr(value.dtype, "names", None)
+    if not fields:
+        return [(name, value)]
+    return [(field if name == "array" else f"{name}.{field}", value[field]) for field in fields]

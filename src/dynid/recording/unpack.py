@@ -1,4 +1,4 @@
-"""Compressed recordings: gzip, bzip2, xz, zstd, and zip archives of one file."""
+"""Packed recordings: gzip, bzip2, xz, zstd, zip archives of one file, and Excel workbooks."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import gzip
 import lzma
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +15,7 @@ from typing import IO
 
 from dynid.core.errors import RecordError
 from dynid.recording.bag.inflate import zstd_module
+from dynid.recording.workbook import is_workbook, write_sheet
 
 _MARKS = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ\x00": "xz", b"\x28\xb5\x2f\xfd": "zstd"}
 _MOST_BYTES = 8 << 30
@@ -21,7 +23,7 @@ _BLOCK = 1 << 20
 
 
 def packing(path: Path) -> str:
-    """How a file is compressed: `gzip`, `bzip2`, `xz`, `zstd`, `zip`; empty for not at all.
+    """How a file is packed: `gzip`, `bzip2`, `xz`, `zstd`, `zip`, `xlsx`; empty for not at all.
 
     Args:
         path: The file.
@@ -39,8 +41,11 @@ def packing(path: Path) -> str:
     for mark, kind in _MARKS.items():
         if head.startswith(mark):
             return kind
-    plain_zip = head.startswith(b"PK\x03\x04") and path.suffix.lower() == ".zip"
-    return "zip" if plain_zip and b".npy" not in head[:200] else ""
+    if not head.startswith(b"PK\x03\x04") or b".npy" in head[:200]:
+        return ""
+    if is_workbook(path):
+        return "xlsx"
+    return "zip" if path.suffix.lower() == ".zip" else ""
 
 
 @contextmanager
@@ -71,13 +76,20 @@ def unpacked(files: Sequence[Path]) -> Generator[list[Path]]:
             place.mkdir()
             # Messages name the file that the user gave.
             target = place / file.name
+            if kind == "xlsx":
+                write_sheet(file, target)
+                plain.append(target)
+                continue
             try:
                 with _opened(file, kind) as source, target.open("wb") as sink:
                     _copy(source, sink, file)
             except RecordError:
                 raise
             # The libraries share no exception for damaged bytes.
-            except (OSError, EOFError, ValueError, RuntimeError, lzma.LZMAError) as error:
+            except (
+                *(OSError, EOFError, ValueError, RuntimeError, NotImplementedError),
+                *(zlib.error, lzma.LZMAError, zipfile.BadZipFile, *_zstd_errors(kind)),
+            ) as error:
                 raise RecordError(
                     f"the {kind} file is damaged",
                     where=file.name,
@@ -110,6 +122,11 @@ def _opened(file: Path, kind: str) -> IO[bytes] | gzip.GzipFile:
             next_step=f"Unpack it first: unzip {file.name}",
         )
     return archive.open(members[0])
+
+
+def _zstd_errors(kind: str) -> tuple[type[Exception], ...]:
+    """What zstd raises, which only its own package knows."""
+    return (zstd_module().ZstdError,) if kind == "zstd" else ()
 
 
 def _copy(source: IO[bytes] | gzip.GzipFile, sink: IO[bytes], file: Path) -> None:

@@ -22,8 +22,13 @@ _COLUMNS = re.compile(r"[\d:+]+")
 
 
 def numbers_of(value: Any) -> Array | None:
-    """A value as float64 array of one or two axes; None where it is none."""
+    """A value as float64 array of one or two axes; None where it is none.
+
+    Axes of length one, as Simulink has them, do not count.
+    """
     array: NDArray[Any] = np.asarray(value)
+    if array.ndim > 2:
+        array = np.squeeze(array)
     if array.ndim > 2 or array.dtype.kind not in "fiub":
         return None
     with np.errstate(all="ignore"):
@@ -62,6 +67,10 @@ def table_of(
     else:
         paths = parse_columns(columns)
         arrays = {name: _pick(variables, name, path, where) for name, path in paths.items()}
+    if clock := leading_clock(arrays, joints):
+        arrays = {name: _whole(value)[:, 1:] for name, value in arrays.items() if name != "t"}
+        arrays["t"], paths["t"] = clock
+        notes.append("the first column (or row) of each array is the time")
     length = _length(arrays, joints)
     width = joints if joints is not None else _width(arrays, length)
     said = {name: unit for name, path in paths.items() if (unit := unit_of(name, path))}
@@ -106,6 +115,30 @@ def table_of(
         said=frozenset(said),
         notes=tuple(notes),
     )
+
+
+def leading_clock(arrays: Mapping[str, Array], joints: int | None) -> tuple[Array, str] | None:
+    """The time that Simulink's To File puts before each signal; with a name for it.
+
+    Args:
+        arrays: Quantity to array.
+        joints: Number of joints, if known; else only what several arrays share is a clock.
+    """
+    signals = [_whole(value) for name, value in arrays.items() if name != "t"]
+    if not signals or any(value.ndim != 2 or value.shape[1] < 2 for value in signals):
+        return None
+    first = signals[0][:, 0]
+    alike = all(np.array_equal(value[:, 0], first) for value in signals[1:])
+    wide = joints is None or all(value.shape[1] == joints + 1 for value in signals)
+    if not (alike and wide and (len(signals) > 1 or joints is not None)):
+        return None
+    steps = np.diff(first)
+    return (first, "time") if len(steps) and bool((steps > 0).mean() > 0.98) else None
+
+
+def _whole(value: Array) -> Array:
+    """A matrix with its samples down."""
+    return value if value.ndim != 2 or value.shape[0] >= value.shape[1] else value.T
 
 
 def _pick(variables: Mapping[str, Array], quantity: str, selector: str, where: str) -> Array:

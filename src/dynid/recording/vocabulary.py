@@ -16,14 +16,14 @@ _SYNONYMS: dict[str, str] = {
     "t": (
         "t time timestamp time_stamp stamp timestamps times sec secs second seconds elapsed "
         "elapsed_time time_s t_s robot_time rostime controller_time rec_time time_cont "
-        "rosbag_timestamp datetime date_time zeit zeitstempel tempo temps"
+        "rosbag_timestamp datetime date_time zeit zeitstempel tempo temps ipoc"
     ),
     "q": (
         "actual_q q q_act q_actual act_q q_meas q_measured measured_q actual_position "
         "actual_positions measured_position pos_meas act_pos pos position positions "
         "joint_position joint_positions jointpos joint_pos joint_angle joint_angles angle "
         "angles theta qpos measured_joint_position measured_joint_positions "
-        "joint_position_measured joint_position_actual msr_jnt_pos axis_act ai_pos aipos "
+        "joint_position_measured joint_position_actual msr_jnt_pos axisqmsr axis_act ai_pos aipos "
         "act_joint_pos act_jpos jpos joints_position joints_positions link_position q_msr q_mes "
         "pos_act pos_actual position_actual actual_pos actual_joint_position "
         "actual_joint_positions actual_angle actual_angles joints_angle qs q_joint "
@@ -58,16 +58,16 @@ _SYNONYMS: dict[str, str] = {
         "tau_meas tau_measured tau_act actual_torque actual_torques measured_torque "
         "measured_torques trq actual_current_as_torque act_torque "
         "measured_joint_torque measured_joint_torques joint_torque_measured "
-        "joint_effort_measured torque_measured torque_act msr_jnt_trq jtor jtorque joints_torque "
-        "joints_torques actual_joint_torque actual_joint_torques actual_effort torque_actual "
-        "trq_act actual_trq tau_msr tau_mes joint_torque_actual taus moment moments "
+        "joint_effort_measured torque_measured torque_act msr_jnt_trq axis_tau_msr jtor jtorque "
+        "joints_torque joints_torques actual_joint_torque actual_joint_torques actual_effort "
+        "torque_actual trq_act actual_trq tau_msr tau_mes joint_torque_actual taus moment moments "
         "link_torque link_torques sensor_torque torque_sensor motor_torque motor_torques"
     ),
     "target_q": (
         "target_q q_target q_d q_des q_desired desired_q q_ref ref_q q_cmd cmd_q position_cmd "
         "pos_cmd target_position pos_ref ref_pos desired_position commanded_position "
         "position_command commanded_joint_position cmd_jnt_pos joint_position_command as_pos aspos "
-        "ipo_jnt_pos joint_position_commanded"
+        "ipo_jnt_pos joint_position_commanded axisqcmd axisqcmdt1m"
     ),
     "target_qd": (
         "target_qd qd_target dq_d dq_des qd_des qd_desired dq_ref qd_ref dq_cmd qd_cmd "
@@ -113,6 +113,12 @@ PLAIN = frozenset(
         "sensed",
         "real",
         "field",
+        "log",
+        "logged",
+        "logs",
+        "data",
+        "history",
+        "recorded",
     ]
 )
 """Words around a quantity's name that do not change what it is."""

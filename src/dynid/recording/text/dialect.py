@@ -20,7 +20,7 @@ from dynid.recording.text.lists import (
 from dynid.recording.text.stamps import is_stamp
 from dynid.recording.units import is_unit
 
-DELIMITERS = (",", ";", "\t", " ")
+DELIMITERS = (",", ";", "\t", "|", " ")
 MAX_COLUMNS = 5000
 COMMENT = ("#", "%", "//")
 _WORDS = {"comma": ",", "semicolon": ";", "tab": "\t", "\\t": "\t", "space": " ", "blank": " "}
@@ -105,7 +105,7 @@ def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
         )
     if width > MAX_COLUMNS:
         raise RecordError("too many columns", where=path.name, value=width, limit=MAX_COLUMNS)
-    first = _first_row(lines, best, sign, header)
+    first = _first_row(lines, best, sign, header, width)
     names = None
     units: tuple[str, ...] = ()
     if header is not False:
@@ -170,7 +170,9 @@ def _is_data(numbers: int, present: int) -> bool:
     return numbers > 0 and 2 * numbers >= present
 
 
-def _first_row(lines: list[str], delimiter: str, decimal: str, header: bool | None) -> int:
+def _first_row(
+    lines: list[str], delimiter: str, decimal: str, header: bool | None, width: int
+) -> int:
     start = 0
     if header:
         start = 1 + next((k for k, x in enumerate(lines) if x.strip()), 0)
@@ -178,7 +180,9 @@ def _first_row(lines: list[str], delimiter: str, decimal: str, header: bool | No
         if not line.strip() or line.lstrip().startswith(COMMENT):
             continue
         cells = split(line, delimiter)
-        if header is False or _is_data(*count(cells, decimal)):
+        # `Sampling rate,125` above a wide table is no row of it.
+        titled = len(cells) != width and any(map(is_name, cells))
+        if header is False or (_is_data(*count(cells, decimal)) and not titled):
             return k
         # A damaged first row is a row, not a header: a header is made of names.
         if header is None and 2 * sum(map(is_name, cells)) < len(cells):
