@@ -6,21 +6,28 @@ import importlib
 import re
 import shlex
 from functools import reduce
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from cli_runs import LISTED, Run
+from cli_runs import COMMANDS, LISTED, Run
 
 import dynid
 from dynid.core.notices import CODES
+from dynid.workflow.design_limits import given_limits
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
+DOCUMENTS = {path.name: path.read_text() for path in sorted(ROOT.glob("docs/*.md"))}
+HEADING = re.compile(r"^#+ (.*)$", re.MULTILINE).findall
 DATA = ROOT.parent / "shared" / "data"
 
 
 def commands_in(text: str) -> list[list[str]]:
-    return [shlex.split(line)[1:] for line in re.findall(r"^ {4}(dynid .*)$", text, re.MULTILINE)]
+    return [
+        shlex.split(line, comments=True)[1:]
+        for line in re.findall(r"^ {4}(dynid .*)$", text, re.MULTILINE)
+    ]
 
 
 def test_every_public_name_loads_from_where_it_lives() -> None:
@@ -46,8 +53,12 @@ def test_the_ten_lines_of_the_readme_run(
     assert "This result can be used" in printed
 
 
-@pytest.mark.parametrize("words", commands_in(README), ids=lambda words: " ".join(words)[:60])
-def test_commands_of_the_readme_exist_with_their_options(run: Run, words: list[str]) -> None:
+@pytest.mark.parametrize(
+    "words",
+    [words for text in (README, *DOCUMENTS.values()) for words in commands_in(text)],
+    ids=lambda words: " ".join(words)[:60],
+)
+def test_commands_of_the_documents_exist_with_their_options(run: Run, words: list[str]) -> None:
     assert words[0] in LISTED
     text = run(words[0], "--help").out
     for option in (word for word in words if word.startswith("-")):
@@ -71,11 +82,61 @@ def test_imports_of_the_readme_work(
     assert dynid.read_record(target).samples == data["samples"]
 
 
+def test_every_document_is_listed_in_the_readme() -> None:
+    assert {name for name in DOCUMENTS if f"(docs/{name})" not in README} == set()
+
+
+def test_every_option_that_is_written_in_words_exists(run: Run) -> None:
+    known = {
+        option
+        for command in (*COMMANDS, "bench estimators")
+        for option in re.findall(r"--[a-z][\w-]*", run(*command.split(), "--help").out)
+    }
+    for name, text in {"README.md": README, **DOCUMENTS}.items():
+        for option in re.findall(r"`[^`\n]*?(--[a-z][\w-]*)", text):
+            assert option in known, f"{name}: {option}"
+
+
+def test_the_scene_of_the_documents_is_one(tmp_path: Path) -> None:
+    (scene,) = re.findall(r"```json\n(.*?)```", DOCUMENTS["excitation.md"], re.DOTALL)
+    (tmp_path / "scene.json").write_text(scene)
+    robot = dynid.load_robot("ur5")
+    limits = given_limits("safe", True, tmp_path / "scene.json")
+    assert limits.constraints(robot).settings.scene is not None
+
+
+@pytest.mark.skipif(not find_spec("mujoco"), reason="needs MuJoCo")
+def test_the_controller_of_the_documents_starts(capsys: pytest.CaptureFixture[str]) -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", DOCUMENTS["controller.md"], re.DOTALL)
+    exec(compile(code, "controller.md", "exec"), {})
+    assert "127." in capsys.readouterr().out
+
+
+def test_temperatures_of_the_documents(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (code,) = re.findall(r"```python\n(.*?)```", DOCUMENTS["models.md"], re.DOTALL)
+    robot = dynid.load_robot("ur5")
+    motion = dynid.random_excitation(robot.limits, seed=1)
+    names = {"cold": 20.0, "warmer": 30.0, "warm": 40.0}
+    records = {
+        name: dynid.simulate_recording(robot, motion, seed=seed, thermal=degC)
+        for seed, (name, degC) in enumerate(names.items())
+    }
+    space = {"dynid": dynid, **records}
+    exec(compile(code, "models.md", "exec"), space)
+    assert space["estimate"].model.robot.name == "ur5"  # type: ignore[attr-defined]
+
+
 def test_links_of_the_documents_lead_somewhere() -> None:
     for document in (*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")):
         for link in re.findall(r"\]\(([^)]+)\)", document.read_text()):
             if not link.startswith("http"):
-                assert (document.parent / link).exists(), f"{document.name}: {link}"
+                place, _, heading = link.partition("#")
+                target = document.parent / place if place else document
+                assert target.exists(), f"{document.name}: {link}"
+                if heading:
+                    words = [h.lower().replace(" ", "-") for h in HEADING(target.read_text())]
+                    assert heading in words, f"{document.name}: {link}"
 
 
 def test_names_in_the_table_of_equations_exist() -> None:

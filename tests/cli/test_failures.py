@@ -62,11 +62,11 @@ def test_an_interrupt_while_writing_leaves_the_old_file(
     target = tmp_path / "estimate.json"
     target.write_text("old")
 
-    def half(data: Any, stream: Any, **_: Any) -> None:
-        stream.write("{")
+    def half(path: Path, text: str, **_: Any) -> None:
+        path.write_bytes(text[:1].encode())
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("dynid.identification.estimate_file.json.dump", half)
+    monkeypatch.setattr("dynid.core.files.Path.write_text", half)
     outcome = run("identify", recordings.identification, "--preset", "paper", "-o", target)
     assert outcome.code == 130
     assert [path.name for path in tmp_path.iterdir()] == ["estimate.json"]

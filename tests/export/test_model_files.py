@@ -1,5 +1,6 @@
 import ast
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -118,6 +119,16 @@ def test_numbers_read_back_exactly() -> None:
     for value in (0.0, -0.0, 1.0, -3.0, 1e300, 1e-300, 0.1 + 0.2, 5e-324, 123456789.0):
         assert float(number(value)) == value
         assert any(mark in number(value) for mark in ".e")
+
+
+def test_the_head_of_a_header_names_what_there_is_to_call(heavy: ExportModel) -> None:
+    text = c_code(heavy)
+    head, code = text.split("*/", 1)
+    listed = set(re.findall(r"\bur5_\w+", head.split("To call:")[1]))
+    defined = set(re.findall(r"static inline void (ur5_\w+)\(", code))
+    assert listed < defined
+    assert "ur5_observer_step" in listed
+    assert "Link with -lm" in head
 
 
 def test_names_cannot_break_out_of_comments_and_strings(heavy: ExportModel) -> None:

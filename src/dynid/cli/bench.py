@@ -33,7 +33,7 @@ def _estimators(
     seeds: Annotated[int, typer.Option(metavar="N", min=1, help="Trajectories and noises.")] = 3,
     json: JsonFlag = False,
 ) -> None:
-    """Every estimator, three levels of noise, several seeds: BIRDy's figures of merit."""
+    """Every estimator, by noise and seed: BIRDy's figures."""
     from dynid.bench.estimators import compare_estimators, summary, to_json
     from dynid.cli.output import console, count, number, print_json, print_table
     from dynid.cli.progress import progress_bar

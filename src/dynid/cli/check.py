@@ -50,7 +50,7 @@ def _check(
     ] = None,
     json: JsonFlag = False,
 ) -> int:
-    """Certificate of every limit and of collisions, between samples too."""
+    """Certify limits and collisions, between samples too."""
     from dynid.cli.output import print_json
     from dynid.workflow.checking import check
 

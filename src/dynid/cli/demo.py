@@ -29,7 +29,7 @@ def _demo(
     ] = False,
     json: JsonFlag = False,
 ) -> None:
-    """The whole paper on the simulated UR5 and its controller, cold and warm."""
+    """The whole paper on the simulated UR5, cold and warm."""
     from dynid.cli.output import console, number, print_json, print_notices, print_table
     from dynid.cli.progress import progress_bar
     from dynid.workflow.demo import run_demo

@@ -40,9 +40,10 @@ def _export(
 ) -> None:
     """A model that other programs load, checked by loading it."""
     from dynid.cli.output import check_output, console, number, print_json, print_notices
-    from dynid.workflow.exporting import export_file
+    from dynid.workflow.exporting import check_suffix, export_file
 
     check_output(output, [estimate])
+    check_suffix(to, output)
     result = export_file(estimate, to, output, at_degC=at)
     if json:
         print_json(result.to_json())

@@ -26,7 +26,7 @@ def _gains(
     robot: RobotOption = None,
     json: JsonFlag = False,
 ) -> None:
-    """Drive gains from the controller's own target current and moment."""
+    """Drive gains, from the controller's own targets (UR)."""
     from dynid.cli.output import console, number, print_json, print_notices, print_table
     from dynid.workflow.gains import identify_gains
     from dynid.workflow.recordings import open_records

@@ -161,7 +161,18 @@ def check_output(
             value=str(directory),
             next_step=f"Run: mkdir -p {directory}",
         )
-    if not os.access(directory, os.W_OK):
+    if not _takes_files(directory):
         raise InputError(
             "the output's directory cannot be written to", where=where, value=str(directory)
         )
+
+
+def _takes_files(directory: Path) -> bool:
+    """Whether a file can be made there: permissions alone do not tell, least of all to root."""
+    import tempfile
+
+    try:
+        with tempfile.TemporaryFile(dir=directory):
+            return True
+    except OSError:
+        return False

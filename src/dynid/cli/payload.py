@@ -34,7 +34,7 @@ def _payload(
     ] = None,
     json: JsonFlag = False,
 ) -> None:
-    """Mass, centre and inertia of a payload, from runs with and without it."""
+    """Mass, centre and inertia of a payload, with intervals."""
     from dynid.cli.output import console, number, print_json, print_notices, print_table
     from dynid.workflow.payload import identify_payload
     from dynid.workflow.recordings import open_records

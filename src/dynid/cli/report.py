@@ -24,7 +24,7 @@ def _report(
     ] = Path("report.html"),
     json: JsonFlag = False,
 ) -> None:
-    """One self-contained page: can it be trusted, what was found, how it was made."""
+    """One self-contained page, with the verdict first."""
     from dynid.cli.output import check_output, console, print_json
     from dynid.cli.progress import progress_bar
     from dynid.workflow.reporting import report

@@ -26,6 +26,9 @@ def c_code(model: ExportModel, comment: str = "") -> str:
         *(f"   {safe(line)}" for line in comment.splitlines()),
         "   C99; no allocation, no hidden state; SI units (rad, m, s, N.m, N, kg). Joints:",
         f"   {', '.join(safe(name) for name in model.robot.joint_names)}.",
+        "   To call: @_inverse_dynamics, @_mass_matrix, @_coriolis, @_gravity, @_friction,",
+        "   @_momentum, @_observer_step; all else serves these. Torques are on the joints' side.",
+        "   Link with -lm. dynid claims no rights in this file.",
         *_interface(model),
         "#ifndef $_DYNAMICS_H",
         "#define $_DYNAMICS_H",
@@ -70,7 +73,10 @@ def _constants(model: ExportModel) -> Iterator[str]:
     n = model.joints
     slides = ", ".join(str(int(x)) for x in robot.prismatic)
     yield f"static const int @_prismatic[$_JOINTS] = {{{slides}}};"
+    yield "/* Gravity in the frame of the base [m/s^2]. */"
     yield vector("@_gravity_vector[3]", robot.gravity)
+    yield "/* Frame i in the one before: rotation fixed + sine sin(q) + cosine cos(q), row by row;"
+    yield "   origin [m] + slide q; the axis it turns about or slides along. */"
     for name, value in (
         ("fixed", turns.fixed.reshape(n, 9)),
         ("sine", turns.sine.reshape(n, 9)),

@@ -34,6 +34,7 @@ def python_code(model: ExportModel, comment: str = "") -> str:
         f"+ friction({now})",
         *words,
         *([] if model.speed_alone else ["To solve for ddq, give friction the last one, or zeros."]),
+        "SI units; torques are on the joints' side. dynid claims no rights in this file.",
         '"""',
         "",
         "import numpy as np",

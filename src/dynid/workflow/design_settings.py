@@ -105,6 +105,8 @@ class DesignSettings:
         for name, numbers in (("--start", self.start_pose), ("--noise", self.noise)):
             if numbers is not None and not all(math.isfinite(number) for number in numbers):
                 raise InputError("needs finite numbers", where=name, value=list(numbers))
+        if self.noise is not None and not all(number > 0 for number in self.noise):
+            raise InputError("must be positive", where="--noise", value=list(self.noise))
         if self.scene is not None and (self.limits == "paper" or not self.collision):
             raise InputError(
                 "a scene is looked at only with --limits safe and collisions on",

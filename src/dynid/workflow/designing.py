@@ -90,6 +90,10 @@ def _problem(
     base = reduce_model(model)
     _check_payload(judge)
     noise = None if asked.noise is None else np.array(asked.noise)
+    if noise is not None and len(noise) != robot.joints:
+        raise InputError(
+            "needs a number a joint", where="--noise", value=len(noise), limit=robot.joints
+        )
     if asked.start_pose is not None:
         judge.check_pose(_pose(asked.start_pose, robot.joints))
     return ExcitationProblem(

@@ -9,9 +9,19 @@ from typing import Any
 import numpy as np
 
 from dynid.core.arrays import Array
+from dynid.core.errors import InputError
 from dynid.core.notices import Notice
 from dynid.export.writing import ExportedFile, write_model
 from dynid.workflow.temperature_file import estimate_at
+
+ENDINGS = {
+    "urdf": (".urdf", ".xml"),
+    "mjcf": (".xml", ".mjcf"),
+    "json": (".json",),
+    "c": (".h", ".hpp", ".c"),
+    "python": (".py",),
+}
+"""What files of each format are called."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +44,28 @@ class Export:
             "left_out": list(self.written.left_out),
             "warnings": [notice.to_json() for notice in self.warnings],
         }
+
+
+def check_suffix(to: str, output: Path) -> None:
+    """Refuse a name that belongs to another format, such as C in `arm.urdf`.
+
+    Args:
+        to: The format.
+        output: File to write; an ending that belongs to no format is left to the user.
+
+    Raises:
+        InputError: The name ends as those of another format do.
+    """
+    suffix = output.suffix.lower()
+    if to in ENDINGS and any(suffix in own for own in ENDINGS.values()):
+        own = ENDINGS[to]
+        if suffix not in own:
+            raise InputError(
+                f"the name is of another format than {to}",
+                where="-o",
+                value=str(output),
+                limit=", ".join(f"*{ending}" for ending in own),
+            )
 
 
 def export_file(

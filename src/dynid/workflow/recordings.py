@@ -14,6 +14,12 @@ from dynid.recording.record import ExperimentRecord
 from dynid.robot.load import load_robot, robots
 from dynid.robot.model import RobotModel
 
+_HEAD = 400
+_RESULTS = {
+    b'"kind": "dynid.': "a design or another motion",
+    b'"format": "dynid-estimate"': "an estimate",
+}
+"""What the files begin with that dynid writes and nobody recorded."""
 _NEXT = "Pass --robot: a built-in name (dynid robots), a URDF or a robot file."
 
 
@@ -37,6 +43,7 @@ def open_record(path: str | Path, robot: RobotModel) -> ExperimentRecord:
     """
     if _was_cut_off(path):
         return read_record(path)
+    _refuse_results(Path(path))
     return read_recording(path, robot=robot)
 
 
@@ -90,8 +97,24 @@ def stored_robot(paths: Sequence[str | Path]) -> str:
 def _robot_in(path: str | Path) -> str | None:
     if not os.path.exists(path) and not _was_cut_off(path):
         raise RecordError("there is no such file", where=str(path))
+    _refuse_results(Path(path))
     foreign = os.path.isfile(path) and content_kind(Path(path)) != "parquet"
     return None if foreign or os.path.isdir(path) else read_record(path).metadata.robot
+
+
+def _refuse_results(path: Path) -> None:
+    """Say of a design or an estimate what it is, before anyone asks for its robot."""
+    if path.suffix.lower() != ".json" or not path.is_file():
+        return
+    with path.open("rb") as stream:
+        head = stream.read(_HEAD)
+    for mark, kind in _RESULTS.items():
+        if mark in head:
+            raise RecordError(
+                f"this is {kind}, not a recording",
+                where=str(path),
+                next_step="Give a recording: dynid run and dynid import write them.",
+            )
 
 
 def _was_cut_off(path: str | Path) -> bool:

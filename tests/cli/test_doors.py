@@ -1,0 +1,83 @@
+"""What is refused before any work is done, and what the first page of help says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from cli_runs import Outcome, Recordings, Run
+
+import dynid
+from dynid.core.provenance import provenance
+
+
+def refused(outcome: Outcome, *parts: str) -> None:
+    assert outcome.code == 2, outcome
+    assert outcome.out == ""
+    assert len(outcome.err.splitlines()) == 1
+    for part in parts:
+        assert part in outcome.err
+
+
+@pytest.fixture
+def motion(tmp_path: Path) -> Path:
+    limits = dynid.load_robot("ur5").limits
+    path = tmp_path / "motion.json"
+    made = provenance(seed=0)
+    drawn = dynid.random_excitation(limits, seed=0)
+    dynid.write_trajectory(str(path), drawn, robot="ur5", limits=limits, provenance=made)
+    return path
+
+
+def test_summaries_of_commands_are_not_cut(run: Run) -> None:
+    for words in ((), ("bench",)):
+        listed = run(*words, "--help").out.split("Commands:")[1].split("Example:")[0]
+        assert "..." not in listed
+
+
+def test_designs_and_estimates_are_not_asked_for_their_robot(
+    run: Run, recordings: Recordings, motion: Path
+) -> None:
+    estimate = recordings.estimate
+    for wrong, kind in ((motion, "this is a design"), (estimate, "this is an estimate")):
+        for words in (
+            ("identify", wrong),
+            ("identify", wrong, "--robot", "ur5"),
+            ("gains", wrong),
+            ("payload", recordings.validation, wrong),
+            ("validate", estimate, wrong),
+            ("identify", recordings.validation, "--preset", "paper", "--validate", wrong),
+        ):
+            refused(run(*words), str(wrong), kind, "not a recording")
+
+
+def test_a_recording_as_json_is_still_read(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "log.json"
+    path.write_text('{"format": "mine", "kind": "log", "t": [0, 1]}')
+    refused(run("identify", path), "does not say which robot")
+
+
+@pytest.mark.parametrize(
+    ("noise", "part"),
+    [("1,2", "needs a number a joint"), ("0,0,0,0,0,0", "must be positive"), ("1,b", "--noise")],
+)
+def test_noise_is_looked_at_before_the_search(
+    run: Run, tmp_path: Path, noise: str, part: str
+) -> None:
+    target = tmp_path / "d.json"
+    refused(run("design", "ur5", "-o", target, "--noise", noise), "--noise", part)
+
+
+@pytest.mark.parametrize(("to", "name"), [("c", "a.urdf"), ("urdf", "a.h"), ("python", "a.xml")])
+def test_a_name_of_another_format_is_refused(
+    run: Run, recordings: Recordings, tmp_path: Path, to: str, name: str
+) -> None:
+    target = tmp_path / name
+    words = ("export", recordings.estimate, "--to", to, "-o", target)
+    refused(run(*words), "-o", name, f"another format than {to}")
+    assert not target.exists()
+
+
+def test_a_folder_that_takes_no_files_is_found_before_the_work(run: Run) -> None:
+    # Root may write everywhere that takes files at all: /proc takes none.
+    refused(run("design", "ur5", "-o", "/proc/d.json"), "-o", "cannot be written to", "/proc")
