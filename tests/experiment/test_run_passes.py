@@ -12,7 +12,8 @@ import pytest
 
 from dynid.core.errors import InputError, JobError
 from dynid.core.notices import Notice
-from dynid.drivers.driver import Driver, Execution, Outcome, Progress, Recorder, Source
+from dynid.core.progress import Progress
+from dynid.drivers.driver import Driver, Execution, Outcome, Recorder, Source
 from dynid.drivers.watchdog import Abort
 from dynid.experiment.plan import ExperimentPlan
 from dynid.experiment.run import run

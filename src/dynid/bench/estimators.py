@@ -8,7 +8,7 @@ the time.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -18,6 +18,7 @@ from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingType
 from dynid.bench.known_arm import KnownArm, known_arm
 from dynid.core.arrays import Array
 from dynid.core.errors import DynidError, InputError, JobError
+from dynid.core.progress import Progress
 from dynid.identification.closed_loop import ClosedLoop
 from dynid.identification.problem import IdentificationProblem
 from dynid.identification.registry import ESTIMATORS, estimator_of
@@ -50,7 +51,7 @@ def compare_estimators(
     estimators: Sequence[str] = ESTIMATORS,
     seeds: Sequence[int] = (0, 1, 2),
     *,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> tuple[Trial, ...]:
     """Run every estimator on every scenario and seed.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from threading import Event
 from typing import Protocol
@@ -15,11 +15,9 @@ from numpy.typing import ArrayLike
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError
 from dynid.core.notices import Notice
+from dynid.core.progress import Progress
 from dynid.drivers.watchdog import Abort, WatchLimits
 from dynid.trajectory.trajectory import Trajectory
-
-Progress = Callable[[str, float], None]
-"""Told what is being done and how far it is (0 to 1)."""
 
 
 class Recorder(Protocol):

@@ -9,7 +9,8 @@ from threading import Event
 import numpy as np
 
 from dynid.core.errors import DynidError, InputError
-from dynid.drivers.driver import Driver, Execution, Outcome, Progress, Recorder, Source
+from dynid.core.progress import Progress
+from dynid.drivers.driver import Driver, Execution, Outcome, Recorder, Source
 from dynid.drivers.watchdog import INTERRUPTED, Abort, Cycle, Watchdog
 from dynid.recording.record import ExperimentRecord
 

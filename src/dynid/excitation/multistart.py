@@ -10,13 +10,14 @@ from dataclasses import dataclass
 from uuid import uuid4
 
 from dynid.core.errors import InputError
+from dynid.core.progress import Progress
 from dynid.excitation.candidate import Candidate
 from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.executor import told_to_stop
 from dynid.excitation.gradient import one_start
 from dynid.excitation.problem import ExcitationProblem
 from dynid.excitation.region import region_of
-from dynid.excitation.search import Search, Tell
+from dynid.excitation.search import Search
 
 GRACE_S = 0.5
 """What workers may take after the deadline to tell what they have [s]."""
@@ -71,7 +72,7 @@ def multistart(
     seed: int,
     executor: Executor | None = None,
     workers: int = 0,
-    tell: Tell | None = None,
+    tell: Progress | None = None,
 ) -> Search:
     """Run starts until their number, the time or the patience is up.
 
@@ -137,7 +138,7 @@ class _Run:
     """The state of one multistart."""
 
     def __init__(
-        self, problem: ExcitationProblem, effort: Effort, seed: int, tell: Tell | None
+        self, problem: ExcitationProblem, effort: Effort, seed: int, tell: Progress | None
     ) -> None:
         self.problem, self.effort, self.seed, self.tell = problem, effort, seed, tell
         self.evaluation = DesignEvaluation(problem)

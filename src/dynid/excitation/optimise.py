@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingType
 
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError, JobError
+from dynid.core.progress import Progress
 from dynid.excitation.candidate import Candidate
 from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.finishing import Finished, finish
@@ -19,7 +20,7 @@ from dynid.excitation.gradient import TIGHTEN
 from dynid.excitation.multistart import Effort, multistart
 from dynid.excitation.problem import ExcitationProblem
 from dynid.excitation.region import region_of
-from dynid.excitation.search import Search, Tell
+from dynid.excitation.search import Search
 
 METHODS = ("gradient", "ga")
 LEAST_MOTIONS = 40
@@ -43,7 +44,7 @@ def by_gradient(
     seed: int,
     executor: Executor | None = None,
     workers: int = 0,
-    tell: Tell | None = None,
+    tell: Progress | None = None,
 ) -> Optimised:
     """Design by gradients from many starts; see `multistart`."""
     check_budget(effort.budget_s)
@@ -61,7 +62,7 @@ def by_genetic_algorithm(
     population: int = 300,
     generations: int = 5,
     budget_s: float | None = None,
-    tell: Tell | None = None,
+    tell: Progress | None = None,
 ) -> Optimised:
     """Design by the paper's genetic algorithm; see `genetic`.
 
@@ -92,7 +93,7 @@ def _evolved(
     population: int,
     generations: int,
     budget_s: float | None,
-    tell: Tell | None,
+    tell: Progress | None,
 ) -> Search:
     evaluation = DesignEvaluation(problem)
     region = region_of(problem)

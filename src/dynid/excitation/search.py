@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from dynid.core.progress import Progress
 from dynid.excitation.candidate import Candidate
 from dynid.excitation.problem import ExcitationProblem
 
 KEPT = 5
 """Candidates kept for the certificate, best first."""
-Tell = Callable[[str, float], None]
-"""Told what is being done and how far it is, 0 to 1."""
+Tell = Progress
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,8 @@ from threading import Event
 
 from dynid.core.errors import DynidError
 from dynid.core.notices import Notice
-from dynid.drivers.driver import Driver, Execution, Outcome, Progress, Recorder
+from dynid.core.progress import Progress
+from dynid.drivers.driver import Driver, Execution, Outcome, Recorder
 from dynid.drivers.watchdog import Abort
 from dynid.experiment.plan import ExperimentPlan
 

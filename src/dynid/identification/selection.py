@@ -6,12 +6,12 @@ identification record alone. A variant that is not clearly better than a simpler
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dynid.core.arrays import Array
+from dynid.core.progress import Progress, silent
 from dynid.identification.conditioning import ILL_CONDITIONED, motion_condition_number
 from dynid.identification.least_squares import PRIOR_GAIN
 from dynid.identification.search import GAIN_OF_SHAPE, JointChoice, Search
@@ -24,11 +24,8 @@ from dynid.signals.torque_filter import ORDERS, TorqueFilter, torque_end
 
 CUTOFFS_HZ = (2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 22.0, 33.0, 50.0, 75.0)
 """Cut-offs that are tried, as far as the record's length and rate allow."""
-
 SHORTEST_RECORD = 10.0
 """Periods of the torque filter's cut-off that a record must hold."""
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +70,7 @@ def select(
     """
     search = Search(robot, frames, signals, terms)
     plain = (JointChoice(0, frozenset(), search.no_delay),) * robot.joints
-    tell = progress or _silent
+    tell = progress or silent
     trials = _settings_to_try(signals, settings)
     scored: list[tuple[float, int]] = []
     for index, trial in enumerate(trials):
@@ -143,10 +140,6 @@ def _passed_by(
     if score(found) > score(None) - GAIN_OF_SHAPE * search.robot.joints:
         return None
     return found
-
-
-def _silent(_what: str, _share: float) -> None:
-    """Progress that nobody watches."""
 
 
 def _settings_to_try(

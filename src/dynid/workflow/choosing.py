@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
+from dynid.core.progress import Progress
 from dynid.identification.least_squares import PRIOR_GAIN
-from dynid.identification.selection import Progress, Selection, select
+from dynid.identification.selection import Selection, select
 from dynid.recording.record import ExperimentRecord
 from dynid.regressor.terms import FrictionTerms
 from dynid.robot.model import RobotModel

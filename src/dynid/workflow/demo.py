@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 from dynid.core.errors import InputError
 from dynid.core.files import write_json
 from dynid.core.optional import require
+from dynid.core.progress import Progress, silent
 from dynid.identification.estimate_file import write_estimate
 from dynid.robot.load import load_robot
 from dynid.validation.comparison import ParameterComparison, compare
@@ -28,8 +28,6 @@ ESTIMATES = (
     ("best", "cold", "estimate_best_cold"),
 )
 """Preset, thermal state and file name of each identification."""
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,7 +86,7 @@ def run_demo(
     started = time.perf_counter()
     # Said now, not after minutes of search by the process that needs it.
     require("mujoco", "sim")
-    tell: Progress = progress or _silent
+    tell: Progress = progress or silent
     folder = _directory(directory)
     robot = load_robot(ROBOT)
     tell("analyze the UR5", 0.0)
@@ -127,10 +125,6 @@ def run_demo(
     )
     write_json(folder / "demo.json", demo.to_json())
     return demo
-
-
-def _silent(_what: str, _share: float) -> None:
-    """Nobody is watching."""
 
 
 def _directory(directory: str | Path) -> Path:

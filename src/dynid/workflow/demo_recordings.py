@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from dynid.core.errors import JobError
+from dynid.core.progress import Progress
 from dynid.excitation.design import ExcitationDesign
 from dynid.recording.parquet import read_record
 from dynid.recording.record import ExperimentRecord
@@ -23,8 +23,6 @@ PURPOSES = (("design", 1), ("validation_design", 2))
 THERMAL = ("cold", "warm")
 STARTS = 2
 """Starts of the search for a motion; more would find a slightly better one."""
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,12 +12,12 @@ from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingType
 
 from dynid.core.errors import InputError
 from dynid.core.notices import Notice
+from dynid.core.progress import Progress
 from dynid.core.provenance import provenance
 from dynid.identification.estimate import Estimate
 from dynid.identification.fitting import fit_estimate
 from dynid.identification.loading import with_load
 from dynid.identification.ripple import with_ripple
-from dynid.identification.selection import Progress
 from dynid.recording.identity import identity
 from dynid.recording.record import ExperimentRecord
 from dynid.regressor.model import InverseDynamicModel

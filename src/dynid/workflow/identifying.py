@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dynid.core.errors import InputError
+from dynid.core.progress import Progress
 from dynid.identification.estimate_file import write_estimate
-from dynid.identification.selection import Progress
 from dynid.recording.record import ExperimentRecord
 from dynid.signals.resample import window
 from dynid.workflow.identify import Identification, identify

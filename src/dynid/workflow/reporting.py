@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.core.errors import DynidError, InputError
+from dynid.core.progress import Progress, silent
 from dynid.identification.estimate import Estimate
 from dynid.identification.estimate_file import FORMAT, read_estimate
 from dynid.recording.identity import identity
@@ -30,8 +31,6 @@ from dynid.workflow.verdict import verdict
 MOST_ESTIMATES = 6
 """A page with more would no longer be light."""
 MAX_JSON = 64 << 20
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +66,7 @@ def report(
             where=str(directory),
             next_step=f"Run: dynid report {folder.parent}" if folder.exists() else None,
         )
-    tell: Progress = progress or _silent
+    tell: Progress = progress or silent
     found = _search(folder, tell)
     if not found.estimates:
         raise InputError(
@@ -93,10 +92,6 @@ def report(
         ),
     )
     return write_report(contents, output), contents
-
-
-def _silent(_what: str, _share: float) -> None:
-    """Nobody is watching."""
 
 
 def _search(folder: Path, tell: Progress) -> _Found:

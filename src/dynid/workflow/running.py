@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from dynid.core.errors import InputError, JobError
-from dynid.drivers.driver import Driver, Progress
+from dynid.core.progress import Progress
+from dynid.drivers.driver import Driver
 from dynid.drivers.simulated import SimulatedDriver
 from dynid.drivers.ur.driver import UrDriver
 from dynid.drivers.ur.state import inspect

@@ -10,12 +10,12 @@ from typing import Any
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core.errors import InputError
+from dynid.core.progress import Progress
 from dynid.core.provenance import provenance
 from dynid.identification.estimate import Estimate
 from dynid.identification.least_squares import PRIOR_GAIN
 from dynid.identification.loading import with_load
 from dynid.identification.problem import IdentificationProblem
-from dynid.identification.selection import Progress
 from dynid.identification.shared import SharedProblem
 from dynid.identification.shared_estimates import shared_estimates
 from dynid.identification.shared_fit import SharedFit, fit_shared

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError
 from dynid.core.notices import Notice
+from dynid.core.progress import Progress
 from dynid.identification.estimate import Estimate
-from dynid.identification.selection import Progress
 from dynid.identification.shared_estimates import base_order
 from dynid.identification.temperature import LEAST_SPREAD_K, JointTemperatureLaw, fit_law
 from dynid.recording.record import ExperimentRecord

@@ -6,7 +6,8 @@ import threading
 from contextlib import suppress
 
 from dynid.core.errors import InputError, JobError
-from dynid.drivers.driver import Driver, Execution, Outcome, Progress, Recorder, Source
+from dynid.core.progress import Progress
+from dynid.drivers.driver import Driver, Execution, Outcome, Recorder, Source
 from dynid.drivers.ur.commands import STOP_PROGRAM, Dashboard, ScriptPort
 from dynid.drivers.ur.intake import Intake
 from dynid.drivers.ur.layout import (

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dynid.core.errors import DynidError
-from dynid.drivers.driver import Execution, Outcome, Progress, Recorder
+from dynid.core.progress import Progress
+from dynid.drivers.driver import Execution, Outcome, Recorder
 from dynid.drivers.ur.layout import Layout
 from dynid.drivers.ur.pump import Pump
 from dynid.drivers.watchdog import Abort

@@ -14,7 +14,8 @@ from typing import Any
 from dynid.core.arrays import Array
 from dynid.core.errors import JobError
 from dynid.core.optional import require
-from dynid.drivers.driver import Driver, Execution, Outcome, Progress, Recorder, Source
+from dynid.core.progress import Progress
+from dynid.drivers.driver import Driver, Execution, Outcome, Recorder, Source
 from dynid.drivers.ur.commands import STOP_DECELERATION, ScriptPort
 from dynid.drivers.ur.driver import check_rate, halt, source_of
 from dynid.drivers.ur.intake import Intake
