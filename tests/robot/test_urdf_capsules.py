@@ -163,6 +163,41 @@ def test_every_triangle_is_in_capsules(points: np.ndarray, stretch: np.ndarray) 
     assert np.min([depth(inside, item) for item in items], axis=0).max() <= ROUNDING
 
 
+def rod(start: np.ndarray, end: np.ndarray, radius: float) -> np.ndarray:
+    """(32, 3, 3) the side of a round rod."""
+    way = (end - start) / np.linalg.norm(end - start)
+    across = np.linalg.svd(way[None])[2][1:]
+    angle = np.linspace(0, 2 * np.pi, 17)
+    ring = radius * (np.outer(np.cos(angle), across[0]) + np.outer(np.sin(angle), across[1]))
+    low, high = start + ring, end + ring
+    first = np.stack([low[:-1], low[1:], high[:-1]], axis=1)
+    return np.concatenate([first, np.stack([low[1:], high[1:], high[:-1]], axis=1)])
+
+
+def room(found: list[tuple[np.ndarray, np.ndarray, float]]) -> float:
+    return sum(
+        np.pi * r**2 * (float(np.linalg.norm(end - start)) + 4 / 3 * r) for start, end, r in found
+    )
+
+
+def test_a_straight_body_gets_one_capsule_and_not_a_larger_one_than_it_needs() -> None:
+    ends = np.array([[0.1, 0.2, -0.1], [0.5, -0.2, 0.4]])
+    ((start, end, radius),) = around_triangles(rod(*ends, 0.05))
+    length = float(np.linalg.norm(ends[1] - ends[0]))
+    assert 0.05 <= radius < 0.06
+    assert float(np.linalg.norm(end - start)) < 1.001 * length
+    assert room([(start, end, radius)]) < 1.25 * np.pi * 0.05**2 * length
+
+
+def test_a_bent_body_is_halved_where_that_leaves_more_room() -> None:
+    corner = np.array([0.5, 0.0, 0.0])
+    arms = [rod(np.zeros(3), corner, 0.04), rod(corner, np.array([0.5, 0.5, 0.0]), 0.04)]
+    found = around_triangles(np.concatenate(arms))
+    tight = room([around_triangles(one)[0] for one in arms])
+    assert len(found) > 1
+    assert room(found) < 2.5 * tight
+
+
 @needs_models
 def test_meshes_are_enclosed() -> None:
     path = DATA / "panda_description" / "urdf" / "panda.urdf"
