@@ -180,9 +180,11 @@ def test_questions(mailbox: Mailbox) -> None:
     assert mailbox.doubles(6) == pytest.approx([1, 0, 1, 0, 0, 0])
 
 
-def test_what_is_not_simulated_says_so(mailbox: Mailbox) -> None:
+def test_teach_mode_is_on_until_it_is_ended(mailbox: Mailbox) -> None:
     mailbox.send(18)
-    assert any("teach_mode is not simulated" in text for text in said(mailbox.machine))
+    assert int(mailbox.machine.output("robot_status_bits")) & 4
+    mailbox.send(19)
+    assert not int(mailbox.machine.output("robot_status_bits")) & 4
 
 
 def test_direct_torque_lasts_a_cycle_and_says_that_it_does_nothing(arm: SimulatedArm) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Generator
 from typing import Any
 
 from dynid.simulation.controller.machine_builtins_absent import ABSENT
+from dynid.simulation.controller.machine_builtins_force import FORCE
 from dynid.simulation.controller.machine_builtins_io import IO
 from dynid.simulation.controller.machine_builtins_model import MODEL
 from dynid.simulation.controller.machine_builtins_socket import SOCKETS
@@ -169,6 +170,7 @@ BUILTINS: dict[str, Builtin] = table(
     IO,
     STATE,
     MODEL,
+    FORCE,
     SOCKETS,
     (
         builtin(function, Kind.BLOCKING, name=name, weight=_MOTION_WEIGHT)

@@ -10,13 +10,12 @@ from dynid.simulation.controller.urscript.values import Value
 
 _WEIGHT = 20
 _YES: dict[int, str] = {
-    0: """end_force_mode zero_ftsensor teach_mode end_teach_mode end_freedrive_mode
-        end_screw_driving stop_conveyor_tracking set_input_actions_to_default powerdown""",
-    1: """force_mode_set_damping force_mode_set_gain_scaling set_tool_output_mode
+    0: "end_screw_driving stop_conveyor_tracking set_input_actions_to_default powerdown",
+    1: """set_tool_output_mode
         set_runstate_outputs set_safety_mode_transition_hardness reset_revolution_counter set_pos
         encoder_set_tick_count encoder_enable_set_tick_count path_offset_disable
         path_offset_set_alpha_filter modbus_delete_signal pause_on_error_code""",
-    2: """freedrive_mode set_conveyor_tick_count set_standard_analog_input_domain
+    2: """set_conveyor_tick_count set_standard_analog_input_domain
         set_analog_outputdomain set_analog_inputrange set_tool_analog_input_domain
         position_deviation_warning set_tool_digital_output_mode
         set_standard_digital_input_action set_configurable_digital_input_action
@@ -31,18 +30,14 @@ _YES: dict[int, str] = {
         modbus_set_digital_input_action path_offset_set_max_offset""",
     4: """ft_rtde_input_enable enable_external_ft_sensor track_conveyor_circular
         conveyor_pulse_decode encoder_enable_pulse_decode""",
-    5: "force_mode modbus_add_signal modbus_send_custom_command",
+    5: "modbus_add_signal modbus_send_custom_command",
     6: "set_tool_communication",
 }
 _NOUGHT: dict[int, str] = {
-    0: "get_freedrive_status get_conveyor_tick_count get_tool_current",
-    1: """tool_contact encoder_get_tick_count get_euromap_input get_euromap_output read_port_bit
+    0: "get_conveyor_tick_count get_tool_current",
+    1: """encoder_get_tick_count get_euromap_input get_euromap_output read_port_bit
         read_port_register modbus_get_signal_status""",
     2: "encoder_unwind_delta_tick_count",
-}
-_NAMED_ARGUMENTS: dict[str, tuple[str, ...]] = {
-    "freedrive_mode": ("freeAxes", "feature"),
-    "tool_contact": ("direction",),
 }
 
 
@@ -51,8 +46,7 @@ def _absent(name: str, answer: bool | int, parameters: int) -> Builtin:
         core.lacks(name)
         return answer
 
-    unnamed = tuple(f"argument{k + 1}" for k in range(parameters))
-    names = _NAMED_ARGUMENTS.get(name, unnamed)
+    names = tuple(f"argument{k + 1}" for k in range(parameters))
     return Builtin(name, say, Kind.INSTANT, names, (0,) * parameters, _WEIGHT)
 
 

@@ -17,6 +17,7 @@ from dynid.simulation.controller.machine_network import Network, on_this_machine
 from dynid.simulation.controller.machine_registers import Registers, Signals
 from dynid.simulation.controller.machine_safety import Safety
 from dynid.simulation.controller.motion_blend import Rest
+from dynid.simulation.controller.motion_force import ForceMode
 from dynid.simulation.controller.motion_poses import to_matrix
 from dynid.simulation.controller.urscript.errors import ScriptFault
 from dynid.simulation.servo import Servo
@@ -93,6 +94,10 @@ class Core:
         self.playing = False
         self.teaching = False
         self.blocking_popup = False
+        self.force: ForceMode | None = None
+        """The force mode that is on."""
+        self.force_gain = 1.0
+        """How much the tool gives way in the next one."""
         self.rest: Rest | None = None
         """What a move has left to the next one, in a blend."""
         self.history: deque[list[float]] = deque(maxlen=round(_HISTORY_S * rate_hz))
@@ -149,7 +154,8 @@ class Core:
         """Say, once a program, that something is not simulated."""
         if what not in self.lacking:
             self.lacking.add(what)
-            self.say(f"{what} is not simulated: it does nothing", level=2)
+            words = f"{what} is not simulated: it does nothing"
+            self.say(words, level=2, kind=MessageKind.NOTE)
 
     def say(
         self,

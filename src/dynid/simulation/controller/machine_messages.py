@@ -17,6 +17,7 @@ class MessageKind(Enum):
     POPUP = "a window on the screen"
     EXCEPTION = "what is wrong with a script; the title is UR's name for it"
     STOP = "a stop by the safety system"
+    NOTE = "what a real controller would not say; for people beside the simulated one"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

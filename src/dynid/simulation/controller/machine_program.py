@@ -129,7 +129,7 @@ class Programs:
         self._main = None
         core.playing = core.paused = core.teaching = core.blocking_popup = False
         core.watchdogs.clear()
-        core.rest = None
+        core.rest = core.force = None
         core.network.close_all()
         core.interpreter.finish()
         core.arm.refuse()
@@ -161,12 +161,16 @@ class Programs:
                 self._core.arm.command(held)
 
     def _move_on(self) -> None:
-        """What a blend has left to do, while the program does something else."""
+        """What a blend has left to do, or force mode does, while no thread moves the arm."""
         core = self._core
-        if core.rest is None or core.arm.commanded or core.mode != RobotMode.RUNNING:
+        if core.arm.commanded or core.mode != RobotMode.RUNNING:
             return
-        if not core.rest.alone(core.arm, core.arm.cycle * core.scaling):
+        if core.force is not None:
             core.rest = None
+            core.arm.command(core.force.next(core.arm, core.tcp_matrix))
+        elif core.rest is not None:
+            step = core.arm.cycle * core.scaling
+            core.rest = core.rest if core.rest.alone(core.arm, step) else None
 
     def _compiled(self, text: str) -> Program | None:
         try:

@@ -50,6 +50,8 @@ def packets(message: Message) -> bytes:
             exception = _message(_EXCEPTION, _FROM_PROGRAM, said, at)
             # The controller's own words name the error; ours say what to do.
             return exception + _message(_TEXT, _FROM_PROGRAM, words, at)
+        case MessageKind.NOTE:
+            return b""
         case MessageKind.TEXT:
             return _message(_TEXT, _FROM_PROGRAM, words, at)
 
