@@ -1,0 +1,72 @@
+"""What an error says, and in which order."""
+
+from __future__ import annotations
+
+import pytest
+
+from dynid.core.errors import (
+    DynidError,
+    InputError,
+    JobError,
+    MissingExtraError,
+    RecordError,
+    RobotError,
+)
+from dynid.core.optional import installed, require
+
+
+def test_a_message_says_where_what_value_limit_and_what_to_do() -> None:
+    error = InputError(
+        "too fast", where="joint 2", value=4.5, limit="3.14 rad/s", next_step="Slow down."
+    )
+    assert str(error) == "joint 2: too fast; got 4.5; allowed: 3.14 rad/s. Slow down."
+    assert (error.what, error.where, error.value) == ("too fast", "joint 2", 4.5)
+    assert (error.limit, error.next_step) == ("3.14 rad/s", "Slow down.")
+
+
+def test_what_is_not_known_is_left_out() -> None:
+    assert str(JobError("no motion was found")) == "no motion was found"
+    assert str(JobError("failed", value=0)) == "failed; got 0"
+    assert str(JobError("failed", next_step="Try again.")) == "failed. Try again."
+
+
+@pytest.mark.parametrize(("length", "shown"), [(200, 200), (201, 200), (5000, 200)])
+def test_long_values_are_cut_and_say_so(length: int, shown: int) -> None:
+    message = str(InputError("wrong", value="x" * length))
+    assert message.count("x") == (length if length <= shown else shown - 3)
+    assert message.endswith("..." if length > shown else "x")
+    assert len(message) == len("wrong; got ") + shown
+
+
+def test_values_stay_on_one_printable_line() -> None:
+    message = str(InputError("wrong", value="a\nb\x1b[31mc\0", limit=["ä", "\u2028"]))
+    assert message == "wrong; got a?b?[31mc?; allowed: ['ä', '\\u2028']"
+
+
+@pytest.mark.parametrize(
+    ("kind", "code"),
+    [
+        (DynidError, 1),
+        (JobError, 1),
+        (InputError, 2),
+        (RobotError, 2),
+        (RecordError, 2),
+        (MissingExtraError, 2),
+    ],
+)
+def test_bad_input_and_failed_jobs_leave_with_their_codes(
+    kind: type[DynidError], code: int
+) -> None:
+    assert kind("x").exit_code == code
+    assert issubclass(kind, InputError) == (code == 2)
+
+
+def test_a_missing_extra_names_the_package_and_the_command() -> None:
+    assert not installed("dynid_nowhere")
+    with pytest.raises(MissingExtraError) as caught:
+        require("dynid_nowhere.inner", "sim")
+    assert str(caught.value) == (
+        "this needs the package 'dynid_nowhere'. Run: pip install 'dynid[sim]'"
+    )
+    assert installed("json")
+    assert require("json.decoder", "sim").JSONDecoder
