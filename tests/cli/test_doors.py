@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import stat
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -9,6 +12,7 @@ from cli_runs import Outcome, Recordings, Run
 
 import dynid
 from dynid.core.provenance import provenance
+from dynid.export.writing import write_model
 
 
 def refused(outcome: Outcome, *parts: str) -> None:
@@ -81,3 +85,38 @@ def test_a_name_of_another_format_is_refused(
 def test_a_folder_that_takes_no_files_is_found_before_the_work(run: Run) -> None:
     # Root may write everywhere that takes files at all: /proc takes none.
     refused(run("design", "ur5", "-o", "/proc/d.json"), "-o", "cannot be written to", "/proc")
+
+
+@pytest.mark.parametrize("name", ["-", "pipe"])
+def test_devices_and_dashes_are_no_outputs(
+    run: Run, recordings: Recordings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    # A pipe stands for /dev/null and its kind: whatever goes wrong here, the machine keeps those.
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    refused(run("export", recordings.estimate, "--to", "c", "-o", name), "-o", "can be kept")
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["pipe"]
+
+
+def test_a_link_stays_a_link_and_a_pipe_a_pipe(recordings: Recordings, tmp_path: Path) -> None:
+    estimate = dynid.read_estimate(recordings.estimate)
+    record = dynid.read_record(recordings.validation)
+    writers: dict[str, Callable[[Path], object]] = {
+        "e.json": lambda path: dynid.write_estimate(estimate, path),
+        "r.parquet": lambda path: dynid.write_record(record, path),
+        "m.py": lambda path: write_model(estimate, "python", path),
+    }
+    for name, write in writers.items():
+        (tmp_path / "real").mkdir(exist_ok=True)
+        link = tmp_path / name
+        link.symlink_to(tmp_path / "real" / name)
+        write(link)
+        assert link.is_symlink()
+        assert (tmp_path / "real" / name).stat().st_size > 1000
+        pipe = tmp_path / f"pipe-{name}"
+        os.mkfifo(pipe)
+        with pytest.raises(dynid.InputError, match="no ordinary file"):
+            write(pipe)
+        assert stat.S_ISFIFO(pipe.stat().st_mode)

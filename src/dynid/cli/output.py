@@ -153,6 +153,8 @@ def check_output(
         os.path.exists(source) and os.path.samefile(path, source) for source in inputs
     ):
         raise InputError("the output would overwrite an input", where=where, value=str(path))
+    if str(path) == "-" or (os.path.exists(path) and not os.path.isfile(path)):
+        raise InputError("the output must be a file that can be kept", where=where, value=str(path))
     directory = path.parent
     if not os.path.isdir(directory):
         raise InputError(

@@ -45,6 +45,26 @@ def cannot_write(path: Path, error: OSError | ValueError) -> DynidError:
     )
 
 
+def file_behind(path: Path) -> Path:
+    """The file that a name stands for: a link stays a link, what it points to is written.
+
+    Args:
+        path: File to write.
+
+    Raises:
+        InputError: A device or a pipe: a rename would put a file in its place.
+    """
+    try:
+        target = Path(os.path.realpath(path))
+    except ValueError as error:
+        raise cannot_write(path, error) from error
+    if target.exists() and not (target.is_file() or target.is_dir()):
+        raise InputError(
+            "this is no ordinary file", where=str(path), next_step="Name a file that can be kept."
+        )
+    return target
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a file in one piece: an interrupt leaves the old file or the new one.
 
@@ -58,6 +78,7 @@ def write_text(path: Path, text: str) -> None:
     """
     # Beside the file: only within one folder does a rename happen in one piece.
     try:
+        path = file_behind(path)
         part = path.with_name(f".{path.name}.{os.getpid()}.part")
         try:
             part.write_text(text, encoding="utf-8")

@@ -11,7 +11,7 @@ import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError, JobError
-from dynid.core.files import cannot_write
+from dynid.core.files import cannot_write, file_behind
 from dynid.export import mjcf, urdf
 from dynid.export.c_code import c_code, c_prefix
 from dynid.export.json_model import model_from_json, model_to_json
@@ -70,6 +70,7 @@ def write_model(estimate: Estimate, to: str, path: str | Path, note: str = "") -
     if to not in FORMATS:
         raise InputError("unknown format", where="--to", value=to, limit=", ".join(FORMATS))
     path = Path(path)
+    place = file_behind(path)
     model, completed = completed_model(estimate)
     states = random_motion(model.joints, model.robot.prismatic)
     held = _HELD.get(to)
@@ -79,7 +80,7 @@ def write_model(estimate: Estimate, to: str, path: str | Path, note: str = "") -
     remarks = [note, f"Standard parameters: {model.origin}.", *stand_in_words(friction)]
     text = _text(model, to, "\n".join(remarks).strip())
     # Names the process, ends as the format wants it: loaders look at the suffix.
-    part = path.with_name(f".{path.stem}.{os.getpid()}{SUFFIXES[to]}")
+    part = place.with_name(f".{path.stem}.{os.getpid()}{SUFFIXES[to]}")
     try:
         part.write_text(text, encoding="utf-8")
         theirs, loader = _torque(model, to, part, states)
@@ -91,7 +92,7 @@ def write_model(estimate: Estimate, to: str, path: str | Path, note: str = "") -
                 value=verified.max_torque_difference,
                 limit=verified.tolerance,
             )
-        part.replace(path)
+        part.replace(place)
     except OSError as error:
         raise cannot_write(path, error) from error
     finally:

@@ -12,7 +12,7 @@ import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.core.errors import RecordError
-from dynid.core.files import cannot_write
+from dynid.core.files import cannot_write, file_behind
 from dynid.recording.record import ExperimentRecord
 from dynid.recording.schema import (
     UNITS,
@@ -42,7 +42,7 @@ def write_record(record: ExperimentRecord, path: str | Path) -> None:
         InputError: A place where no such file can be.
         JobError: The disk does not take it.
     """
-    target = Path(path)
+    target = file_behind(Path(path))
     names, columns = _columns(record)
     description: dict[str, Any] = {
         "schema": VERSION,
