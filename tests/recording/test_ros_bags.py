@@ -229,6 +229,52 @@ def test_topic_with_most_messages_or_the_one_asked_for(tmp_path: Path) -> None:
         read_recording(path, topic="/none")
 
 
+def add_topic(path: Path, name: str, motion: Motion, names=ALPHABETICAL) -> None:
+    with sqlite3.connect(path) as database:
+        database.execute(
+            "INSERT INTO topics VALUES (3, ?, 'sensor_msgs/msg/JointState', 'cdr', '')", (name,)
+        )
+        database.executemany(
+            "INSERT INTO messages(topic_id, timestamp, data) VALUES (3, ?, ?)",
+            list(messages(motion, names)),
+        )
+    database.close()
+
+
+def test_two_arms_on_topics_of_their_own_are_refused(tmp_path: Path) -> None:
+    left, right = Motion(samples=100), Motion(samples=101, seed=5)
+    path = write_db3(left, tmp_path / "bag.db3", topic="/left/joint_states")
+    add_topic(path, "/right/joint_states", right)
+    with pytest.raises(RecordError, match=r"2 topics can be.*--topic /right/joint_states"):
+        read_recording(path)
+    assert_true_to(read_recording(path, topic="/left/joint_states"), left)
+
+
+def test_a_topic_that_gathers_others_is_the_robots(tmp_path: Path) -> None:
+    motion = Motion(samples=100)
+    for number, name in enumerate(("/joint_states", "/arm/joint_states")):
+        path = write_db3(motion, tmp_path / f"{number}.db3", topic="/driver/joint_states")
+        add_topic(path, name, motion)
+        assert_true_to(read_recording(path), motion)
+
+
+def test_more_messages_of_a_gripper_are_no_robot(tmp_path: Path) -> None:
+    motion = Motion(samples=100)
+    path = write_db3(motion, tmp_path / "bag.db3", topic="/arm/joint_states")
+    add_topic(path, "/gripper/joint_states", Motion(samples=400), UR_JOINTS[:2])
+    assert_true_to(read_recording(path, robot=load_robot("ur5")), motion)
+
+
+def test_a_bag_folder_packed_file_by_file(tmp_path: Path) -> None:
+    zstd = pytest.importorskip("backports.zstd")
+    motion = Motion(samples=100)
+    plain = write_db3(motion, tmp_path / "x.db3")
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "bag_0.db3.zstd").write_bytes(zstd.compress(plain.read_bytes()))
+    (tmp_path / "bag" / "metadata.yaml").write_text("rosbag2_bagfile_information:\n")
+    assert_true_to(read_recording(tmp_path / "bag"), motion)
+
+
 def test_killed_recorder_leaves_its_log(tmp_path: Path) -> None:
     motion = Motion(samples=100)
     path = write_db3(motion, tmp_path / "bag.db3")

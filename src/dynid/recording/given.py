@@ -24,7 +24,7 @@ _EXTENSIONS = (
         ".json",
         ".jsonl",
     ),
-    *(".parquet", ".feather", ".arrow", ".xlsx", ".gz", ".bz2", ".xz", ".zst", ".zip"),
+    *(".parquet", ".feather", ".arrow", ".xlsx", ".gz", ".bz2", ".xz", ".zst", ".zstd", ".zip"),
 )
 
 

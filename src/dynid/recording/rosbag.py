@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -18,13 +17,14 @@ from dynid.recording.bag.mcap import MAGIC, mcap_messages
 from dynid.recording.bag.ros1 import MAGIC as ROS1_MAGIC
 from dynid.recording.bag.ros1 import Ros1Decoder, ros1_messages
 from dynid.recording.bag.stamps import clock_of
+from dynid.recording.bag.topics import choose_topic
 from dynid.recording.columns import parse_columns
 from dynid.recording.jointnames import places_of
 from dynid.recording.statebag import read_states
 from dynid.recording.table import RawTable, plain
-from dynid.recording.vocabulary import TARGET, UR_JOINTS
+from dynid.recording.vocabulary import UR_JOINTS
 
-_SUFFIXES = (".db3", ".mcap", ".bag")
+_SUFFIXES = (".db3", ".mcap", ".bag", ".db3.zstd", ".mcap.zstd")
 _DEFAULT = {"q": "position", "qd": "velocity", "effort": "effort"}
 
 
@@ -75,7 +75,7 @@ def read_bag(
             where=where,
             format=format,
         )
-    chosen = _topic(topics, topic, where)
+    chosen = choose_topic(topics, topic, len(joints), where)
     collector = topics[chosen]
     if not collector.groups:
         raise RecordError(
@@ -167,28 +167,8 @@ def _enough(
 
 def bag_files(folder: Path) -> list[Path]:
     """The storage files of a bag folder, in the order of their numbers; none in any other."""
-    files = [path for path in folder.iterdir() if path.suffix in _SUFFIXES]
+    files = [path for path in folder.iterdir() if path.name.endswith(_SUFFIXES)]
     return sorted(files, key=lambda path: (len(path.name), path.name))
-
-
-def _topic(topics: Mapping[str, Collector], wanted: str | None, where: str) -> str:
-    if wanted is not None and wanted not in topics:
-        raise RecordError(
-            "no such JointState topic", where=where, value=wanted, limit=sorted(topics)
-        )
-    if not topics:
-        raise RecordError(
-            "the bag has no readable sensor_msgs/JointState message",
-            where=where,
-            next_step="Record the robot's /joint_states topic.",
-        )
-    return wanted or max(topics, key=lambda name: (*_standing(name, topics[name]), name))
-
-
-def _standing(name: str, collector: Collector) -> tuple[bool, bool, int]:
-    """Measured states go before commands, then the usual name, then the most messages."""
-    words = set(re.split(r"[^a-z]+", name.lower()))
-    return not words & TARGET, name.endswith("joint_states"), collector.count
 
 
 def _joints(

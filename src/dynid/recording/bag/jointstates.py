@@ -15,6 +15,8 @@ from dynid.recording.table import Rows
 
 FIELDS = ("position", "velocity", "effort")
 _NAN = float("nan")
+_LAST = 50
+"""Messages by which two topics are compared."""
 
 
 def _ints() -> array[int]:
@@ -83,6 +85,23 @@ class Collector:
         sent = (message.position, message.velocity, message.effort)
         for name, values in zip(FIELDS, sent, strict=True):
             group.columns[name].extend(values if len(values) == joints else [_NAN] * joints)
+
+    def says_the_same(self, other: Collector) -> bool:
+        """Whether another topic repeats this one's positions, as one that gathers topics does."""
+        if not self.groups or not other.groups:
+            return True
+        one, two = self.common_names(), other.common_names()
+        shared = [name for name in one if name in two]
+        if not shared:
+            return False
+        recent = [
+            np.array(group.columns["position"][-len(names) * _LAST :]).reshape(-1, len(names))[
+                :, [names.index(name) for name in shared]
+            ]
+            for names, group in ((one, self.groups[one]), (two, other.groups[two]))
+        ]
+        rows = {tuple(row) for row in recent[1].tolist()}
+        return any(tuple(row) in rows for row in recent[0].tolist())
 
     def _decoded(self, data: bytes) -> JointState:
         try:
