@@ -32,3 +32,9 @@ def test_the_share_is_that_of_the_time_in_which_no_joint_moves() -> None:
     assert rest_share(record(np.column_stack([stops, goes_on]))) < 0.02
     assert rest_share(record(np.zeros((1000, 2)))) == 1.0
     assert rest_share(record(np.zeros((3, 2)))) == 1.0
+
+
+def test_the_last_digit_of_an_encoder_is_no_motion() -> None:
+    digit = np.random.default_rng(0).integers(0, 2, (1000, 2)) * 4e-4
+    # From sample to sample the digit alone would be 0.04 rad/s.
+    assert rest_share(record(digit)) == 1.0
