@@ -55,6 +55,8 @@ def test_a_whole_motion_passes() -> None:
     [
         ({"timestamp": 60.0 + 0.008 * 6}, "gap", "16.0 ms after sample 4"),
         ({"timestamp": 60.0 + 0.008 * 4}, "gap", "gap"),
+        ({"timestamp": float("nan")}, "gap", "nan ms"),
+        ({"timestamp": float("inf")}, "gap", "inf ms"),
         ({"index": 6}, "index", "6, where 5 was due"),
         ({"index": 4}, "index", "4, where 5 was due"),
         ({"robot_mode": 5}, "mode", "idle"),
@@ -67,6 +69,7 @@ def test_a_whole_motion_passes() -> None:
         ({"speed_fraction": 0.5}, "speed", "slider was moved to 50 %"),
         ({"q": np.array([1.01, 0.0]), "target_q": np.array([1.01, 0.0])}, "limit", "joint 1"),
         ({"qd": np.array([-2.1, 9.0])}, "limit", "-2.1 rad/s"),
+        ({"qd": np.array([0.0, np.nan])}, "limit", "joint 2"),
         ({"q": np.array([0.0, 0.2])}, "deviation", "joint 2"),
         ({"q": np.array([0.0, np.nan])}, "deviation", "joint 2"),
     ],

@@ -34,6 +34,7 @@ _BLOCK = 8
 STOP_S = 0.08
 """Time in which a stop takes the set points to rest [s]."""
 _STANDSTILL, _STANDSTILL_S = 1e-3, 2.0
+"""Speed of an arm that stands [rad/s or m/s], and how long it is waited for [s]."""
 
 
 class SimulatedDriver(Driver):

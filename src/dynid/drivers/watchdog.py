@@ -5,6 +5,7 @@ It knows no sockets and no clocks: cycles go in, a verdict comes out.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -15,7 +16,9 @@ from dynid.core.errors import InputError
 from dynid.protocol.modes import RobotMode, RuntimeState, SafetyMode
 
 _SCALING = 1e-3
+"""By how much a speed may be off its full value, as a share."""
 _CLOCK = 0.25
+"""By how much a timestamp may be off, in control cycles."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +147,8 @@ class Watchdog:
         steps = (cycle.timestamp - before.timestamp) * self._rate
         if abs(steps - 1.0) <= _CLOCK:
             return None
-        self.gaps += max(round(steps) - 1, 0)
+        if math.isfinite(steps):
+            self.gaps += max(round(steps) - 1, 0)
         return Abort(
             "gap",
             f"a gap in the timestamps: {1e3 * steps / self._rate:.1f} ms after sample "
@@ -167,7 +171,8 @@ class Watchdog:
                 f"joint {j + 1} is at {q[j]:.4g} rad, outside {limits.lower[j]:.4g} to "
                 f"{limits.upper[j]:.4g}",
             )
-        fast = np.abs(cycle.qd) > self._fastest
+        # Asked this way round a velocity that is no number stops the robot too.
+        fast = ~(np.abs(cycle.qd) <= self._fastest)
         if fast.any():
             j = int(np.argmax(fast))
             return Abort(

@@ -17,7 +17,9 @@ STOP_DECELERATION = 40.0
 """How hard a stop brakes [rad/s^2]: rest from 3 rad/s in less than 0.1 s."""
 STOP_PROGRAM = f"def dynid_stop():\n  stopj({STOP_DECELERATION})\nend\n"
 _LINE = 4096
+"""Longest answer of a dashboard [bytes]."""
 _PARTING_S = 0.3
+"""How long the other side may take to hang up [s]."""
 
 
 class ScriptPort:

@@ -32,6 +32,7 @@ from dynid.trajectory.urscript import UrProgramOptions, ur_program
 WATCHDOG_HZ = 10.0
 """How often the program must be fed; without it the controller stops after 0.1 s."""
 _DRAIN_EVERY = 25
+"""Cycles after which the states that the script port sends are thrown away."""
 
 
 class UrDriver(Driver):

@@ -11,7 +11,9 @@ from dynid.drivers.watchdog import Abort
 from dynid.protocol.recipe import Numbers
 
 _LOOK_S = 0.02
+"""How often packages are fetched [s]."""
 _TELL_EVERY = 25
+"""Samples from one word of progress to the next."""
 
 
 class Intake:
@@ -49,6 +51,8 @@ class Intake:
             raise
         finally:
             pump.join()
+        if pump.fault is not None:
+            raise pump.fault
         return Outcome(
             samples=self._samples, periods=self._periods(), gaps=pump.gaps, abort=pump.abort
         )

@@ -84,7 +84,7 @@ class RtdeLink:
         """Let the packages come; they must be read from now on.
 
         Raises:
-            JobError: The controller refuses.
+            JobError: The controller refuses (`ProtocolError`), or is gone.
         """
         if not rtde.read_answer(self._ask(Kind.START, rtde.request_start())):
             raise ProtocolError("the controller refuses to send", where=self.host)

@@ -24,7 +24,9 @@ BACKLOG_S = 2.0
 STOP_S = 3.0
 """Controller time after a stop for which packages are still read [s]."""
 _STILL = 1e-9
+"""Target velocities below this are rest [rad/s]."""
 _PRIORITY = 10
+"""Of the thread, among those of the system that must keep time; 1 is the lowest."""
 
 
 class Refused(JobError):
@@ -82,6 +84,8 @@ class Pump(threading.Thread):
         """Set when no more packages will come."""
         self.abort: Abort | None = None
         """Why the motion was ended early."""
+        self.fault: Exception | None = None
+        """An error of ours that ended this thread, to be raised where somebody sees it."""
         self._link, self._layout, self._watchdog = link, layout, watchdog
         self._conversation, self._halt, self._cancel = conversation, halt, cancel
         self._begun = self._ended = False
@@ -118,6 +122,10 @@ class Pump(threading.Thread):
             self.stop(Abort("connection", str(error)))
         except JobError as error:
             self.stop(Abort("connection", f"the controller sends what cannot be read: {error}"))
+        # Nobody else watches the robot: whatever it is, first the robot stops.
+        except Exception as error:
+            self.fault = error
+            self.stop(Abort("program", f"dynid failed: {type(error).__name__}: {error}"))
         finally:
             self.over.set()
 

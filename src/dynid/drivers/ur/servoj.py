@@ -17,7 +17,7 @@ from dynid.core.optional import require
 from dynid.core.progress import Progress
 from dynid.drivers.driver import Driver, Execution, Outcome, Recorder, Source
 from dynid.drivers.ur.commands import STOP_DECELERATION, ScriptPort
-from dynid.drivers.ur.driver import check_rate, halt, source_of
+from dynid.drivers.ur.driver import WATCHDOG_HZ, check_rate, halt, source_of
 from dynid.drivers.ur.intake import Intake
 from dynid.drivers.ur.layout import FEED, Layout, recorded_names
 from dynid.drivers.ur.link import RtdeLink
@@ -33,8 +33,10 @@ APPROACH = 0.5
 """Joint speed [rad/s] and acceleration [rad/s^2] of the way to the start."""
 SLACK = 5
 """Cycles by which the stream may be late before the robot is stopped."""
-WATCHDOG_HZ = 10.0
-_HOLD_S, _LOOK_S = 0.2, 0.01
+_HOLD_S = 0.2
+"""How long the last set point is sent on, for the arm to arrive [s]."""
+_LOOK_S = 0.01
+"""How often the way to the start is looked at [s]."""
 
 
 class ServojDriver(Driver):

@@ -1,0 +1,73 @@
+"""Whatever goes wrong in the thread that watches the robot, the robot stops first."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dynid.drivers.driver import Execution
+from dynid.drivers.ur.intake import Intake
+from dynid.drivers.ur.layout import Layout, recorded
+from dynid.drivers.ur.pump import Pump
+from dynid.drivers.watchdog import Watchdog, WatchLimits
+from dynid.trajectory.rest import rest_series
+
+FREE = np.full(6, np.inf)
+LIMITS = WatchLimits(lower=-FREE, upper=FREE, velocity=FREE, deviation=FREE)
+EXECUTION = Execution(
+    trajectory=rest_series(2.0, np.zeros(6), np.zeros((6, 4))), periods=1, limits=LIMITS
+)
+
+
+class Link:
+    """Packages without end."""
+
+    rate_hz = 125.0
+    messages = ("the arm hums",)
+
+    def __init__(self, layout: Layout) -> None:
+        self.package = [0.0] * max(place.stop for place in layout.places.values())
+
+    def packages(self) -> list[list[float]]:
+        return [self.package]
+
+    def write(self, package: bytes) -> None:
+        assert package
+
+
+class Broken:
+    """A conversation that fails as no error of ours is meant to."""
+
+    def answer(self, numbers: Any) -> bytes:
+        raise ZeroDivisionError("a bug")
+
+    def begun(self, cycle: Any, numbers: Any) -> bool:
+        return False
+
+    def over(self, cycle: Any, numbers: Any) -> bool:
+        return False
+
+
+def test_a_bug_stops_the_robot_and_is_raised_where_it_is_seen() -> None:
+    layout = recorded((3, 15, 8))
+    halted: list[str] = []
+    link: Any = Link(layout)
+    pump = Pump(
+        link,
+        layout,
+        Watchdog(LIMITS, 125.0, EXECUTION.total),
+        Broken(),
+        halt=lambda: halted.append("stop"),
+        cancel=threading.Event(),
+    )
+    pump.start()
+    with pytest.raises(ZeroDivisionError, match="a bug"):
+        Intake(EXECUTION, layout, None, None).take(pump)
+    assert halted == ["stop"]
+    assert not pump.is_alive()
+    assert pump.abort is not None
+    assert pump.abort.code == "program"
+    assert "ZeroDivisionError: a bug (the arm hums)" in pump.abort.message
