@@ -10,6 +10,7 @@ import numpy as np
 from dynid.core.arrays import Array
 from dynid.core.errors import JobError
 from dynid.simulation.controller.machine_core import Core, Payload
+from dynid.simulation.controller.machine_outputs import READERS
 from dynid.simulation.controller.urscript.builtin import Builtin, Kind, builtin
 from dynid.simulation.controller.urscript.errors import ScriptFault
 from dynid.simulation.controller.urscript.pose_functions import matrix_of, numbers, pose_of
@@ -154,6 +155,7 @@ _ASK: dict[str, Callable[[Core], Value]] = {
     "get_target_payload": lambda core: core.payload.mass,
     "get_target_payload_cog": lambda core: list(core.payload.cog),
     "get_target_payload_inertia": lambda core: list(core.payload.inertia),
+    "get_tool_accelerometer_reading": READERS["actual_tool_accelerometer"],
     "get_tcp_force": lambda core: [0.0] * 6,
     "force": lambda core: 0.0,
     "is_steady": _is_steady,
@@ -163,6 +165,11 @@ _ASK: dict[str, Callable[[Core], Value]] = {
 _KINEMATICS: dict[str, Callable[[Core], Value]] = {
     "get_actual_tcp_pose": lambda core: _forward(core),
     "get_target_tcp_pose": lambda core: _forward(core, core.arm.state.target.q.tolist()),
+    # No path offset and no conveyor moves the arm beside its path.
+    "get_target_tcp_pose_along_path": lambda core: _forward(core, core.arm.state.target.q.tolist()),
+    "get_target_tcp_speed_along_path": lambda core: _tool_speed(
+        core, core.arm.state.target.q, core.arm.state.target.dq
+    ),
     "get_target_waypoint": lambda core: _forward(core, core.arm.setpoint),
     "get_actual_tool_flange_pose": lambda core: _forward(core, None, Pose([0.0] * 6)),
     "get_actual_tcp_speed": lambda core: _tool_speed(core, core.arm.state.q, core.arm.state.dq),
