@@ -165,3 +165,25 @@ def test_a_time_that_counts_rows_is_refused_where_velocities_say_so() -> None:
         t=np.arange(4000.0),
     )
     assert run(table).rate_hz == pytest.approx(1000)
+
+
+@pytest.mark.parametrize("quantity", ["current", "qd", "q"])
+@pytest.mark.parametrize("length", [5, 200])
+def test_numbers_that_stand_for_no_value_are_left_out(quantity: str, length: int) -> None:
+    table = raw()
+    value = table.signals[quantity].copy()
+    value[600 : 600 + length] = -9999.0
+    record = run(table.with_signals({quantity: value}))
+    assert codes(record)[0] == "corrupt_rows"
+    assert record.samples == 1500 - length
+    for name in ("q", "qd", "current"):
+        truth = table.signals[name][(record.t * 125 + 0.5).astype(int)]
+        np.testing.assert_allclose(record.signals[name], truth, atol=1e-9)
+
+
+def test_clipped_torques_are_no_placeholders() -> None:
+    table = raw()
+    current = np.clip(table.signals["current"], -1.0, 1.0)
+    record = run(table.with_signals({"current": current}))
+    assert record.samples == 1500
+    assert set(codes(record)) == {"saturated"}

@@ -459,3 +459,36 @@ def test_a_degree_sign_in_any_encoding(tmp_path: Path, encoding: str) -> None:
     path = write(tmp_path / "x.csv", names, t, np.degrees(q), np.degrees(qd), effort)
     path.write_bytes(path.read_text().encode(encoding))
     check(path)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("QActual_{}", "QDActual_{}", "IActual_{}"),
+        ("Axis_{}.fActPosition", "Axis_{}.fActVelocity", "Axis_{}.fActTorque"),
+        ("GVL.Axis{}.ActPos", "GVL.Axis{}.ActVelo", "GVL.Axis{}.ActTorque"),
+        ("joint_actual_position{}", "joint_actual_velocity{}", "instCurrent{}"),
+        ("Winkel_{}", "Geschwindigkeit_{}", "Drehmoment_{}"),
+        ("q_log_{}", "qd_log_{}", "tau_data_{}"),
+    ],
+)
+def test_names_of_other_makers(tmp_path: Path, names: tuple[str, str, str]) -> None:
+    motion = Motion(samples=300)
+    head = ["time", *(name.format(k) for name in names for k in range(1, 7))]
+    rows = [",".join(map(repr, row)) for row in motion.table().tolist()]
+    (tmp_path / "x.csv").write_text("\n".join([",".join(head), *rows]) + "\n")
+    record = read_recording(tmp_path / "x.csv")
+    assert record.problems == ()
+    np.testing.assert_array_equal(record.signals["q"], motion.position(motion.t))
+    np.testing.assert_array_equal(record.signals["qd"], motion.velocity(motion.t))
+    torque = record.signals.get("effort", record.signals.get("current"))
+    np.testing.assert_array_equal(torque, motion.current(motion.t))
+
+
+def test_torques_that_are_not_measured_are_named_in_the_refusal(tmp_path: Path) -> None:
+    motion = Motion(samples=300)
+    head = [f"{name}_{k}" for name in ("q", "tau_gravity", "tau_ext_hat") for k in range(6)]
+    rows = [",".join(map(repr, row)) for row in motion.table().tolist()]
+    (tmp_path / "x.csv").write_text("\n".join([",".join(["t", *head]), *rows]) + "\n")
+    with pytest.raises(RecordError, match=r"not taken for measured.*tau_gravity.*tau_ext_hat"):
+        read_recording(tmp_path / "x.csv")

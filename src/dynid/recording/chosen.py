@@ -24,6 +24,8 @@ _NOT_MEASURED = frozenset(
     )
     for word in line.split()
 )
+NOT_TAKEN = "not taken for measured torques:"
+"""Begins the note on columns that look like torques and may be others."""
 _MAIN_SCOPES = frozenset({"joint_states", "joint_state", "actual", "feedback", "measured", "state"})
 
 
@@ -71,9 +73,16 @@ def choose(
         if len(ranked) > 1:
             others = ", ".join(repr(family.label) for family in ranked[1:6])
             notes.append(f"{quantity} is read from {ranked[0].label!r}, not from {others}")
-    others = [
+    like = [
         family
         for family in families.get("", [])
+        if set(_TORQUE_STEMS) & set(family.base.split("_"))
+        or family.base.startswith(_TORQUE_STEMS)
+        or _by_unit(family)
+    ]
+    others = [
+        family
+        for family in like
         if (family.base.startswith(_TORQUE_STEMS) or _by_unit(family))
         and not _NOT_MEASURED & set(family.base.split("_"))
         and not (OTHER | TARGET) & set(family.scope.replace(".", "_").split("_"))
@@ -97,6 +106,9 @@ def choose(
             f"torques are read from {' and '.join(map(repr, kept))}; not used: "
             + ", ".join(repr(family.label) for family in others[:8])
         )
+    passed = [family.label for family in like if family not in others]
+    if passed and not any(name in chosen for name in TORQUE_SOURCES):
+        notes.append(f"{NOT_TAKEN} {', '.join(map(repr, passed[:8]))}")
     return chosen, notes
 
 

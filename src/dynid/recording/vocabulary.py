@@ -28,7 +28,8 @@ _SYNONYMS: dict[str, str] = {
         "pos_act pos_actual position_actual actual_pos actual_joint_position "
         "actual_joint_positions actual_angle actual_angles joints_angle qs q_joint "
         "current_position current_positions current_joint_position current_joint_positions "
-        "current_q current_angle current_angles current_joint_angles"
+        "current_q current_angle current_angles current_joint_angles qactual f_act_position "
+        "winkel gelenkwinkel"
     ),
     "qd": (
         "actual_qd qd dq qdot q_dot qd_act qd_actual act_qd dq_act dq_meas qd_meas "
@@ -41,7 +42,7 @@ _SYNONYMS: dict[str, str] = {
         "vel_msr dq_msr qdot_measured dotq dot_q qd_measured dq_measured dq_actual qdot_meas "
         "angular_velocity joint_angular_velocity vels "
         "current_velocity current_velocities current_joint_velocity current_joint_velocities "
-        "current_qd current_dq current_speed"
+        "current_qd current_dq current_speed qdactual act_velo f_act_velocity geschwindigkeit"
     ),
     "qdd": (
         "qdd ddq qddot q_ddot acc acceleration accelerations joint_acceleration "
@@ -51,7 +52,8 @@ _SYNONYMS: dict[str, str] = {
         "actual_current current currents cur motor_current motor_currents joint_current "
         "joint_currents act_current i_act i_meas i i_q current_act current_measured "
         "motor_current_measured measured_current ma_cur macur current_motor current_motors "
-        "cur_act actual_currents actual_motor_current curr_act curr"
+        "cur_act actual_currents actual_motor_current curr_act curr i_actual iactual inst_current "
+        "strom motorstrom"
     ),
     "effort": (
         "tau_j effort efforts torque torques tau joint_torque joint_torques joint_effort "
@@ -61,7 +63,8 @@ _SYNONYMS: dict[str, str] = {
         "joint_effort_measured torque_measured torque_act msr_jnt_trq axis_tau_msr jtor jtorque "
         "joints_torque joints_torques actual_joint_torque actual_joint_torques actual_effort "
         "torque_actual trq_act actual_trq tau_msr tau_mes joint_torque_actual taus moment moments "
-        "link_torque link_torques sensor_torque torque_sensor motor_torque motor_torques"
+        "link_torque link_torques sensor_torque torque_sensor motor_torque motor_torques "
+        "joint_tor f_act_torque drehmoment"
     ),
     "target_q": (
         "target_q q_target q_d q_des q_desired desired_q q_ref ref_q q_cmd cmd_q position_cmd "

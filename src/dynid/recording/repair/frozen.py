@@ -1,16 +1,19 @@
-"""Repair: values that were held while the robot moved on: a link that dropped out."""
+"""Repair: values held while the robot moved on, and numbers that stand for no value."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from dynid.core.arrays import Array
-from dynid.recording.table import TORQUE_SOURCES, Mask, RawTable
+from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, Mask, RawTable
 
 _POSITIONS_HELD = 5
 _TORQUES_HELD = 25
 _TIMES_USUAL = 8.0
 """A value is held where it stays this many times as long as such values usually stay."""
+_PLACEHOLDER_ROWS = 3
+_FAR = 3.0
+"""Numbers that stand for no value lie this many times the signal's range beyond it."""
 _MOST = 0.2
 """More of the rows than this are not left out but told."""
 
@@ -20,10 +23,12 @@ def drop_frozen(table: RawTable) -> RawTable:
 
     Positions are held where they are the same on all joints and then jump as far as the
     robot has gone meanwhile. Torques are held where a number stays far longer than is usual
-    for it, while its joint moves.
+    for it, while its joint moves. A number that stays the same far beyond all others, such as
+    -9999, stands for no value.
     """
     if table.samples < 100:
         return table
+    table = _drop_placeholders(table)
     for held, what in ((_held_positions(table.signals["q"]), "positions"), *_torques(table)):
         if not held.any():
             continue
@@ -40,6 +45,41 @@ def drop_frozen(table: RawTable) -> RawTable:
         )
         return drop_frozen(kept)
     return table
+
+
+def _drop_placeholders(table: RawTable) -> RawTable:
+    for quantity in [name for name in ESSENTIAL if name in table.signals]:
+        value = table.signals[quantity]
+        bad = np.any([_placeholders(column) for column in value.T], axis=0)
+        if bad.any() and bad.mean() <= _MOST:
+            row = int(np.argmax(bad))
+            joint = int(np.argmax(np.abs(value[row] - np.median(value, axis=0))))
+            table = table.keep(~bad).report(
+                "corrupt_rows",
+                f"{int(bad.sum())} of {table.samples} rows have numbers in {quantity} that stand "
+                f"for no value and are left out; first: {table.label(quantity, joint)} at "
+                f"{table.row(row)} ({value[row, joint]:.6g})",
+            )
+    return table
+
+
+def _placeholders(column: Array) -> Mask:
+    """Rows of a number that repeats itself, far beyond the numbers that do not."""
+    same: Mask = np.concatenate([[False], np.diff(column) == 0])
+    long = [run for run in _runs(same) if run[1] + 1 >= _PLACEHOLDER_ROWS]
+    bad = np.zeros(len(column), dtype=np.bool_)
+    single = np.ones(len(column), dtype=np.bool_)
+    for start, length in long:
+        single[start - 1 : start + length] = False
+    if not long or single.sum() < 0.5 * len(column):
+        return bad
+    low, high = np.quantile(column[single], [0.005, 0.995])
+    far = _FAR * float(high - low)
+    if far > 0:
+        for start, length in long:
+            if not low - far <= float(column[start]) <= high + far:
+                bad[start - 1 : start + length] = True
+    return bad
 
 
 def _torques(table: RawTable) -> list[tuple[Mask, str]]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynid.core.errors import RecordError
+from dynid.recording.chosen import NOT_TAKEN
 from dynid.recording.families import by_rows
 from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, Mask, RawTable, rows_with
 
@@ -45,10 +46,12 @@ def drop_missing(table: RawTable) -> RawTable:
         table = _judge(table, quantity, alive)
     table = _without_silence(table)
     if not any(name in table.signals for name in TORQUE_SOURCES):
+        hints = [n.message for n in table.notices if "left out" in n.message]
+        hints += [note for note in table.notes if note.startswith(NOT_TAKEN)]
         raise RecordError(
             "there is neither current nor effort",
             where=table.source,
-            value="; ".join(n.message for n in table.notices if "left out" in n.message) or None,
+            value="; ".join(hints) or None,
             next_step="A recording needs motor currents or joint torques; name their columns "
             "with --columns, for example current=13:19.",
         )
