@@ -56,9 +56,11 @@ def file_behind(path: Path) -> Path:
     """
     try:
         target = Path(os.path.realpath(path))
-    except ValueError as error:
+        special = target.exists() and not (target.is_file() or target.is_dir())
+    except (OSError, ValueError) as error:
+        # A name that is too long shows when it is looked for.
         raise cannot_write(path, error) from error
-    if target.exists() and not (target.is_file() or target.is_dir()):
+    if special:
         raise InputError(
             "this is no ordinary file", where=str(path), next_step="Name a file that can be kept."
         )
