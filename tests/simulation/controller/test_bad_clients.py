@@ -209,3 +209,26 @@ def test_a_flood_of_programs(host, good):
 def test_a_program_cut_off_is_told(host, good):
     send_script(host.host, "def half():\n  x = 1\n")
     wait_for(lambda: "in the middle of a program" in host.said(), "the regret")
+
+
+def test_floods_of_statements_for_the_interpreter(host, good):
+    send_script(host.host, "interpreter_mode()\n")
+    wait_for(lambda: ask_dashboard(host.host, "running")[0].endswith("true"), "the mode")
+    before = memory_mb(host)
+    with socket.create_connection((host.host, 30020), timeout=TIMEOUT_S) as sock:
+        # A line without an end is no statement.
+        with contextlib.suppress(OSError):
+            sock.sendall(b"x = " + b"1 + " * 1_000_000)
+        with contextlib.suppress(OSError):
+            assert b"no statement is that long" in sock.recv(4096)
+    for _ in range(3):
+        with socket.create_connection((host.host, 30020), timeout=TIMEOUT_S) as sock:
+            # It never reads an answer, and leaves while most of them are still to come.
+            sock.settimeout(0.5)
+            with contextlib.suppress(OSError):
+                sock.sendall(b"def f(a): return [a, a, a, a] end x = f([1, 2, 3])\n" * 5_000)
+    with socket.create_connection((host.host, 30020), timeout=TIMEOUT_S) as sock:
+        sock.sendall(b"skipbuffer\nend_interpreter()\n")
+        assert sock.recv(4096).startswith(b"ack: ")
+        wait_for(lambda: ask_dashboard(host.host, "running")[0].endswith("false"), "its end")
+    assert memory_mb(host) < before + GROWTH_MB
