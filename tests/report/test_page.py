@@ -135,6 +135,29 @@ def test_files_that_cannot_be_read_are_named(finished_run: Path, tmp_path: Path)
     assert "recording is not at hand" in visible(path.read_text())
 
 
+@pytest.mark.parametrize(
+    ("window", "words"),
+    [({"stop_s": 6.0}, "from 6 s on"), ({"start_s": 4.5, "stop_s": 9.9}, "up to 4.5 s")],
+)
+def test_the_rest_of_a_record_confirms_what_one_window_gave(
+    finished_run: Path, tmp_path: Path, window: dict[str, float], words: str
+) -> None:
+    record = dynid.read_record(finished_run / "identification.parquet")
+    dynid.write_record(record, tmp_path / "one.parquet")
+    settings = dynid.IdentifySettings(preset="paper", **window)  # type: ignore[arg-type]
+    result = dynid.identify(record, "ur5", settings)
+    dynid.write_estimate(result.estimate, tmp_path / "half.json")
+    path, contents = report(tmp_path, tmp_path / "report.html")
+    (shown,) = contents.estimates
+    assert shown.validation is not None
+    assert shown.validation_name == f"one.parquet {words}"
+    # Times count from the window's start.
+    length = shown.validation.t.max()
+    assert length == pytest.approx(record.t[-1] - 6.0 if "from" in words else 4.5, abs=0.5)
+    assert "no other motion has confirmed it" not in shown.headline
+    assert f"Torques of one.parquet {words}" in visible(path.read_text())
+
+
 def test_wrong_places_are_said(tmp_path: Path, finished_run: Path) -> None:
     with pytest.raises(dynid.InputError, match="no such directory"):
         report(tmp_path / "none", tmp_path / "r.html")

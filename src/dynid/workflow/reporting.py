@@ -5,28 +5,20 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from dynid.core.arrays import Array
 from dynid.core.errors import DynidError, InputError
 from dynid.core.progress import Progress, silent
 from dynid.identification.estimate import Estimate
 from dynid.identification.estimate_file import FORMAT, read_estimate
-from dynid.recording.identity import identity
 from dynid.recording.parquet import read_record
 from dynid.recording.record import ExperimentRecord
-from dynid.reduction.base import reduce_model
 from dynid.report.contents import ReportContents, ReportedDesign, ReportedEstimate
 from dynid.report.page import write_report
-from dynid.signals.process import process
 from dynid.validation.comparison import ParameterComparison, compare
-from dynid.validation.prediction import ValidationResult, reproduce, validate
-from dynid.workflow.identify import Identification, over_fitted
 from dynid.workflow.reported_design import reported_design
-from dynid.workflow.verdict import verdict
+from dynid.workflow.reported_estimate import reported_estimate
 
 MOST_ESTIMATES = 6
 """A page with more would no longer be light."""
@@ -46,7 +38,8 @@ def report(
 ) -> tuple[Path, ReportContents]:
     """Write a page about the estimates, recordings and designs in a directory.
 
-    An estimate knows its recording by its hash; other recordings of the same robot validate it.
+    An estimate knows its recording by its hash; other recordings of the same robot validate it, or
+    else the stretch of its own that `--from` and `--to` left out.
 
     Args:
         directory: Where the files are.
@@ -78,7 +71,7 @@ def report(
     estimates: list[ReportedEstimate] = []
     for k, (name, estimate) in enumerate(chosen.items()):
         tell(f"predict with {name}", 0.3 + 0.5 * k / len(chosen))
-        estimates.append(_reported(name, estimate, found.records))
+        estimates.append(reported_estimate(name, estimate, found.records))
     tell("write the page", 0.9)
     contents = ReportContents(
         title=f"{estimates[0].estimate.model.robot.name}: identified dynamics",
@@ -132,95 +125,6 @@ def _kind(path: Path) -> str:
         return FORMAT
     kind = str(fields.get("kind", ""))
     return "trajectory" if kind.startswith("dynid.") else ""
-
-
-def _reported(
-    name: str, estimate: Estimate, records: dict[str, ExperimentRecord]
-) -> ReportedEstimate:
-    inputs = set(estimate.provenance.inputs.values())
-    own = {key: record for key, record in records.items() if identity(record) in inputs}
-    robot = estimate.model.robot
-    others = {
-        key: record
-        for key, record in records.items()
-        if key not in own
-        and record.joints == robot.joints
-        and _may_be(record.metadata.robot, robot.name)
-    }
-    training = validation = None
-    training_name = validation_name = ""
-    warnings = estimate.warnings
-    item = ReportedEstimate(
-        name=name,
-        estimate=estimate,
-        level="care",
-        headline="",
-        warnings=warnings,
-        base=reduce_model(estimate.model),
-    )
-    for key, record in own.items():
-        training_name = key
-        training = reproduce(
-            estimate, record, start_s=estimate.settings.start_s, stop_s=estimate.settings.stop_s
-        )
-        item = _with_spectrum(item, record)
-        break
-    # The likeliest partner: as warm, named so, else the first in order.
-    thermal = {record.metadata.extra.get("thermal") for record in own.values()}
-    for key in sorted(
-        others,
-        key=lambda key: (
-            others[key].metadata.extra.get("thermal") not in thermal,
-            "valid" not in key,
-            key,
-        ),
-    ):
-        validation_name, validation = key, validate(estimate, others[key])
-        item = replace(item, temperature=_temperature(others[key], validation))
-        warnings = tuple(dict.fromkeys((*warnings, *validation.warnings)))
-        break
-    if training is not None and validation is not None:
-        warnings = tuple(dict.fromkeys((*warnings, *over_fitted(training, validation))))
-    judged = training or validation
-    level, headline = "care", "Use this result with care: its recording is not at hand."
-    if judged is not None:
-        found = verdict(
-            Identification(
-                estimate=estimate, training=judged, validation=validation, warnings=warnings
-            )
-        )
-        level, headline = found.level, found.headline
-    return replace(
-        item,
-        level=level,
-        headline=headline,
-        warnings=warnings,
-        training=training,
-        training_name=training_name,
-        validation=validation,
-        validation_name=validation_name,
-    )
-
-
-def _may_be(recorded: str | None, name: str) -> bool:
-    """Whether a recording can be of the robot: a path says less than a built-in name."""
-    return recorded is None or recorded == name or not recorded.isalnum()
-
-
-def _with_spectrum(item: ReportedEstimate, record: ExperimentRecord) -> ReportedEstimate:
-    estimate = item.estimate
-    settings = replace(estimate.settings, decimate=False)
-    samples = process(record, estimate.model.robot, settings)
-    return replace(item, positions=samples.q, rate_hz=samples.rate_hz, cutoff_hz=samples.cutoff_hz)
-
-
-def _temperature(record: ExperimentRecord, result: ValidationResult) -> Array | None:
-    known = record.signals.get("temperature")
-    if known is None:
-        return None
-    stamps: Array = record.t - record.t[0]
-    values: Array = known.mean(axis=1)
-    return np.asarray(np.interp(result.t, stamps, values), dtype=np.float64)
 
 
 def _comparisons(
