@@ -9,6 +9,7 @@ from dynid.simulation.controller.urscript.execution import Execution
 from dynid.simulation.controller.urscript.values import (
     MAX_LENGTH,
     Pose,
+    Struct,
     Value,
     copied,
     described,
@@ -30,7 +31,7 @@ def listed(x: Execution, *items: Value) -> Value:
         if isinstance(item, list):
             x.charge(cast("list[Any]", item))
             found[place] = copied(item)
-    _check(found)
+    check_size(found)
     return found
 
 
@@ -69,7 +70,7 @@ def store(base: Value, indices: list[Value], value: Value) -> None:
         number(value)
     items[place(items, indices[-1])] = value
     if isinstance(value, list):
-        _check(items)
+        check_size(items)
 
 
 def base_list(value: Value) -> list[Any]:
@@ -84,11 +85,15 @@ def base_list(value: Value) -> list[Any]:
 
 
 def place(items: list[Any], index: Value) -> int:
-    """A checked index.
+    """A checked index, or the place of a struct's member.
 
     Raises:
-        ScriptFault: Not a whole number, or outside the list.
+        ScriptFault: Not a whole number, outside the list, or no such member.
     """
+    if isinstance(items, Struct) and index.__class__ is str:
+        if index not in items.names:
+            raise ScriptFault("the struct has no such member", value=index, limit=items.names)
+        return items.names.index(index)
     if index.__class__ is float and index.is_integer():
         index = int(index)
     if index.__class__ is not int:
@@ -98,7 +103,12 @@ def place(items: list[Any], index: Value) -> int:
     return index
 
 
-def _check(items: list[Any]) -> None:
+def check_size(items: list[Any]) -> None:
+    """Refuse a list that is too long.
+
+    Raises:
+        ScriptFault: It holds too much.
+    """
     if len(items) > MAX_LENGTH or (
         any(isinstance(item, list) for item in items) and size(items) > MAX_LENGTH
     ):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from dynid.simulation.controller.urscript.access import element, listed, posed
@@ -18,6 +18,8 @@ from dynid.simulation.controller.urscript.errors import (
 )
 from dynid.simulation.controller.urscript.execution import Execution, Frame
 from dynid.simulation.controller.urscript.functions import Function
+from dynid.simulation.controller.urscript.methods import METHODS, caller
+from dynid.simulation.controller.urscript.methods import WEIGHT as METHOD_WEIGHT
 from dynid.simulation.controller.urscript.syntax import (
     Call,
     Chain,
@@ -25,21 +27,21 @@ from dynid.simulation.controller.urscript.syntax import (
     Expression,
     Index,
     ListOf,
+    Method,
     Name,
     Run,
     Unary,
 )
 from dynid.simulation.controller.urscript.values import (
     MAX_LENGTH,
+    SIGNS,
+    Struct,
     Value,
     copied,
-    negated,
-    number,
-    truth,
 )
 
 _CALL_WEIGHT = 12
-_Operation = Callable[[Value, Value], Value]
+_STRUCT = "struct"
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,10 +79,12 @@ class Scope:
             return Code(code.run, code.slow, code.weight, fresh=False)
         if isinstance(tree, Call):
             return self._call(tree)
+        if isinstance(tree, Method):
+            return self._method(tree)
         if isinstance(tree, Run):
             return self._run(tree)
         if isinstance(tree, Unary):
-            operation = _SIGNS[tree.operator]
+            operation = SIGNS[tree.operator]
 
             def turn(x: Execution, value: Value) -> Value:
                 return operation(value)
@@ -140,6 +144,8 @@ class Scope:
         function = self.functions.get(tree.name)
         if function is not None:
             return self._own_call(tree, function)
+        if tree.name == _STRUCT:
+            return self._struct(tree)
         known = self.builtins.get(tree.name)
         if known is None:
             raise ScriptError(UNKNOWN_FUNCTION, tree.line, value=tree.name)
@@ -153,6 +159,27 @@ class Scope:
         return compose(
             operands, lambda x, *values: call(x.port, *values), slow=slow, weight=known.weight
         )
+
+    def _struct(self, tree: Call) -> Code:
+        names = tuple(tree.named)
+        if tree.positional or not names:
+            raise ScriptError("a struct needs a name for each value", tree.line)
+
+        def made(x: Execution, *values: Value) -> Value:
+            return Struct(names, listed(x, *values))
+
+        return compose([self.kept(value) for value in tree.named.values()], made)
+
+    def _method(self, tree: Method) -> Code:
+        if tree.name not in METHODS:
+            raise ScriptError(UNKNOWN_FUNCTION, tree.line, value=tree.name)
+        count = METHODS[tree.name][1]
+        if len(tree.arguments) != count:
+            raise ScriptError(
+                f"arguments of {tree.name}", tree.line, value=len(tree.arguments), limit=count
+            )
+        operands = [self.expression(tree.base), *(self.kept(part) for part in tree.arguments)]
+        return compose(operands, caller(tree.name), weight=METHOD_WEIGHT)
 
     def _own_call(self, tree: Call, function: Function) -> Code:
         if function.slow and not self.may_wait:
@@ -206,13 +233,6 @@ def _constants(known: Builtin) -> dict[str, Code]:
         name: Code(lambda x, v, value=value: value, False, 0)
         for name, value in zip(names, known.defaults, strict=True)
     }
-
-
-def _inverted(value: Value) -> bool:
-    return not truth(value)
-
-
-_SIGNS: dict[str, Callable[[Value], Value]] = {"-": negated, "+": number, "not": _inverted}
 
 
 def _copy(x: Execution, value: Value) -> Value:

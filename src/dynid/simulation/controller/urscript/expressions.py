@@ -10,12 +10,13 @@ from dynid.simulation.controller.urscript.syntax import (
     Expression,
     Index,
     ListOf,
+    Method,
     Name,
     Run,
     Signal,
     Unary,
 )
-from dynid.simulation.controller.urscript.tokens import Token
+from dynid.simulation.controller.urscript.tokens import Token, number_of
 
 MAX_NESTING = 40
 """Deepest nesting of brackets, signs and blocks."""
@@ -27,7 +28,6 @@ _RANKS: tuple[tuple[str, ...], ...] = (
     ("*", "/", "%"),
 )
 _POSE = 6
-_LONG_NUMBER, _LARGEST_INTEGER = 12, 2**31 - 1
 SIGNALS = ("digital_in", "digital_out", "analog_in", "analog_out")
 """Names that stand for the signals of the controller where they have an index."""
 
@@ -191,10 +191,13 @@ class ExpressionParser:
             return Unary(token.line, token.text, operand)
         found = self._atom()
         depth = 0
-        while self.at("["):
+        while self.at("[", "."):
             depth += 1
             if depth > MAX_NESTING:
                 raise ScriptError("nested too deeply", self.token.line, limit=MAX_NESTING)
+            if self.at("."):
+                found = self._member(found)
+                continue
             indices = self.indices()
             pose_head = isinstance(found, Name) and found.name == "p"
             if pose_head and len(indices) == _POSE:
@@ -208,13 +211,21 @@ class ExpressionParser:
                 found = Index(found.line, found, indices)
         return found
 
+    def _member(self, base: Expression) -> Expression:
+        """A member of a struct, or a call of a method."""
+        line = self.expect(".").line
+        if self.peek().kind == "sign" and self.peek().text == "(":
+            call = self.call()
+            if call.named:
+                raise ScriptError("a method takes no names", line, value=call.name)
+            return Method(line, base, call.name, call.positional)
+        return Index(line, base, [Constant(line, self.name())])
+
     def _atom(self) -> Expression:
         token = self.token
         if token.kind == "number":
             self.take()
-            whole = token.text.isdigit() and len(token.text) < _LONG_NUMBER
-            value = int(token.text) if whole else float(token.text)
-            return Constant(token.line, value if value <= _LARGEST_INTEGER else float(value))
+            return Constant(token.line, number_of(token.text))
         if token.kind == "string":
             self.take()
             return Constant(token.line, token.text)

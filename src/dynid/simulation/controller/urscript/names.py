@@ -21,6 +21,7 @@ from dynid.simulation.controller.urscript.syntax import (
     If,
     Index,
     ListOf,
+    Method,
     OnThread,
     Return,
     Run,
@@ -116,6 +117,8 @@ def calls(expression: Expression) -> Iterator[Call]:
         parts = [*expression.call.positional, *expression.call.named.values()]
     elif isinstance(expression, Chain):
         parts = [expression.first, *(part for _, part in expression.rest)]
+    elif isinstance(expression, Method):
+        parts = [expression.base, *expression.arguments]
     elif isinstance(expression, Unary):
         parts = [expression.operand]
     elif isinstance(expression, ListOf):

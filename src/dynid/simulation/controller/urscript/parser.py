@@ -143,8 +143,8 @@ class _Parser(ExpressionParser):
     def _assignment(self, target: Expression, scope: str) -> Assign:
         indices: list[Expression] = []
         base = target
-        if isinstance(base, Index):
-            indices, base = base.indices, base.base
+        while isinstance(base, Index):
+            indices, base = [*base.indices, *indices], base.base
         if not isinstance(base, Name):
             raise self.wrong("only a variable or an element of one can be assigned to")
         if not self.at("=") and scope:

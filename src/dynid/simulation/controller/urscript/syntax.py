@@ -62,6 +62,15 @@ class Signal(Call):
 
 
 @dataclass(slots=True)
+class Method(Expression):
+    """A call of a list's method."""
+
+    base: Expression
+    name: str
+    arguments: list[Expression]
+
+
+@dataclass(slots=True)
 class Run(Expression):
     """A thread that starts; its value is the handle."""
 

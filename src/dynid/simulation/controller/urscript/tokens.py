@@ -15,6 +15,7 @@ _WORDS = (
     "def sec thread end if elif else while break continue return halt run kill join global local "
     "enter_critical exit_critical and or not xor True False"
 )
+_LONG_NUMBER, _LARGEST_INTEGER = 12, 2**31 - 1
 KEYWORDS = frozenset(_WORDS.split(" "))
 
 _TOKEN = re.compile(
@@ -24,7 +25,7 @@ _TOKEN = re.compile(
     |(?P<name>[A-Za-z_]\w*)
     |(?P<string>"[^"\n]*")
     |(?P<label>\$[ \t]*\d+[ \t]*"[^"\n]*"(?:[ \t]*"noBreak")?)
-    |(?P<sign>==|!=|<=|>=|[-+*/%<>=()\[\],:])""",
+    |(?P<sign>==|!=|<=|>=|[-+*/%<>=()\[\],:.])""",
     re.VERBOSE | re.ASCII,
 )
 
@@ -68,3 +69,10 @@ def tokenize(text: str) -> list[Token]:
             tokens.append(Token(kind, word, line))
     tokens.append(Token("end of text", "", line))
     return tokens
+
+
+def number_of(text: str) -> int | float:
+    """The value of a number in a script; a whole one that 32 bits do not hold is a float."""
+    whole = text.isdigit() and len(text) < _LONG_NUMBER
+    value = int(text) if whole else float(text)
+    return value if value <= _LARGEST_INTEGER else float(value)

@@ -7,7 +7,7 @@ Values are numbers, truth values, strings, lists and poses (lists of six numbers
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 from dynid.simulation.controller.urscript.errors import ScriptFault
@@ -24,11 +24,23 @@ class Pose(list[float]):
     __slots__ = ()
 
 
+class Struct(list[Any]):
+    """Values with names, in their order."""
+
+    __slots__ = ("names",)
+
+    def __init__(self, names: tuple[str, ...], values: Sequence[Any]) -> None:
+        super().__init__(values)
+        self.names = names
+
+
 def copied(value: Value) -> Value:
     """The value itself, or a copy of it where it could be changed."""
     kind = value.__class__
     if kind is list:
         return [copied(item) for item in value] if _nested(value) else value[:]
+    if kind is Struct:
+        return Struct(value.names, [copied(item) for item in value])
     return Pose(value) if kind is Pose else value
 
 
@@ -43,6 +55,9 @@ def size(value: Value) -> int:
 def shown(value: Value) -> str:
     """A value as `textmsg` and `to_str` write it."""
     kind = value.__class__
+    if kind is Struct:
+        members = zip(value.names, value, strict=True)
+        return f"struct({', '.join(f'{name}={shown(item)}' for name, item in members)})"
     if kind is Pose or kind is list:
         inside = ", ".join(shown(item) for item in value)
         return f"p[{inside}]" if kind is Pose else f"[{inside}]"
@@ -85,7 +100,13 @@ def described(value: Value) -> str:
     """What kind of value this is, in words."""
     if value is None:
         return "nothing: the function returns no value"
-    kinds = {bool: "a truth value", str: "a string", list: "a list", Pose: "a pose"}
+    kinds = {
+        bool: "a truth value",
+        str: "a string",
+        list: "a list",
+        Pose: "a pose",
+        Struct: "a struct",
+    }
     return kinds.get(value.__class__, f"the number {value}")
 
 
@@ -209,3 +230,11 @@ def negated(value: Value) -> Value:
     if value.__class__ is list:
         return [negated(item) for item in value]
     return _number_result(-number(value))
+
+
+def _inverted(value: Value) -> bool:
+    return not truth(value)
+
+
+SIGNS: dict[str, Callable[[Value], Value]] = {"-": negated, "+": number, "not": _inverted}
+"""Operators of one value."""
