@@ -41,8 +41,10 @@ def test_a_fault_while_writing_leaves_the_old_file(
 
     with monkeypatch.context() as patch:
         patch.setattr(Path, "write_text", half)
-        with pytest.raises((KeyboardInterrupt, JobError)):
+        with pytest.raises((KeyboardInterrupt, JobError)) as caught:
             write_json(path, {"new": 2})
+    if isinstance(caught.value, JobError):
+        assert str(caught.value) == f"{path}: the file cannot be written; got No space left"
     assert json.loads(path.read_text()) == {"old": 1}
     assert names(tmp_path) == ["result.json"]
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,13 +13,6 @@ from dynid.core.arrays import Array
 from dynid.drivers.ur.layout import APPROACHING, MOVING, STATE, Layout, recorded_names
 from dynid.drivers.ur.link import Disconnected, RtdeLink
 from dynid.protocol.recipe import Numbers
-
-_NEXT = itertools.count(1)
-
-
-def free_host() -> str:
-    """An address of 127.0.1.0/24 upward that no other test process uses."""
-    return f"127.0.{1 + os.getpid() % 200}.{next(_NEXT)}"
 
 
 @dataclass

@@ -16,12 +16,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from controllers import Observer, free_host
+from controllers import Observer
 from gentle_motion import write_gentle
 
 from dynid.drivers.ur.driver import WATCHDOG_HZ
 from dynid.recording.parquet import read_record
-from dynid.simulation.controller.process import RunningController, controller_process
+from dynid.simulation.controller.process import RunningController, controller_process, own_address
 
 pytestmark = pytest.mark.realtime
 
@@ -37,7 +37,7 @@ PORTS = (29999, 30002, 30004)
 
 @pytest.fixture(scope="module")
 def controller() -> Iterator[RunningController]:
-    with controller_process("ur5", host=free_host()) as running:
+    with controller_process("ur5", host=own_address()) as running:
         yield running
 
 
@@ -169,7 +169,7 @@ class Cable:
 def test_the_network_is_cut(
     controller: RunningController, tmp_path: Path, way: str, words: str
 ) -> None:
-    host = free_host()
+    host = own_address()
     cable = Cable(host, controller.host)
     try:
         with Observer(controller.host) as observer, client(host, tmp_path) as process:

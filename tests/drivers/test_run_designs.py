@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from controllers import Observer, free_host
+from controllers import Observer
 from gentle_motion import write_gentle
 
 from dynid.constraints.presets import safe_constraints
@@ -14,7 +14,7 @@ from dynid.core.errors import JobError
 from dynid.drivers.ur.layout import APPROACHING, DONE, MOVING, STATE
 from dynid.robot.load import load_robot
 from dynid.simulation.controller.machine import UPRIGHT
-from dynid.simulation.controller.process import controller_process
+from dynid.simulation.controller.process import controller_process, own_address
 from dynid.trajectory.files import read_trajectory
 from dynid.workflow.design_settings import DesignSettings
 from dynid.workflow.designing import design
@@ -43,7 +43,7 @@ def test_a_design_runs_from_where_a_new_controller_stands(tmp_path: Path, seed: 
     start = read_trajectory(path).trajectory.evaluate([0.0]).q[0]
     said: list[str] = []
     with (
-        controller_process("ur5", host=free_host(), virtual_time=True) as running,
+        controller_process("ur5", host=own_address(), virtual_time=True) as running,
         Observer(running.host) as observer,
     ):
         run = run_design(
@@ -74,7 +74,7 @@ def test_a_design_runs_from_where_a_new_controller_stands(tmp_path: Path, seed: 
 def test_who_is_asked_agrees_to_a_robot_that_stands_still(tmp_path: Path) -> None:
     rtde = pytest.importorskip("rtde_control")
     path = write_gentle(tmp_path / "design.json")
-    with controller_process("ur5", host=free_host(), virtual_time=True) as running:
+    with controller_process("ur5", host=own_address(), virtual_time=True) as running:
         target = f"ur://{running.host}"
 
         def jog(_: str, host: str) -> None:

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from controllers import Observer, free_host
+from controllers import Observer
 from gentle_motion import CYCLES, write_gentle
 
 from dynid.cli.app import main
@@ -27,7 +27,7 @@ from dynid.drivers.ur.commands import Dashboard, ScriptPort
 from dynid.drivers.ur.link import RtdeLink
 from dynid.recording.parquet import read_record
 from dynid.recording.record import ExperimentRecord
-from dynid.simulation.controller.process import RunningController, controller_process
+from dynid.simulation.controller.process import RunningController, controller_process, own_address
 
 STOP_S = 0.1
 """Controller time within which the robot must stop [s]."""
@@ -43,7 +43,7 @@ UNLOCK_S = 5.5
 
 @pytest.fixture(scope="module")
 def controller() -> Iterator[RunningController]:
-    with controller_process("ur5", host=free_host(), virtual_time=True) as running:
+    with controller_process("ur5", host=own_address(), virtual_time=True) as running:
         yield running
 
 
@@ -208,7 +208,7 @@ def test_a_protective_stop(controller: RunningController, fault: Fault) -> None:
 
 def test_the_controller_dies(fault: Fault) -> None:
     with (
-        controller_process("ur5", host=free_host(), virtual_time=True) as running,
+        controller_process("ur5", host=own_address(), virtual_time=True) as running,
         Observer(running.host) as observer,
     ):
 
@@ -257,14 +257,14 @@ def test_nothing_moves_without_a_typed_word(
 
 
 def test_nobody_is_there(fault: Fault, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["run", fault.design, "--on", f"ur://{free_host()}", "-o", fault.record, "--yes"]
+    words = ["run", fault.design, "--on", f"ur://{own_address()}", "-o", fault.record, "--yes"]
     assert main([str(word) for word in words]) == 1
     assert "no connection to the controller" in capsys.readouterr().err
     assert not fault.record.exists()
 
 
 def test_somebody_else_than_a_robot_answers(fault: Fault) -> None:
-    host = free_host()
+    host = own_address()
     with socket.create_server((host, 30004)) as server:
 
         def answer() -> None:

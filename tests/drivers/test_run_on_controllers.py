@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from controllers import Observer, free_host
+from controllers import Observer
 from gentle_motion import CYCLES, gentle, ur5, write_gentle
 
 from dynid.cli.app import main
 from dynid.core.provenance import provenance
 from dynid.recording.parquet import read_record
 from dynid.robot.load import load_robot
-from dynid.simulation.controller.process import controller_process
+from dynid.simulation.controller.process import controller_process, own_address
 from dynid.simulation.library import simulated_arm
 from dynid.simulation.run import simulate
 from dynid.trajectory.files import write_trajectory
@@ -30,7 +30,7 @@ def test_slow_and_warm_up_passes_come_first(
 ) -> None:
     design, path = write_gentle(tmp_path / "design.json"), tmp_path / "run.parquet"
     with (
-        controller_process("ur5", host=free_host(), virtual_time=True) as running,
+        controller_process("ur5", host=own_address(), virtual_time=True) as running,
         Observer(running.host) as observer,
     ):
         words = ["run", design, "--on", f"ur://{running.host}", "-o", path, "--yes", "--json"]
@@ -56,7 +56,7 @@ def test_an_e_series_robot_runs_at_its_own_rate(tmp_path: Path) -> None:
     design, path = tmp_path / "design.json", tmp_path / "run.parquet"
     made = provenance(seed=0)
     write_trajectory(design, gentle(), robot="ur5e", limits=robot.limits, provenance=made)
-    with controller_process("ur5e", host=free_host(), virtual_time=True) as running:
+    with controller_process("ur5e", host=own_address(), virtual_time=True) as running:
         run = run_design(design, path, on=f"ur://{running.host}", settings=RunSettings(repeat=1))
     assert run.abort is None
     record = read_record(path)
@@ -67,7 +67,7 @@ def test_an_e_series_robot_runs_at_its_own_rate(tmp_path: Path) -> None:
 
 def test_the_controllers_arm_moves_as_the_one_in_this_process(tmp_path: Path) -> None:
     design, path = write_gentle(tmp_path / "design.json"), tmp_path / "run.parquet"
-    with controller_process("ur5", host=free_host(), virtual_time=True) as running:
+    with controller_process("ur5", host=own_address(), virtual_time=True) as running:
         settings = RunSettings(repeat=1, settle=True)
         run_design(design, path, on=f"ur://{running.host}", settings=settings)
     record = read_record(path)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from controllers import Observer, free_host
+from controllers import Observer
 from gentle_motion import CYCLES, MIDDLE, RATE, ListRecorder, gentle, gentle_execution
 
 from dynid.core.errors import InputError, JobError
@@ -17,7 +17,7 @@ from dynid.drivers.ur.driver import UrDriver
 from dynid.drivers.ur.link import RtdeLink
 from dynid.drivers.ur.servoj import SLACK, ServojDriver, approach
 from dynid.drivers.ur.state import inspect
-from dynid.simulation.controller.process import RunningController, controller_process
+from dynid.simulation.controller.process import RunningController, controller_process, own_address
 
 SAME = 1e-12
 """Between periods [rad]."""
@@ -35,7 +35,7 @@ LATEST_S = 0.08
 
 @pytest.fixture(scope="module")
 def controller() -> Iterator[RunningController]:
-    with controller_process("ur5", host=free_host(), virtual_time=True) as running:
+    with controller_process("ur5", host=own_address(), virtual_time=True) as running:
         yield running
 
 

@@ -14,7 +14,7 @@ from dynid.constraints.settings import ConstraintSettings
 from dynid.core.arrays import Array
 from dynid.drivers.driver import Execution
 from dynid.experiment import approach as approaches
-from dynid.experiment.approach import Approach, plan_approach
+from dynid.experiment.approach import APPROACH_SPEED, Approach, certify_straight, plan_approach
 from dynid.experiment.plan import ExperimentPlan
 from dynid.experiment.way_search import FreeSpace, find_way
 from dynid.robot.load import load_robot
@@ -73,6 +73,18 @@ def test_a_free_straight_way_is_taken(planned: Approach) -> None:
     assert near.describe() == "0.3 rad"
     assert len(planned.via) > 0
     assert f"{len(planned.via)} way point" in planned.describe()
+
+
+def test_a_way_is_judged_at_the_speed_at_which_it_is_taken() -> None:
+    judge = safe_constraints(UR5, collision=False)
+    # From one side to the other: only how far it is counts, not where.
+    for reach in (0.4, 1.2):
+        a, b = UPRIGHT.copy(), UPRIGHT.copy()
+        a[0], b[0] = -reach, reach
+        verdict = certify_straight(a, b, judge)
+        assert verdict.feasible
+        fastest = (1.0 - verdict.worst["velocity"].room) * UR5.limits.velocity[0]
+        assert fastest == pytest.approx(APPROACH_SPEED, rel=1e-3)
 
 
 def test_who_stands_at_the_start_has_no_way_to_go() -> None:
