@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +57,14 @@ def arm_text(*, sliding: bool = False, torque: float = 80.0) -> str:
 def arm(*, sliding: bool = False, torque: float = 80.0) -> RobotModel:
     text = arm_text(sliding=sliding, torque=torque)
     return robot_from_toml(text.encode(), Path("small.toml"))
+
+
+def leaning(*, torque: float) -> RobotModel:
+    """The same where the second joint cannot bring the arm upright, so that it must be held."""
+    robot = arm(torque=torque)
+    lower, upper = np.array(robot.limits.lower), np.array(robot.limits.upper)
+    lower[1:], upper[1:] = (-0.5, -0.5), (0.5, 0.5)
+    return replace(robot, limits=replace(robot.limits, lower=lower, upper=upper))
 
 
 def problem(

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from design_arms import arm, arm_text, problem
+from design_arms import arm, arm_text, leaning, problem
 
 from dynid.excitation.candidate import Candidate
 from dynid.excitation.evaluation import DesignEvaluation
@@ -71,7 +71,7 @@ def test_a_worse_candidate_that_passes_is_taken_before_repairs() -> None:
 
 def test_what_cannot_be_repaired_comes_back_with_its_verdict() -> None:
     # The arm cannot even hold itself.
-    asked = problem(arm(torque=0.5), safe=True)
+    asked = problem(leaning(torque=0.5), safe=True)
     found = finished(asked, too_fast(asked), stop=True)
     assert not found.certificate.feasible
     assert "torque" in found.certificate.broken

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dynid.core.arrays import Array
+from dynid.core.arrays import Array, Mask
 from dynid.robot.model import RobotModel
 from dynid.trajectory.bounds import MotionBounds
 
@@ -61,7 +61,7 @@ def bound_notes(robot: RobotModel, bounds: MotionBounds) -> list[str]:
     return notes
 
 
-def _joints(robot: RobotModel, which: Array) -> str:
+def _joints(robot: RobotModel, which: Mask) -> str:
     if which.all():
         return "any joint"
     return ", ".join(name for name, one in zip(robot.joint_names, which, strict=True) if one)

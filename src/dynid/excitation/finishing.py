@@ -13,6 +13,7 @@ from dynid.excitation.candidate import Candidate, Stop
 from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.gradient import STAGES, improve
 from dynid.excitation.region import MotionRegion
+from dynid.excitation.rescue import rescued
 from dynid.excitation.search import Search
 from dynid.trajectory.trajectory import Trajectory
 
@@ -71,7 +72,13 @@ def finish(
         if found.certificate.feasible:
             return found
     smaller = _smaller(evaluation, first.x)
-    return smaller or seen[0]
+    if smaller is not None:
+        return smaller
+    for candidate in rescued(evaluation, region, seed=0, stop=stop, found=_ignored):
+        found = tried(candidate.x, "smaller")
+        if found.certificate.feasible:
+            return found
+    return seen[0]
 
 
 def without_turns(evaluation: DesignEvaluation, x: Array) -> Array:

@@ -20,6 +20,8 @@ from dynid.excitation.gram import GramKernel
 from dynid.excitation.multistart import Effort
 from dynid.excitation.optimise import Optimised, by_genetic_algorithm, by_gradient
 from dynid.excitation.problem import ExcitationProblem
+from dynid.excitation.region import region_of
+from dynid.excitation.rescue import check_room
 from dynid.excitation.search import Tell
 from dynid.reduction.base import BaseParametrization, reduce_model
 from dynid.regressor.model import InverseDynamicModel
@@ -40,9 +42,6 @@ from dynid.workflow.design_settings import (
 )
 from dynid.workflow.recordings import open_record, robot_reference
 from dynid.workflow.robot_units import unit_notes
-
-POSES = 300
-"""Random poses in which a payload is looked at."""
 
 
 def design(
@@ -88,7 +87,6 @@ def _problem(
 ) -> ExcitationProblem:
     model = InverseDynamicModel(robot=robot, frames=asked.frames, friction=parse_terms(asked.terms))
     base = reduce_model(model)
-    _check_payload(judge)
     noise = None if asked.noise is None else np.array(asked.noise)
     if noise is not None and len(noise) != robot.joints:
         raise InputError(
@@ -96,7 +94,7 @@ def _problem(
         )
     if asked.start_pose is not None:
         judge.check_pose(_pose(asked.start_pose, robot.joints))
-    return ExcitationProblem(
+    problem = ExcitationProblem(
         base=base,
         criterion=_criterion(asked, base, noise),
         family=motion_family(asked.trajectory, asked.period_s, asked.harmonics),
@@ -105,34 +103,8 @@ def _problem(
         noise=noise,
         start_pose=None if asked.start_pose is None else np.array(asked.start_pose),
     )
-
-
-def _check_payload(judge: MotionConstraints) -> None:
-    """Refuse a payload that leaves no pose to search from, before minutes are spent on it.
-
-    Raises:
-        InputError: Its shape is in the arm in every pose looked at.
-    """
-    settings = judge.settings
-    if settings.scene is None or not settings.scene.payload or not settings.self_collision:
-        return
-    bounds, random = settings.bounds, np.random.default_rng(0)
-    low, high = np.maximum(bounds.lower, -np.pi), np.minimum(bounds.upper, np.pi)
-    still = np.zeros((1, bounds.joints))
-    best = -np.inf
-    for _ in range(POSES):
-        usage = judge.usage(random.uniform(low, high)[None], still, still)
-        best = max(best, usage.distance("self_collision"))
-        if not best < settings.self_clearance:
-            return
-    raise InputError(
-        "the payload is in the arm in every pose looked at",
-        where="--scene",
-        value=f"{1000 * best:.1f} mm at best, of {POSES} random poses",
-        limit=f"{1000 * settings.self_clearance:g} mm",
-        next_step="Sizes are in metres, places in the flange's frame; draw a hollow tool as several"
-        " shapes.",
-    )
+    check_room(judge, region_of(problem))
+    return problem
 
 
 def _criterion(asked: DesignSettings, base: BaseParametrization, noise: Array | None) -> Criterion:

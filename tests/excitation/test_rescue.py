@@ -1,0 +1,96 @@
+"""Motions that grow out of free poses, and refusals where no pose is free."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from design_arms import arm, leaning, problem
+
+from dynid.constraints.certificate import certify
+from dynid.constraints.motion import MotionConstraints
+from dynid.constraints.presets import safe_constraints
+from dynid.constraints.scene import scene_from_json
+from dynid.core.errors import InputError
+from dynid.excitation.evaluation import DesignEvaluation
+from dynid.excitation.finishing import finish
+from dynid.excitation.gradient import judged
+from dynid.excitation.problem import ExcitationProblem
+from dynid.excitation.region import region_of
+from dynid.excitation.rescue import check_room, rescued
+from dynid.excitation.search import Search
+from dynid.excitation.starts import random_numbers
+from dynid.robot.load import load_robot
+from dynid.trajectory.json_fields import JsonFields
+
+LOW = {
+    "shapes": [
+        {"type": "wall", "point": [0, 0, 0.35], "normal": [0, 0, -1]},
+        {"type": "floor", "height": 0.0},
+    ]
+}
+"""Between a floor and a ceiling 35 cm above it about one pose in two hundred is free."""
+
+
+def crouching() -> ExcitationProblem:
+    robot = load_robot("ur5")
+    asked = problem(robot, rate_hz=25.0, safe=True)
+    judge = safe_constraints(robot, scene_from_json(JsonFields(LOW)))
+    return replace(asked, constraints=judge.settings)
+
+
+def test_where_no_random_motion_is_free_one_grows_out_of_a_free_pose() -> None:
+    asked = crouching()
+    evaluation, region = DesignEvaluation(asked), region_of(asked)
+    random = np.random.default_rng(0)
+    drawn = [judged(evaluation, random_numbers(region, 1, random, fill=0.3)[0]) for _ in range(20)]
+    assert min(candidate.violation for candidate in drawn) > 0
+    search = Search(problem=asked)
+    search.add(drawn[0], 0)
+    found = finish(search, evaluation, region, stop=lambda: True)
+    assert found.repair == "smaller"
+    assert found.certificate.feasible
+    assert np.ptp(found.trajectory.evaluate(asked.times).q, axis=0).min() > 1e-4
+
+
+def test_with_time_it_grows() -> None:
+    asked = problem(arm(), safe=True)
+    evaluation, region = DesignEvaluation(asked), region_of(asked)
+    small, grown = (
+        rescued(evaluation, region, seed=1, stop=lambda s=stop: s, found=lambda _: None)[0]
+        for stop in (True, False)
+    )
+    assert (small.violation, grown.violation) == (0.0, 0.0)
+    assert grown.objective < small.objective - 0.3
+    assert certify(
+        asked.family.trajectory(grown.x[:, 0], grown.x[:, 1:]), evaluation.constraints
+    ).feasible
+
+
+def refused(judge: MotionConstraints, asked: ExcitationProblem) -> str:
+    with pytest.raises(InputError) as caught:
+        check_room(judge, region_of(asked))
+    return str(caught.value)
+
+
+def test_an_arm_that_cannot_hold_itself_is_refused_at_once() -> None:
+    weak = leaning(torque=0.5)
+    message = refused(safe_constraints(weak), problem(weak, safe=True))
+    assert "no pose was found in which the arm can stand: torque" in message
+    assert "Check the torque limits, the masses and the payload" in message
+    check_room(safe_constraints(arm()), problem(arm(), safe=True))
+
+
+def test_a_scene_without_room_is_refused_with_the_bodies_that_meet() -> None:
+    sides = [
+        {"type": "wall", "point": [0.17 * x, 0.17 * y, 0], "normal": [-x, -y, 0]}
+        for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))
+    ]
+    lid = {"type": "wall", "point": [0, 0, 0.6], "normal": [0, 0, -1]}
+    cell = scene_from_json(JsonFields({"shapes": [*sides, lid]}))
+    judge = safe_constraints(load_robot("ur5"), cell)
+    asked = problem(load_robot("ur5"), safe=True)
+    message = refused(judge, asked)
+    assert "can stand: environment" in message
+    assert "- wall" in message
+    assert "m at best; allowed: 0.01 m" in message
+    check_room(safe_constraints(load_robot("ur5"), scene_from_json(JsonFields(LOW))), asked)
