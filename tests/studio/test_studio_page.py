@@ -13,11 +13,13 @@ import pytest
 from gentle import CYCLES, write_motion
 
 from dynid.studio.door import make_door
+from dynid.studio.files import free_name
 from dynid.studio.opening import open_path
 from dynid.studio.page import Page
 from dynid.studio.server import open_server
 from dynid.studio.session import Session
 from dynid.studio.solids import arm_meshes
+from dynid.studio.tail import Tail
 
 PATIENCE = 90.0
 
@@ -52,6 +54,7 @@ def test_run_then_identify_then_see_the_verdict(page: Page) -> None:
     assert page.run_panel.view.stop.disabled
     assert f"{3 * CYCLES} samples, 0 gaps" in page.run_panel.view._words.content
     assert session.motion.name == page.motion.motion.value == "record.parquet"
+    assert page.run_panel.name.value == "record_2.parquet"
     assert page.motion.time.max == pytest.approx(3 * CYCLES / 125, abs=0.02)
     assert page.results.record.value == "record.parquet"
     page.results.preset.value = "paper"
@@ -77,6 +80,7 @@ def test_a_design_from_the_page_is_played_and_certified(page: Page) -> None:
     assert session.job.state.error is None, session.job.state
     until(page, lambda: "design.json" in session.motions)
     assert session.motion.name == "design.json"
+    assert page.design.name.value == "design_2.json"
     verdict = session.verdict.certificate
     assert verdict is not None
     stored = json.loads((session.folder / "design.json").read_text())["design"]
@@ -86,6 +90,21 @@ def test_a_design_from_the_page_is_played_and_certified(page: Page) -> None:
     )
     assert stored["limits"]["scene"]["shapes"][0]["type"] == "floor"
     assert "condition number" in page.design.view._words.content
+
+
+def test_what_is_there_is_overwritten_only_when_its_name_is_typed(tmp_path: Path) -> None:
+    assert free_name(tmp_path, "design.json") == "design.json"
+    for taken in ("design.json", "design_2.json"):
+        (tmp_path / taken).write_text("mine")
+    assert free_name(tmp_path, "design.json") == "design_3.json"
+
+
+def test_signals_are_offered_with_their_units(page: Page) -> None:
+    assert page.run_panel.signal.options[:3] == ("current [A]", "q [rad]", "qd [rad/s]")
+    t = np.linspace(0.0, 1.0, 5)
+    page.run_panel.signal.value = "q [rad]"
+    page.run_panel.draw(Tail(t=t, signals={"q": np.outer(t, np.arange(1.0, 7.0))}, samples=5))
+    assert page.run_panel._plot.data[6][-1] == 6.0
 
 
 def test_what_cannot_be_started_says_why(page: Page) -> None:

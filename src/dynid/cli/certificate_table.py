@@ -25,7 +25,7 @@ def print_certificate(screen: Console, data: Mapping[str, Any]) -> None:
         if worst is None:
             rows.append((kind.replace("_", " "), "not judged", "-", "-", ""))
             continue
-        left = f"{1000 * margin:.1f} mm" if key.endswith("_m") else f"{100 * margin:.1f} %"
+        left = f"{1000 * margin:.1f} mm apart" if key.endswith("_m") else f"{100 * margin:.1f} %"
         time = worst["t"]
         rows.append(
             (

@@ -26,3 +26,17 @@ def file_in(folder: Path, name: str, suffix: str) -> Path:
             "a file name without a directory is needed", value=name, limit=f"*{suffix}"
         )
     return folder / name
+
+
+def free_name(folder: Path, name: str) -> str:
+    """A name that no file of the folder has: what is there is overwritten only when typed.
+
+    Args:
+        folder: The studio's folder.
+        name: What is wished, such as `design.json`; `design_2.json` comes after it.
+    """
+    wished, free, count = Path(name), name, 1
+    while (folder / free).exists():
+        count += 1
+        free = f"{wished.stem}_{count}{wished.suffix}"
+    return free

@@ -11,7 +11,7 @@ import numpy as np
 from dynid.core.errors import DynidError
 from dynid.excitation.criteria import CRITERIA
 from dynid.studio import text
-from dynid.studio.files import file_in
+from dynid.studio.files import file_in, free_name
 from dynid.studio.job_view import JobView
 from dynid.studio.jobs import Job
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from dynid.studio.session import Session
     from dynid.studio.supervisor import JobState
 
+FILE = "design.json"
+"""What a design is called unless its name is typed; numbered where there is one."""
 _MOST_S = 3600.0
 
 
@@ -43,7 +45,7 @@ class DesignPanel:
         self.harmonics = gui.add_number("Harmonics", 5, min=2, max=20, step=1)
         self.budget = gui.add_number("Time to search [s]", 15.0, min=1.0, max=_MOST_S, step=1.0)
         self.seed = gui.add_number("Seed", 0, min=0, step=1)
-        self.name = gui.add_text("File", "design.json")
+        self.name = gui.add_text("File", free_name(session.folder, FILE))
         self.view = JobView(server, session, "Design", "Stop, keep the best")
         empty = np.array([0.0, 1.0])
         self._curve = gui.add_uplot(
@@ -81,6 +83,7 @@ class DesignPanel:
                 failure = str(error)
             else:
                 self._opened()
+                self.name.value = free_name(self._session.folder, FILE)
         self.view.end(state, "" if result is None else _words(result))
         if failure:
             self.view.say(failure, text.BAD)

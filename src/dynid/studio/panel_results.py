@@ -11,7 +11,7 @@ from dynid.core.errors import DynidError
 from dynid.figures import parameters, torque
 from dynid.figures.theme import paint
 from dynid.studio import text
-from dynid.studio.files import file_in
+from dynid.studio.files import file_in, free_name
 from dynid.studio.job_view import JobView
 from dynid.studio.jobs import Job
 from dynid.workflow.reporting import report
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from dynid.studio.session import Session
     from dynid.studio.supervisor import JobState
 
+FILE = "estimate.json"
+"""What an estimate is called unless its name is typed; numbered where there is one."""
 _NONE = "-"
 _WIDTH = 340.0
 """Of a figure in the panel, about [px]: its height stays what it was made with."""
@@ -45,7 +47,7 @@ class ResultsPanel:
         self.record = gui.add_dropdown("Recording", names, initial_value=names[-1])
         self.validation = gui.add_dropdown("Validate on", names, initial_value=_NONE)
         self.preset = gui.add_dropdown("Preset", ("best", "paper"), initial_value="best")
-        self.name = gui.add_text("File", "estimate.json")
+        self.name = gui.add_text("File", free_name(session.folder, FILE))
         self.view = JobView(server, session, "Identify", "Stop")
         self.look = gui.add_button("Show the results of the folder")
         self.report = gui.add_button("Write report.html")
@@ -74,6 +76,7 @@ class ResultsPanel:
         self.view.end(state, f"written: {Path(str(result.get('file', ''))).name}")
         if state.result is None:
             return
+        self.name.value = free_name(self._session.folder, FILE)
         self._show_verdict(
             [("", str(result.get("level")), str(result.get("headline")))],
         )

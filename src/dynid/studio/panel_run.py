@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dynid.core.errors import DynidError, InputError
-from dynid.figures.theme import colour
+from dynid.figures.theme import colour, joint_unit
 from dynid.studio import text
-from dynid.studio.files import file_in
+from dynid.studio.files import file_in, free_name
 from dynid.studio.job_view import JobView
 from dynid.studio.jobs import Job
 from dynid.studio.tail import Tail, TailReader
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from dynid.studio.session import Session
     from dynid.studio.supervisor import JobState
 
+FILE = "record.parquet"
+"""What a recording is called unless its name is typed; numbered where there is one."""
 SIGNALS = {"current": "A", "q": "rad", "qd": "rad/s", "temperature": "degC"}
 """What can be drawn while it runs, with its unit."""
 
@@ -40,15 +42,19 @@ class RunPanel:
     ) -> None:
         self._session, self._opened = session, opened
         gui = server.gui
+        slides = session.robot.prismatic
+        self._signals = {
+            f"{name} [{joint_unit(unit, slides)}]": name for name, unit in SIGNALS.items()
+        }
         self.target = gui.add_text("Robot", "sim", hint="sim, or ur://HOST for a real one")
         self.repeat = gui.add_number("Periods", 3, min=1, max=1000, step=1)
         self.slow = gui.add_checkbox("Slow first pass (20 %)", False)
-        self.name = gui.add_text("File", "record.parquet")
+        self.name = gui.add_text("File", free_name(session.folder, FILE))
         self.view = JobView(server, session, "Run", "STOP the robot")
         self._asked = gui.add_html("", visible=False)
         self.word = gui.add_text("Type the word", "", visible=False)
         self.agree = gui.add_button("Move the robot", color="orange", visible=False)
-        self.signal = gui.add_dropdown("Signal", tuple(SIGNALS), initial_value="current")
+        self.signal = gui.add_dropdown("Signal", tuple(self._signals))
         series: list[Any] = [{"label": "s"}]
         for k, name in enumerate(session.robot.joint_names):
             series.append({"label": text.plain(name, 20), "stroke": colour(k), "width": 1})
@@ -93,6 +99,7 @@ class RunPanel:
                 failure = str(error)
             else:
                 self._opened()
+                self.name.value = free_name(self._session.folder, FILE)
         self.view.end(state, "" if result is None else _words(result))
         if failure:
             self.view.say(failure, text.BAD)
@@ -101,7 +108,7 @@ class RunPanel:
 
     def draw(self, tail: Tail) -> None:
         """Draw the newest samples."""
-        values = tail.signals.get(self.signal.value)
+        values = tail.signals.get(self._signals[self.signal.value])
         if values is None or len(values) < 2:
             return
         self._plot.data = (tail.t, *(np.ascontiguousarray(column) for column in values.T))
