@@ -77,7 +77,7 @@ def test_an_arm_that_cannot_hold_itself_is_refused_at_once() -> None:
     message = refused(safe_constraints(weak), problem(weak, safe=True))
     assert "no pose was found in which the arm can stand: torque" in message
     assert "Check the torque limits, the masses and the payload" in message
-    check_room(safe_constraints(arm()), problem(arm(), safe=True))
+    check_room(safe_constraints(arm()), region_of(problem(arm(), safe=True)))
 
 
 def test_a_scene_without_room_is_refused_with_the_bodies_that_meet() -> None:
@@ -93,4 +93,6 @@ def test_a_scene_without_room_is_refused_with_the_bodies_that_meet() -> None:
     assert "can stand: environment" in message
     assert "- wall" in message
     assert "m at best; allowed: 0.01 m" in message
-    check_room(safe_constraints(load_robot("ur5"), scene_from_json(JsonFields(LOW))), asked)
+    check_room(
+        safe_constraints(load_robot("ur5"), scene_from_json(JsonFields(LOW))), region_of(asked)
+    )
