@@ -21,7 +21,7 @@ from known_exports import (
 from dynid.cli.app import main
 from dynid.core.errors import InputError
 from dynid.export.c_code import c_code, c_prefix
-from dynid.export.c_text import number
+from dynid.export.c_text import number, safe
 from dynid.export.json_model import model_from_json, model_to_json
 from dynid.export.model import ExportModel, export_model
 from dynid.export.python_code import python_code
@@ -129,6 +129,20 @@ def test_the_head_of_a_header_names_what_there_is_to_call(heavy: ExportModel) ->
     assert listed < defined
     assert "ur5_observer_step" in listed
     assert "Link with -lm" in head
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("plain text, 1/2", "plain text, 1/2"),
+        ("a */ b /* c", "a * / b / * c"),
+        ("line\nline\ttab\0", "line?line?tab?"),
+        ("Größe \u2028", "Gr??e ?"),
+        ("@MARK@ $x \\", "?MARK? ?x ?"),
+    ],
+)
+def test_comments_of_c_hold_plain_characters_alone(text: str, shown: str) -> None:
+    assert safe(text) == shown
 
 
 def test_names_cannot_break_out_of_comments_and_strings(heavy: ExportModel) -> None:

@@ -32,6 +32,7 @@ def test_a_wrong_gain_is_measured(tmp_path: Path, joint: int, factor: float) -> 
     assert (found.kind, found.joint) == ("gain", joint)
     assert found.value == pytest.approx(factor, abs=max(SIGMAS * found.std, 0.005))
     assert found.std < abs(factor - 1) / CERTAIN
+    assert found.others == ()
 
 
 @pytest.mark.parametrize("joint", [0, 1, 2])
