@@ -187,3 +187,24 @@ def test_clipped_torques_are_no_placeholders() -> None:
     record = run(table.with_signals({"current": current}))
     assert record.samples == 1500
     assert set(codes(record)) == {"saturated"}
+
+
+@pytest.mark.parametrize("start", [0, 700, 1480])
+def test_zeros_of_all_torques_are_no_torques(start: int) -> None:
+    table = raw()
+    current = table.signals["current"].copy()
+    current[start : start + 20] = 0.0
+    record = run(table.with_signals({"current": current}))
+    assert codes(record) == ["corrupt_rows"]
+    assert record.samples == 1480
+    assert (record.signals["current"] != 0).any(axis=1).all()
+
+
+def test_torques_that_are_renewed_slowly_are_told() -> None:
+    table = raw()
+    current = np.repeat(table.signals["current"][::4], 4, axis=0)
+    record = run(table.with_signals({"current": current}))
+    assert record.samples == 1500
+    assert codes(record) == ["clock_jitter"]
+    assert "currents are the same" in record.problems[0].message
+    assert "75 %" in record.problems[0].message

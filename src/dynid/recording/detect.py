@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dynid.core.errors import RecordError
+from dynid.recording.opening import first_bytes
 from dynid.recording.parquet import is_own
 from dynid.recording.segments import MARK
 from dynid.recording.text.lines import looks_like_text
@@ -66,13 +67,7 @@ def content_kind(path: Path) -> str:
     Raises:
         RecordError: It cannot be read, or is none of the formats.
     """
-    try:
-        with path.open("rb") as stream:
-            head = stream.read(1 << 16)
-    except OSError as error:
-        raise RecordError(
-            "the file cannot be read", where=path.name, value=error.strerror
-        ) from error
+    head = first_bytes(path, 1 << 16)
     if packing(path):
         return PACKED
     if b"\x89HDF" in (head[:4], head[512:516]):

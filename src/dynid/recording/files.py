@@ -17,6 +17,7 @@ from dynid.recording.hdf5 import read_hdf5
 from dynid.recording.jsonfile import read_json
 from dynid.recording.mat import read_mat
 from dynid.recording.npz import read_npz
+from dynid.recording.opening import unreadable
 from dynid.recording.own import read_own
 from dynid.recording.record import ExperimentRecord
 from dynid.recording.repair.pipeline import RepairSettings, repair
@@ -192,7 +193,5 @@ def _hash(files: list[Path]) -> str:
     try:
         hashes = [file_hash(file) for file in files]
     except OSError as error:
-        raise RecordError(
-            "the file cannot be read", where=files[0].name, value=error.strerror
-        ) from error
+        raise unreadable(files[0], error) from error
     return hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()

@@ -11,6 +11,7 @@ import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.core.errors import RecordError
+from dynid.recording.opening import all_bytes
 from dynid.recording.table import RawTable
 from dynid.recording.variables import numbers_of, table_of
 
@@ -37,15 +38,9 @@ def read_json(
     Raises:
         RecordError: Damaged, too large, or without the arrays.
     """
+    data = all_bytes(path, _MAX_BYTES)
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise RecordError("the file is too large", where=path.name, limit=f"{_MAX_BYTES} bytes")
-        text = path.read_text(encoding="utf-8-sig")
-        content = _parse(text)
-    except OSError as error:
-        raise RecordError(
-            "the file cannot be read", where=path.name, value=error.strerror
-        ) from error
+        content = _parse(data.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise RecordError("the JSON file is damaged", where=path.name, value=str(error)) from error
     variables: dict[str, Array] = {}

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from dynid.core.errors import RecordError
 from dynid.recording.matlab import byte_order, parse_matlab
+from dynid.recording.opening import all_bytes
 from dynid.recording.table import RawTable
 from dynid.recording.variables import table_of
 
@@ -34,14 +35,7 @@ def read_mat(
     Raises:
         RecordError: Another version, damaged, or without the variables.
     """
-    try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise RecordError("the file is too large", where=path.name, limit=f"{_MAX_BYTES} bytes")
-        data = path.read_bytes()
-    except OSError as error:
-        raise RecordError(
-            "the file cannot be read", where=path.name, value=error.strerror
-        ) from error
+    data = all_bytes(path, _MAX_BYTES)
     order = byte_order(data)
     if order is None:
         raise RecordError(

@@ -20,6 +20,7 @@ import numpy as np
 
 from dynid.core.errors import RecordError
 from dynid.core.notices import Notice
+from dynid.recording.opening import unreadable
 from dynid.recording.record import ExperimentRecord
 from dynid.recording.schema import check_quantities, metadata_from_json, notices_from_json
 
@@ -61,9 +62,7 @@ def recover(path: Path, *, finished: bool = False) -> ExperimentRecord:
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise RecordError(
-            "the file cannot be read", where=path.name, value=error.strerror
-        ) from error
+        raise unreadable(path, error) from error
     description: Any = None
     blocks: list[bytes] = []
     notices: list[Any] = []

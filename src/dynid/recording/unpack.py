@@ -15,6 +15,7 @@ from typing import IO
 
 from dynid.core.errors import RecordError
 from dynid.recording.bag.inflate import zstd_module
+from dynid.recording.opening import first_bytes
 from dynid.recording.workbook import is_workbook, write_sheet
 
 _MARKS = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ\x00": "xz", b"\x28\xb5\x2f\xfd": "zstd"}
@@ -31,13 +32,7 @@ def packing(path: Path) -> str:
     Raises:
         RecordError: It cannot be read.
     """
-    try:
-        with path.open("rb") as stream:
-            head = stream.read(1 << 12)
-    except OSError as error:
-        raise RecordError(
-            "the file cannot be read", where=path.name, value=error.strerror
-        ) from error
+    head = first_bytes(path, 1 << 12)
     for mark, kind in _MARKS.items():
         if head.startswith(mark):
             return kind

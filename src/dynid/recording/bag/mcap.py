@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
-from dynid.core.errors import RecordError
 from dynid.recording.bag.catalog import Catalog, Message, Topic
 from dynid.recording.bag.inflate import MAX_BYTES, InflateError, inflate
+from dynid.recording.opening import unreadable
 
 MAGIC = b"\x89MCAP0\r\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x02, 0x03, 0x04, 0x05, 0x06, 0x0F
@@ -56,9 +56,7 @@ def mcap_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
                     break
                 yield from _messages(opcode, content, state)
     except OSError as error:
-        raise RecordError(
-            "the file cannot be read", where=path.name, value=error.strerror
-        ) from error
+        raise unreadable(path, error) from error
     if state.damaged:
         catalog.report(
             "corrupt_rows",

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
-from dynid.core.errors import RecordError
 from dynid.recording.bag.catalog import Catalog, Message, Topic
 from dynid.recording.bag.cdr import CdrError, JointState
 from dynid.recording.bag.inflate import MAX_BYTES, InflateError, inflate
+from dynid.recording.opening import unreadable
 
 MAGIC = b"#ROSBAG V2.0\n"
 _MESSAGE, _CHUNK, _CONNECTION = 0x02, 0x05, 0x07
@@ -55,9 +55,7 @@ def ros1_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
             stream.seek(len(MAGIC))
             yield from _records(stream, size, state)
     except OSError as error:
-        raise RecordError(
-            "the file cannot be read", where=path.name, value=error.strerror
-        ) from error
+        raise unreadable(path, error) from error
     state.cut |= state.chunks < state.expected
     if state.damaged:
         catalog.report(

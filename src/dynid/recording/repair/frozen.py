@@ -51,6 +51,10 @@ def _drop_placeholders(table: RawTable) -> RawTable:
     for quantity in [name for name in ESSENTIAL if name in table.signals]:
         value = table.signals[quantity]
         bad = np.any([_placeholders(column) for column in value.T], axis=0)
+        if quantity in TORQUE_SOURCES and table.joints > 1:
+            # A controller that waits for its sensors writes zeros for all of them.
+            silent: Mask = (value == 0).all(axis=1)
+            bad |= silent if _long(silent) else False
         if bad.any() and bad.mean() <= _MOST:
             row = int(np.argmax(bad))
             joint = int(np.argmax(np.abs(value[row] - np.median(value, axis=0))))
@@ -61,6 +65,11 @@ def _drop_placeholders(table: RawTable) -> RawTable:
                 f"{table.row(row)} ({value[row, joint]:.6g})",
             )
     return table
+
+
+def _long(mask: Mask) -> bool:
+    """Whether a mask has a run of some rows."""
+    return any(length >= _PLACEHOLDER_ROWS for _, length in _runs(mask))
 
 
 def _placeholders(column: Array) -> Mask:

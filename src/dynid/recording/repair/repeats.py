@@ -31,7 +31,7 @@ def drop_repeats(table: RawTable) -> RawTable:
     moving = _moves(table.signals["q"])
     held = same & moving
     if held.sum() < max(3, 0.002 * table.samples) or held.mean() > 0.9:
-        return _report_slow_positions(table, moving)
+        return _report_slow_signals(table, moving)
     message = (
         f"{int(held.sum())} of {table.samples} rows repeat all signals of the row before "
         f"while the robot moves (read faster than they are updated); left out; first: "
@@ -40,17 +40,21 @@ def drop_repeats(table: RawTable) -> RawTable:
     return table.keep(~held).report("dropped_rows", message)
 
 
-def _report_slow_positions(table: RawTable, moving: Mask) -> RawTable:
-    """Report positions that are renewed on some rows only, while torques are on all."""
-    still = np.concatenate([[False], ~rows_with(np.diff(table.signals["q"], axis=0) != 0)])
-    share = float((still & moving).sum()) / max(float(moving.sum()), 1.0)
-    if share < 0.3:
-        return table
-    return table.report(
-        "clock_jitter",
-        f"positions are the same as on the row before on {100 * share:.0f} % of the rows of the "
-        "motion: they are renewed more slowly than the rows come, or too coarse",
-    )
+def _report_slow_signals(table: RawTable, moving: Mask) -> RawTable:
+    """Report positions or torques that are renewed on some rows only."""
+    for quantity, word in (("q", "positions"), ("effort", "efforts"), ("current", "currents")):
+        if quantity not in table.signals or not table.signals[quantity].any():
+            continue
+        changes = rows_with(np.diff(table.signals[quantity], axis=0) != 0)
+        still = np.concatenate([[False], ~changes])
+        share = float((still & moving).sum()) / max(float(moving.sum()), 1.0)
+        if share >= 0.3:
+            table = table.report(
+                "clock_jitter",
+                f"{word} are the same as on the row before on {100 * share:.0f} % of the rows of "
+                "the motion: they are renewed more slowly than the rows come, or too coarse",
+            )
+    return table
 
 
 def _moves(q: Array) -> Mask:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from dynid.core.errors import RecordError
+from dynid.recording.opening import unreadable
 
 MAX_LINE = 1 << 20
 """Longest line that is read [characters]; a longer one counts as unreadable."""
@@ -94,9 +95,7 @@ def line_blocks(path: Path, encoding: str) -> Iterator[tuple[list[str], bool]]:
             next_step="Save the file as UTF-8.",
         ) from error
     except OSError as error:
-        raise RecordError(
-            "the file cannot be read", where=path.name, value=error.strerror
-        ) from error
+        raise unreadable(path, error) from error
 
 
 def first_lines(path: Path, encoding: str, count: int) -> list[str]:
