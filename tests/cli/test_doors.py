@@ -11,6 +11,8 @@ import pytest
 from cli_runs import Outcome, Recordings, Run
 
 import dynid
+from dynid.cli.metrics_table import print_metrics
+from dynid.cli.output import console
 from dynid.core.provenance import provenance
 from dynid.export.writing import write_model
 
@@ -120,3 +122,14 @@ def test_a_link_stays_a_link_and_a_pipe_a_pipe(recordings: Recordings, tmp_path:
         with pytest.raises(dynid.InputError, match="no ordinary file"):
             write(pipe)
         assert stat.S_ISFIFO(pipe.stat().st_mode)
+
+
+def test_units_are_those_of_the_joints(
+    run: Run, recordings: Recordings, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = run("validate", recordings.estimate, recordings.validation).out
+    assert "RMS errors in N.m\n" in text
+    estimate = dynid.read_estimate(recordings.estimate)
+    result = dynid.validate(estimate, dynid.read_record(recordings.validation))
+    print_metrics(console(), "Prediction", result, (False, True, *(False,) * 4))
+    assert "RMS errors in N.m, N where sliding" in capsys.readouterr().out

@@ -41,9 +41,10 @@ def print_identification(screen: Console, result: Identification, output: Path |
         screen.print(f"- {choice}")
     _print_parameters(screen, result)
     _print_standard(screen, result)
-    print_metrics(screen, "Training", result.training)
+    slides = estimate.model.robot.prismatic
+    print_metrics(screen, "Training", result.training, slides)
     if result.validation is not None:
-        print_metrics(screen, "Validation", result.validation)
+        print_metrics(screen, "Validation", result.validation, slides)
     print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
     screen.print()
     if output is None:

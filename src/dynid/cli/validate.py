@@ -42,6 +42,7 @@ def _validate(
     """Prediction error on another recording (paper 3.1)."""
     from dynid.cli.metrics_table import print_metrics
     from dynid.cli.output import console, print_json, print_notices
+    from dynid.workflow.temperature_file import estimate_at
     from dynid.workflow.validating import validate_files
 
     result = validate_files(estimate, record, start_s=start, stop_s=stop, at_degC=at)
@@ -49,5 +50,6 @@ def _validate(
         print_json(result.to_json())
         return
     screen = console()
-    print_metrics(screen, "Prediction", result)
+    slides = estimate_at(estimate, at).model.robot.prismatic
+    print_metrics(screen, "Prediction", result, slides)
     print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
