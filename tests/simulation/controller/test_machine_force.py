@@ -78,6 +78,10 @@ def test_the_end_of_the_mode_and_of_the_program_stop_the_arm(machine: Controller
     machine.stop()
     ticks(machine, 0.5)
     assert max(map(abs, machine.output("target_qd"))) < 1e-6
+    # The next program begins without it.
+    machine.run_script("sleep(0.5)")
+    ticks(machine, 0.4)
+    assert max(map(abs, machine.output("target_qd"))) < 1e-6
     text = "force_mode(p[0,0,0,0,0,0], [0,0,1,0,0,0], [0,0,20,0,0,0], 2, [1,1,0.05,1,1,1])"
     machine.run_script(f"def p():\n {text}\n sleep(0.3)\n end_force_mode()\n sleep(1)\nend\n")
     ticks(machine, 0.25)
