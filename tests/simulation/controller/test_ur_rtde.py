@@ -214,3 +214,31 @@ def test_two_robots_side_by_side():
         for client in (first, second):
             client.stopScript()
             client.disconnect()
+
+
+def test_a_path_with_blends_does_not_stop_on_its_way(control, receive):
+    assert control.moveJ(HOME, SPEED, ACCELERATION)
+
+    def took(radius):
+        began = receive.getTimestamp()
+        ways = [(0.2, radius), (0.4, radius), (0.6, 0.0)]
+        path = [[angle, *HOME[1:], 0.5, ACCELERATION, blend] for angle, blend in ways]
+        assert control.moveJ(path)
+        np.testing.assert_allclose(receive.getActualQ(), [0.6, *HOME[1:]], atol=JOINT_ERROR)
+        seconds = receive.getTimestamp() - began
+        assert control.moveJ(HOME, SPEED, ACCELERATION)
+        return seconds
+
+    # Three moves of 0.65 s each, or one of 1.45 s.
+    assert took(0.1) < took(0.0) - 0.3
+
+
+def test_force_mode_moves_the_free_tool(control, receive):
+    assert control.moveJ([0.0, -1.2, 1.2, -1.0, 0.8, 0.0], SPEED, ACCELERATION)
+    before = receive.getActualTCPPose()[2]
+    frame, down, limits = [0.0] * 6, [0, 0, -10, 0, 0, 0], [2.0, 2.0, 0.04, 1.0, 1.0, 1.0]
+    assert control.forceMode(frame, [0, 0, 1, 0, 0, 0], down, 2, limits)
+    wait_for(lambda: receive.getActualTCPPose()[2] < before - 0.02, "the tool moves down")
+    assert receive.getTargetTCPSpeed()[2] == pytest.approx(-0.04, rel=0.05)
+    assert control.forceModeStop()
+    wait_for(lambda: abs(receive.getTargetTCPSpeed()[2]) < 1e-4, "the tool stands")
