@@ -1,0 +1,103 @@
+"""What the house promises of its own code, read from the code."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import yaml
+
+import dynid
+
+ROOT = Path(__file__).parents[2]
+SOURCES = {
+    path.relative_to(ROOT / "src" / "dynid"): ast.parse(path.read_text(encoding="utf-8"))
+    for path in sorted((ROOT / "src" / "dynid").rglob("*.py"))
+}
+LONGEST = 250
+"""Lines of a module."""
+SPEAKING = "cli"
+"""The one room that prints."""
+
+
+def calls(tree: ast.AST, name: str) -> list[ast.Call]:
+    return [
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == name
+    ]
+
+
+def imported(tree: ast.AST) -> set[str]:
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            found.add(node.module.split(".")[0])
+    return found
+
+
+def test_there_is_a_house_to_look_at() -> None:
+    assert len(SOURCES) > 400
+
+
+def test_only_the_command_line_prints() -> None:
+    # The controller's log prints too, into a stream that it is given.
+    aloud = {
+        path
+        for path, tree in SOURCES.items()
+        for call in calls(tree, "print")
+        if all(word.arg != "file" for word in call.keywords)
+    }
+    assert {path.parts[0] for path in aloud} == {SPEAKING}
+
+
+def test_nothing_is_asserted_evaluated_or_unpickled() -> None:
+    for path, tree in SOURCES.items():
+        assert not [node for node in ast.walk(tree) if isinstance(node, ast.Assert)], path
+        assert not calls(tree, "eval"), path
+        assert not calls(tree, "exec"), path
+        assert not imported(tree) & {"pickle", "marshal", "shelve", "random"}, path
+
+
+def test_no_error_is_swallowed_unnamed() -> None:
+    for path, tree in SOURCES.items():
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ExceptHandler):
+                assert node.type is not None, (path, node.lineno)
+                broad = ast.unparse(node.type) in ("Exception", "BaseException")
+                silent = all(isinstance(line, ast.Pass | ast.Continue) for line in node.body)
+                assert not (broad and silent), (path, node.lineno)
+
+
+def test_random_numbers_come_from_a_seed() -> None:
+    for path, tree in SOURCES.items():
+        for node in ast.walk(tree):
+            if (
+                isinstance(node, ast.Call)
+                and isinstance(node.func, ast.Attribute)
+                and ast.unparse(node.func.value) == "np.random"
+            ):
+                assert node.func.attr in ("default_rng", "Generator"), (path, node.lineno)
+                assert node.args, (path, node.lineno)
+
+
+def test_modules_are_small_and_say_what_they_are() -> None:
+    for path, tree in SOURCES.items():
+        lines = (ROOT / "src" / "dynid" / path).read_text(encoding="utf-8").count("\n")
+        assert lines <= LONGEST, path
+        assert ast.get_docstring(tree), path
+        assert path.stem not in ("utils", "helpers", "common"), path
+        if path.name == "__init__.py" and len(path.parts) > 1:
+            assert len(tree.body) == 1, f"{path} holds more than its docstring"
+
+
+def test_the_version_is_the_same_everywhere() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert citation["version"] == dynid.__version__
+    assert citation["license"] == "Apache-2.0"
+    assert "Apache License" in (ROOT / "LICENSE").read_text(encoding="utf-8")
+    told = re.findall(r"^## \[(.+?)\]", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.M)
+    assert told[0] in ("Unreleased", dynid.__version__)
