@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import dynid
@@ -149,6 +149,7 @@ def test_the_autocorrelation_starts_at_one_and_agrees_with_its_definition(
     assert shown[7] == pytest.approx(error[7:] @ error[:-7] / (error @ error), abs=1e-5)
 
 
+@settings(deadline=None)
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=5000))
 def test_thinning_keeps_the_extremes(values: list[float]) -> None:
     y = np.array(values)
