@@ -49,6 +49,8 @@ class Wrong:
     """Share of the viscous friction that is lost along the record."""
     late: int = 0
     """Rows by which torques are stamped too late."""
+    carried: float = 0.0
+    """Mass on the last link [kg]."""
     exchanged: bool = False
     """Columns of the second and third joint."""
     seconds: float = 12.0
@@ -89,6 +91,9 @@ def motion(seconds: float = SECONDS) -> tuple[Array, Array, Array, Array]:
 def recording(wrong: Wrong) -> ExperimentRecord:
     t, q, dq, ddq = motion(wrong.seconds)
     model = pin.buildModelFromXML(urdf())
+    if wrong.carried:
+        body = pin.Inertia(wrong.carried, np.array([0.25, 0.02, 0.0]), 0.002 * np.eye(3))
+        model.appendBodyToJoint(3, body, pin.SE3.Identity())
     lean = np.radians(wrong.tilt_deg)
     model.gravity.linear = 9.80665 * np.array(
         [0.6 * np.sin(lean), 0.8 * np.sin(lean), -np.cos(lean)]

@@ -104,6 +104,15 @@ def test_faster_motions_are_extrapolated_and_named() -> None:
     assert notice.message.count(" against ") == 4
 
 
+@pytest.mark.parametrize(("share", "beyond"), [(0.1, False), (0.2, True)])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_places_a_little_beyond_are_still_known(share: float, beyond: bool, side: float) -> None:
+    moved = samples()
+    known = estimate().motion
+    away = replace(moved, q=moved.q + side * share * (known.upper - known.lower))
+    assert ("extrapolated" in _codes(validate_samples(estimate(), away))) == beyond
+
+
 def test_motions_elsewhere_are_extrapolated() -> None:
     here = samples()
     there = replace(here, q=here.q + np.array([0, 0, 0.5, 0, 0, 0]))

@@ -8,6 +8,7 @@ import pytest
 from pinocchio_arm import RATE, VISCOUS, Wrong, arm, recording
 
 from dynid.core.notices import Notice
+from dynid.validation.carried import CARRIED
 from dynid.validation.disturbance import DISTURBED
 from dynid.validation.drift import DRIFTS, friction_drift
 from dynid.workflow.identify import Identification, identify
@@ -85,3 +86,34 @@ def test_a_gain_that_was_found_explains_its_gravity(tmp_path: Path) -> None:
     messages = [n.message for n in _identified(tmp_path, wrong).warnings]
     assert any("the torques of j2 are 1.8" in text for text in messages)
     assert not any("known masses" in text for text in messages)
+
+
+def test_another_mounting_is_not_taken_for_another_order(tmp_path: Path) -> None:
+    messages = [n.message for n in _identified(tmp_path, Wrong(tilt_deg=90.0)).warnings]
+    assert not any("exchanged" in text for text in messages)
+
+
+@pytest.mark.parametrize(("before", "after"), [(0.0, 0.5), (0.0, 2.0), (1.0, 0.0)])
+def test_another_payload_is_weighed_in_the_validation_record(
+    tmp_path: Path, before: float, after: float
+) -> None:
+    result = identify(
+        recording(Wrong(carried=before)),
+        arm(tmp_path),
+        IdentifySettings(preset="paper", estimator="wls"),
+        validation=recording(Wrong(carried=after, seed=9)),
+    )
+    codes = [n.code for n in result.warnings]
+    (text,) = [n.message for n in result.warnings if CARRIED in n.message]
+    mass = float(text.split("carries ")[1].split(" +-")[0])
+    spread = float(text.split("+- ")[1].split(" kg")[0])
+    assert mass == pytest.approx(abs(after - before), abs=max(4 * spread, 0.02))
+    assert ("more" if after > before else "less") in text
+    assert "over_fitted" not in codes
+
+
+def test_a_record_with_the_same_payload_says_nothing_of_it(tmp_path: Path) -> None:
+    settings = IdentifySettings(preset="paper", estimator="wls")
+    for other in (Wrong(seed=9), Wrong(seed=9, load_friction=0.1), Wrong(scales=(1.0, 1.2, 1.0))):
+        result = identify(recording(Wrong()), arm(tmp_path), settings, validation=recording(other))
+        assert not any(CARRIED in n.message for n in result.warnings)

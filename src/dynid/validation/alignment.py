@@ -24,7 +24,7 @@ WIDEST_SHARE = 0.15
 
 
 def time_offset(estimate: Estimate, samples: Samples) -> float | None:
-    """Seconds by which torques are stamped later than their motion, beyond known delays.
+    """Seconds by which torques are stamped later than their motion.
 
     The model is fitted to the motion once, and torques of other instants are tried.
 
@@ -62,12 +62,15 @@ def time_offset(estimate: Estimate, samples: Samples) -> float | None:
     shifts = np.arange(-most, most + 1, step)
     sums = np.array([left(int(shift)) for shift in shifts])
     best = int(np.argmin(sums))
-    if best in (0, len(shifts) - 1) or abs(shifts[best]) < LEAST_S * rate:
+    # Delays that were found and taken off belong to it.
+    known_s = float(np.mean(estimate.settings.delays_s or (0.0,)))
+    total = float(shifts[best]) / rate + known_s
+    if best in (0, len(shifts) - 1) or shifts[best] == 0 or abs(total) < LEAST_S:
         return None
     if sums[best] > LEFT * left(0):
         return None
     near = range(int(shifts[best]) - step, int(shifts[best]) + step + 1)
-    return min(near, key=left) / rate
+    return min(near, key=left) / rate + known_s
 
 
 def offset_notice(offset_s: float) -> Notice:

@@ -14,7 +14,7 @@ from dynid.validation.drift import drifting_friction
 from dynid.validation.joint_order import exchanged_joints, order_notice
 from dynid.validation.prediction import ValidationResult, samples_of
 from dynid.validation.trimmed import trimmed_errors
-from dynid.validation.wrong_inputs import suspicious_inputs
+from dynid.validation.wrong_inputs import REVERSED, suspicious_inputs
 
 POOR_FIT = 10.0
 """[%] of the torque of moving joints; less is left where inputs are right."""
@@ -59,10 +59,12 @@ def wrong_inputs(
             return (order_notice(*exchanged, names),)
     # Masses are known less well than joints agree.
     doubts = () if inputs or clipped else gravity
-    trimmed = trimmed_errors(estimate, full) if told else None
+    # A motion that tells little apart cannot tell its own stretches apart either.
+    told = told and not any(REVERSED in notice.message for notice in inputs)
+    contacts = disturbed(training, names, trimmed_errors(estimate, full)) if told else ()
     return (
         *inputs,
         *doubts,
-        *disturbed(training, names, trimmed),
+        *contacts,
         *drifting_friction(estimate, training, names),
     )

@@ -18,6 +18,8 @@ from dynid.signals.samples import Samples
 
 EXPLAINED = 0.7
 """Drop of the sum of log noises that an exchange has to bring."""
+LEFT = 0.12
+"""Share of the torque that the other order may leave: more, and something else is wrong."""
 MOST_ROWS = 600
 SWEEPS = 4
 
@@ -36,7 +38,7 @@ def exchanged_joints(estimate: Estimate, samples: Samples) -> tuple[int, int, bo
     kinds = robot.joint_types
     # The paper's terms: those that were chosen belong to the joints as they were told.
     base = reduce_model(InverseDynamicModel(robot=robot, frames=estimate.model.frames))
-    own = _log_noise(base, samples)
+    own, _ = _log_noise(base, samples)
     best: tuple[float, int, int, bool] | None = None
     for i, j in combinations(range(samples.joints), 2):
         if kinds[i] != kinds[j]:
@@ -56,16 +58,17 @@ def exchanged_joints(estimate: Estimate, samples: Samples) -> tuple[int, int, bo
                     tau=tau,
                 )
             )
-            drop = own - _log_noise(base, other)
-            if best is None or drop > best[0]:
+            value, left = _log_noise(base, other)
+            drop = own - value
+            if left < LEFT and (best is None or drop > best[0]):
                 best = (drop, i, j, alone)
     if best is None or best[0] < EXPLAINED:
         return None
     return best[1], best[2], best[3]
 
 
-def _log_noise(base: BaseParametrization, samples: Samples) -> float:
-    """Sum over joints of the log of the noise that a weighted fit leaves."""
+def _log_noise(base: BaseParametrization, samples: Samples) -> tuple[float, float]:
+    """Sum over joints of the log of the noise that a weighted fit leaves, and its share."""
     used = samples.rows
     step = max(1, (used.stop - used.start) // MOST_ROWS)
     thin = replace(
@@ -92,7 +95,8 @@ def _log_noise(base: BaseParametrization, samples: Samples) -> float:
         values: Array = np.asarray(inverse, dtype=np.float64) @ ((1 / noise) @ cross)
         explained = np.einsum("r,jrs,s->j", values, square, values) - 2 * cross @ values
         noise = np.maximum(energy + explained, 1e-12 * energy + 1e-18)
-    return float(np.log(noise / thin.count).sum()) / 2
+    share = float(np.sqrt(noise.sum() / max(float(energy.sum()), 1e-18)))
+    return float(np.log(noise / thin.count).sum()) / 2, share
 
 
 def order_notice(i: int, j: int, alone: bool, names: tuple[str, ...]) -> Notice:
@@ -101,5 +105,6 @@ def order_notice(i: int, j: int, alone: bool, names: tuple[str, ...]) -> Notice:
     return Notice(
         "unit_suspect",
         f"the {what} {names[i]} and {names[j]} look exchanged: in the other order they fit the "
-        f"model far better, and {DO_NOT_USE}: check the order of the joints (--columns, --joint-order)",
+        f"model far better, and {DO_NOT_USE}: check the order of the joints (--columns or "
+        "--joint-order)",
     )

@@ -18,6 +18,7 @@ from dynid.signals.process import uniform_signals
 from dynid.signals.samples import ProcessingSettings, Samples
 from dynid.signals.stamps import samples_at_stamps
 from dynid.signals.torque_filter import was_smoothed
+from dynid.validation.carried import another_payload
 from dynid.validation.metrics import MOVING_SPEED, Metrics, metrics
 
 EXTRAPOLATION = 1.15
@@ -89,8 +90,10 @@ def validate(
     signals = uniform_signals(record, robot, settings)
     own = max(settings.cutoff_hz or 0.0, default_cutoff(signals.q, signals.rate_hz))
     settings = replace(settings, cutoff_hz=own)
-    result = validate_samples(estimate, samples_at_stamps(record, robot, settings))
+    samples = samples_at_stamps(record, robot, settings)
+    result = validate_samples(estimate, samples)
     found = (
+        *another_payload(estimate, samples, result.measured - result.predicted),
         *_seen_before(estimate, record, start_s, stop_s),
         *_another_robot(estimate, record),
         *result.warnings,

@@ -23,7 +23,8 @@ STEPS = 8
 MOST_ROWS = 3000
 """Rows a joint; longer records are averaged, torques and columns alike."""
 COLOUR = 4.0
-"""Variance of a fit over what it were if noise was white."""
+"""Variance of a fit over what it were if noise was white: at least this, or as the estimate says.
+"""
 
 
 def trimmed_errors(estimate: Estimate, samples: Samples) -> tuple[Array, Array]:
@@ -49,6 +50,8 @@ def trimmed_errors(estimate: Estimate, samples: Samples) -> tuple[Array, Array]:
         ]
     )
     noise = np.maximum(np.sqrt(np.square(torque).mean(axis=1)), 1e-12)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        colour = max(COLOUR, float(np.nanmedian(np.square(estimate.std / estimate.naive_std))))
     kept: Mask = np.ones(len(parts), dtype=np.bool_)
     error = spread = np.zeros((len(parts), joints))
     for _ in range(STEPS):
@@ -62,7 +65,7 @@ def trimmed_errors(estimate: Estimate, samples: Samples) -> tuple[Array, Array]:
         noise = np.maximum(np.sqrt(np.square(error[kept]).mean(axis=0)), 1e-12)
         count = np.array([b - a for a, b in parts])
         # What the fit does not know of a window that it left out is no error of the window.
-        spread = np.sqrt(COLOUR * np.einsum("wjrs,sr->wj", square, inverse) / count[:, None])
+        spread = np.sqrt(colour * np.einsum("wjrs,sr->wj", square, inverse) / count[:, None])
         raised = error / np.hypot(noise, spread)
         order = np.argsort(raised.max(axis=1), kind="stable")
         chosen = np.zeros_like(kept)

@@ -11,6 +11,8 @@ from dynid.signals.samples import Samples
 from dynid.validation.profile import Inputs, across
 from dynid.validation.suspects import Suspicion, suspects
 
+REVERSED = "only when reversed"
+
 
 def suspicious_inputs(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
     """`suspects` in words."""
@@ -30,7 +32,7 @@ def _words(found: Suspicion, names: tuple[str, ...], mount: str, gravity: Array)
         return Notice("unit_suspect", text)
     name = "" if found.joint is None else names[found.joint]
     if found.kind == "sign":
-        text = f"the torques of {name} fit those of the other joints only when reversed: check "
+        text = f"the torques of {name} fit those of the other joints {REVERSED}: check "
         return Notice("unit_suspect", text + "the signs of its torque or current and position")
     others = ", ".join(f"{names[j]} {x:.3g} times" for j, x in found.others)
     text = (

@@ -27,6 +27,7 @@ from dynid.robot.model import RobotModel
 from dynid.signals.filters import NYQUIST_SHARE
 from dynid.signals.process import process
 from dynid.signals.samples import ProcessingSettings, joined
+from dynid.validation.carried import CARRIED
 from dynid.validation.findings import wrong_inputs
 from dynid.validation.prediction import ValidationResult, reproduce, validate
 from dynid.workflow.choosing import choose
@@ -190,7 +191,9 @@ def _identify(
         result = validate(
             estimate, validation, start_s=validation_start_s, stop_s=validation_stop_s
         )
-        warnings += [*result.warnings, *over_fitted(training, result)]
+        warnings += result.warnings
+        if not any(CARRIED in notice.message for notice in result.warnings):
+            warnings += over_fitted(training, result)
     return Identification(
         estimate=replace(estimate, warnings=tuple(warnings)),
         training=training,
