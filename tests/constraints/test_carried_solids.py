@@ -1,5 +1,7 @@
 """What the flange carries, against coal and against points drawn in it."""
 
+from dataclasses import replace
+
 import coal
 import numpy as np
 import pytest
@@ -187,6 +189,25 @@ def test_between_samples_a_payload_is_never_nearer_than_certified(seed: int) -> 
         assert found.margin > least - 1e-3 - 0.11 * least
     else:
         assert least < 0
+
+
+@pytest.mark.parametrize("kind", CARRIED)
+def test_no_step_brings_a_payload_nearer_than_its_bound(kind: str) -> None:
+    judge = judge_with(kind)
+    assert judge.surroundings is not None
+    whole = judge.surroundings.bodies
+    none = np.empty((0, 2), dtype=np.intp)
+    bodies = replace(whole, pairs=none, overlap=np.empty(0))
+    random = np.random.default_rng(4)
+    travel, most = np.full(judge.robot.joints, 3.0), 0.0
+    for q in random.uniform(-2, 2, (20, judge.robot.joints)):
+        way = random.uniform(0, 0.1, q.shape)
+        at = bodies.nearest(q[None], around=False, travel=travel, way=way[None])
+        steps = q + way * random.choice([-1.0, 1.0], (200, len(q)))
+        least = float(bodies.nearest(steps, around=False).distance.min())
+        assert least >= at.bound[0] - 1e-12
+        most = max(most, (at.distance[0] - least) / (at.distance[0] - at.bound[0]))
+    assert most > 0.2  # of what the bound allows for
 
 
 def test_a_wide_box_on_a_ur5_is_free_where_it_is_free() -> None:

@@ -37,7 +37,8 @@ _NEXT = {
     "self_collision": "Check the payload's size and place (metres, in the flange's frame), or the"
     " capsules of the robot.",
     "environment": "Check the scene: metres, in the robot's base frame; shapes are solid.",
-    "torque": "Check the torque limits, the masses and the payload.",
+    "torque": "Check the torque limits, the masses and the payload; the prediction counts doubt and"
+    " friction in.",
 }
 
 
