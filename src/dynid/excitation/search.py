@@ -6,13 +6,11 @@ import math
 import time
 from dataclasses import dataclass, field
 
-from dynid.core.progress import Progress
 from dynid.excitation.candidate import Candidate
 from dynid.excitation.problem import ExcitationProblem
 
 KEPT = 5
 """Candidates kept for the certificate, best first."""
-Tell = Progress
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

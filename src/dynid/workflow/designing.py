@@ -10,6 +10,7 @@ import numpy as np
 from dynid.constraints.motion import MotionConstraints
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError
+from dynid.core.progress import Progress
 from dynid.core.provenance import file_hash, provenance
 from dynid.excitation.criteria import AOptimal, Criterion, all_criteria, parse_criterion
 from dynid.excitation.criteria_prior import prior_scale
@@ -22,7 +23,6 @@ from dynid.excitation.optimise import Optimised, by_genetic_algorithm, by_gradie
 from dynid.excitation.problem import ExcitationProblem
 from dynid.excitation.region import region_of
 from dynid.excitation.rescue import check_room
-from dynid.excitation.search import Tell
 from dynid.reduction.base import BaseParametrization, reduce_model
 from dynid.regressor.model import InverseDynamicModel
 from dynid.regressor.terms import parse_terms
@@ -49,7 +49,7 @@ def design(
     settings: DesignSettings | None = None,
     *,
     output: str | Path | None = None,
-    progress: Tell | None = None,
+    progress: Progress | None = None,
 ) -> ExcitationDesign:
     """Design an excitation trajectory.
 
@@ -131,7 +131,7 @@ def _information(asked: DesignSettings, base: BaseParametrization, noise: Array 
 
 
 def _optimised(
-    problem: ExcitationProblem, asked: DesignSettings, progress: Tell | None
+    problem: ExcitationProblem, asked: DesignSettings, progress: Progress | None
 ) -> Optimised:
     if asked.method == "ga":
         return by_genetic_algorithm(
