@@ -112,7 +112,6 @@ def _held_positions(q: Array) -> Mask:
     held = np.zeros(len(q), dtype=np.bool_)
     steps = np.diff(q, axis=0)
     same: Mask = np.concatenate([[False], (steps == 0).all(axis=1)])
-    grain = np.min(np.abs(steps), axis=0, where=steps != 0, initial=np.inf)
     for start, length in _runs(same):
         stop = start + length
         if length < _POSITIONS_HELD or start < 3 or stop + 2 >= len(q):
@@ -121,8 +120,8 @@ def _held_positions(q: Array) -> Mask:
         joint = int(np.argmax(jump))
         before = 0.5 * abs(float(q[start - 1, joint] - q[start - 3, joint]))
         after = 0.5 * abs(float(q[stop + 2, joint] - q[stop, joint]))
-        # A coarse position stands still and goes one grain further.
-        least = max(0.3 * length, 4.0) * max(before, after, float(grain[joint]))
+        # A coarse position stands still and goes one grain further; one at rest stays.
+        least = max(0.3 * length, 4.0) * max(before, after)
         if before > 0 and after > 0 and float(jump[joint]) > least:
             held[start:stop] = True
     return held
