@@ -9,6 +9,8 @@ from dynid.core.notices import Notice
 from dynid.identification.diagnostics import DO_NOT_USE
 from dynid.identification.estimate import Estimate
 from dynid.identification.problem import recorded_rows
+from dynid.reduction.base import reduce_model
+from dynid.regressor.model import InverseDynamicModel
 from dynid.signals.samples import Samples
 
 WIDEST_S = 1.5
@@ -44,9 +46,13 @@ def time_offset(estimate: Estimate, samples: Samples) -> float | None:
     thin = max(1, count // MOST_ROWS)
     chosen: Indices = np.arange(0, count, thin, dtype=np.intp)
     rows: Indices = chosen + used.start + most
-    model, columns = estimate.model, list(estimate.independent)
+    # The paper's terms: those that were chosen have made up for the offset as they could.
+    base = reduce_model(
+        InverseDynamicModel(robot=estimate.model.robot, frames=estimate.model.frames)
+    )
+    columns = list(base.independent)
     inner = slice(used.start + most, used.stop - most)
-    stack, torque = recorded_rows(model, samples, inner, columns)
+    stack, torque = recorded_rows(base.model, samples, inner, columns)
     known = torque - samples.tau[inner].T
     scale = 1.0 / np.maximum(samples.tau.std(axis=0), 1e-12)
     width = len(columns)
@@ -67,7 +73,7 @@ def time_offset(estimate: Estimate, samples: Samples) -> float | None:
     total = float(shifts[best]) / rate + known_s
     if best in (0, len(shifts) - 1) or shifts[best] == 0 or abs(total) < LEAST_S:
         return None
-    if sums[best] > LEFT * left(0):
+    if sums[best] > LEFT * max(left(0), left(-round(known_s * rate))):
         return None
     near = range(int(shifts[best]) - step, int(shifts[best]) + step + 1)
     return min(near, key=left) / rate + known_s
