@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dynid.bench.estimators import (
+    Trial,
     compare_estimators,
     parameter_distance,
     relative_error,
@@ -82,3 +83,26 @@ def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "estimators", "--only", "nope"]) == 2
     assert main(["bench", "estimators", "--only", "wls", "--seeds", "1"]) == 0
     assert "badly filtered" in capsys.readouterr().out
+
+
+def test_failures_are_counted_and_not_averaged() -> None:
+    def trial(seed: int, size: float, failure: str = "") -> Trial:
+        return Trial(
+            estimator="ml",
+            scenario="noise x4",
+            seed=seed,
+            d_beta=size,
+            d_tau_percent=10 * size,
+            d_q_percent=100 * size,
+            seconds=size / 10,
+            failure=failure,
+        )
+
+    (row,) = summary([trial(0, 1.0), trial(1, 3.0), trial(2, 99.0, "it diverged")])
+    assert (row["estimator"], row["scenario"]) == ("ml", "noise x4")
+    assert (row["seeds"], row["failures"]) == (3, 1)
+    figures = [row[name] for name in ("d_beta", "d_tau_percent", "d_q_percent", "seconds")]
+    assert figures == pytest.approx([2.0, 20.0, 200.0, 0.2])
+    (lost,) = summary([trial(0, 1.0, "it diverged")])
+    assert lost["failures"] == 1
+    assert np.isnan(lost["d_beta"])
