@@ -28,12 +28,11 @@ from dynid.drivers.ur.link import RtdeLink
 from dynid.recording.parquet import read_record
 from dynid.recording.record import ExperimentRecord
 from dynid.simulation.controller.process import RunningController, controller_process, own_address
+from dynid.simulation.controller.virtual import LEAD_S
 
 STOP_S = 0.1
 """Controller time within which the robot must stop [s]."""
 CYCLE_S = 0.008
-UNREAD = 2
-"""Cycles by which virtual time may be ahead of what a client has read."""
 STILL = 0.01
 """Speed of a joint that stands still, sensor noise included [rad/s]."""
 REPEAT = 2
@@ -149,7 +148,7 @@ def test_the_disk_is_full(
     def refuse(file: int, data: bytes) -> int:
         if watching and "run.parquet" in os.readlink(f"/proc/self/fd/{file}"):
             if fault.code == -1:
-                fault.at = float(watching[0].column("timestamp")[-1]) + UNREAD * CYCLE_S
+                fault.at = float(watching[0].column("timestamp")[-1]) + LEAD_S
                 fault.code = 0
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return write(file, data)
@@ -176,7 +175,7 @@ def test_ctrl_c_at_a_random_time(controller: RunningController, fault: Fault, se
         with observer.time_stands_still():
             os.kill(os.getpid(), signal.SIGINT)
             assert wish.wait(10.0)
-            fault.at = float(observer.column("timestamp")[-1]) + UNREAD * CYCLE_S
+            fault.at = float(observer.column("timestamp")[-1]) + LEAD_S
 
     observer = fault.run(controller.host, interrupt, index)
     assert fault.code == 1
