@@ -81,5 +81,8 @@ def test_the_columns_that_a_joint_may_take_know_their_signs() -> None:
     width = len(WIDTHS)
     expected = [True] * width + [False, False, True] + [True] * width
     assert columns.positive.tolist() == expected
-    assert columns.values(np.linspace(-1, 1, 20), np.ones(20)).shape == (len(expected), 20)
+    assert columns.values(np.linspace(-1, 1, 20), np.ones(20), np.ones((0, 20))).shape == (
+        len(expected),
+        20,
+    )
     assert columns.places(0, 2, frozenset({1, 3})) == (2, width + 1, width + 3 + 2)

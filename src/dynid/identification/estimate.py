@@ -175,9 +175,14 @@ class Estimate:
         parameters[list(self.independent)] = self.values
         return read_only(parameters)
 
-    def predict(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Joint torques (N, n) [N.m or N] for a motion, each argument (N, n)."""
-        torque = self.model.inverse_dynamics(q, dq, ddq, self.standard_parameters())
+    def predict(self, q: Array, dq: Array, ddq: Array, state: Array | None = None) -> Array:
+        """Joint torques (N, n) [N.m or N], each argument (N, n).
+
+        Samples stand for themselves. Those of a motion, in the order of time, show presliding
+        friction as well, with `state` (n, N) from `InverseDynamicModel.friction_state`.
+        """
+        values = self.standard_parameters()
+        torque = self.model.inverse_dynamics(q, dq, ddq, values, state)
         return read_only(torque - self.model.known_torque(q))
 
     def standard_table(self) -> list[dict[str, Any]] | None:

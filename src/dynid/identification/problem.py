@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -25,8 +25,11 @@ class IdentificationProblem:
 
     base: BaseParametrization
     samples: Samples
+    state: Array | None = field(init=False)
+    """(n, N) state of presliding friction along the samples, where the model has it."""
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "state", motion_state(self.base.model, self.samples))
         robot = self.base.model.robot
         if self.samples.joints != robot.joints:
             raise InputError("joints differ", value=self.samples.joints, limit=robot.joints)
@@ -64,7 +67,7 @@ class IdentificationProblem:
         model, samples, block = self.base.model, self.samples, self.samples.block
         columns = list(self.base.independent)
         for rows, part in self.parts():
-            stack, torque = recorded_rows(model, samples, part, columns)
+            stack, torque = recorded_rows(model, samples, part, columns, self.state)
             yield rows, block_mean(stack, block), block_mean(torque, block)
 
     def residual(self, values: Array) -> Array:
@@ -81,13 +84,24 @@ def chunk_size(samples: Samples) -> int:
     return max(CHUNK, 4 * reach)
 
 
+def motion_state(model: InverseDynamicModel, samples: Samples) -> Array | None:
+    """(n, N) state of presliding friction along samples; None without any."""
+    # Only averaged periods know the scatter between them.
+    return model.friction_state(samples.q, periodic=samples.noise is not None)
+
+
 def recorded_rows(
-    model: InverseDynamicModel, samples: Samples, part: slice, columns: list[int]
+    model: InverseDynamicModel,
+    samples: Samples,
+    part: slice,
+    columns: list[int],
+    state: Array | None = None,
 ) -> tuple[Array, Array]:
     """Columns (r, n, T) as the record would show them, and torques (n, T), known ones added."""
     wide, inner = samples.surroundings(part)
     q = samples.q[wide]
-    stack = model.stack(q, samples.dq[wide], samples.ddq[wide])[columns]
+    now = None if state is None else state[:, wide]
+    stack = model.stack(q, samples.dq[wide], samples.ddq[wide], state=now)[columns]
     known = samples.as_recorded(model.known_torque(q).T, wide)[:, inner]
     return samples.as_recorded(stack, wide)[..., inner], samples.tau[part].T + known
 

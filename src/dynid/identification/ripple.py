@@ -40,12 +40,12 @@ def with_ripple(
         # What smoothed the torque has taken the ripple away.
         return model
     base = reduce_model(model)
-    fit = WeightedLeastSquares(prior_gain=prior_gain).fit(
-        IdentificationProblem(base=base, samples=samples)
-    )
+    problem = IdentificationProblem(base=base, samples=samples)
+    fit = WeightedLeastSquares(prior_gain=prior_gain).fit(problem)
     parameters = np.zeros(len(model.columns))
     parameters[list(base.independent)] = fit.values
-    predicted = model.inverse_dynamics(samples.q, samples.dq, samples.ddq, parameters)
+    motion = (samples.q, samples.dq, samples.ddq)
+    predicted = model.inverse_dynamics(*motion, parameters, problem.state)
     residual = samples.tau + model.known_torque(samples.q) - predicted
     step = -(-samples.count // MOST_SAMPLES)
     q, dq, left = (np.array(x.T[:, ::step]) for x in (samples.q, samples.dq, residual))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError
 from dynid.identification.candidate_columns import (
+    DISPLACEMENTS,
     EXTRA_WIDTH,
     LOAD,
     WIDTHS,
@@ -20,52 +21,40 @@ from dynid.identification.crossvalidation import (
     Variant,
     accumulate_candidates,
 )
+from dynid.identification.joint_choice import EXTRA_TERMS, JointChoice, Moves
 from dynid.identification.least_squares import PRIOR_GAIN
 from dynid.identification.loading import load_size
 from dynid.reduction.base import reduce_model
 from dynid.regressor.load import LoadFriction
 from dynid.regressor.model import InverseDynamicModel
+from dynid.regressor.presliding import friction_state
 from dynid.regressor.terms import TERMS, FrictionTerms
 from dynid.robot.model import RobotModel
 from dynid.signals.process import delayed, samples_from
 from dynid.signals.resample import UniformSignals
-from dynid.signals.samples import ProcessingSettings
+from dynid.signals.samples import ProcessingSettings, Samples
 from dynid.signals.standstill import rest_share
 
-EXTRA_TERMS = ("fo", "fca", "fva", "fs", "fr", LOAD)
-"""Terms that a joint may take beside the paper's; load-dependent friction has the step's width."""
-ALIKE = frozenset({"fs", "fr"})
-"""Both bend the curve below some speed: together they cancel, inside the record only."""
-PAIR = frozenset({"fo", "fca"})
-"""Together an offset that stops at rest; alone neither helps. Where the arm rests, so does
-stiction, which is another one each time."""
+PRIOR_GAINS = (PRIOR_GAIN, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
+"""Priors that are tried on an ill-conditioned record."""
 MOST_REST = 0.005
 """Share of a record at rest above which `PAIR` is not tried."""
-PRIOR_GAINS = (PRIOR_GAIN, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
-"""Priors that are tried on such a record."""
 DELAY_STEPS = (-3, -2, -1, 1, 2, 3)
 SHORTEST_DELAY_STEP_S = 0.002
-GAIN_OF_TERM = 0.03
-"""An extra column must lower the sum over joints of log RMS by this much."""
-GAIN_OF_SHAPE = 0.01
-"""So must a change of width, delay, cut-off or velocity source."""
 PASSES = 3
-
-
-@dataclass(frozen=True, slots=True)
-class JointChoice:
-    """What one joint has been given; indices into the lists of candidates."""
-
-    width: int
-    terms: frozenset[int]
-    delay: int
 
 
 class Search:
     """Scores joint choices on one record; caches the products of the current settings."""
 
     def __init__(
-        self, robot: RobotModel, frames: str, signals: UniformSignals, terms: FrictionTerms | None
+        self,
+        robot: RobotModel,
+        frames: str,
+        signals: UniformSignals,
+        terms: FrictionTerms | None,
+        *,
+        presliding: bool = True,
     ) -> None:
         self.robot = robot
         self.frames = frames
@@ -80,6 +69,7 @@ class Search:
         )
         self.stepped = tuple(t for t in fixed.terms if t[0] in ("fc", "fca", "fs"))
         self.extras = EXTRA_TERMS if terms is None else ()
+        self.presliding = presliding and terms is None
         # Designs that are repeated start and end at rest.
         self.restless = signals.noise is None and rest_share(signals) < MOST_REST
         self.base = reduce_model(
@@ -115,7 +105,9 @@ class Search:
         if LOAD in self.extras:
             load = load_size(self.robot, self.frames, samples, EXTRA_WIDTH)
         columns = self.columns
-        own = np.stack([columns.values(*both) for both in zip(samples.dq.T, load, strict=True)])
+        states = self._states(samples)
+        joints = zip(samples.dq.T, load, states, strict=True)
+        own = np.stack([columns.values(*joint) for joint in joints])
         result = accumulate_candidates(
             self.base,
             samples,
@@ -130,14 +122,26 @@ class Search:
     def columns(self) -> CandidateColumns:
         """The columns that a joint may be given."""
         return CandidateColumns(
-            stepped=self.stepped, extras=self.extras, stribeck_velocity=self.speed
+            stepped=self.stepped,
+            extras=self.extras,
+            stribeck_velocity=self.speed,
+            presliding=self.presliding,
         )
+
+    def _states(self, samples: Samples) -> Array:
+        """(n, d, N) states of presliding friction; d = 0 where it is not tried."""
+        q = samples.q.T
+        if not self.presliding:
+            return np.zeros((len(q), 0, samples.count))
+        periodic = samples.noise is not None
+        every = [friction_state(q, np.full(len(q), d), periodic=periodic) for d in DISPLACEMENTS]
+        return np.stack(every, axis=1)
 
     def variants(self, choices: tuple[JointChoice, ...]) -> tuple[Variant, ...]:
         """The candidate columns and torques that choices stand for."""
         places = self.columns.places
         return tuple(
-            Variant(columns=places(j, choice.width, choice.terms), torque=choice.delay)
+            Variant(columns=places(j, choice.step, choice.terms), torque=choice.delay)
             for j, choice in enumerate(choices)
         )
 
@@ -158,18 +162,23 @@ class Search:
         return float(np.log(held_out).sum() / 2), np.sqrt(held_out), weights
 
     def descend(
-        self, settings: ProcessingSettings, choices: tuple[JointChoice, ...]
+        self,
+        settings: ProcessingSettings,
+        choices: tuple[JointChoice, ...],
+        *,
+        presliding: bool = True,
     ) -> tuple[float, tuple[JointChoice, ...], Array]:
         """Improve one joint at a time until nothing is clearly better."""
         candidates = self.candidates(settings)
+        moves = self._moves(settings, presliding and self.presliding)
         score, noise, weights = self.score(candidates, choices)
         for _ in range(PASSES):
             before = choices
             for j in range(self.robot.joints):
-                for trial in self._moves(choices[j], settings):
+                for trial in moves.after(choices[j]):
                     moved = (*choices[:j], trial, *choices[j + 1 :])
                     value = self.score(candidates, moved, weights)[0]
-                    if value < score - _price(choices[j], trial, self.no_delay):
+                    if value < score - moves.price(choices[j], trial):
                         score, choices = value, moved
             score, noise, weights = self.score(candidates, choices)
             if choices == before:
@@ -188,20 +197,15 @@ class Search:
         best = int(np.argmin(scores))
         return PRIOR_GAINS[best], scores[best], np.sqrt(errors[best])
 
-    def _moves(self, now: JointChoice, settings: ProcessingSettings) -> list[JointChoice]:
-        widths = range(len(WIDTHS)) if self.stepped else range(1)
-        moves = [replace(now, width=k) for k in widths]
-        if settings.delays_s is None:
-            moves += [replace(now, delay=k) for k in range(len(self.delays))]
-        for term in range(len(self.extras)):
-            toggled = now.terms ^ {term}
-            if {self.extras[k] for k in toggled} >= ALIKE:
-                continue
-            moves += [replace(now, terms=toggled, width=k) for k in widths]
-        if self.restless and set(self.extras) >= PAIR:
-            both = frozenset(self.extras.index(term) for term in PAIR)
-            moves += [replace(now, terms=now.terms | both, width=k) for k in widths]
-        return [move for move in moves if move != now]
+    def _moves(self, settings: ProcessingSettings, presliding: bool) -> Moves:
+        return Moves(
+            extras=self.extras,
+            widths=len(WIDTHS) if self.stepped else 1,
+            delays=len(self.delays) if settings.delays_s is None else 0,
+            no_delay=self.no_delay,
+            presliding=presliding,
+            pair=self.restless,
+        )
 
     def settings(
         self, trial: ProcessingSettings, choices: tuple[JointChoice, ...]
@@ -224,19 +228,14 @@ class Search:
             elif joints:
                 given[term] = joints if len(joints) < len(choices) else None
         widths = tuple(WIDTHS[choice.width] for choice in choices)
+        over = tuple(
+            0.0 if choice.displacement is None else DISPLACEMENTS[choice.displacement]
+            for choice in choices
+        )
         return FrictionTerms(
             terms=tuple((term, given[term]) for term in TERMS if term in given),
             width=widths,
             stribeck_velocity=self.speed,
+            presliding=over if any(over) else (),
             load=load,
         )
-
-
-def _price(now: JointChoice, trial: JointChoice, no_delay: int) -> float:
-    """What a move must gain; going back to simpler is nearly free."""
-    terms = GAIN_OF_TERM * (len(trial.terms) - len(now.terms))
-    delay = GAIN_OF_SHAPE * (
-        (abs(trial.delay - no_delay) > 0) * 1.0 - (abs(now.delay - no_delay) > 0) * 1.0
-    )
-    width = GAIN_OF_SHAPE * (float(trial.width > 0) - float(now.width > 0))
-    return terms + delay + width + 1e-4

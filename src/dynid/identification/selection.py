@@ -13,8 +13,9 @@ import numpy as np
 from dynid.core.arrays import Array
 from dynid.core.progress import Progress, silent
 from dynid.identification.conditioning import ILL_CONDITIONED, motion_condition_number
+from dynid.identification.joint_choice import GAIN_OF_SHAPE, JointChoice
 from dynid.identification.least_squares import PRIOR_GAIN
-from dynid.identification.search import GAIN_OF_SHAPE, JointChoice, Search
+from dynid.identification.search import Search
 from dynid.regressor.terms import FrictionTerms
 from dynid.robot.model import RobotModel
 from dynid.signals.filters import NYQUIST_SHARE
@@ -52,6 +53,7 @@ def select(
     *,
     terms: FrictionTerms | None = None,
     smoothed: bool = False,
+    presliding: bool = True,
     progress: Progress | None = None,
 ) -> Selection:
     """Choose settings and friction terms by cross-validation inside one record.
@@ -63,12 +65,13 @@ def select(
         settings: Settings given by the user: what is set there stays.
         terms: Terms given by the user; None to choose them.
         smoothed: Whether the torque was smoothed before it was written: what did it is found.
+        presliding: Whether friction may build up over a displacement.
         progress: Told what is being tried and how far it is (0 to 1).
 
     Raises:
         InputError: The record is too short to leave blocks out.
     """
-    search = Search(robot, frames, signals, terms)
+    search = Search(robot, frames, signals, terms, presliding=presliding)
     plain = (JointChoice(0, frozenset(), search.no_delay),) * robot.joints
     tell = progress or silent
     trials = _settings_to_try(signals, settings)
@@ -85,8 +88,10 @@ def select(
     # Blocks of an ill-conditioned record do not show how a richer model does on another motion.
     ill = motion_condition_number(robot, frames, signals, settings) > ILL_CONDITIONED
     if ill:
-        search.extras = ()
+        search.extras, search.presliding = (), False
     tell("friction and delays", 0.4)
+    # Presliding last: what else a joint has must not be mistaken for it.
+    _, choices, _ = search.descend(trials[best], choices, presliding=False)
     score, choices, noise = search.descend(trials[best], choices)
     # Friction chosen, the cut-off may move to a neighbour.
     for near in _neighbours(trials, best):

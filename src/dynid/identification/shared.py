@@ -103,7 +103,7 @@ class SharedProblem:
         tail = list(range(last, last + self.payload))
         order = [problem.base.independent[k] for k in (*self.own, *self.common)]
         for rows, part in problem.parts():
-            columns, torque = recorded_rows(model, samples, part, order + tail)
+            columns, torque = recorded_rows(model, samples, part, order + tail, problem.state)
             if tail and not carries:
                 columns[-PAYLOAD:] = 0.0
             yield rows, block_mean(columns, block), block_mean(torque, block)

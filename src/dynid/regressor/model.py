@@ -12,6 +12,7 @@ from dynid.regressor.blocks import Column, ColumnBlock, smooth_sign
 from dynid.regressor.coupling import coupled_motors
 from dynid.regressor.inertial import ChainConstants, chain_constants, inertial_columns
 from dynid.regressor.layout import column_blocks
+from dynid.regressor.presliding import friction_state
 from dynid.regressor.terms import FrictionTerms
 from dynid.robot.model import RobotModel
 
@@ -81,7 +82,34 @@ class InverseDynamicModel:
         """Names of the p standard parameters."""
         return tuple(column.name for column in self.columns)
 
-    def stack(self, q: Array, dq: Array, ddq: Array, out: Array | None = None) -> Array:
+    def friction_state(self, q: Array, *, periodic: bool = False) -> Array | None:
+        """The state (n, N) of presliding friction along a motion q (N, n); None without any.
+
+        Joints without presliding have NaN.
+
+        Args:
+            q: (N, n) positions in the order of time [rad or m].
+            periodic: The motion is one period of many.
+        """
+        joints = self._presliding()
+        if not joints:
+            return None
+        state = np.full(q.T.shape, np.nan)
+        over = np.array([self.friction.presliding[j] for j in joints])
+        state[joints] = friction_state(q.T[joints], over, periodic=periodic)
+        return state
+
+    def _presliding(self) -> list[int]:
+        return [j for j, d in enumerate(self.friction.presliding) if d > 0]
+
+    def stack(
+        self,
+        q: Array,
+        dq: Array,
+        ddq: Array,
+        out: Array | None = None,
+        state: Array | None = None,
+    ) -> Array:
         """The regressor of a batch, ordered for linear algebra.
 
         Args:
@@ -89,6 +117,8 @@ class InverseDynamicModel:
             dq: (N, n) velocities.
             ddq: (N, n) accelerations.
             out: What an earlier call with the same N returned, to be written again.
+            state: (n, N) see `friction_state`; None for samples that are no motion: friction is
+                then what it is while sliding.
 
         Returns:
             (p, n, N): column, joint row, sample.
@@ -108,11 +138,17 @@ class InverseDynamicModel:
             count = len(block.columns(robot))
             block.fill(robot, velocity, acceleration, out[first : first + count])
             first += count
+        before = () if state is None else self._presliding()
+        for j, name in ((j, f"Fc{j + 1}") for j in before):
+            if state is not None and name in self.names:
+                out[self.names.index(name), j] = state[j]
         load = self.friction.load
         if load is not None:
             carried = np.tensordot(np.array(load.parameters), out[: 10 * robot.joints], axes=1)
             carried -= self.known_torque(q).T
             direction = smooth_sign(velocity, self.friction.width)
+            for j in before:
+                direction[j] = direction[j] if state is None else state[j]
             for k, j in enumerate(load.joints):
                 out[first + k, j] = np.abs(carried[j]) * direction[j]
             first += len(load.joints)
@@ -139,12 +175,23 @@ class InverseDynamicModel:
         """Y (N, n, p)."""
         return self.stack(q, dq, ddq).transpose(2, 1, 0)
 
-    def inverse_dynamics(self, q: Array, dq: Array, ddq: Array, parameters: Array) -> Array:
-        """Torques (N, n) [N.m or N] for standard parameters (p), known torques not included."""
+    def inverse_dynamics(
+        self, q: Array, dq: Array, ddq: Array, parameters: Array, state: Array | None = None
+    ) -> Array:
+        """Torques (N, n) [N.m or N] for standard parameters (p), known torques not included.
+
+        Args:
+            q: (N, n) positions [rad or m].
+            dq: (N, n) velocities.
+            ddq: (N, n) accelerations.
+            parameters: (p) standard parameters.
+            state: (n, N) see `stack`.
+        """
         torque = np.empty(q.shape)
         for first in range(0, len(q), CHUNK):
             part = slice(first, first + CHUNK)
-            stack = self.stack(q[part], dq[part], ddq[part])
+            now = None if state is None else state[:, part]
+            stack = self.stack(q[part], dq[part], ddq[part], state=now)
             torque[part] = np.tensordot(parameters, stack, axes=1).T
         return read_only(torque)
 

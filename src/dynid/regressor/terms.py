@@ -35,6 +35,9 @@ class FrictionTerms:
     """Width of the Coulomb step, for all or a joint [rad/s or m/s]; 0 gives the sign."""
     stribeck_velocity: float = STRIBECK_VELOCITY
     """For the term `fs` [rad/s or m/s]."""
+    presliding: tuple[float, ...] = ()
+    """Displacement over which each joint's friction builds up [rad or m]; 0 for joints without,
+    none at all for an arm without. Found by an identification, see `presliding.friction_state`."""
     load: LoadFriction | None = None
     """Friction that grows with the load: found by an identification, not a word of `--terms`."""
     ripples: tuple[TorqueRipple, ...] = ()
@@ -54,6 +57,8 @@ class FrictionTerms:
             raise InputError("Coulomb widths must not be negative", value=self.width)
         if not (math.isfinite(self.stribeck_velocity) and self.stribeck_velocity > 0):
             raise InputError("the Stribeck velocity must be positive", value=self.stribeck_velocity)
+        if not all(math.isfinite(d) and d >= 0 for d in self.presliding):
+            raise InputError("displacements must not be negative", value=self.presliding)
         if any(j < 0 for _, joints in self.terms for j in joints or ()):
             raise InputError("joints of a term count from 0", value=self.terms)
         if any(js is not None and (not js or len(set(js)) < len(js)) for _, js in self.terms):
@@ -81,6 +86,8 @@ class FrictionTerms:
             self.load.check_joints(joints)
         if isinstance(self.width, tuple) and len(self.width) != joints:
             raise InputError("one Coulomb width a joint", value=len(self.width), limit=joints)
+        if len(self.presliding) not in (0, joints):
+            raise InputError("one displacement a joint", value=len(self.presliding), limit=joints)
 
     def describe(self) -> str:
         """The terms as `--terms` takes them, e.g. `fc,fv,im,fo:1+3`."""
@@ -96,6 +103,7 @@ class FrictionTerms:
             "terms": self.describe(),
             "width": width,
             "stribeck_velocity": self.stribeck_velocity,
+            **({"presliding": list(self.presliding)} if self.presliding else {}),
             **({} if self.load is None else {"load": self.load.to_json()}),
             **({"ripples": [r.to_json() for r in self.ripples]} if self.ripples else {}),
         }
@@ -149,6 +157,7 @@ def terms_from_json(data: Mapping[str, Any]) -> FrictionTerms:
         )
         return replace(
             friction,
+            presliding=tuple(float(d) for d in data.get("presliding", ())),
             load=load_from_json(data.get("load")),
             ripples=ripples_from_json(data.get("ripples")),
         )

@@ -11,6 +11,7 @@ from dynid.core.arrays import Array, Mask, read_only
 from dynid.core.notices import Notice
 from dynid.identification.estimate import Estimate
 from dynid.identification.least_squares import autocorrelation
+from dynid.identification.problem import motion_state
 from dynid.recording.identity import identity
 from dynid.recording.record import ExperimentRecord
 from dynid.signals.filters import default_cutoff
@@ -171,7 +172,8 @@ def _another_robot(estimate: Estimate, record: ExperimentRecord) -> tuple[Notice
 
 def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:
     """Compare predicted and measured torques of samples; see `validate`."""
-    model = estimate.predict(samples.q, samples.dq, samples.ddq)
+    state = motion_state(estimate.model, samples)
+    model = estimate.predict(samples.q, samples.dq, samples.ddq, state)
     rows = samples.rows
     predicted = read_only(samples.as_recorded(model.T).T[rows])
     measured, dq = samples.tau[rows], samples.dq[rows]

@@ -14,7 +14,7 @@ from typing import Any, cast
 import numpy as np
 
 from dynid.core.arrays import Array
-from dynid.identification.problem import block_mean, chunk_size
+from dynid.identification.problem import block_mean, chunk_size, motion_state
 from dynid.reduction.base import reduce_model
 from dynid.regressor.model import InverseDynamicModel
 from dynid.regressor.terms import FrictionTerms
@@ -132,6 +132,7 @@ def profile_of(model: InverseDynamicModel, samples: Samples) -> Profile:
         )
         for axis in axes
     ]
+    state = motion_state(model, samples)
     block = max(samples.block, -(-samples.count // MOST_ROWS))
     used = samples.rows
     rows = (used.stop - used.start) // block
@@ -142,7 +143,8 @@ def profile_of(model: InverseDynamicModel, samples: Samples) -> Profile:
     for k, (start, stop) in enumerate(pairwise(cuts)):
         for first in range(start, stop, step):
             part = slice(first, min(first + step, stop))
-            values = block_mean(_columns(model, still, columns, samples, part), block)
+            values = _columns(model, still, columns, samples, part, state)
+            values = block_mean(values, block)
             for j in range(robot.joints):
                 products[k, j] += values[:, j] @ values[:, j].T
     return Profile(products=products, rank=len(columns), rows=rows, axes=axes)
@@ -154,6 +156,7 @@ def _columns(
     columns: tuple[int, ...],
     samples: Samples,
     part: slice,
+    state: Array | None,
 ) -> Array:
     """(3r + 1, n, T) columns, those of gravity along both axes, torque."""
     wide, inner = samples.surroundings(part)
@@ -161,7 +164,8 @@ def _columns(
     rest = np.zeros_like(q)
     chosen = list(columns)
     inertial = [c for c in chosen if c < 10 * model.robot.joints]
-    stacks = [model.stack(q, samples.dq[wide], samples.ddq[wide])[chosen]]
+    now = None if state is None else state[:, wide]
+    stacks = [model.stack(q, samples.dq[wide], samples.ddq[wide], state=now)[chosen]]
     for other in still:
         gravity = np.zeros_like(stacks[0])
         gravity[: len(inertial)] = other.stack(q, rest, rest)[inertial]

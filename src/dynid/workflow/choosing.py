@@ -36,6 +36,7 @@ def choose(
     *,
     terms: FrictionTerms | None = None,
     smoothed: bool = True,
+    presliding: bool = True,
     progress: Progress | None = None,
 ) -> Choice:
     """Choose settings and friction on the longest record; a lone periodic one is averaged.
@@ -47,6 +48,7 @@ def choose(
         processing: Settings given by the user: what is set there stays.
         terms: Terms given by the user; None to choose them.
         smoothed: Whether to look for a low-pass that the torques have passed.
+        presliding: Whether friction may build up over a displacement.
         progress: Told what is being tried and how far it is (0 to 1).
 
     Raises:
@@ -66,7 +68,14 @@ def choose(
         was_smoothed(uniform_signals(record, robot, processing)) for record in records
     )
     chosen = select(
-        robot, frames, signals, processing, terms=terms, smoothed=smoothed, progress=progress
+        robot,
+        frames,
+        signals,
+        processing,
+        terms=terms,
+        smoothed=smoothed,
+        presliding=presliding,
+        progress=progress,
     )
     return Choice(
         processing=chosen.settings,
@@ -93,6 +102,9 @@ def _words(chosen: Selection) -> tuple[str, ...]:
         f"Coulomb widths {_row(widths)} rad/s",
         f"held-out RMS {_row(chosen.noise)} N.m",
     ]
+    over = chosen.friction.presliding
+    if over:
+        words.insert(-1, f"presliding over {_row(over)} rad")
     if settings.torque_filter is not None:
         words.insert(0, settings.torque_filter.describe())
     if chosen.prior_gain < PRIOR_GAIN:

@@ -144,6 +144,8 @@ def _identify(
             terms=settings.terms,
             # Maximum likelihood has a noise of its own for each sample: no filter fits there.
             smoothed=settings.estimator != "ml",
+            # These follow the arm in a simulation, whose friction has no past.
+            presliding=settings.estimator not in ("ml", "iv", "didim"),
             progress=progress,
         )
         processing, friction = choice.processing, choice.friction

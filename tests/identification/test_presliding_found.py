@@ -1,0 +1,94 @@
+"""Friction that builds up over a displacement is found in a recording, and only there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from known_robot import COULOMB, NOISE, recording, ur5
+
+from dynid.identification.estimate_file import read_estimate, write_estimate
+from dynid.recording.record import ExperimentRecord
+from dynid.trajectory.random_excitation import random_excitation
+from dynid.validation.prediction import validate
+from dynid.workflow.identify import Identification, identify
+from dynid.workflow.identify_settings import IdentifySettings
+
+OVER = 4e-3
+"""Displacement of every joint [rad]: between two that are tried."""
+ACCELERATION = 5.5 * np.pi
+FINE = 40
+"""Steps of the integration a sample."""
+
+
+def presliding(seed: int) -> ExperimentRecord:
+    """The known UR5; the equation of its friction is integrated over time, between samples too."""
+    plain = recording(seed, width=1e-9)
+    series = random_excitation(ur5().limits, seed=seed, period=10.0, acceleration=ACCELERATION)
+    step = (plain.t[1] - plain.t[0]) / FINE
+    t = plain.t[0] + step * np.arange(FINE * (len(plain.t) - 1) + 1)
+    speed = series.evaluate(t).dq
+    z = np.zeros(speed.shape)
+    for i in range(1, len(t)):
+        middle = (speed[i] + speed[i - 1]) / 2
+        z[i] = (z[i - 1] + step * middle / OVER) / (1 + step * np.abs(middle) / OVER)
+    sliding = np.sign(series.evaluate(plain.t).dq)
+    effort = plain.signals["effort"] + COULOMB * (z[::FINE] - sliding)
+    return ExperimentRecord(t=plain.t, signals={**plain.signals, "effort": effort})
+
+
+@pytest.fixture(scope="module")
+def found() -> Identification:
+    return identify(presliding(0), ur5(), validation=presliding(1))
+
+
+def test_the_displacement_is_found_and_said(found: Identification) -> None:
+    over = found.estimate.model.friction.presliding
+    assert all(OVER / 3 < d < 3 * OVER for d in over)
+    assert len(over) == 6
+    assert any(words.startswith("presliding over") for words in found.estimate.choices)
+
+
+def test_friction_is_that_of_the_arm(found: Identification) -> None:
+    estimate = found.estimate
+    value = dict(zip(estimate.names, estimate.values, strict=True))
+    assert [value[f"Fc{j + 1}"] for j in range(6)] == pytest.approx(COULOMB, rel=0.05)
+
+
+def test_another_motion_is_predicted_to_the_noise(found: Identification) -> None:
+    assert found.validation is not None
+    assert (found.validation.metrics.rmse < 1.1 * NOISE).all()
+    settings = IdentifySettings(terms=None, preset="paper")
+    paper = identify(presliding(0), ur5(), settings, validation=presliding(1)).validation
+    assert paper is not None
+    assert (paper.metrics.rmse > found.validation.metrics.rmse).all()
+
+
+def test_it_survives_the_file(found: Identification, tmp_path: Path) -> None:
+    write_estimate(found.estimate, tmp_path / "model.json")
+    read = read_estimate(tmp_path / "model.json")
+    assert read.model.friction == found.estimate.model.friction
+    assert found.validation is not None
+    again = validate(read, presliding(1))
+    np.testing.assert_allclose(again.metrics.rmse, found.validation.metrics.rmse, rtol=1e-9)
+
+
+def test_samples_that_are_no_motion_show_sliding_friction(found: Identification) -> None:
+    estimate, rest = found.estimate, np.zeros((2, 6))
+    dq = np.array([[1.0], [-1.0]]) * np.ones(6)
+    torque = estimate.predict(rest, dq, rest)
+    sliding = replace(estimate.model.friction, presliding=())
+    other = replace(estimate, model=replace(estimate.model, friction=sliding))
+    np.testing.assert_array_equal(torque, other.predict(rest, dq, rest))
+
+
+def test_an_arm_without_it_is_given_none() -> None:
+    assert identify(recording(0), ur5()).estimate.model.friction.presliding == ()
+
+
+@pytest.mark.parametrize("estimator", ["iv", "didim", "ml"])
+def test_estimators_that_simulate_the_arm_do_without(estimator: str) -> None:
+    settings = IdentifySettings(estimator=estimator)
+    assert identify(presliding(0), ur5(), settings).estimate.model.friction.presliding == ()
