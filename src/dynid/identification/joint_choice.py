@@ -14,9 +14,7 @@ PAIR = frozenset({"fo", "fca"})
 """Together an offset that stops at rest; alone neither helps. Where the arm rests, so does
 stiction, which is another one each time."""
 GAIN_OF_TERM = 0.03
-"""An extra column must lower the sum over joints of log RMS by this much."""
-GAIN_OF_PRESLIDING = 0.1
-"""So must presliding: where it is, it shows at every reversal (LuGre friction gains 0.4 to 3)."""
+"""An extra column, or presliding, must lower the sum over joints of log RMS by this much."""
 GAIN_OF_SHAPE = 0.01
 """So must a change of width, delay, cut-off or velocity source."""
 
@@ -73,12 +71,11 @@ class Moves:
 
     def price(self, now: JointChoice, trial: JointChoice) -> float:
         """What a move must gain; going back to simpler is nearly free."""
-        terms = GAIN_OF_TERM * (len(trial.terms) - len(now.terms))
-        terms += GAIN_OF_PRESLIDING * (_presliding(trial) - _presliding(now))
+        terms = GAIN_OF_TERM * (_size(trial) - _size(now))
         delay = GAIN_OF_SHAPE * ((trial.delay != self.no_delay) - (now.delay != self.no_delay))
         width = GAIN_OF_SHAPE * ((trial.width > 0) - (now.width > 0))
         return terms + delay + width + 1e-4
 
 
-def _presliding(choice: JointChoice) -> bool:
-    return choice.displacement is not None
+def _size(choice: JointChoice) -> int:
+    return len(choice.terms) + (choice.displacement is not None)

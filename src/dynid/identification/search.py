@@ -15,6 +15,7 @@ from dynid.identification.candidate_columns import (
     WIDTHS,
     CandidateColumns,
 )
+from dynid.identification.chosen_friction import chosen_friction
 from dynid.identification.crossvalidation import (
     BLOCKS,
     Candidates,
@@ -25,10 +26,9 @@ from dynid.identification.joint_choice import EXTRA_TERMS, JointChoice, Moves
 from dynid.identification.least_squares import PRIOR_GAIN
 from dynid.identification.loading import load_size
 from dynid.reduction.base import reduce_model
-from dynid.regressor.load import LoadFriction
 from dynid.regressor.model import InverseDynamicModel
 from dynid.regressor.presliding import friction_state
-from dynid.regressor.terms import TERMS, FrictionTerms
+from dynid.regressor.terms import FrictionTerms
 from dynid.robot.model import RobotModel
 from dynid.signals.process import delayed, samples_from
 from dynid.signals.resample import UniformSignals
@@ -161,6 +161,24 @@ class Search:
         held_out, _ = candidates.score(variants, weights)
         return float(np.log(held_out).sum() / 2), np.sqrt(held_out), weights
 
+    def best_descent(
+        self, settings: ProcessingSettings, plain: tuple[JointChoice, ...]
+    ) -> tuple[float, tuple[JointChoice, ...], Array]:
+        """The best of three descents: score, choices, held-out RMS (n).
+
+        Presliding and the terms that stand in for it hide each other: one joint at a time, none
+        gives way. So all joints begin without it, or with it, or with it beside what was found
+        without.
+        """
+        found = [self.descend(settings, plain, presliding=False)]
+        if self.presliding:
+            both = tuple(replace(choice, displacement=0) for choice in found[0][1])
+            first = len(DISPLACEMENTS) // 2
+            alone = tuple(replace(choice, displacement=first) for choice in plain)
+            found += [self.descend(settings, start) for start in (both, alone)]
+        price = self._moves(settings, presliding=False).price
+        return min(found, key=lambda way: way[0] + sum(map(price, plain, way[1])))
+
     def descend(
         self,
         settings: ProcessingSettings,
@@ -170,7 +188,7 @@ class Search:
     ) -> tuple[float, tuple[JointChoice, ...], Array]:
         """Improve one joint at a time until nothing is clearly better."""
         candidates = self.candidates(settings)
-        moves = self._moves(settings, presliding and self.presliding)
+        moves = self._moves(settings, presliding=presliding and self.presliding)
         score, noise, weights = self.score(candidates, choices)
         for _ in range(PASSES):
             before = choices
@@ -197,7 +215,7 @@ class Search:
         best = int(np.argmin(scores))
         return PRIOR_GAINS[best], scores[best], np.sqrt(errors[best])
 
-    def _moves(self, settings: ProcessingSettings, presliding: bool) -> Moves:
+    def _moves(self, settings: ProcessingSettings, *, presliding: bool) -> Moves:
         return Moves(
             extras=self.extras,
             widths=len(WIDTHS) if self.stepped else 1,
@@ -218,24 +236,4 @@ class Search:
 
     def friction(self, choices: tuple[JointChoice, ...]) -> FrictionTerms:
         """The friction terms of the choices."""
-        given = dict((self.given or FrictionTerms()).terms)
-        load = None
-        for k, term in enumerate(self.extras):
-            joints = tuple(j for j, choice in enumerate(choices) if k in choice.terms)
-            if joints and term == LOAD:
-                # What the load is, the fit will find.
-                load = LoadFriction(joints=joints, parameters=(0.0,) * (10 * self.robot.joints))
-            elif joints:
-                given[term] = joints if len(joints) < len(choices) else None
-        widths = tuple(WIDTHS[choice.width] for choice in choices)
-        over = tuple(
-            0.0 if choice.displacement is None else DISPLACEMENTS[choice.displacement]
-            for choice in choices
-        )
-        return FrictionTerms(
-            terms=tuple((term, given[term]) for term in TERMS if term in given),
-            width=widths,
-            stribeck_velocity=self.speed,
-            presliding=over if any(over) else (),
-            load=load,
-        )
+        return chosen_friction(choices, self.extras, self.given, self.speed)

@@ -80,7 +80,6 @@ def select(
         tell("cut-off", 0.4 * index / len(trials))
         scored.append((search.score(search.candidates(trial), plain)[0], index))
     best = min(scored)[1]
-    choices = plain
     if smoothed and settings.torque_filter is None:
         tell("what smoothed the torque", 0.3)
         passed = _passed_by(search, trials[best], plain)
@@ -90,9 +89,7 @@ def select(
     if ill:
         search.extras, search.presliding = (), False
     tell("friction and delays", 0.4)
-    # Presliding last: what else a joint has must not be mistaken for it.
-    _, choices, _ = search.descend(trials[best], choices, presliding=False)
-    score, choices, noise = search.descend(trials[best], choices)
+    score, choices, noise = search.best_descent(trials[best], plain)
     # Friction chosen, the cut-off may move to a neighbour.
     for near in _neighbours(trials, best):
         tell("cut-off", 0.75)
