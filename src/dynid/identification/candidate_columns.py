@@ -10,7 +10,9 @@ from dynid.core.arrays import Array, Mask
 from dynid.identification.plausible_signs import NOT_NEGATIVE
 from dynid.regressor.blocks import smooth_sign
 from dynid.regressor.layout import friction_block
+from dynid.regressor.presliding import friction_state
 from dynid.regressor.terms import FrictionTerms
+from dynid.signals.samples import Samples
 
 LOAD = "fl"
 WIDTHS = (0.001, 0.003, 0.01, 0.02, 0.04, 0.07, 0.12, 0.2)
@@ -42,13 +44,22 @@ class CandidateColumns:
         """Steps a term: widths, then displacements."""
         return len(WIDTHS) + (len(DISPLACEMENTS) if self.presliding else 0)
 
+    def states(self, samples: Samples) -> Array:
+        """(n, d, N) states of presliding friction, one a displacement; d = 0 without."""
+        q = samples.q.T
+        if not self.presliding:
+            return np.zeros((len(q), 0, samples.count))
+        periodic = samples.noise is not None
+        every = [friction_state(q, np.full(len(q), d), periodic=periodic) for d in DISPLACEMENTS]
+        return np.stack(every, axis=1)
+
     def values(self, dq: Array, load: Array, states: Array) -> Array:
         """(c, N) the columns of one joint.
 
         Args:
             dq: (N) its velocities.
             load: (N) size of its load.
-            states: (d, N) states of presliding friction, one a displacement; d = 0 without.
+            states: (d, N) its states of presliding friction.
         """
         stepped: list[Array] = []
         for term, _ in self.stepped:

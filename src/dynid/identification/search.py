@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError
 from dynid.identification.candidate_columns import (
-    DISPLACEMENTS,
     EXTRA_WIDTH,
     LOAD,
     WIDTHS,
@@ -27,12 +26,11 @@ from dynid.identification.least_squares import PRIOR_GAIN
 from dynid.identification.loading import load_size
 from dynid.reduction.base import reduce_model
 from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.presliding import friction_state
 from dynid.regressor.terms import FrictionTerms
 from dynid.robot.model import RobotModel
 from dynid.signals.process import delayed, samples_from
 from dynid.signals.resample import UniformSignals
-from dynid.signals.samples import ProcessingSettings, Samples
+from dynid.signals.samples import ProcessingSettings
 from dynid.signals.standstill import rest_share
 
 PRIOR_GAINS = (PRIOR_GAIN, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
@@ -42,6 +40,17 @@ MOST_REST = 0.005
 DELAY_STEPS = (-3, -2, -1, 1, 2, 3)
 SHORTEST_DELAY_STEP_S = 0.002
 PASSES = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Descent:
+    """Where a descent ended."""
+
+    score: float
+    """Sum over joints of log RMS of the held-out error [log N.m]."""
+    choices: tuple[JointChoice, ...]
+    noise: Array
+    """(n) held-out RMS error [N.m or N]."""
 
 
 class Search:
@@ -84,8 +93,24 @@ class Search:
 
     def candidates(self, settings: ProcessingSettings) -> Candidates:
         """Products for one choice of cut-off and velocity source."""
-        if self._cache is not None and self._cache[0] == settings:
-            return self._cache[1]
+        if self._cache is None or self._cache[0] != settings:
+            self._cache = (settings, self._products(settings, self.columns, self.delays))
+        return self._cache[1]
+
+    def plain_score(self, settings: ProcessingSettings) -> float:
+        """`score` of the paper's friction without delays, from its own columns alone."""
+        columns = CandidateColumns(
+            stepped=self.stepped, extras=(), stribeck_velocity=self.speed, presliding=False
+        )
+        variants = tuple(
+            Variant(columns=columns.places(j, 0, frozenset()), torque=0)
+            for j in range(self.robot.joints)
+        )
+        return _balanced(self._products(settings, columns, (0.0,)), variants, None)[0]
+
+    def _products(
+        self, settings: ProcessingSettings, columns: CandidateColumns, delays: tuple[float, ...]
+    ) -> Candidates:
         samples = samples_from(self.signals, replace(settings, decimate=True))
         if samples.count < 4 * BLOCKS * samples.block:
             raise InputError(
@@ -99,24 +124,17 @@ class Search:
         circular = settings.period_s is not None
         torques = [
             delayed(self.signals.torque, rate, (delay,) * self.robot.joints, circular)[kept].T
-            for delay in self.delays
+            for delay in delays
         ]
         load = np.zeros(samples.q.T.shape)
-        if LOAD in self.extras:
+        if LOAD in columns.extras:
             load = load_size(self.robot, self.frames, samples, EXTRA_WIDTH)
-        columns = self.columns
-        states = self._states(samples)
+        states = columns.states(samples)
         joints = zip(samples.dq.T, load, states, strict=True)
         own = np.stack([columns.values(*joint) for joint in joints])
-        result = accumulate_candidates(
-            self.base,
-            samples,
-            own,
-            np.stack(torques, axis=1),
-            columns.positive,
+        return accumulate_candidates(
+            self.base, samples, own, np.stack(torques, axis=1), columns.positive
         )
-        self._cache = (settings, result)
-        return result
 
     @property
     def columns(self) -> CandidateColumns:
@@ -128,14 +146,14 @@ class Search:
             presliding=self.presliding,
         )
 
-    def _states(self, samples: Samples) -> Array:
-        """(n, d, N) states of presliding friction; d = 0 where it is not tried."""
-        q = samples.q.T
-        if not self.presliding:
-            return np.zeros((len(q), 0, samples.count))
-        periodic = samples.noise is not None
-        every = [friction_state(q, np.full(len(q), d), periodic=periodic) for d in DISPLACEMENTS]
-        return np.stack(every, axis=1)
+    def score(
+        self,
+        candidates: Candidates,
+        choices: tuple[JointChoice, ...],
+        weights: Array | None = None,
+    ) -> tuple[float, Array, Array]:
+        """Sum of log RMS, held-out RMS (n), and the weights used (n)."""
+        return _balanced(candidates, self.variants(choices), weights)
 
     def variants(self, choices: tuple[JointChoice, ...]) -> tuple[Variant, ...]:
         """The candidate columns and torques that choices stand for."""
@@ -145,50 +163,16 @@ class Search:
             for j, choice in enumerate(choices)
         )
 
-    def score(
-        self,
-        candidates: Candidates,
-        choices: tuple[JointChoice, ...],
-        weights: Array | None = None,
-    ) -> tuple[float, Array, Array]:
-        """Sum of log RMS, held-out RMS (n), and the weights used (n)."""
-        variants = self.variants(choices)
-        if weights is None:
-            weights = np.ones(len(choices))
-            for _ in range(4):
-                _, training = candidates.score(variants, weights)
-                weights = 1.0 / np.sqrt(training)
-        held_out, _ = candidates.score(variants, weights)
-        return float(np.log(held_out).sum() / 2), np.sqrt(held_out), weights
-
-    def best_descent(
-        self, settings: ProcessingSettings, plain: tuple[JointChoice, ...]
-    ) -> tuple[float, tuple[JointChoice, ...], Array]:
-        """The best of three descents: score, choices, held-out RMS (n).
-
-        Presliding and the terms that stand in for it hide each other: one joint at a time, none
-        gives way. So all joints begin without it, or with it, or with it beside what was found
-        without.
-        """
-        found = [self.descend(settings, plain, presliding=False)]
-        if self.presliding:
-            both = tuple(replace(choice, displacement=0) for choice in found[0][1])
-            first = len(DISPLACEMENTS) // 2
-            alone = tuple(replace(choice, displacement=first) for choice in plain)
-            found += [self.descend(settings, start) for start in (both, alone)]
-        price = self._moves(settings, presliding=False).price
-        return min(found, key=lambda way: way[0] + sum(map(price, plain, way[1])))
-
     def descend(
         self,
         settings: ProcessingSettings,
         choices: tuple[JointChoice, ...],
         *,
         presliding: bool = True,
-    ) -> tuple[float, tuple[JointChoice, ...], Array]:
+    ) -> Descent:
         """Improve one joint at a time until nothing is clearly better."""
         candidates = self.candidates(settings)
-        moves = self._moves(settings, presliding=presliding and self.presliding)
+        moves = self.moves(settings, presliding=presliding and self.presliding)
         score, noise, weights = self.score(candidates, choices)
         for _ in range(PASSES):
             before = choices
@@ -201,7 +185,7 @@ class Search:
             score, noise, weights = self.score(candidates, choices)
             if choices == before:
                 break
-        return score, choices, noise
+        return Descent(score=score, choices=choices, noise=noise)
 
     def prior(
         self, settings: ProcessingSettings, choices: tuple[JointChoice, ...]
@@ -215,7 +199,8 @@ class Search:
         best = int(np.argmin(scores))
         return PRIOR_GAINS[best], scores[best], np.sqrt(errors[best])
 
-    def _moves(self, settings: ProcessingSettings, *, presliding: bool) -> Moves:
+    def moves(self, settings: ProcessingSettings, *, presliding: bool) -> Moves:
+        """Which choices a joint has under settings."""
         return Moves(
             extras=self.extras,
             widths=len(WIDTHS) if self.stepped else 1,
@@ -237,3 +222,16 @@ class Search:
     def friction(self, choices: tuple[JointChoice, ...]) -> FrictionTerms:
         """The friction terms of the choices."""
         return chosen_friction(choices, self.extras, self.given, self.speed)
+
+
+def _balanced(
+    candidates: Candidates, variants: tuple[Variant, ...], weights: Array | None
+) -> tuple[float, Array, Array]:
+    """See `Search.score`; weights that are not given are those of the fit's own residuals."""
+    if weights is None:
+        weights = np.ones(len(variants))
+        for _ in range(4):
+            _, training = candidates.score(variants, weights)
+            weights = 1.0 / np.sqrt(training)
+    held_out, _ = candidates.score(variants, weights)
+    return float(np.log(held_out).sum() / 2), np.sqrt(held_out), weights

@@ -12,10 +12,11 @@ import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.core.progress import Progress, silent
+from dynid.identification.candidate_columns import DISPLACEMENTS
 from dynid.identification.conditioning import ILL_CONDITIONED, motion_condition_number
 from dynid.identification.joint_choice import GAIN_OF_SHAPE, JointChoice
 from dynid.identification.least_squares import PRIOR_GAIN
-from dynid.identification.search import Search
+from dynid.identification.search import Descent, Search
 from dynid.regressor.terms import FrictionTerms
 from dynid.robot.model import RobotModel
 from dynid.signals.filters import NYQUIST_SHARE
@@ -78,26 +79,28 @@ def select(
     scored: list[tuple[float, int]] = []
     for index, trial in enumerate(trials):
         tell("cut-off", 0.4 * index / len(trials))
-        scored.append((search.score(search.candidates(trial), plain)[0], index))
+        scored.append((search.plain_score(trial), index))
     best = min(scored)[1]
     if smoothed and settings.torque_filter is None:
         tell("what smoothed the torque", 0.3)
-        passed = _passed_by(search, trials[best], plain)
+        passed = _passed_by(search, trials[best])
         trials = tuple(replace(trial, torque_filter=passed) for trial in trials)
     # Blocks of an ill-conditioned record do not show how a richer model does on another motion.
     ill = motion_condition_number(robot, frames, signals, settings) > ILL_CONDITIONED
     if ill:
         search.extras, search.presliding = (), False
     tell("friction and delays", 0.4)
-    score, choices, noise = search.best_descent(trials[best], plain)
+    found = _best_descent(search, trials[best], plain)
     # Friction chosen, the cut-off may move to a neighbour.
     for near in _neighbours(trials, best):
         tell("cut-off", 0.75)
         candidates = search.candidates(trials[near])
-        if search.score(candidates, choices)[0] < score - GAIN_OF_SHAPE * robot.joints:
-            better, moved, spread = search.descend(trials[near], choices)
-            if better < score:
-                score, choices, noise, best = better, moved, spread, near
+        clear = found.score - GAIN_OF_SHAPE * robot.joints
+        if search.score(candidates, found.choices)[0] < clear:
+            other = search.descend(trials[near], found.choices)
+            if other.score < found.score:
+                found, best = other, near
+    choices, score, noise = found.choices, found.score, found.noise
     gain = PRIOR_GAIN
     if ill:
         gain, score, noise = search.prior(trials[best], choices)
@@ -112,9 +115,32 @@ def select(
     )
 
 
-def _passed_by(
-    search: Search, trial: ProcessingSettings, plain: tuple[JointChoice, ...]
-) -> TorqueFilter | None:
+def _best_descent(
+    search: Search, settings: ProcessingSettings, plain: tuple[JointChoice, ...]
+) -> Descent:
+    """The best of three descents.
+
+    Presliding and the terms that stand in for it hide each other: one joint at a time, none gives
+    way. So joints begin without it; then with it beside what was found; then with it alone.
+    """
+    price = search.moves(settings, presliding=False).price
+
+    def cost(way: Descent) -> float:
+        return way.score + sum(map(price, plain, way.choices))
+
+    best = search.descend(settings, plain, presliding=False)
+    if not search.presliding:
+        return best
+    start = tuple(replace(choice, displacement=0) for choice in best.choices)
+    best = min(best, search.descend(settings, start), key=cost)
+    if all(choice.displacement is None for choice in best.choices):
+        return best
+    start = tuple(replace(choice, displacement=len(DISPLACEMENTS) // 2) for choice in plain)
+    other = search.descend(settings, start)
+    return other if cost(other) < cost(best) - GAIN_OF_SHAPE * len(plain) else best
+
+
+def _passed_by(search: Search, trial: ProcessingSettings) -> TorqueFilter | None:
     """The filter that the torque has passed, if one explains it better than none.
 
     Cut-offs up to where the torque ends, then finer beside the best, then orders: an error in
@@ -124,8 +150,7 @@ def _passed_by(
 
     def score(passed: TorqueFilter | None) -> float:
         if passed not in known:
-            settings = replace(trial, torque_filter=passed)
-            known[passed] = search.score(search.candidates(settings), plain)[0]
+            known[passed] = search.plain_score(replace(trial, torque_filter=passed))
         return known[passed]
 
     highest = torque_end(search.signals)

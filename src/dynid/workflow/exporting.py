@@ -90,6 +90,8 @@ def export_file(
         f"dynid {made.versions.get('dynid', '')}, estimator {known.estimator}, "
         f"{known.samples} samples, identified {made.created}."
     )
+    if any(known.model.friction.presliding):
+        note += "\nIts presliding needs the past: friction here is that of joints that slide."
     written = write_model(known, to, Path(output), note)
     return Export(to=to, written=written, warnings=_warnings(to, written, known.noise))
 
