@@ -182,7 +182,7 @@ def accumulate_candidates(
     for k, (start, stop) in enumerate(pairwise(cuts)):
         for first in range(start, stop, step):
             part = slice(first, min(first + step, stop))
-            stack, known = recorded_rows(model, still, part, columns)
+            stack, known = recorded_rows(model, still, part, columns, None)
             for j in range(model.robot.joints):
                 rows = np.vstack([stack[:, j], own[j][:, part], torques[j][:, part] + known[j]])
                 rows = block_mean(rows, block)

@@ -95,7 +95,7 @@ def recorded_rows(
     samples: Samples,
     part: slice,
     columns: list[int],
-    state: Array | None = None,
+    state: Array | None,
 ) -> tuple[Array, Array]:
     """Columns (r, n, T) as the record would show them, and torques (n, T), known ones added."""
     wide, inner = samples.surroundings(part)

@@ -52,7 +52,7 @@ def time_offset(estimate: Estimate, samples: Samples) -> float | None:
     )
     columns = list(base.independent)
     inner = slice(used.start + most, used.stop - most)
-    stack, torque = recorded_rows(base.model, samples, inner, columns)
+    stack, torque = recorded_rows(base.model, samples, inner, columns, None)
     known = torque - samples.tau[inner].T
     scale = 1.0 / np.maximum(samples.tau.std(axis=0), 1e-12)
     width = len(columns)

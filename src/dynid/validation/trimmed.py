@@ -13,7 +13,7 @@ import numpy as np
 
 from dynid.core.arrays import Array, Mask
 from dynid.identification.estimate import Estimate
-from dynid.identification.problem import block_mean, chunk_size, recorded_rows
+from dynid.identification.problem import block_mean, chunk_size, motion_state, recorded_rows
 from dynid.signals.samples import Samples
 
 WINDOW_S = 0.3
@@ -84,7 +84,8 @@ def _cut(values: Array, parts: list[tuple[int, int]]) -> list[Array]:
 
 def _rows(estimate: Estimate, samples: Samples) -> tuple[Array, Array, Array]:
     """Times (T), columns (r, n, T) and torques (n, T), averaged where there are many."""
-    used = samples.rows
+    used, model = samples.rows, estimate.model
+    state = motion_state(model, samples)
     block = max(1, -(-samples.count // MOST_ROWS))
     stop = used.start + (used.stop - used.start) // block * block
     step = max(1, chunk_size(samples) // block) * block
@@ -92,7 +93,7 @@ def _rows(estimate: Estimate, samples: Samples) -> tuple[Array, Array, Array]:
     torques: list[Array] = []
     for first in range(used.start, stop, step):
         part = slice(first, min(first + step, stop))
-        stack, torque = recorded_rows(estimate.model, samples, part, list(estimate.independent))
+        stack, torque = recorded_rows(model, samples, part, list(estimate.independent), state)
         stacks.append(block_mean(stack, block))
         torques.append(block_mean(torque, block))
     times = block_mean(samples.t[used.start : stop], block)
