@@ -81,7 +81,7 @@ def _log_noise(base: BaseParametrization, samples: Samples) -> tuple[float, floa
         torque_filter=None,
     )
     columns = list(base.independent)
-    stack, torque = recorded_rows(base.model, thin, slice(0, thin.count), columns)
+    stack, torque = recorded_rows(base.model, thin, slice(0, thin.count), columns, None)
     scale = np.maximum(np.sqrt(np.square(stack).sum(axis=(1, 2))), 1e-12)
     stack = stack / scale[:, None, None]
     square = np.einsum("rjt,sjt->jrs", stack, stack, optimize=True)
