@@ -125,6 +125,14 @@ def test_best_finds_a_planted_delay_width_and_offset() -> None:
     assert estimate.values[estimate.names.index("Fo3")] == pytest.approx(6.0, abs=1.0)
 
 
+def test_best_finds_how_late_all_torques_are() -> None:
+    late = np.array([5.0, 7, 5, 5, 6, 5])
+    record = recording(9, noise=0.3, seconds=20.0, period=20.0, delay_samples=late)
+    estimate = identify([record], ur5(), IdentifySettings()).estimate
+    assert estimate.settings.delays_s is not None
+    np.testing.assert_allclose(estimate.settings.delays_s, late / 125, atol=1e-9, rtol=0)
+
+
 def test_best_adds_nothing_to_a_plain_arm() -> None:
     estimate = identify([recording(8)], ur5(), IdentifySettings()).estimate
     assert estimate.model.friction.describe() == "fc,fv,im"

@@ -21,8 +21,7 @@ from dynid.identification.crossvalidation import (
     Variant,
     accumulate_candidates,
 )
-from dynid.identification.joint_choice import EXTRA_TERMS, JointChoice, Moves
-from dynid.identification.least_squares import PRIOR_GAIN
+from dynid.identification.joint_choice import EXTRA_TERMS, GAIN_OF_SHAPE, JointChoice, Moves
 from dynid.identification.loading import load_size
 from dynid.reduction.base import reduce_model
 from dynid.regressor.model import InverseDynamicModel
@@ -33,11 +32,13 @@ from dynid.signals.resample import UniformSignals
 from dynid.signals.samples import ProcessingSettings
 from dynid.signals.standstill import rest_share
 
-PRIOR_GAINS = (PRIOR_GAIN, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
-"""Priors that are tried on an ill-conditioned record."""
 MOST_REST = 0.005
 """Share of a record at rest above which `PAIR` is not tried."""
-DELAY_STEPS = (-3, -2, -1, 1, 2, 3)
+DELAY_STEPS = (-3, -2, -1, 0, 1, 2, 3)
+"""Of a joint, from what all joints have in common."""
+COMMON_STEPS = 6
+"""Such steps between common delays that are tried: the joints' own reach half as far."""
+LONGEST_COMMON_DELAY_S = 0.08
 SHORTEST_DELAY_STEP_S = 0.002
 PASSES = 3
 
@@ -69,9 +70,9 @@ class Search:
         self.frames = frames
         self.signals = signals
         self.given = terms
-        step = max(1.0 / signals.rate_hz, SHORTEST_DELAY_STEP_S)
-        self.delays = tuple(sorted(k * step for k in (*DELAY_STEPS, 0)))
-        self.no_delay = self.delays.index(0.0)
+        self.delay_step = max(1.0 / signals.rate_hz, SHORTEST_DELAY_STEP_S)
+        self.delays = tuple(k * self.delay_step for k in DELAY_STEPS)
+        self.no_delay = DELAY_STEPS.index(0)
         fixed = terms or FrictionTerms()
         shared = tuple(
             (term, joints) for term, joints in fixed.terms if term not in ("fc", "fca", "fs")
@@ -97,16 +98,30 @@ class Search:
             self._cache = (settings, self._products(settings, self.columns, self.delays))
         return self._cache[1]
 
-    def plain_score(self, settings: ProcessingSettings) -> float:
-        """`score` of the paper's friction without delays, from its own columns alone."""
+    def plain_scores(
+        self, settings: ProcessingSettings, delays: tuple[float, ...] = (0.0,)
+    ) -> list[float]:
+        """`score` of the paper's friction, from its own columns alone, one a common delay [s]."""
         columns = CandidateColumns(
             stepped=self.stepped, extras=(), stribeck_velocity=self.speed, presliding=False
         )
-        variants = tuple(
-            Variant(columns=columns.places(j, 0, frozenset()), torque=0)
-            for j in range(self.robot.joints)
-        )
-        return _balanced(self._products(settings, columns, (0.0,)), variants, None)[0]
+        candidates = self._products(settings, columns, delays)
+        places = [columns.places(j, 0, frozenset()) for j in range(self.robot.joints)]
+        return [
+            _balanced(candidates, tuple(Variant(columns=p, torque=k) for p in places), None)[0]
+            for k in range(len(delays))
+        ]
+
+    def align(self, settings: ProcessingSettings) -> None:
+        """Let the joints' delays lie about what all torques are late by, where that is clear."""
+        step = COMMON_STEPS * self.delay_step
+        most = int(LONGEST_COMMON_DELAY_S / step)
+        late = tuple(k * step for k in range(-most, most + 1))
+        scores = self.plain_scores(settings, late)
+        best = int(np.argmin(scores))
+        if scores[best] < scores[most] - GAIN_OF_SHAPE * self.robot.joints:
+            self.delays = tuple(late[best] + delay for delay in self.delays)
+            self._cache = None
 
     def _products(
         self, settings: ProcessingSettings, columns: CandidateColumns, delays: tuple[float, ...]
@@ -186,18 +201,6 @@ class Search:
             if choices == before:
                 break
         return Descent(score=score, choices=choices, noise=noise)
-
-    def prior(
-        self, settings: ProcessingSettings, choices: tuple[JointChoice, ...]
-    ) -> tuple[float, float, Array]:
-        """The best prior for choices, its score and held-out RMS (n)."""
-        candidates = self.candidates(settings)
-        weights = self.score(candidates, choices)[2]
-        variants = self.variants(choices)
-        errors = [candidates.score(variants, weights, gain)[0] for gain in PRIOR_GAINS]
-        scores = [float(np.log(error).sum() / 2) for error in errors]
-        best = int(np.argmin(scores))
-        return PRIOR_GAINS[best], scores[best], np.sqrt(errors[best])
 
     def moves(self, settings: ProcessingSettings, *, presliding: bool) -> Moves:
         """Which choices a joint has under settings."""

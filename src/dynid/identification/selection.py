@@ -26,6 +26,8 @@ from dynid.signals.torque_filter import ORDERS, TorqueFilter, torque_end
 
 CUTOFFS_HZ = (2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 22.0, 33.0, 50.0, 75.0)
 """Cut-offs that are tried, as far as the record's length and rate allow."""
+PRIOR_GAINS = (PRIOR_GAIN, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001)
+"""Priors that are tried on an ill-conditioned record."""
 SHORTEST_RECORD = 10.0
 """Periods of the torque filter's cut-off that a record must hold."""
 
@@ -79,12 +81,14 @@ def select(
     scored: list[tuple[float, int]] = []
     for index, trial in enumerate(trials):
         tell("cut-off", 0.4 * index / len(trials))
-        scored.append((search.plain_score(trial), index))
+        scored.append((search.plain_scores(trial)[0], index))
     best = min(scored)[1]
     if smoothed and settings.torque_filter is None:
         tell("what smoothed the torque", 0.3)
         passed = _passed_by(search, trials[best])
         trials = tuple(replace(trial, torque_filter=passed) for trial in trials)
+    if settings.delays_s is None:
+        search.align(trials[best])
     # Blocks of an ill-conditioned record do not show how a richer model does on another motion.
     ill = motion_condition_number(robot, frames, signals, settings) > ILL_CONDITIONED
     if ill:
@@ -103,7 +107,7 @@ def select(
     choices, score, noise = found.choices, found.score, found.noise
     gain = PRIOR_GAIN
     if ill:
-        gain, score, noise = search.prior(trials[best], choices)
+        gain, score, noise = _prior(search, trials[best], choices)
     tell("done", 1.0)
     return Selection(
         settings=search.settings(trials[best], choices),
@@ -140,6 +144,19 @@ def _best_descent(
     return other if cost(other) < cost(best) - GAIN_OF_SHAPE * len(plain) else best
 
 
+def _prior(
+    search: Search, settings: ProcessingSettings, choices: tuple[JointChoice, ...]
+) -> tuple[float, float, Array]:
+    """The best prior for choices, its score and held-out RMS (n)."""
+    candidates = search.candidates(settings)
+    weights = search.score(candidates, choices)[2]
+    variants = search.variants(choices)
+    errors = [candidates.score(variants, weights, gain)[0] for gain in PRIOR_GAINS]
+    scores = [float(np.log(error).sum() / 2) for error in errors]
+    best = int(np.argmin(scores))
+    return PRIOR_GAINS[best], scores[best], np.sqrt(errors[best])
+
+
 def _passed_by(search: Search, trial: ProcessingSettings) -> TorqueFilter | None:
     """The filter that the torque has passed, if one explains it better than none.
 
@@ -150,7 +167,7 @@ def _passed_by(search: Search, trial: ProcessingSettings) -> TorqueFilter | None
 
     def score(passed: TorqueFilter | None) -> float:
         if passed not in known:
-            known[passed] = search.plain_score(replace(trial, torque_filter=passed))
+            known[passed] = search.plain_scores(replace(trial, torque_filter=passed))[0]
         return known[passed]
 
     highest = torque_end(search.signals)
