@@ -61,7 +61,7 @@ def test_swapped_torques_must_not_be_used(record: ExperimentRecord) -> None:
     )
     judged = dynid.verdict(dynid.identify(wrong, "ur5", PAPER))
     assert judged.level == "do_not_use"
-    assert "order of the joints" in judged.headline
+    assert "look exchanged" in judged.headline
 
 
 def test_reversed_torques_are_called_so(record: ExperimentRecord) -> None:
