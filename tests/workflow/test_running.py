@@ -152,6 +152,15 @@ def test_ctrl_c_keeps_the_record(
     assert [notice.code for notice in record.problems] == ["truncated_file"]
 
 
+def test_a_run_that_is_stopped_at_once_leaves_nothing(design: Path, tmp_path: Path) -> None:
+    cancel = threading.Event()
+    cancel.set()
+    run = run_design(design, tmp_path / "run.parquet", cancel=cancel)
+    with pytest.raises(JobError, match="nothing is kept"):
+        run.raise_if_aborted()
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_full_disk_keeps_what_fitted(
     design: Path,
     tmp_path: Path,

@@ -19,6 +19,7 @@ from dynid.drivers.watchdog import Abort
 from dynid.experiment.plan import ExperimentPlan
 from dynid.experiment.run import RunResult, run
 from dynid.recording.record import RecordMetadata
+from dynid.recording.segments import partial_path
 from dynid.recording.writer import RecordWriter
 from dynid.simulation.library import simulated_arm
 from dynid.simulation.payload import with_payload
@@ -118,8 +119,10 @@ def run_design(
         driver = _simulated(loaded, asked)
         plan = _plan(loaded, asked, RATE_HZ, warm_up_s=0.0)
         result = _execute(plan, driver, loaded, asked, path, cancel, progress)
-        write_truth(path, driver)
-        return _finished(result, path)
+        finished = _finished(result, path)
+        if finished.record is not None:
+            write_truth(path, driver)
+        return finished
     state = inspect(_host(on))
     plan = _plan(loaded, asked, state.rate_hz, warm_up_s=asked.warm_up_s)
     judge = loaded.limits.constraints(
@@ -211,4 +214,7 @@ def _finished(result: RunResult, path: Path) -> Run:
     kept = result.outcome.samples >= 2
     if abort is not None and result.stopped_in == "run":
         kept = mark_aborted(path, abort) and kept
+        if result.outcome.samples < 2:
+            # One row is no recording: nothing is kept, and nothing lies about.
+            partial_path(path).unlink(missing_ok=True)
     return Run(result=result, record=path if kept else None)
