@@ -21,7 +21,7 @@ from dynid.identification.crossvalidation import (
     Variant,
     accumulate_candidates,
 )
-from dynid.identification.joint_choice import EXTRA_TERMS, GAIN_OF_SHAPE, JointChoice, Moves
+from dynid.identification.joint_choice import EXTRA_TERMS, JointChoice, Moves
 from dynid.identification.loading import load_size
 from dynid.reduction.base import reduce_model
 from dynid.regressor.model import InverseDynamicModel
@@ -112,16 +112,22 @@ class Search:
             for k in range(len(delays))
         ]
 
-    def align(self, settings: ProcessingSettings) -> None:
-        """Let the joints' delays lie about what all torques are late by, where that is clear."""
+    def common_delay(self, settings: ProcessingSettings) -> float:
+        """What all torques are late by [s], judged by the paper's friction."""
         step = COMMON_STEPS * self.delay_step
         most = int(LONGEST_COMMON_DELAY_S / step)
         late = tuple(k * step for k in range(-most, most + 1))
-        scores = self.plain_scores(settings, late)
-        best = int(np.argmin(scores))
-        if scores[best] < scores[most] - GAIN_OF_SHAPE * self.robot.joints:
-            self.delays = tuple(late[best] + delay for delay in self.delays)
-            self._cache = None
+        return late[int(np.argmin(self.plain_scores(settings, late)))]
+
+    def look_about(self, late: float) -> None:
+        """Let the joints' delays lie about what all have in common [s]."""
+        self.delays = tuple(late + k * self.delay_step for k in DELAY_STEPS)
+        self._cache = None
+
+    def at_an_end(self, choices: tuple[JointChoice, ...]) -> bool:
+        """Whether half of the joints want to be later, or earlier, than is tried."""
+        ends = (0, len(self.delays) - 1)
+        return any(2 * sum(c.delay == end for c in choices) >= len(choices) for end in ends)
 
     def _products(
         self, settings: ProcessingSettings, columns: CandidateColumns, delays: tuple[float, ...]

@@ -87,14 +87,14 @@ def select(
         tell("what smoothed the torque", 0.3)
         passed = _passed_by(search, trials[best])
         trials = tuple(replace(trial, torque_filter=passed) for trial in trials)
-    if settings.delays_s is None:
-        search.align(trials[best])
     # Blocks of an ill-conditioned record do not show how a richer model does on another motion.
     ill = motion_condition_number(robot, frames, signals, settings) > ILL_CONDITIONED
     if ill:
         search.extras, search.presliding = (), False
     tell("friction and delays", 0.4)
     found = _best_descent(search, trials[best], plain)
+    if settings.delays_s is None and search.at_an_end(found.choices):
+        found = _aligned(search, trials[best], plain, found)
     # Friction chosen, the cut-off may move to a neighbour.
     for near in _neighbours(trials, best):
         tell("cut-off", 0.75)
@@ -142,6 +142,21 @@ def _best_descent(
     start = tuple(replace(choice, displacement=len(DISPLACEMENTS) // 2) for choice in plain)
     other = search.descend(settings, start)
     return other if cost(other) < cost(best) - GAIN_OF_SHAPE * len(plain) else best
+
+
+def _aligned(
+    search: Search, settings: ProcessingSettings, plain: tuple[JointChoice, ...], found: Descent
+) -> Descent:
+    """The descent with delays about what all torques are late by, where it is clearly better.
+
+    Friction that builds up looks late too: so this is tried only where delays came to an end.
+    """
+    search.look_about(search.common_delay(settings))
+    other = _best_descent(search, settings, plain)
+    if other.score < found.score - GAIN_OF_SHAPE * len(plain):
+        return other
+    search.look_about(0.0)
+    return found
 
 
 def _prior(
