@@ -65,7 +65,8 @@ class Candidates:
             left out, and (n) mean squared residual of the fit to all blocks.
         """
         picks = self._picks(variants)
-        matrix, vector, energy = self._normal_equations(picks, weights)
+        sums = [self._sums(j, there, torque) for j, (_, there, torque) in enumerate(picks)]
+        matrix, vector, energy = _normal_equations(picks, sums, weights)
         total, target = matrix.sum(axis=0), vector.sum(axis=0)
         scale = np.sqrt(np.maximum(np.diag(total), 1e-300))
         size = len(scale)
@@ -83,12 +84,11 @@ class Candidates:
         values = signed_solutions(systems + prior, targets, positive) / scale
         held_out = np.empty(len(variants))
         training = np.empty(len(variants))
-        for j, (here, there, torque) in enumerate(picks):
-            block = self.products[j]
-            held_out[j] = sum(
-                _square_error(block[k], values[k][here], there, torque) for k in range(BLOCKS)
-            )
-            training[j] = _square_error(block.sum(axis=0), values[-1][here], there, torque)
+        for j, (here, _, _) in enumerate(picks):
+            square, cross, alone = sums[j]
+            held_out[j] = _square_error(square, cross, alone, values[:-1, here])
+            # The same parameters in every block.
+            training[j] = _square_error(square, cross, alone, values[-1:, here])
         held_out, training = (np.maximum(x / self.samples, 1e-18) for x in (held_out, training))
         return held_out, training
 
@@ -110,19 +110,30 @@ class Candidates:
             )
         return picks
 
-    def _normal_equations(
-        self, picks: list[tuple[Indices, Indices, int]], weights: Array
-    ) -> tuple[Array, Array, float]:
-        size = 1 + max(int(here[-1]) for here, _, _ in picks)
-        matrix = np.zeros((BLOCKS, size, size))
-        vector = np.zeros((BLOCKS, size))
-        energy = 0.0
-        for j, (here, there, torque) in enumerate(picks):
-            square = weights[j] ** 2
-            matrix[:, here[:, None], here] += square * self.products[j][:, there[:, None], there]
-            vector[:, here] += square * self.products[j][:, there, torque]
-            energy += square * float(self.products[j][:, torque, torque].sum())
-        return matrix, vector, energy
+    def _sums(self, joint: int, there: Indices, torque: int) -> tuple[Array, Array, Array]:
+        """Products (BLOCKS, m, m) of one joint's columns, with its torque, of its torque."""
+        products = self.products[joint]
+        return (
+            products[:, there[:, None], there],
+            products[:, there, torque],
+            products[:, torque, torque],
+        )
+
+
+def _normal_equations(
+    picks: list[tuple[Indices, Indices, int]],
+    sums: list[tuple[Array, Array, Array]],
+    weights: Array,
+) -> tuple[Array, Array, float]:
+    size = 1 + max(int(here[-1]) for here, _, _ in picks)
+    matrix = np.zeros((BLOCKS, size, size))
+    vector = np.zeros((BLOCKS, size))
+    energy = 0.0
+    for weight, (here, _, _), (square, cross, alone) in zip(weights, picks, sums, strict=True):
+        matrix[:, here[:, None], here] += weight**2 * square
+        vector[:, here] += weight**2 * cross
+        energy += weight**2 * float(alone.sum())
+    return matrix, vector, energy
 
 
 def signed_solutions(systems: Array, targets: Array, positive: Mask) -> Array:
@@ -145,9 +156,10 @@ def signed_solutions(systems: Array, targets: Array, positive: Mask) -> Array:
     return values
 
 
-def _square_error(products: Array, values: Array, columns: Indices, torque: int) -> float:
-    quadratic = values @ products[np.ix_(columns, columns)] @ values
-    return float(products[torque, torque] - 2 * values @ products[columns, torque] + quadratic)
+def _square_error(square: Array, cross: Array, alone: Array, values: Array) -> float:
+    """Sum over blocks of squared errors for values (BLOCKS, m), or (1, m) for all blocks."""
+    predicted = (square @ values[..., None])[..., 0] - 2.0 * cross
+    return float(alone.sum() + (predicted * values).sum())
 
 
 def accumulate_candidates(

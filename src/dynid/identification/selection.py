@@ -151,7 +151,10 @@ def _aligned(
 
     Friction that builds up looks late too: so this is tried only where delays came to an end.
     """
-    search.look_about(search.common_delay(settings))
+    late = search.common_delay(settings)
+    if late == 0.0:
+        return found
+    search.look_about(late)
     other = _best_descent(search, settings, plain)
     if other.score < found.score - GAIN_OF_SHAPE * len(plain):
         return other
