@@ -8,7 +8,7 @@ from dynid.core.arrays import Array, Indices
 from dynid.core.notices import Notice
 from dynid.identification.diagnostics import DO_NOT_USE
 from dynid.identification.estimate import Estimate
-from dynid.identification.problem import recorded_rows
+from dynid.identification.problem import chunk_size, recorded_rows
 from dynid.reduction.base import reduce_model
 from dynid.regressor.model import InverseDynamicModel
 from dynid.signals.samples import Samples
@@ -44,24 +44,29 @@ def time_offset(estimate: Estimate, samples: Samples) -> float | None:
         return None
     count = used.stop - used.start - 2 * most
     thin = max(1, count // MOST_ROWS)
-    chosen: Indices = np.arange(0, count, thin, dtype=np.intp)
-    rows: Indices = chosen + used.start + most
+    rows: Indices = np.arange(0, count, thin, dtype=np.intp) + used.start + most
     # The paper's terms: those that were chosen have made up for the offset as they could.
     base = reduce_model(
         InverseDynamicModel(robot=estimate.model.robot, frames=estimate.model.frames)
     )
     columns = list(base.independent)
-    inner = slice(used.start + most, used.stop - most)
-    stack, torque = recorded_rows(base.model, samples, inner, columns, None)
-    known = torque - samples.tau[inner].T
+    stacks: list[Array] = []
+    torques: list[Array] = []
+    # In parts: of five minutes at 500 Hz the columns alone would fill half a gigabyte.
+    for part in (slice(int(x[0]), int(x[-1]) + 1) for x in _runs(rows, chunk_size(samples))):
+        stack, torque = recorded_rows(base.model, samples, part, columns, None)
+        stacks.append(stack[:, :, ::thin])
+        torques.append(torque[:, ::thin])
+    stack, known = np.concatenate(stacks, axis=2), np.concatenate(torques, axis=1)
+    known -= samples.tau[rows].T
     scale = 1.0 / np.maximum(samples.tau.std(axis=0), 1e-12)
     width = len(columns)
-    design = (stack[:, :, chosen] * scale[None, :, None]).reshape(width, -1).T
+    design = (stack * scale[None, :, None]).reshape(width, -1).T
     norms = np.linalg.norm(design, axis=0)
     basis = np.linalg.qr(design[:, norms > 0] / norms[norms > 0])[0]
 
     def left(shift: int) -> float:
-        moved = (samples.tau[rows + shift].T + known[:, chosen]) * scale[:, None]
+        moved = (samples.tau[rows + shift].T + known) * scale[:, None]
         flat: Array = moved.ravel()
         return float(flat @ flat - np.square(basis.T @ flat).sum()) / float(flat @ flat)
 
@@ -87,3 +92,9 @@ def offset_notice(offset_s: float) -> Notice:
         f"the torques were stamped {abs(offset_s):.2f} s {when} than the motion they belong to: "
         f"two clocks? Shift one of them in the file; {DO_NOT_USE}",
     )
+
+
+def _runs(rows: Indices, samples: int) -> list[Indices]:
+    """Rows (T) in runs that span about so many samples each."""
+    count = 1 + int(rows[-1] - rows[0]) // samples
+    return [run for run in np.array_split(rows, count) if len(run)]
