@@ -24,10 +24,8 @@ import pinocchio as pin
 from collision_oracle import DATA
 from scipy.spatial import ConvexHull
 
-from dynid.constraints.collision import Bodies
-from dynid.constraints.presets import safe_constraints
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
+from dynid.constraints import Bodies, safe_constraints
+from dynid.robot import RobotModel, load_robot
 
 FIRST = 16
 """Boxes a joint to begin with."""

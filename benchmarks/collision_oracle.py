@@ -24,20 +24,11 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from dynid.constraints.certificate import certify
-from dynid.constraints.motion import MotionConstraints
-from dynid.constraints.presets import safe_constraints
-from dynid.constraints.scene import scene_from_json
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
-from dynid.trajectory.fourier import FourierSeries
-from dynid.trajectory.json_fields import JsonFields
-from dynid.trajectory.random_excitation import random_excitation
-from dynid.trajectory.trajectory import Trajectory
-from dynid.workflow.design_files import read_design
-from dynid.workflow.design_limits import DesignLimits
-from dynid.workflow.design_settings import DesignSettings
-from dynid.workflow.designing import design
+from dynid.constraints import MotionConstraints, certify, safe_constraints, scene_from_json
+from dynid.core import JsonFields
+from dynid.robot import RobotModel, load_robot
+from dynid.trajectory import FourierSeries, Trajectory, random_excitation
+from dynid.workflow import DesignLimits, DesignSettings, design, read_design
 
 DATA = Path(sys.prefix) / (
     f"lib/python3.{sys.version_info.minor}/site-packages/"

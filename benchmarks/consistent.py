@@ -19,15 +19,19 @@ import numpy as np
 from real_recordings import ROOT, Case, cases
 
 import dynid
-from dynid.core.arrays import Array
-from dynid.identification.accumulate import joint_factors
-from dynid.identification.estimate import Estimate
-from dynid.identification.least_squares import PRIOR_GAIN, WeightedLeastSquares
-from dynid.identification.physical import PhysicallyConsistent, residual_sum
-from dynid.identification.problem import IdentificationProblem
-from dynid.reduction.base import reduce_model
-from dynid.robot.inertia import to_pseudo_inertia
-from dynid.signals.process import process
+from dynid.core import Array
+from dynid.identification import (
+    PRIOR_GAIN,
+    Estimate,
+    IdentificationProblem,
+    PhysicallyConsistent,
+    WeightedLeastSquares,
+)
+from dynid.identification.physical import residual_sum
+from dynid.identification.problem import joint_factors
+from dynid.reduction import reduce_model
+from dynid.robot import to_pseudo_inertia
+from dynid.signals import process
 
 POSES = 100_000
 ASKED = "residual +2 %, held out +1 %, all positive, masses within 3, 2 s"
@@ -35,10 +39,9 @@ ASKED = "residual +2 %, held out +1 %, all positive, masses within 3, 2 s"
 
 def simulated() -> list[Case]:
     """The simulated UR5, one motion for another."""
-    from dynid.simulation.library import simulated_arm
-    from dynid.simulation.run import simulate
-    from dynid.trajectory.random_excitation import random_excitation
-    from dynid.workflow.simulating import record_of
+    from dynid.simulation import simulate, simulated_arm
+    from dynid.trajectory import random_excitation
+    from dynid.workflow.running import record_of
 
     robot = dynid.load_robot("ur5")
     records: list[dynid.ExperimentRecord] = []

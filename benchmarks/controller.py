@@ -16,10 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.protocol import rtde
-from dynid.protocol.framing import Framer, Kind
-from dynid.protocol.recipe import Recipe
-from dynid.simulation.controller.process import RunningController, controller_process
+from dynid.protocol import Framer, Kind, Recipe, rtde
+from dynid.simulation import controller_process
+from dynid.simulation.controller.process import RunningController
 
 SECONDS = 60.0
 ASKED_SPEED_UP = 5.0

@@ -13,10 +13,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from dynid.robot.load import load_robot
+from dynid.robot import load_robot
+from dynid.simulation import Plant, simulated_arm
 from dynid.simulation.controller.machine import ControllerMachine
-from dynid.simulation.library import simulated_arm
-from dynid.simulation.plant import Plant
 
 ROUNDS, CYCLES = 10, 100
 ASKED_TIMES_REAL_TIME = 5.0

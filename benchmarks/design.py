@@ -20,17 +20,19 @@ import pinocchio as pin
 from threadpoolctl import threadpool_limits
 
 from dynid import DesignSettings, ExcitationDesign, design
-from dynid.constraints.presets import paper_constraints
-from dynid.excitation.criteria import parse_criterion
-from dynid.excitation.evaluation import DesignEvaluation
-from dynid.excitation.optimise import by_genetic_algorithm
-from dynid.excitation.problem import ExcitationProblem
-from dynid.excitation.region import region_of
-from dynid.excitation.starts import random_numbers
-from dynid.reduction.base import reduce_model
-from dynid.regressor.model import InverseDynamicModel
-from dynid.robot.load import load_robot
-from dynid.trajectory.fourier_family import FourierFamily
+from dynid.constraints import paper_constraints
+from dynid.excitation import (
+    DesignEvaluation,
+    ExcitationProblem,
+    by_genetic_algorithm,
+    parse_criterion,
+    region_of,
+)
+from dynid.excitation.region import random_numbers
+from dynid.reduction import reduce_model
+from dynid.regressor import InverseDynamicModel
+from dynid.robot import load_robot
+from dynid.trajectory.fourier import FourierFamily
 from regressor import pinocchio_model
 
 PLAIN_MOTIONS = 180

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import sys
 
-from dynid.bench.estimators import compare_estimators, summary
-from dynid.identification.registry import ESTIMATORS
+from dynid.bench import compare_estimators, summary
+from dynid.identification import ESTIMATORS
 
 
 def main(words: list[str]) -> int:

@@ -21,19 +21,16 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from dynid.core.provenance import provenance
+from dynid.core import provenance
+from dynid.export import write_model
 from dynid.export.c_code import c_prefix
-from dynid.export.load_code import C_FLAGS, c_compiler
-from dynid.export.writing import write_model
-from dynid.identification.estimate import Estimate, MotionRange
-from dynid.identification.prior import inertial_prior
-from dynid.reduction.base import reduce_model
-from dynid.regressor.load import LoadFriction
-from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.ripple import Gear, TorqueRipple
-from dynid.regressor.terms import FrictionTerms
-from dynid.robot.load import load_robot
-from dynid.signals.samples import ProcessingSettings
+from dynid.export.verification import C_FLAGS, c_compiler
+from dynid.identification import Estimate, inertial_prior
+from dynid.identification.estimate import MotionRange
+from dynid.reduction import reduce_model
+from dynid.regressor import FrictionTerms, Gear, InverseDynamicModel, LoadFriction, TorqueRipple
+from dynid.robot import load_robot
+from dynid.signals import ProcessingSettings
 
 ASKED_US = 2.0
 CALLS = 200_000

@@ -20,12 +20,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 import pinocchio as pin
 
-from dynid.excitation.criteria import CRITERIA, Criterion, parse_criterion
-from dynid.excitation.gram import GramKernel
-from dynid.reduction.base import reduce_model
-from dynid.regressor.model import InverseDynamicModel
-from dynid.robot.load import load_robot
-from dynid.trajectory.fourier import harmonic_basis
+from dynid.excitation import CRITERIA, Criterion, GramKernel, parse_criterion
+from dynid.reduction import reduce_model
+from dynid.regressor import InverseDynamicModel
+from dynid.robot import load_robot
+from dynid.trajectory import harmonic_basis
 from regressor import fastest, pinocchio_model
 
 SAMPLES = 1250

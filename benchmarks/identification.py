@@ -14,8 +14,8 @@ import time
 import numpy as np
 
 import dynid
-from dynid.recording.record import ExperimentRecord
-from dynid.regressor.model import InverseDynamicModel
+from dynid.recording import ExperimentRecord
+from dynid.regressor import InverseDynamicModel
 
 NOISE = np.array([2.0, 2.5, 1.5, 0.4, 0.4, 0.3])
 ASKED_CPU_S = {"paper": 1.0, "best": 20.0}

@@ -12,11 +12,9 @@ import sys
 import numpy as np
 
 import dynid
-from dynid.core.arrays import Array
-from dynid.simulation.library import simulated_arm
-from dynid.simulation.plant import Plant
-from dynid.simulation.truth import SimulatedArm
-from dynid.validation.observer import MomentumObserver, contact_thresholds
+from dynid.core import Array
+from dynid.simulation import Plant, SimulatedArm, simulated_arm
+from dynid.validation import MomentumObserver, contact_thresholds
 
 RATE = 125.0
 SECONDS = 10.0

@@ -14,10 +14,9 @@ from collections.abc import Callable, Collection
 import numpy as np
 import pinocchio as pin
 
+from dynid.regressor import InverseDynamicModel
 from dynid.regressor.inertial import inertial_columns
-from dynid.regressor.model import InverseDynamicModel
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
+from dynid.robot import RobotModel, load_robot
 
 SAMPLES = 1248
 ROUNDS = 60

@@ -17,18 +17,13 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.core.provenance import provenance
-from dynid.drivers.simulated import SimulatedDriver
-from dynid.drivers.ur.driver import UrDriver
-from dynid.drivers.ur.state import inspect
-from dynid.experiment.plan import ExperimentPlan
-from dynid.recording.parquet import read_record
-from dynid.recording.record import ExperimentRecord, RecordMetadata
-from dynid.recording.writer import RecordWriter
-from dynid.robot.load import load_robot
-from dynid.simulation.controller.process import controller_process
-from dynid.simulation.library import simulated_arm
-from dynid.trajectory.rest import rest_series
+from dynid.core import provenance
+from dynid.drivers import SimulatedDriver, UrDriver, inspect
+from dynid.experiment import ExperimentPlan
+from dynid.recording import ExperimentRecord, RecordMetadata, RecordWriter, read_record
+from dynid.robot import load_robot
+from dynid.simulation import controller_process, simulated_arm
+from dynid.trajectory.fourier import rest_series
 
 HOST = "127.0.1.77"
 

@@ -16,20 +16,19 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.core.provenance import provenance
-from dynid.recording.parquet import read_record
-from dynid.robot.load import load_robot
-from dynid.simulation.controller.process import controller_process, own_address
-from dynid.studio.door import make_door
-from dynid.studio.jobs import Job
+from dynid.core import provenance
+from dynid.recording import read_record
+from dynid.robot import load_robot
+from dynid.simulation import controller_process
+from dynid.simulation.controller.process import own_address
+from dynid.studio.jobs import Job, Supervisor
 from dynid.studio.opening import open_path
 from dynid.studio.page import Page
-from dynid.studio.server import open_server
+from dynid.studio.server import make_door, open_server
 from dynid.studio.session import Session
 from dynid.studio.solids import arm_meshes
-from dynid.studio.supervisor import Supervisor
-from dynid.trajectory.files import write_trajectory
-from dynid.trajectory.rest import rest_series
+from dynid.trajectory import write_trajectory
+from dynid.trajectory.fourier import rest_series
 
 PERIOD = 5.0
 SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"]

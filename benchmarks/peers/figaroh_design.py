@@ -28,7 +28,7 @@ import pinocchio
 from figaroh.tools.load_robot import load_robot as load_figaroh
 
 import dynid
-from dynid.identification.conditioning import condition_number
+from dynid.identification.problem import condition_number
 
 URDF = (
     Path(sysconfig.get_paths()["purelib"])

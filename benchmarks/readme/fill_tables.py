@@ -8,8 +8,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from dynid.workflow.demo import run_demo
-from dynid.workflow.demo_table import Row
+from dynid.workflow import run_demo
+from dynid.workflow.demo import Row
 
 ROOT = Path(__file__).parents[2]
 

@@ -7,19 +7,18 @@ import json
 import numpy as np
 import pytest
 
+from dynid.bench import compare_estimators, summary, to_json
 from dynid.bench.estimators import (
+    KnownArm,
     Trial,
-    compare_estimators,
+    known_arm,
     parameter_distance,
     relative_error,
-    summary,
-    to_json,
     tracking_error,
 )
-from dynid.bench.known_arm import KnownArm, known_arm
 from dynid.cli.app import main
-from dynid.core.errors import InputError
-from dynid.identification.least_squares import WeightedLeastSquares
+from dynid.core import InputError
+from dynid.identification import WeightedLeastSquares
 
 
 @pytest.fixture(scope="module")

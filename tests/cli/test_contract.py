@@ -11,7 +11,7 @@ import pytest
 from cli_runs import COMMANDS, LISTED, Outcome, Recordings, Run
 
 import dynid
-from dynid.core.provenance import provenance
+from dynid.core import provenance
 
 ANALYZE_KEYS = {
     "standard_parameters",

@@ -13,8 +13,8 @@ from cli_runs import Outcome, Recordings, Run
 import dynid
 from dynid.cli.metrics_table import print_metrics
 from dynid.cli.output import console
-from dynid.core.provenance import provenance
-from dynid.export.writing import write_model
+from dynid.core import provenance
+from dynid.export import write_model
 
 
 def refused(outcome: Outcome, *parts: str) -> None:

@@ -16,7 +16,7 @@ from cli_runs import COMMANDS, Recordings, Run
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from dynid.core.errors import JobError, MissingExtraError
+from dynid.core import JobError, MissingExtraError
 
 HEAVY = ("numpy", "scipy", "pyarrow", "numba", "pinocchio", "mujoco", "rich")
 

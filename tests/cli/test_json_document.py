@@ -10,10 +10,9 @@ import numpy as np
 from cli_runs import LISTED, Recordings, Run
 
 import dynid
-from dynid.core.provenance import provenance
-from dynid.simulation.controller.process import controller_process
-from dynid.simulation.library import simulated_arm
-from dynid.trajectory.files import write_trajectory
+from dynid.core import provenance
+from dynid.simulation import controller_process, simulated_arm
+from dynid.trajectory import write_trajectory
 
 POINTS = 5.0
 """Percentage points by which a change of viscous friction may be missed."""

@@ -15,8 +15,8 @@ import pytest
 from cli_runs import Outcome, Recordings, Run
 
 import dynid
-from dynid.export.load_code import C_FLAGS, c_compiler
-from dynid.simulation.thermal import Thermal
+from dynid.export.verification import C_FLAGS, c_compiler
+from dynid.simulation import Thermal
 
 TEXT = (Path(__file__).parents[2] / "docs" / "tutorial.md").read_text()
 LINK = """

@@ -7,9 +7,9 @@ from typing import Any, cast
 
 import pytest
 
-from dynid.core.notices import Notice
-from dynid.identification.diagnostics import DO_NOT_USE
-from dynid.workflow.verdict import verdict
+from dynid.core import Notice
+from dynid.identification import DO_NOT_USE
+from dynid.workflow import verdict
 
 
 def result(error: float | None, *codes: str, fit: float = 2.0) -> Any:

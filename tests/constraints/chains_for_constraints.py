@@ -7,13 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dynid.robot.capsule import Capsule
-from dynid.robot.chain import robot_from_chain
-from dynid.robot.inertia import from_body
-from dynid.robot.limits import JointLimits
-from dynid.robot.model import RobotModel
-from dynid.robot.safety import SafetyLimits
-from dynid.robot.transforms import from_xyz_rpy
+from dynid.robot import Capsule, RobotModel, from_body, from_xyz_rpy
+from dynid.robot.dh import robot_from_chain
+from dynid.robot.model import JointLimits, SafetyLimits
 
 Floats = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynid.robot.load import load_robot
+from dynid.robot import load_robot
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 from capsule_credits import Judge, Meshes, prove

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from chains_for_constraints import random_arm
 
-from dynid.constraints.certificate import certify
-from dynid.constraints.motion import MotionConstraints
-from dynid.constraints.payload_shapes import covering
-from dynid.constraints.presets import safe_constraints
-from dynid.constraints.scene import scene_from_json
-from dynid.constraints.settings import ConstraintSettings
-from dynid.constraints.shapes import outermost
-from dynid.robot.kinematics import joint_poses
-from dynid.robot.load import load_robot
-from dynid.trajectory.bounds import usable_bounds
-from dynid.trajectory.fourier import FourierSeries
-from dynid.trajectory.json_fields import JsonFields
+from dynid.constraints import (
+    ConstraintSettings,
+    MotionConstraints,
+    certify,
+    safe_constraints,
+    scene_from_json,
+)
+from dynid.constraints.bodies import covering
+from dynid.constraints.scene import outermost
+from dynid.core import JsonFields
+from dynid.robot import joint_poses, load_robot
+from dynid.trajectory import FourierSeries, usable_bounds
 
 WITHIN = 2e-6
 """coal walks to the nearest point of a box or cylinder in steps."""

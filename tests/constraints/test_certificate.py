@@ -8,21 +8,25 @@ import pytest
 from chains_for_constraints import random_arm
 from numpy.typing import ArrayLike
 
-from dynid.constraints.certificate import certify
-from dynid.constraints.motion import MotionConstraints
-from dynid.constraints.presets import paper_constraints, safe_constraints
-from dynid.constraints.scene import scene_from_json
-from dynid.constraints.settings import ConstraintSettings
-from dynid.core.errors import InputError
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
-from dynid.trajectory.bounds import MotionBounds, usable_bounds
-from dynid.trajectory.fourier import FourierSeries
-from dynid.trajectory.json_fields import JsonFields
-from dynid.trajectory.motion import JointMotion
-from dynid.trajectory.quintic import Quintic
-from dynid.trajectory.random_excitation import random_excitation
-from dynid.trajectory.trajectory import Trajectory
+from dynid.constraints import (
+    ConstraintSettings,
+    MotionConstraints,
+    certify,
+    paper_constraints,
+    safe_constraints,
+    scene_from_json,
+)
+from dynid.core import InputError, JsonFields
+from dynid.robot import RobotModel, load_robot
+from dynid.trajectory import (
+    FourierSeries,
+    JointMotion,
+    MotionBounds,
+    Quintic,
+    Trajectory,
+    random_excitation,
+    usable_bounds,
+)
 
 FINE_HZ = 5000
 FLOOR = scene_from_json(JsonFields({"shapes": [{"type": "floor", "height": -1.2}]}))

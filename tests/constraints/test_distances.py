@@ -5,12 +5,10 @@ import numpy as np
 import pytest
 from chains_for_constraints import random_arm
 
-from dynid.constraints.motion import MotionConstraints
-from dynid.constraints.scene import scene_from_json
-from dynid.constraints.settings import ConstraintSettings
-from dynid.robot.kinematics import joint_poses
-from dynid.trajectory.bounds import usable_bounds
-from dynid.trajectory.json_fields import JsonFields
+from dynid.constraints import ConstraintSettings, MotionConstraints, scene_from_json
+from dynid.core import JsonFields
+from dynid.robot import joint_poses
+from dynid.trajectory import usable_bounds
 
 CAPSULES_WITHIN = 1e-9
 SHAPES_WITHIN = 2e-6

@@ -3,16 +3,18 @@
 import numpy as np
 import pytest
 
-from dynid.constraints.certificate import certify
+from dynid.constraints import certify, paper_constraints, safe_constraints
 from dynid.constraints.extremes import dense_times, extremes
-from dynid.constraints.presets import paper_constraints, safe_constraints
-from dynid.robot.load import load_robot
-from dynid.trajectory.bspline import BSpline
-from dynid.trajectory.fourier import FourierSeries
-from dynid.trajectory.fourier_quintic import FourierQuintic
-from dynid.trajectory.quintic import Quintic
-from dynid.trajectory.sequence import MotionSequence, Repetition
-from dynid.trajectory.trajectory import Trajectory
+from dynid.robot import load_robot
+from dynid.trajectory import (
+    BSpline,
+    FourierQuintic,
+    FourierSeries,
+    MotionSequence,
+    Quintic,
+    Repetition,
+    Trajectory,
+)
 
 FINE = 200_001
 LOOSE = 2e-3

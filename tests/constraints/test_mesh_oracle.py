@@ -9,12 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynid.constraints.certificate import certify
-from dynid.constraints.presets import safe_constraints
-from dynid.constraints.scene import scene_from_json
-from dynid.robot.kinematics import joint_poses
-from dynid.robot.load import load_robot
-from dynid.trajectory.json_fields import JsonFields
+from dynid.constraints import certify, safe_constraints, scene_from_json
+from dynid.core import JsonFields
+from dynid.robot import joint_poses, load_robot
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 from collision_oracle import DATA, SCENE, TURNED, Oracle, random_designs

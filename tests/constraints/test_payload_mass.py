@@ -6,10 +6,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from dynid.constraints.presets import safe_constraints
-from dynid.core.errors import InputError
-from dynid.robot.kinematics import joint_poses
-from dynid.robot.load import load_robot
+from dynid.constraints import safe_constraints
+from dynid.core import InputError
+from dynid.robot import joint_poses, load_robot
 
 MASS, COM = 4.0, np.array([0.02, -0.01, 0.08])
 CLOSE = 1e-9

@@ -7,15 +7,11 @@ import numpy as np
 import pytest
 from chains_for_constraints import random_arm
 
-from dynid.constraints.presets import safe_constraints
-from dynid.constraints.scene import read_scene, scene_from_json
-from dynid.constraints.settings import ConstraintSettings
-from dynid.constraints.shapes import BOX, HALF_SPACE
-from dynid.core.errors import InputError
-from dynid.robot.capsule import Capsule
-from dynid.robot.load import load_robot
-from dynid.trajectory.bounds import MotionBounds, usable_bounds
-from dynid.trajectory.json_fields import JsonFields
+from dynid.constraints import BOX, HALF_SPACE, ConstraintSettings, safe_constraints, scene_from_json
+from dynid.constraints.scene import read_scene
+from dynid.core import InputError, JsonFields
+from dynid.robot import Capsule, load_robot
+from dynid.trajectory import MotionBounds, usable_bounds
 
 BALL = {"type": "sphere", "radius": 0.1, "position": [1, 0, 0]}
 

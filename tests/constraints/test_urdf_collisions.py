@@ -8,11 +8,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from dynid.constraints.certificate import certify
-from dynid.constraints.presets import safe_constraints
-from dynid.robot.capsule import Capsule
-from dynid.robot.load import load_robot
-from dynid.trajectory.fourier import FourierSeries
+from dynid.constraints import certify, safe_constraints
+from dynid.robot import Capsule, load_robot
+from dynid.trajectory import FourierSeries
 
 DATA = Path(sys.prefix) / (
     f"lib/python3.{sys.version_info.minor}/site-packages/"

@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 from chains_for_constraints import random_arm, random_states
 
-from dynid.constraints.motion import MotionConstraints
-from dynid.constraints.scene import Scene, scene_from_json
-from dynid.constraints.settings import ConstraintSettings
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
-from dynid.trajectory.bounds import usable_bounds
-from dynid.trajectory.json_fields import JsonFields
+from dynid.constraints import ConstraintSettings, MotionConstraints, Scene, scene_from_json
+from dynid.core import JsonFields
+from dynid.robot import RobotModel, load_robot
+from dynid.trajectory import usable_bounds
 
 GRADIENT_WITHIN = 1e-6
 STEP = 1e-6

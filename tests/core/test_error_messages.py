@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import pytest
 
-from dynid.core.errors import (
+from dynid.core import (
     DynidError,
     InputError,
     JobError,
     MissingExtraError,
     RecordError,
     RobotError,
+    installed,
+    require,
 )
-from dynid.core.optional import installed, require
 
 
 def test_a_message_says_where_what_value_limit_and_what_to_do() -> None:

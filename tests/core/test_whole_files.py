@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from dynid.core.errors import InputError, JobError
-from dynid.core.files import write_json, write_text
+from dynid.core import InputError, JobError, write_json, write_text
 
 
 def names(folder: Path) -> list[str]:

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.drivers.ur.layout import APPROACHING, MOVING, STATE, Layout, recorded_names
+from dynid.core import Array
 from dynid.drivers.ur.link import Disconnected, RtdeLink
-from dynid.protocol.recipe import Numbers
+from dynid.drivers.ur.state import APPROACHING, MOVING, STATE, Layout, recorded_names
+from dynid.protocol import Numbers
 
 
 @dataclass

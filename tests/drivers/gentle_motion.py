@@ -7,14 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.core.provenance import provenance
-from dynid.drivers.driver import Execution
+from dynid.core import provenance
+from dynid.drivers import Execution
 from dynid.experiment.plan import watch_limits
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
-from dynid.trajectory.files import write_trajectory
-from dynid.trajectory.fourier import FourierSeries
-from dynid.trajectory.rest import rest_series
+from dynid.robot import RobotModel, load_robot
+from dynid.trajectory import FourierSeries, write_trajectory
+from dynid.trajectory.fourier import rest_series
 
 PERIOD, RATE = 2.0, 125.0
 CYCLES = 250

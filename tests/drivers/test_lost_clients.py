@@ -20,8 +20,9 @@ from controllers import Observer
 from gentle_motion import write_gentle
 
 from dynid.drivers.ur.driver import WATCHDOG_HZ
-from dynid.recording.parquet import read_record
-from dynid.simulation.controller.process import RunningController, controller_process, own_address
+from dynid.recording import read_record
+from dynid.simulation import controller_process
+from dynid.simulation.controller.process import RunningController, own_address
 
 pytestmark = pytest.mark.realtime
 

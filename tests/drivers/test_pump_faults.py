@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dynid.drivers.driver import Execution
-from dynid.drivers.ur.intake import Intake
-from dynid.drivers.ur.layout import Layout, recorded
-from dynid.drivers.ur.pump import Pump
-from dynid.drivers.watchdog import Watchdog, WatchLimits
-from dynid.trajectory.rest import rest_series
+from dynid.drivers import Execution, WatchLimits
+from dynid.drivers.driver import Watchdog
+from dynid.drivers.ur.pump import Intake, Pump
+from dynid.drivers.ur.state import Layout, recorded
+from dynid.trajectory.fourier import rest_series
 
 FREE = np.full(6, np.inf)
 LIMITS = WatchLimits(lower=-FREE, upper=FREE, velocity=FREE, deviation=FREE)

@@ -9,18 +9,16 @@ import pytest
 from controllers import Observer
 from gentle_motion import write_gentle
 
-from dynid.constraints.presets import safe_constraints
-from dynid.core.errors import JobError
-from dynid.drivers.ur.layout import APPROACHING, DONE, MOVING, STATE
-from dynid.robot.load import load_robot
+from dynid.constraints import safe_constraints
+from dynid.core import JobError
+from dynid.drivers.ur.state import APPROACHING, DONE, MOVING, STATE
+from dynid.robot import load_robot
+from dynid.simulation import controller_process
 from dynid.simulation.controller.machine import UPRIGHT
-from dynid.simulation.controller.process import controller_process, own_address
-from dynid.trajectory.files import read_trajectory
-from dynid.workflow.design_settings import DesignSettings
-from dynid.workflow.designing import design
-from dynid.workflow.run_files import load_design
-from dynid.workflow.run_settings import RunSettings
-from dynid.workflow.running import run_design
+from dynid.simulation.controller.process import own_address
+from dynid.trajectory import read_trajectory
+from dynid.workflow import DesignSettings, RunSettings, design, run_design
+from dynid.workflow.run_settings import load_design
 
 JUDGE = safe_constraints(load_robot("ur5"))
 PERIOD_S, HARMONICS, CYCLES = 6.0, 4, 750

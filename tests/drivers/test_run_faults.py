@@ -23,11 +23,10 @@ from controllers import Observer
 from gentle_motion import CYCLES, write_gentle
 
 from dynid.cli.app import main
-from dynid.drivers.ur.commands import Dashboard, ScriptPort
-from dynid.drivers.ur.link import RtdeLink
-from dynid.recording.parquet import read_record
-from dynid.recording.record import ExperimentRecord
-from dynid.simulation.controller.process import RunningController, controller_process, own_address
+from dynid.drivers.ur.link import Dashboard, RtdeLink, ScriptPort
+from dynid.recording import ExperimentRecord, read_record
+from dynid.simulation import controller_process
+from dynid.simulation.controller.process import RunningController, own_address
 from dynid.simulation.controller.virtual import LEAD_S
 
 STOP_S = 0.1

@@ -11,15 +11,13 @@ from controllers import Observer
 from gentle_motion import CYCLES, gentle, ur5, write_gentle
 
 from dynid.cli.app import main
-from dynid.core.provenance import provenance
-from dynid.recording.parquet import read_record
-from dynid.robot.load import load_robot
-from dynid.simulation.controller.process import controller_process, own_address
-from dynid.simulation.library import simulated_arm
-from dynid.simulation.run import simulate
-from dynid.trajectory.files import write_trajectory
-from dynid.workflow.run_settings import RunSettings
-from dynid.workflow.running import run_design
+from dynid.core import provenance
+from dynid.recording import read_record
+from dynid.robot import load_robot
+from dynid.simulation import controller_process, simulate, simulated_arm
+from dynid.simulation.controller.process import own_address
+from dynid.trajectory import write_trajectory
+from dynid.workflow import RunSettings, run_design
 
 SAME_PATH = 2e-3
 """Distance between the simulated arm under the controller and in this process [rad]."""

@@ -10,16 +10,12 @@ import numpy as np
 import pytest
 from gentle_motion import CYCLES, RATE, ListRecorder, gentle, gentle_execution, ur5
 
-from dynid.core.errors import InputError, JobError
-from dynid.drivers.driver import Execution
-from dynid.drivers.simulated import SimulatedDriver
+from dynid.core import InputError, JobError
+from dynid.drivers import Execution, SimulatedDriver
 from dynid.experiment.plan import watch_limits
-from dynid.recording.parquet import read_record
-from dynid.recording.record import RecordMetadata
-from dynid.recording.writer import RecordWriter
-from dynid.robot.load import load_robot
-from dynid.simulation.library import simulated_arm
-from dynid.simulation.run import simulate
+from dynid.recording import RecordMetadata, RecordWriter, read_record
+from dynid.robot import load_robot
+from dynid.simulation import simulate, simulated_arm
 
 STOP_S = 0.1
 STILL = 0.01

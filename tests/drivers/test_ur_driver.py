@@ -11,13 +11,12 @@ import pytest
 from controllers import Observer
 from gentle_motion import CYCLES, MIDDLE, RATE, ListRecorder, gentle, gentle_execution
 
-from dynid.core.errors import InputError, JobError
-from dynid.drivers.driver import Outcome
-from dynid.drivers.ur.driver import UrDriver
+from dynid.core import InputError, JobError
+from dynid.drivers import Outcome, ServojDriver, UrDriver, inspect
+from dynid.drivers.ur.driver import SLACK, approach
 from dynid.drivers.ur.link import RtdeLink
-from dynid.drivers.ur.servoj import SLACK, ServojDriver, approach
-from dynid.drivers.ur.state import inspect
-from dynid.simulation.controller.process import RunningController, controller_process, own_address
+from dynid.simulation import controller_process
+from dynid.simulation.controller.process import RunningController, own_address
 
 SAME = 1e-12
 """Between periods [rad]."""

@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dynid.core.errors import InputError
-from dynid.drivers.watchdog import Abort, Cycle, Watchdog, WatchLimits
+from dynid.core import InputError
+from dynid.drivers import Abort, WatchLimits
+from dynid.drivers.driver import Cycle, Watchdog
 
 LIMITS = WatchLimits(
     lower=np.array([-1.0, np.nan]),

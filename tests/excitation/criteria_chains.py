@@ -8,13 +8,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from dynid.reduction.base import BaseParametrization, reduce_model
-from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.terms import PAPER_TERMS, FrictionTerms
-from dynid.robot.chain import robot_from_chain
-from dynid.robot.drives import Drives
-from dynid.robot.model import RobotModel
-from dynid.trajectory.fourier import FourierSeries, harmonic_basis
+from dynid.reduction import BaseParametrization, reduce_model
+from dynid.regressor import FrictionTerms, InverseDynamicModel
+from dynid.regressor.terms import PAPER_TERMS
+from dynid.robot import RobotModel
+from dynid.robot.dh import robot_from_chain
+from dynid.robot.model import Drives
+from dynid.trajectory import FourierSeries, harmonic_basis
 
 Floats = NDArray[np.float64]
 PERIOD = 10.0

@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dynid.constraints.presets import paper_constraints, safe_constraints
-from dynid.excitation.criteria import parse_criterion
-from dynid.excitation.problem import ExcitationProblem
-from dynid.reduction.base import reduce_model
-from dynid.regressor.model import InverseDynamicModel
-from dynid.robot.model import RobotModel
+from dynid.constraints import paper_constraints, safe_constraints
+from dynid.excitation import ExcitationProblem, parse_criterion
+from dynid.reduction import reduce_model
+from dynid.regressor import InverseDynamicModel
+from dynid.robot import RobotModel
 from dynid.robot.robotfile import robot_from_toml
-from dynid.trajectory.families import motion_family
+from dynid.trajectory import motion_family
 
 Floats = NDArray[np.float64]
 ARM = """

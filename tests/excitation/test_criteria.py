@@ -6,13 +6,11 @@ from criteria_chains import by_coefficients, chain, coefficients, motion, reduce
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dynid.core.errors import InputError
-from dynid.excitation.criteria import CRITERIA, all_criteria, parse_criterion
-from dynid.excitation.criteria_prior import prior_scale
-from dynid.excitation.gram import GramKernel
-from dynid.reduction.base import reduce_model
-from dynid.regressor.model import InverseDynamicModel
-from dynid.robot.load import load_robot
+from dynid.core import InputError
+from dynid.excitation import CRITERIA, GramKernel, all_criteria, parse_criterion, prior_scale
+from dynid.reduction import reduce_model
+from dynid.regressor import InverseDynamicModel
+from dynid.robot import load_robot
 
 ASKED = 1e-6
 """Of the largest derivative: the agreement that is asked for."""

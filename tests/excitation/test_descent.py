@@ -4,9 +4,9 @@ import numpy as np
 from design_arms import Floats, problem
 from scipy.optimize import minimize
 
-from dynid.excitation.descent import Descent, Objective, descend
-from dynid.excitation.region import MotionRegion, region_of
-from dynid.excitation.starts import random_numbers
+from dynid.excitation import region_of
+from dynid.excitation.gradient import Descent, Objective, descend
+from dynid.excitation.region import MotionRegion, random_numbers
 
 CLOSE = 2e-3
 """What the barrier of the smallest weight keeps from the true optimum, of the start's distance."""

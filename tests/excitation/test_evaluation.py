@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from design_arms import Floats, arm, problem
 
-from dynid.core.errors import InputError
-from dynid.excitation.evaluation import DesignEvaluation
-from dynid.excitation.region import region_of
-from dynid.excitation.smoothing import smoothed
-from dynid.excitation.starts import random_numbers
+from dynid.core import InputError
+from dynid.excitation import DesignEvaluation, region_of
+from dynid.excitation.evaluation import smoothed
+from dynid.excitation.region import random_numbers
 
 SLOPE = 1e-6
 """Asked: relative to central differences."""

@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 from design_arms import arm, arm_text, leaning, problem
 
-from dynid.excitation.candidate import Candidate
-from dynid.excitation.evaluation import DesignEvaluation
+from dynid.excitation import DesignEvaluation, ExcitationProblem, region_of
 from dynid.excitation.finishing import Finished, finish, without_turns
 from dynid.excitation.gradient import judged
-from dynid.excitation.problem import ExcitationProblem
-from dynid.excitation.region import region_of
-from dynid.excitation.search import Search
-from dynid.excitation.starts import random_numbers
+from dynid.excitation.problem import Candidate, Search
+from dynid.excitation.region import random_numbers
 from dynid.robot.robotfile import robot_from_toml
 
 

@@ -4,14 +4,12 @@ import numpy as np
 import pytest
 from design_arms import Floats, arm, problem
 
-from dynid.core.errors import InputError
-from dynid.excitation.candidate import Candidate
-from dynid.excitation.evaluation import DesignEvaluation
+from dynid.core import InputError
+from dynid.excitation import DesignEvaluation, by_genetic_algorithm, region_of
 from dynid.excitation.genetic import evolve
 from dynid.excitation.gradient import judged
-from dynid.excitation.optimise import by_genetic_algorithm
-from dynid.excitation.region import region_of
-from dynid.excitation.starts import random_numbers
+from dynid.excitation.problem import Candidate
+from dynid.excitation.region import random_numbers
 
 POPULATION, GENERATIONS = 40, 5
 

@@ -9,11 +9,11 @@ from criteria_chains import (
     reduced,
 )
 
-from dynid.core.errors import InputError
-from dynid.excitation.gram import DESIGN_WIDTH, GramKernel
-from dynid.reduction.base import reduce_model
-from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.terms import parse_terms
+from dynid.core import InputError
+from dynid.excitation import GramKernel
+from dynid.excitation.gram import DESIGN_WIDTH
+from dynid.reduction import reduce_model
+from dynid.regressor import InverseDynamicModel, parse_terms
 
 SAME = 1e-12
 """Of the product of two columns' norms."""

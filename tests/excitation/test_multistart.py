@@ -9,15 +9,12 @@ import numpy as np
 import pytest
 from design_arms import arm, problem
 
-from dynid.core.errors import InputError
-from dynid.excitation.evaluation import DesignEvaluation
-from dynid.excitation.executor import workers
+from dynid.core import InputError
+from dynid.excitation import DesignEvaluation, Effort, by_gradient, region_of, workers
 from dynid.excitation.genetic import evolve
 from dynid.excitation.gradient import judged
-from dynid.excitation.multistart import Effort, multistart, run_start
-from dynid.excitation.optimise import by_gradient
-from dynid.excitation.region import region_of
-from dynid.excitation.search import Search
+from dynid.excitation.multistart import multistart, run_start
+from dynid.excitation.problem import Search
 
 
 class Dying(Executor):
@@ -165,7 +162,7 @@ def test_efforts_that_are_none_are_refused() -> None:
 
 
 def test_no_scheduler_at_the_address(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dynid.excitation.executor.DASK_TIMEOUT_S", 0.5)
+    monkeypatch.setattr("dynid.excitation.multistart.DASK_TIMEOUT_S", 0.5)
     with (
         pytest.raises(InputError, match="no Dask scheduler answers"),
         workers(1, "tcp://127.0.0.1:9"),

@@ -5,11 +5,10 @@ import pytest
 from design_arms import Floats, arm, problem
 from scipy.optimize import approx_fprime
 
-from dynid.core.errors import InputError
-from dynid.excitation.region import MotionRegion, region_of
-from dynid.excitation.starts import random_numbers
-from dynid.trajectory.bounds import MotionBounds
-from dynid.trajectory.families import FAMILY_NAMES, motion_family
+from dynid.core import InputError
+from dynid.excitation import region_of
+from dynid.excitation.region import MotionRegion, random_numbers
+from dynid.trajectory import FAMILY_NAMES, MotionBounds, motion_family
 
 DENSE = 4001
 SLOPE = 1e-5

@@ -6,21 +6,14 @@ import numpy as np
 import pytest
 from design_arms import arm, leaning, problem
 
-from dynid.constraints.certificate import certify
-from dynid.constraints.motion import MotionConstraints
-from dynid.constraints.presets import safe_constraints
-from dynid.constraints.scene import scene_from_json
-from dynid.core.errors import InputError
-from dynid.excitation.evaluation import DesignEvaluation
-from dynid.excitation.finishing import finish
+from dynid.constraints import MotionConstraints, certify, safe_constraints, scene_from_json
+from dynid.core import InputError, JsonFields
+from dynid.excitation import DesignEvaluation, ExcitationProblem, check_room, region_of
+from dynid.excitation.finishing import finish, rescued
 from dynid.excitation.gradient import judged
-from dynid.excitation.problem import ExcitationProblem
-from dynid.excitation.region import region_of
-from dynid.excitation.rescue import check_room, rescued
-from dynid.excitation.search import Search
-from dynid.excitation.starts import random_numbers
-from dynid.robot.load import load_robot
-from dynid.trajectory.json_fields import JsonFields
+from dynid.excitation.problem import Search
+from dynid.excitation.region import random_numbers
+from dynid.robot import load_robot
 
 LOW = {
     "shapes": [

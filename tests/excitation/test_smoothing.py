@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from design_arms import Floats
 
-from dynid.excitation.criteria import CRITERIA, parse_criterion
-from dynid.excitation.smoothing import smoothed
+from dynid.excitation import CRITERIA, parse_criterion
+from dynid.excitation.evaluation import smoothed
 
 EXTREME = ("cond", "scaled-cond", "e-opt", "cond+sigma")
 SLOPE = 1e-6

@@ -8,17 +8,20 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from dynid.constraints.motion import MotionConstraints
-from dynid.constraints.presets import safe_constraints
-from dynid.constraints.settings import ConstraintSettings
-from dynid.core.arrays import Array
-from dynid.drivers.driver import Execution
+from dynid.constraints import ConstraintSettings, MotionConstraints, safe_constraints
+from dynid.core import Array
+from dynid.drivers import Execution
+from dynid.experiment import ExperimentPlan, plan_approach
 from dynid.experiment import approach as approaches
-from dynid.experiment.approach import APPROACH_SPEED, Approach, certify_straight, plan_approach
-from dynid.experiment.plan import ExperimentPlan
-from dynid.experiment.way_search import FreeSpace, find_way
-from dynid.robot.load import load_robot
-from dynid.trajectory.rest import rest_series
+from dynid.experiment.approach import (
+    APPROACH_SPEED,
+    Approach,
+    FreeSpace,
+    certify_straight,
+    find_way,
+)
+from dynid.robot import load_robot
+from dynid.trajectory.fourier import rest_series
 
 UR5 = load_robot("ur5")
 JUDGE = safe_constraints(UR5)

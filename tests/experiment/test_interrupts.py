@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from dynid.experiment.interrupts import interruptible, stop_on_signals
+from dynid.experiment import interruptible, stop_on_signals
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

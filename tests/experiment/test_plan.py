@@ -9,16 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dynid.core.errors import InputError
-from dynid.experiment.plan import ExperimentPlan
-from dynid.experiment.slow import Slowed, slowed, whole_cycles_share
-from dynid.robot.load import load_robot
-from dynid.trajectory.bspline import BSpline
-from dynid.trajectory.fourier import FourierSeries
-from dynid.trajectory.quintic import Quintic
-from dynid.trajectory.rest import rest_series
-from dynid.trajectory.sequence import MotionSequence, Repetition
-from dynid.trajectory.trajectory import Trajectory
+from dynid.core import InputError
+from dynid.experiment import ExperimentPlan
+from dynid.experiment.plan import Slowed, slowed, whole_cycles_share
+from dynid.robot import load_robot
+from dynid.trajectory import BSpline, FourierSeries, MotionSequence, Quintic, Repetition, Trajectory
+from dynid.trajectory.fourier import rest_series
 
 UR5 = load_robot("ur5")
 FREE = 0.1 * np.random.default_rng(0).normal(size=(6, 8))

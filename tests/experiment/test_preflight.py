@@ -7,14 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynid.constraints.presets import safe_constraints
-from dynid.core.errors import InputError, JobError
-from dynid.drivers.ur.state import ControllerState
-from dynid.experiment.approach import plan_approach
-from dynid.experiment.plan import ExperimentPlan, Payload
-from dynid.experiment.preflight import Check, check_design, check_robot, require_ready
-from dynid.robot.load import load_robot
-from dynid.trajectory.rest import rest_series
+from dynid.constraints import safe_constraints
+from dynid.core import InputError, JobError
+from dynid.drivers import ControllerState
+from dynid.experiment import (
+    ExperimentPlan,
+    Payload,
+    check_design,
+    check_robot,
+    plan_approach,
+    require_ready,
+)
+from dynid.experiment.preflight import Check
+from dynid.robot import load_robot
+from dynid.trajectory.fourier import rest_series
 
 UR5 = load_robot("ur5")
 MIDDLE = np.array([0.1, -1.4, 0.3, -2.1, 0.2, 0.1])

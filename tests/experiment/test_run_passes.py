@@ -10,16 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynid.core.errors import InputError, JobError
-from dynid.core.notices import Notice
-from dynid.core.progress import Progress
-from dynid.drivers.driver import Driver, Execution, Outcome, Recorder, Source
-from dynid.drivers.watchdog import Abort
-from dynid.experiment.plan import ExperimentPlan
-from dynid.experiment.run import run
-from dynid.recording.writer import RecordWriter
-from dynid.robot.load import load_robot
-from dynid.trajectory.rest import rest_series
+from dynid.core import InputError, JobError, Notice, Progress
+from dynid.drivers import Abort, Driver, Execution, Outcome, Recorder
+from dynid.drivers.driver import Source
+from dynid.experiment import ExperimentPlan, run
+from dynid.recording import RecordWriter
+from dynid.robot import load_robot
+from dynid.trajectory.fourier import rest_series
 
 SERIES = rest_series(2.0, np.zeros(6), 0.05 * np.random.default_rng(0).normal(size=(6, 4)))
 PLAN = ExperimentPlan(

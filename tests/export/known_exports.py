@@ -7,20 +7,22 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from dynid.core.arrays import Array
-from dynid.core.provenance import provenance
-from dynid.identification.estimate import Estimate, MotionRange
-from dynid.reduction.base import reduce_model
-from dynid.regressor.load import LoadFriction
-from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.ripple import Gear, TorqueRipple
-from dynid.regressor.terms import FrictionTerms, parse_terms
-from dynid.robot.chain import robot_from_chain
-from dynid.robot.counterbalance import Counterbalance
-from dynid.robot.drives import Drives
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
-from dynid.signals.samples import ProcessingSettings
+from dynid.core import Array, provenance
+from dynid.identification import Estimate
+from dynid.identification.estimate import MotionRange
+from dynid.reduction import reduce_model
+from dynid.regressor import (
+    FrictionTerms,
+    Gear,
+    InverseDynamicModel,
+    LoadFriction,
+    TorqueRipple,
+    parse_terms,
+)
+from dynid.robot import Counterbalance, RobotModel, load_robot
+from dynid.robot.dh import robot_from_chain
+from dynid.robot.model import Drives
+from dynid.signals import ProcessingSettings
 
 EVERY_TERM = parse_terms("fc,fv,im,fo,fca,fva,fs,fr", width=0.02)
 # Steps so wide that random states tell the offset, the asymmetry and Stribeck friction apart.

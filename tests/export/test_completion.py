@@ -7,15 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from known_exports import estimate_of, mixed_chain, parameters_of
 
-from dynid.core.errors import JobError
-from dynid.export.bodies import Bodies
-from dynid.export.completion import complete, null_space
-from dynid.export.writing import write_model
+from dynid.core import JobError
+from dynid.export import write_model
+from dynid.export.completion import Bodies, complete, null_space
+from dynid.identification import inertial_prior
 from dynid.identification.estimate import StandardParameters
-from dynid.identification.prior import inertial_prior
-from dynid.reduction.sampling import random_states
-from dynid.robot.inertia import to_pseudo_inertia
-from dynid.robot.load import load_robot
+from dynid.reduction import random_states
+from dynid.robot import load_robot, to_pseudo_inertia
 
 UR5 = load_robot("ur5")
 # Torques of two sets of standard parameters that are the same to motion [N.m].

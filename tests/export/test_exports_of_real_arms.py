@@ -6,14 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynid.core.errors import JobError
-from dynid.export.writing import FORMATS, write_model
-from dynid.recording.files import read_recording
-from dynid.recording.record import ExperimentRecord
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
-from dynid.workflow.identify import identify
-from dynid.workflow.identify_settings import IdentifySettings
+from dynid.core import JobError
+from dynid.export import write_model
+from dynid.export.writing import FORMATS
+from dynid.recording import ExperimentRecord, read_recording
+from dynid.robot import RobotModel, load_robot
+from dynid.workflow import IdentifySettings, identify
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data"

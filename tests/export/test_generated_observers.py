@@ -18,11 +18,11 @@ from known_exports import (
     with_ripple,
 )
 
-from dynid.core.arrays import Array
-from dynid.export.load_code import C_FLAGS, c_compiler
-from dynid.export.writing import write_model
-from dynid.identification.estimate import Estimate
-from dynid.validation.observer import MomentumObserver
+from dynid.core import Array
+from dynid.export import write_model
+from dynid.export.verification import C_FLAGS, c_compiler
+from dynid.identification import Estimate
+from dynid.validation import MomentumObserver
 
 SAME = 1e-9
 PROGRAM = """

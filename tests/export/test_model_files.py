@@ -19,16 +19,14 @@ from known_exports import (
 )
 
 from dynid.cli.app import main
-from dynid.core.errors import InputError
-from dynid.export.c_code import c_code, c_prefix
-from dynid.export.c_text import number, safe
-from dynid.export.json_model import model_from_json, model_to_json
+from dynid.core import InputError
+from dynid.export.c_code import c_code, c_prefix, number, safe
 from dynid.export.model import ExportModel, export_model
 from dynid.export.python_code import python_code
-from dynid.export.writing import FORMATS
-from dynid.identification.estimate_file import write_estimate
-from dynid.regressor.terms import parse_terms
-from dynid.robot.load import load_robot
+from dynid.export.writing import FORMATS, model_from_json, model_to_json
+from dynid.identification import write_estimate
+from dynid.regressor import parse_terms
+from dynid.robot import load_robot
 
 UR5 = load_robot("ur5")
 

@@ -4,7 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from dynid.export.rotations import quaternion, roll_pitch_yaw, upright
+from dynid.export import quaternion, roll_pitch_yaw
+from dynid.export.robot_xml import upright
 
 ANGLES = st.floats(-np.pi, np.pi)
 # Upright, and near it, as rounded angles in URDF files are.

@@ -22,20 +22,14 @@ from known_exports import (
     with_ripple,
 )
 
-from dynid.core.arrays import Array
-from dynid.core.errors import InputError, JobError
-from dynid.export import writing
-from dynid.export.load_code import c_compiler, c_torque
+from dynid.core import Array, InputError, JobError
+from dynid.export import write_model, writing
 from dynid.export.model import ExportModel, export_model
-from dynid.export.verification import States, random_motion
-from dynid.export.writing import write_model
-from dynid.identification.estimate import Estimate
-from dynid.regressor.load import LoadFriction
-from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.terms import FrictionTerms, parse_terms
-from dynid.robot.chain import robot_from_chain
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
+from dynid.export.verification import States, c_compiler, c_torque, random_motion
+from dynid.identification import Estimate
+from dynid.regressor import FrictionTerms, InverseDynamicModel, LoadFriction, parse_terms
+from dynid.robot import RobotModel, load_robot
+from dynid.robot.dh import robot_from_chain
 
 # The asked agreement of torques [N.m or N], for torques up to a few hundred.
 EXACT = 1e-9

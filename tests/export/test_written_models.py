@@ -15,15 +15,14 @@ from known_exports import (
     pinocchio_chain,
 )
 
-from dynid.core.errors import InputError, JobError
-from dynid.export import load_code, writing
-from dynid.export.load_code import c_torque
+from dynid.core import InputError, JobError
+from dynid.export import verification as load_code
+from dynid.export import write_model, writing
 from dynid.export.model import ExportModel
-from dynid.export.verification import States, random_motion
-from dynid.export.writing import FORMATS, write_model
-from dynid.identification.estimate import Estimate
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
+from dynid.export.verification import States, c_torque, random_motion
+from dynid.export.writing import FORMATS
+from dynid.identification import Estimate
+from dynid.robot import RobotModel, load_robot
 
 # The asked agreement of torques [N.m or N].
 EXACT, MUJOCO = 1e-9, 1e-6

@@ -13,19 +13,36 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import dynid
-from dynid.figures import friction, learning, motion, parameters, signals, structure, torque
-from dynid.figures.canvas import Canvas, plain
-from dynid.figures.files import write_figure
-from dynid.figures.theme import (
+from dynid.report import Canvas, joint_unit
+from dynid.report import (
+    figures as friction,
+)
+from dynid.report import (
+    figures as parameters,
+)
+from dynid.report import (
+    figures as signals,
+)
+from dynid.report import (
+    figures as structure,
+)
+from dynid.report import (
+    time_figures as motion,
+)
+from dynid.report import (
+    time_figures as torque,
+)
+from dynid.report.theme import (
     POINTS,
     TITLE_WIDTH,
     figure,
-    joint_unit,
     label,
     log_axis,
+    plain,
     thinned,
+    write_figure,
 )
-from dynid.trajectory.bounds import copied_bounds
+from dynid.trajectory import copied_bounds
 
 SINGLE = 1e-6
 """Relative error of single precision."""
@@ -57,7 +74,6 @@ def gallery(identified: dynid.Identification) -> dict[str, Canvas]:
         "side by side": parameters.side_by_side(estimate, estimate, ("cold", "warm")),
         "friction": friction.friction_figure(estimate, result),
         "spectrum": signals.spectrum(samples.q, 20.0, 5.0, names, "positions [rad]"),
-        "learning": learning.learning_curve((5, 10), (3.0, 3.2), (9.0, 5.0)),
     }
 
 

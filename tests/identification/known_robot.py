@@ -8,13 +8,11 @@ import numpy as np
 import pinocchio as pin
 from scipy.signal import lfilter
 
-from dynid.core.arrays import Array
-from dynid.recording.record import ExperimentRecord
+from dynid.core import Array
+from dynid.recording import ExperimentRecord
+from dynid.robot import RobotModel, load_robot
 from dynid.robot.inertia import from_pinocchio
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
-from dynid.trajectory.fourier import FourierSeries
-from dynid.trajectory.random_excitation import random_excitation
+from dynid.trajectory import FourierSeries, random_excitation
 
 COULOMB = np.array([7.7, 8.4, 8.3, 1.9, 1.8, 1.8])
 VISCOUS = np.array([10.8, 8.8, 5.5, 2.8, 1.9, 1.4])

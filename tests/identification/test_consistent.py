@@ -12,28 +12,32 @@ import pytest
 from known_robot import MASSES, oracle, recording, ur5
 from scipy.optimize import minimize
 
-from dynid.core.errors import JobError, MissingExtraError
-from dynid.identification.accumulate import joint_factors
-from dynid.identification.consistent_conic import solve_conic
-from dynid.identification.consistent_problem import (
+from dynid.core import JobError, MissingExtraError
+from dynid.identification import (
+    IdentificationProblem,
+    PhysicallyConsistent,
+    WeightedLeastSquares,
+    estimate_to_json,
+    inertial_prior,
+    read_estimate,
+    write_estimate,
+)
+from dynid.identification.consistent import (
     ConsistentProblem,
     body_constraints,
+    one_standard_error,
+    pose_regions,
     sign_constraints,
+    solve_conic,
 )
-from dynid.identification.consistent_regions import one_standard_error, pose_regions
-from dynid.identification.estimate_file import estimate_to_json, read_estimate, write_estimate
-from dynid.identification.least_squares import WeightedLeastSquares
-from dynid.identification.physical import EXCESS, PhysicallyConsistent, residual_sum
-from dynid.identification.prior import inertial_prior
-from dynid.identification.problem import IdentificationProblem
-from dynid.reduction.base import reduce_model
-from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.terms import parse_terms
-from dynid.robot.inertia import from_pseudo_inertia, is_physical, to_pseudo_inertia
-from dynid.signals.process import process
-from dynid.signals.samples import ProcessingSettings
-from dynid.workflow.identify import Identification, identify
-from dynid.workflow.identify_settings import IdentifySettings
+from dynid.identification.physical import EXCESS, residual_sum
+from dynid.identification.problem import joint_factors
+from dynid.reduction import reduce_model
+from dynid.regressor import InverseDynamicModel, parse_terms
+from dynid.robot import from_pseudo_inertia, to_pseudo_inertia
+from dynid.robot.inertia import is_physical
+from dynid.signals import ProcessingSettings, process
+from dynid.workflow import Identification, IdentifySettings, identify
 
 SOLVERS_AGREE = 1e-6
 """Two solvers of one convex problem, relative to the parameters."""

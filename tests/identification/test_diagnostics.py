@@ -5,13 +5,11 @@ import pinocchio as pin
 import pytest
 from known_robot import COULOMB, VISCOUS, oracle, recording, ur5
 
-from dynid.core.errors import InputError
-from dynid.recording.record import ExperimentRecord
-from dynid.regressor.terms import parse_terms
-from dynid.signals.process import process
-from dynid.signals.samples import ProcessingSettings
-from dynid.workflow.identify import Identification, IdentifySettings, identify
-from dynid.workflow.verdict import verdict
+from dynid.core import InputError
+from dynid.recording import ExperimentRecord
+from dynid.regressor import parse_terms
+from dynid.signals import ProcessingSettings, process
+from dynid.workflow import Identification, IdentifySettings, identify, verdict
 
 
 def codes(result: Identification) -> set[str]:

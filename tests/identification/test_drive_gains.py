@@ -7,15 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynid.core.errors import InputError, JobError
-from dynid.identification.drive_gains import DriveGains, drive_gains
-from dynid.recording.record import ExperimentRecord
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
-from dynid.simulation.library import simulated_arm
-from dynid.trajectory.random_excitation import random_excitation
-from dynid.workflow.gains import identify_gains
-from dynid.workflow.simulating import simulate_recording
+from dynid.core import InputError, JobError
+from dynid.identification import DriveGains, drive_gains
+from dynid.recording import ExperimentRecord
+from dynid.robot import RobotModel, load_robot
+from dynid.simulation import simulated_arm
+from dynid.trajectory import random_excitation
+from dynid.workflow import identify_gains, simulate_recording
 
 ASKED = 0.01
 """Relative error of a gain."""

@@ -7,20 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynid.core.errors import InputError, JobError
-from dynid.recording.record import ExperimentRecord
-from dynid.regressor.model import InverseDynamicModel
-from dynid.robot.drives import direct_drives
-from dynid.robot.inertia import move
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
-from dynid.simulation.inertia import cylinder, link_parameters
-from dynid.simulation.library import simulated_arm
-from dynid.simulation.payload import with_payload
-from dynid.simulation.run import simulate
-from dynid.trajectory.random_excitation import random_excitation
-from dynid.workflow.gains_payload import identify_gains_from_payload, known_payload
-from dynid.workflow.simulating import record_of
+from dynid.core import InputError, JobError
+from dynid.recording import ExperimentRecord
+from dynid.regressor import InverseDynamicModel
+from dynid.robot import RobotModel, load_robot, move
+from dynid.robot.model import direct_drives
+from dynid.simulation import simulate, simulated_arm, with_payload
+from dynid.simulation.truth import cylinder, link_parameters
+from dynid.trajectory import random_excitation
+from dynid.workflow import identify_gains_from_payload
+from dynid.workflow.payload import known_payload
+from dynid.workflow.running import record_of
 
 EXACT = 3e-5
 """Relative error of gains from torques that obey the model, up to the filter of the motion."""

@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 from known_robot import recording, ur5
 
-from dynid.core.errors import InputError
-from dynid.identification.estimate import Estimate
-from dynid.identification.estimate_file import read_estimate, write_estimate
-from dynid.validation.prediction import validate
-from dynid.workflow.identify import IdentifySettings, identify
+from dynid.core import InputError
+from dynid.identification import Estimate, read_estimate, write_estimate
+from dynid.validation import validate
+from dynid.workflow import IdentifySettings, identify
 
 DAMAGES = 500
 

@@ -2,25 +2,24 @@ import numpy as np
 import pytest
 from known_robot import NOISE, recording, ur5
 
-from dynid.core.errors import InputError, JobError
-from dynid.identification.least_squares import (
-    OrdinaryLeastSquares,
+from dynid.core import InputError, JobError
+from dynid.identification import (
+    IdentificationProblem,
     WeightedLeastSquares,
     autocorrelation,
+    block_mean,
 )
-from dynid.identification.problem import IdentificationProblem, block_mean
-from dynid.identification.robust import HuberRegression
+from dynid.identification.least_squares import HuberRegression, OrdinaryLeastSquares
 from dynid.identification.statistics import (
     essential_parameters,
     hac_covariance,
     long_run_covariance,
     naive_covariance,
 )
-from dynid.recording.record import ExperimentRecord
-from dynid.reduction.base import reduce_model
-from dynid.regressor.model import InverseDynamicModel
-from dynid.signals.process import process
-from dynid.signals.samples import ProcessingSettings, Samples
+from dynid.recording import ExperimentRecord
+from dynid.reduction import reduce_model
+from dynid.regressor import InverseDynamicModel
+from dynid.signals import ProcessingSettings, Samples, process
 
 SOLVER = 1e-8
 """Two solvers of the same well-conditioned problem, relative to the standard deviation."""

@@ -9,14 +9,12 @@ import pinocchio as pin
 import pytest
 from known_robot import NOISE, oracle, recording, ur5
 
-from dynid.core.errors import InputError
-from dynid.identification.estimate_file import read_estimate, write_estimate
-from dynid.recording.record import ExperimentRecord
-from dynid.regressor.load import LoadFriction
-from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.terms import FrictionTerms, terms_from_json
-from dynid.trajectory.random_excitation import random_excitation
-from dynid.workflow.identify import Identification, identify
+from dynid.core import InputError
+from dynid.identification import read_estimate, write_estimate
+from dynid.recording import ExperimentRecord
+from dynid.regressor import FrictionTerms, InverseDynamicModel, LoadFriction, terms_from_json
+from dynid.trajectory import random_excitation
+from dynid.workflow import Identification, identify
 
 SHARE = 0.08
 """Of the load of joint 2 [-]."""

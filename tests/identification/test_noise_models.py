@@ -9,16 +9,14 @@ import pytest
 from known_robot import recording, ur5
 from scipy.signal import lfilter
 
-from dynid.core.arrays import Array
-from dynid.identification.least_squares import OrdinaryLeastSquares, WeightedLeastSquares
-from dynid.identification.problem import IdentificationProblem
+from dynid.core import Array
+from dynid.identification import IdentificationProblem, WeightedLeastSquares
+from dynid.identification.least_squares import OrdinaryLeastSquares
 from dynid.identification.statistics import hac_covariance, moved_by_prior
-from dynid.reduction.base import reduce_model
-from dynid.regressor.model import InverseDynamicModel
-from dynid.signals.process import process
-from dynid.signals.samples import ProcessingSettings
-from dynid.workflow.identify import identify
-from dynid.workflow.identify_settings import IdentifySettings
+from dynid.reduction import reduce_model
+from dynid.regressor import InverseDynamicModel
+from dynid.signals import ProcessingSettings, process
+from dynid.workflow import IdentifySettings, identify
 
 SEEDS = range(14)
 

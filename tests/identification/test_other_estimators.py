@@ -8,34 +8,38 @@ import numpy as np
 import pytest
 from known_robot import oracle, recording, torques, ur5
 
-from dynid.core.errors import InputError
-from dynid.identification.accumulate import joint_factors
-from dynid.identification.bayesian import BayesianRegression, base_prior, posterior
-from dynid.identification.closed_loop import ClosedLoop
-from dynid.identification.conditioning import base_mapping, observation_root
+from dynid.core import InputError
+from dynid.identification import (
+    ESTIMATORS,
+    ClosedLoop,
+    IdentificationProblem,
+    WeightedLeastSquares,
+    inertial_prior,
+)
+from dynid.identification.bayesian import BayesianRegression, InertialPrior, base_prior, posterior
 from dynid.identification.instrumental import (
     InstrumentalVariables,
     OutputError,
+    smooth_motion,
     solve_instrumental,
 )
-from dynid.identification.least_squares import OrdinaryLeastSquares, WeightedLeastSquares
-from dynid.identification.likelihood import Likelihood, MaximumLikelihood
-from dynid.identification.position_noise import motion_noise
-from dynid.identification.prior import InertialPrior, inertial_prior
-from dynid.identification.problem import IdentificationProblem
-from dynid.identification.recursive import RecursiveEstimate, RecursiveLeastSquares
-from dynid.identification.registry import ESTIMATORS
-from dynid.identification.smoothing import smooth_motion
+from dynid.identification.least_squares import (
+    OrdinaryLeastSquares,
+    RecursiveEstimate,
+    RecursiveLeastSquares,
+    TotalLeastSquares,
+    solve_total,
+)
+from dynid.identification.likelihood import Likelihood, MaximumLikelihood, motion_noise
+from dynid.identification.problem import base_mapping, joint_factors, observation_root
 from dynid.identification.statistics import hac_covariance, naive_covariance
-from dynid.identification.total_least_squares import TotalLeastSquares, solve_total
-from dynid.reduction.base import reduce_model
-from dynid.regressor.model import InverseDynamicModel
-from dynid.robot.inertia import from_pseudo_inertia, is_physical, to_pseudo_inertia
-from dynid.signals.process import process
-from dynid.signals.samples import ProcessingSettings
-from dynid.trajectory.random_excitation import random_excitation
-from dynid.workflow.identify import identify
-from dynid.workflow.identify_settings import IdentifySettings
+from dynid.reduction import reduce_model
+from dynid.regressor import InverseDynamicModel
+from dynid.robot import from_pseudo_inertia, to_pseudo_inertia
+from dynid.robot.inertia import is_physical
+from dynid.signals import ProcessingSettings, process
+from dynid.trajectory import random_excitation
+from dynid.workflow import IdentifySettings, identify
 
 REFERENCE = 1e-6
 """Against another solver of the same equations, relative."""

@@ -7,21 +7,17 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from dynid.core.arrays import Array
-from dynid.core.errors import InputError
-from dynid.identification.payload import NORMAL_95, Payload
-from dynid.identification.payload_consistent import nearest_body
-from dynid.recording.record import ExperimentRecord
-from dynid.robot.inertia import from_pseudo_inertia, is_physical, to_pseudo_inertia
-from dynid.robot.load import load_robot
-from dynid.simulation.inertia import cylinder, link_parameters
-from dynid.simulation.library import simulated_arm
-from dynid.simulation.payload import with_payload
-from dynid.simulation.run import simulate
-from dynid.trajectory.fourier import FourierSeries
-from dynid.trajectory.random_excitation import random_excitation
-from dynid.workflow.payload import identify_payload
-from dynid.workflow.simulating import record_of
+from dynid.core import Array, InputError
+from dynid.identification import Payload
+from dynid.identification.payload import NORMAL_95, nearest_body
+from dynid.recording import ExperimentRecord
+from dynid.robot import from_pseudo_inertia, load_robot, to_pseudo_inertia
+from dynid.robot.inertia import is_physical
+from dynid.simulation import simulate, simulated_arm, with_payload
+from dynid.simulation.truth import cylinder, link_parameters
+from dynid.trajectory import FourierSeries, random_excitation
+from dynid.workflow import identify_payload
+from dynid.workflow.running import record_of
 
 MASS, CENTRE = 0.02, 0.005
 """Asked: relative error of the mass, error of the centre [m]."""

@@ -12,12 +12,10 @@ from typer.testing import CliRunner
 
 import dynid
 from dynid.cli import gains, payload
-from dynid.core.errors import InputError
-from dynid.simulation.inertia import cylinder
-from dynid.simulation.library import simulated_arm
-from dynid.simulation.payload import with_payload
-from dynid.simulation.run import simulate
-from dynid.workflow.simulating import record_of
+from dynid.core import InputError
+from dynid.simulation import simulate, simulated_arm, with_payload
+from dynid.simulation.truth import cylinder
+from dynid.workflow.running import record_of
 
 
 def call(*words: object) -> str:

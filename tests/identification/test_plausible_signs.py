@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from known_robot import ur5
 from scipy.optimize import nnls
 
-from dynid.identification.candidate_columns import WIDTHS, CandidateColumns
+from dynid.identification.bayesian import not_negative
+from dynid.identification.candidates import WIDTHS, CandidateColumns
 from dynid.identification.crossvalidation import Candidates, Variant, signed_solutions
-from dynid.identification.plausible_signs import not_negative
-from dynid.regressor.model import InverseDynamicModel
+from dynid.regressor import InverseDynamicModel
 
 SAME = 1e-6
 NEAR = 1.25

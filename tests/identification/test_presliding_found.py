@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 from known_robot import COULOMB, NOISE, recording, ur5
 
-from dynid.identification.estimate_file import read_estimate, write_estimate
-from dynid.recording.record import ExperimentRecord
-from dynid.trajectory.random_excitation import random_excitation
-from dynid.validation.prediction import validate
-from dynid.workflow.identify import Identification, identify
-from dynid.workflow.identify_settings import IdentifySettings
+from dynid.identification import read_estimate, write_estimate
+from dynid.recording import ExperimentRecord
+from dynid.trajectory import random_excitation
+from dynid.validation import validate
+from dynid.workflow import Identification, IdentifySettings, identify
 
 OVER = 4e-3
 """Displacement of every joint [rad]: between two that are tried."""

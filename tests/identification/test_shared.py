@@ -5,17 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dynid.core.arrays import Array
-from dynid.core.errors import InputError, JobError
-from dynid.core.linalg import upper_triangle
-from dynid.identification.problem import IdentificationProblem
-from dynid.identification.shared import SharedProblem, solve_shared
-from dynid.identification.shared_fit import fit_shared
-from dynid.reduction.base import BaseParametrization, reduce_model
-from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.terms import parse_terms
-from dynid.robot.load import load_robot
-from dynid.signals.samples import Samples
+from dynid.core import Array, InputError, JobError, upper_triangle
+from dynid.identification import IdentificationProblem, SharedProblem, fit_shared
+from dynid.identification.shared import solve_shared
+from dynid.reduction import BaseParametrization, reduce_model
+from dynid.regressor import InverseDynamicModel, parse_terms
+from dynid.robot import load_robot
+from dynid.signals import Samples
 
 EXACT = 1e-9
 """Elimination against one dense problem, relative."""

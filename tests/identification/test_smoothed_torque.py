@@ -9,17 +9,13 @@ import pytest
 from known_robot import COULOMB, MOTOR, NOISE, recording, ur5
 from scipy.signal import butter, sosfiltfilt
 
-from dynid.identification.estimate_file import read_estimate, write_estimate
-from dynid.identification.problem import IdentificationProblem
-from dynid.recording.record import ExperimentRecord
-from dynid.reduction.base import reduce_model
-from dynid.regressor.model import InverseDynamicModel
-from dynid.signals.process import process
-from dynid.signals.samples import ProcessingSettings
-from dynid.signals.torque_filter import TorqueFilter
-from dynid.validation.prediction import validate
-from dynid.workflow.identify import Identification, identify
-from dynid.workflow.shared_inertias import identify_shared
+from dynid.identification import IdentificationProblem, read_estimate, write_estimate
+from dynid.recording import ExperimentRecord
+from dynid.reduction import reduce_model
+from dynid.regressor import InverseDynamicModel
+from dynid.signals import ProcessingSettings, TorqueFilter, process
+from dynid.validation import validate
+from dynid.workflow import Identification, identify, identify_shared
 
 CUTOFF_HZ = 2.5
 ORDER = 3

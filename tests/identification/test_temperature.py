@@ -5,19 +5,21 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dynid.core.errors import InputError
-from dynid.identification.temperature import fit_law
-from dynid.recording.record import ExperimentRecord
-from dynid.regressor.terms import parse_terms
-from dynid.robot.load import load_robot
-from dynid.simulation.library import simulated_arm
-from dynid.simulation.run import SimulatedRun, simulate
-from dynid.trajectory.random_excitation import random_excitation
-from dynid.validation.prediction import validate
-from dynid.workflow.identify_settings import IdentifySettings
-from dynid.workflow.shared_inertias import identify_shared
-from dynid.workflow.simulating import record_of
-from dynid.workflow.temperature import TemperatureIdentification, identify_temperature
+from dynid.core import InputError
+from dynid.identification import fit_law
+from dynid.recording import ExperimentRecord
+from dynid.regressor import parse_terms
+from dynid.robot import load_robot
+from dynid.simulation import SimulatedRun, simulate, simulated_arm
+from dynid.trajectory import random_excitation
+from dynid.validation import validate
+from dynid.workflow import (
+    IdentifySettings,
+    TemperatureIdentification,
+    identify_shared,
+    identify_temperature,
+)
+from dynid.workflow.running import record_of
 
 ASKED = 0.05
 """Relative error of the friction at an unseen temperature."""

@@ -9,16 +9,19 @@ import numpy as np
 import pytest
 from known_robot import NOISE, recording, ur5
 
-from dynid.core.errors import InputError
-from dynid.identification.estimate_file import read_estimate, write_estimate
-from dynid.identification.gear_waves import alike
-from dynid.identification.ripple import find_ripples
-from dynid.recording.record import ExperimentRecord
-from dynid.regressor.adjoint import check_differentiable
-from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.ripple import Gear, TorqueRipple
-from dynid.regressor.terms import FrictionTerms, terms_from_json
-from dynid.workflow.identify import Identification, identify
+from dynid.core import InputError
+from dynid.identification import read_estimate, write_estimate
+from dynid.identification.ripple import alike, find_ripples
+from dynid.recording import ExperimentRecord
+from dynid.regressor import (
+    FrictionTerms,
+    Gear,
+    InverseDynamicModel,
+    TorqueRipple,
+    check_differentiable,
+    terms_from_json,
+)
+from dynid.workflow import Identification, identify
 
 RATE = 500.0
 QUIET = 0.2

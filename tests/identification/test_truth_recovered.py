@@ -2,13 +2,11 @@ import numpy as np
 import pytest
 from known_robot import oracle, recording, ur5
 
-from dynid.identification.least_squares import WeightedLeastSquares
-from dynid.identification.problem import IdentificationProblem
-from dynid.reduction.base import reduce_model
-from dynid.regressor.model import InverseDynamicModel
-from dynid.signals.process import process
-from dynid.signals.samples import ProcessingSettings
-from dynid.workflow.identify import Identification, IdentifySettings, identify
+from dynid.identification import IdentificationProblem, WeightedLeastSquares
+from dynid.reduction import reduce_model
+from dynid.regressor import InverseDynamicModel
+from dynid.signals import ProcessingSettings, process
+from dynid.workflow import Identification, IdentifySettings, identify
 
 EXACT = 2e-3
 """Noise-free: what filtering and differentiating 125 Hz samples leave, relative."""

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dynid.protocol.framing import KINDS, Framer, Kind, Packet, ProtocolError, frame
+from dynid.protocol import Framer, Kind, Packet, ProtocolError
+from dynid.protocol.rtde import KINDS, frame
 
 PACKETS = st.lists(
     st.builds(Packet, st.sampled_from(sorted(Kind)), st.binary(max_size=300)), max_size=8

@@ -8,10 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dynid.protocol import rtde
-from dynid.protocol.fields import INPUTS, OUTPUTS, DataType
-from dynid.protocol.framing import Framer, Kind, ProtocolError
-from dynid.protocol.recipe import Recipe
+from dynid.protocol import INPUTS, OUTPUTS, DataType, Framer, Kind, ProtocolError, Recipe, rtde
 
 
 def payload_of(packet: bytes) -> bytes:

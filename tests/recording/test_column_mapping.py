@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
 from dynid.recording.columns import parse_columns, select
 from dynid.recording.headers import match_headers
 from dynid.recording.naming import parse_name, says_degrees

@@ -25,10 +25,8 @@ from recorded_motions import (
     write_ur_csv,
 )
 
-from dynid.core.errors import InputError
-from dynid.recording.files import read_recording
-from dynid.recording.parquet import write_record
-from dynid.recording.record import ExperimentRecord
+from dynid.core import InputError
+from dynid.recording import ExperimentRecord, read_recording, write_record
 
 CASES = 500
 SECONDS = 5.0

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from recorded_motions import Motion
 
-from dynid.core.errors import RecordError
-from dynid.recording.record import ExperimentRecord
+from dynid.core import RecordError
+from dynid.recording import ExperimentRecord
 from dynid.recording.repair.pipeline import RepairSettings, repair
 from dynid.recording.table import RawTable
 from dynid.signals.resample import GAP_STEPS

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from recorded_motions import ALPHABETICAL, UR_JOINTS, Motion
 
-from dynid.core.errors import RecordError
-from dynid.recording.files import read_recording
-from dynid.robot.load import load_robot
+from dynid.core import RecordError
+from dynid.recording import read_recording
+from dynid.robot import load_robot
 
 MOTION = Motion(samples=400)
 EPOCH = 1_600_000_000

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynid.core.errors import RecordError
-from dynid.recording.files import read_recording
+from dynid.core import RecordError
+from dynid.recording import read_recording
 from dynid.recording.units import factor_of
-from dynid.robot.load import load_robot
+from dynid.robot import load_robot
 
 JOINTS = range(1, 7)
 

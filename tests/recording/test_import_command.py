@@ -8,10 +8,10 @@ import pytest
 import scipy.io
 from recorded_motions import UR_JOINTS, Motion, write_rtde_csv
 
-from dynid.core.errors import InputError, RecordError
-from dynid.recording.files import read_recording
-from dynid.robot.load import load_robot
-from dynid.workflow.importing import import_recording
+from dynid.core import InputError, RecordError
+from dynid.recording import read_recording
+from dynid.robot import load_robot
+from dynid.workflow import import_recording
 
 MOTION = Motion(samples=400)
 

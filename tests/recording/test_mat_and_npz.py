@@ -7,9 +7,9 @@ import pytest
 import scipy.io
 from recorded_motions import MAT_COLUMNS, Motion, write_mat, write_npz
 
-from dynid.core.errors import InputError, RecordError
-from dynid.recording.files import read_recording
-from dynid.robot.load import load_robot
+from dynid.core import InputError, RecordError
+from dynid.recording import read_recording
+from dynid.robot import load_robot
 
 
 def codes(record) -> list[str]:

@@ -16,9 +16,9 @@ import pytest
 import scipy.io
 from recorded_motions import Motion
 
-from dynid.core.errors import RecordError
-from dynid.recording.files import read_recording
-from dynid.robot.load import load_robot
+from dynid.core import RecordError
+from dynid.recording import read_recording
+from dynid.robot import load_robot
 
 MOTION = Motion(samples=400, start=10.0)
 T = MOTION.t

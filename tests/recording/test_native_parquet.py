@@ -11,10 +11,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from dynid.core.errors import InputError, RecordError
-from dynid.core.notices import CODES, Notice
-from dynid.recording.parquet import KEY, read_record, write_record
-from dynid.recording.record import JOINT_QUANTITIES, ExperimentRecord, RecordMetadata
+from dynid.core import InputError, Notice, RecordError
+from dynid.core.findings import CODES
+from dynid.recording import ExperimentRecord, RecordMetadata, read_record, write_record
+from dynid.recording.parquet import KEY
+from dynid.recording.record import JOINT_QUANTITIES
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 TEXT = st.text(max_size=12)

@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynid.core.errors import RecordError
-from dynid.recording.files import read_recording
-from dynid.recording.parquet import read_record, write_record
-from dynid.robot.drives import Drives
-from dynid.robot.load import load_robot
+from dynid.core import RecordError
+from dynid.recording import read_record, read_recording, write_record
+from dynid.robot import load_robot
+from dynid.robot.model import Drives
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=f"the real recordings are not at {DATA}")

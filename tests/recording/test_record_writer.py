@@ -10,12 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynid.core.errors import JobError, RecordError
-from dynid.core.notices import Notice
-from dynid.recording.parquet import read_record
-from dynid.recording.record import RecordMetadata
-from dynid.recording.segments import MARK, pack, partial_path
-from dynid.recording.writer import RecordWriter
+from dynid.core import JobError, Notice, RecordError
+from dynid.recording import RecordMetadata, RecordWriter, partial_path, read_record
+from dynid.recording.segments import MARK, pack
 
 NAMES = ("a", "b")
 PATIENCE_S = 5.0

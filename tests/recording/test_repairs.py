@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from recorded_motions import Motion, write_rtde_csv
 
-from dynid.core.errors import RecordError
-from dynid.recording.files import read_recording
-from dynid.recording.record import ExperimentRecord
+from dynid.core import RecordError
+from dynid.recording import ExperimentRecord, read_recording
 from dynid.recording.repair.pipeline import RepairSettings, repair
 from dynid.recording.table import RawTable
-from dynid.robot.drives import Drives
-from dynid.robot.load import load_robot
+from dynid.robot import load_robot
+from dynid.robot.model import Drives
 from dynid.signals.resample import GAP_STEPS
 
 MOTION = Motion(samples=1500)
@@ -508,7 +507,7 @@ def test_any_number_of_joints(joints: int) -> None:
 
 
 def test_own_recordings_are_read_for_a_robot(tmp_path: Path) -> None:
-    from dynid.recording.parquet import write_record
+    from dynid.recording import write_record
 
     path = tmp_path / "x.parquet"
     write_record(run(raw()), path)

@@ -9,11 +9,11 @@ from recorded_motions import ALPHABETICAL, UR_JOINTS, Motion, write_mcap
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
+from dynid.recording import read_recording
 from dynid.recording.bag.catalog import Catalog
 from dynid.recording.bag.ros1 import ros1_messages
-from dynid.recording.files import read_recording
-from dynid.robot.load import load_robot
+from dynid.robot import load_robot
 
 STORE = get_typestore(Stores.ROS1_NOETIC)
 TYPE = "sensor_msgs/msg/JointState"

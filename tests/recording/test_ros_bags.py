@@ -17,10 +17,10 @@ from recorded_motions import (
     write_rtde_csv,
 )
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
+from dynid.recording import read_recording
 from dynid.recording.bag.cdr import CdrError, JointStateDecoder
-from dynid.recording.files import read_recording
-from dynid.robot.load import load_robot
+from dynid.robot import load_robot
 
 
 def codes(record) -> list[str]:

@@ -14,12 +14,12 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
+from dynid.recording import read_recording
 from dynid.recording.bag.catalog import Topic
 from dynid.recording.bag.cdr import CdrError
 from dynid.recording.bag.generic import GenericDecoder
-from dynid.recording.files import read_recording
-from dynid.robot.load import load_robot
+from dynid.robot import load_robot
 
 ARM7 = Motion(samples=150, joints=7, rate=1000.0)
 MOTION = Motion(samples=150)

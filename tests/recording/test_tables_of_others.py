@@ -16,12 +16,11 @@ import scipy.io
 from pyarrow import feather, parquet
 from recorded_motions import Motion, write_db3, write_mat, write_rtde_csv
 
-from dynid.core.errors import RecordError
-from dynid.recording.detect import content_kind
-from dynid.recording.files import read_recording
+from dynid.core import RecordError
+from dynid.recording import content_kind, read_recording
 from dynid.recording.unpack import unpacked
-from dynid.robot.load import load_robot
-from dynid.workflow.recordings import open_records
+from dynid.robot import load_robot
+from dynid.workflow import open_records
 
 MOTION = Motion(samples=400)
 

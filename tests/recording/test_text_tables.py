@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from recorded_motions import Motion, write_plain_csv, write_rtde_csv, write_ur_csv
 
-from dynid.core.errors import RecordError
-from dynid.recording.files import read_recording
-from dynid.robot.load import load_robot
+from dynid.core import RecordError
+from dynid.recording import read_recording
+from dynid.robot import load_robot
 
 COLUMNS = "t=0,q=1:7,qd=7:13,current=13:19"
 

@@ -9,11 +9,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from dynid.reduction.base import BaseParametrization, reduce_model
-from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.terms import parse_terms
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
+from dynid.reduction import BaseParametrization, reduce_model
+from dynid.regressor import InverseDynamicModel, parse_terms
+from dynid.robot import RobotModel, load_robot
 
 Floats = NDArray[np.float64]
 A2, A3, D4, D5, D6 = -0.425, -0.39225, 0.10915, 0.09465, 0.0823

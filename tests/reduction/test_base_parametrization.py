@@ -11,15 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from structure_oracles import classify, first_come, found, names, observation, reduce, reduced
 
-from dynid.core.errors import InputError
-from dynid.reduction.base import reduce_model
-from dynid.reduction.rank import rank_and_classes, regrouping
-from dynid.reduction.sampling import random_states
-from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.terms import FrictionTerms
-from dynid.robot.chain import robot_from_chain
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
+from dynid.core import InputError
+from dynid.reduction import random_states, reduce_model
+from dynid.reduction.base import rank_and_classes, regrouping
+from dynid.regressor import FrictionTerms, InverseDynamicModel
+from dynid.robot import RobotModel, load_robot
+from dynid.robot.dh import robot_from_chain
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "robots"
 ORACLE = Path(__file__).parents[3] / "shared" / "oracles" / "base_params_check.py"

@@ -9,9 +9,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from dynid.robot.drives import direct_drives
-from dynid.robot.limits import unknown_limits
-from dynid.robot.model import RobotModel
+from dynid.robot import RobotModel
+from dynid.robot.model import direct_drives, unknown_limits
 
 Floats = NDArray[np.float64]
 

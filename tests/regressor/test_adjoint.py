@@ -14,12 +14,12 @@ from pinocchio_chains import (
     random_states,
 )
 
-from dynid.core.errors import InputError
-from dynid.regressor.adjoint import regressor_adjoint, torque_adjoint
-from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.terms import PAPER_WIDTH, TERMS, FrictionTerms, parse_terms
-from dynid.robot.drives import Drives
-from dynid.robot.model import RobotModel
+from dynid.core import InputError
+from dynid.regressor import TERMS, FrictionTerms, InverseDynamicModel, parse_terms, torque_adjoint
+from dynid.regressor.adjoint import regressor_adjoint
+from dynid.regressor.terms import PAPER_WIDTH
+from dynid.robot import RobotModel
+from dynid.robot.model import Drives
 
 DIFFERENCES = 1e-8
 """Of the largest derivative: what sixth-order differences of a smooth sum give."""

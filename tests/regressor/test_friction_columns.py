@@ -5,13 +5,11 @@ import numpy as np
 import pytest
 from pinocchio_chains import random_chain, random_states
 
-from dynid.regressor import layout
-from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.steps import smooth_sign
-from dynid.regressor.terms import TERMS, FrictionTerms, parse_terms
-from dynid.robot.drives import Drives
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
+from dynid.regressor import TERMS, FrictionTerms, InverseDynamicModel, parse_terms
+from dynid.regressor import columns as layout
+from dynid.regressor.friction import smooth_sign
+from dynid.robot import RobotModel, load_robot
+from dynid.robot.model import Drives
 
 FORMULA = 1e-14
 BALANCE = 1e-11

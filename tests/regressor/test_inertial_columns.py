@@ -11,13 +11,11 @@ from pinocchio_chains import (
     torques,
 )
 
-from dynid.core.errors import InputError
-from dynid.regressor import inertial_kernel
-from dynid.regressor.inertial import LANES, chain_constants, inertial_columns
-from dynid.regressor.model import CHUNK, InverseDynamicModel
-from dynid.regressor.terms import FrictionTerms
-from dynid.robot.load import load_robot, robots
-from dynid.robot.model import RobotModel
+from dynid.core import InputError
+from dynid.regressor import CHUNK, LANES, FrictionTerms, InverseDynamicModel
+from dynid.regressor import inertial as inertial_kernel
+from dynid.regressor.inertial import chain_constants, inertial_columns
+from dynid.robot import RobotModel, load_robot, robots
 
 PINOCCHIO = 1e-10
 """Of the largest number compared: the agreement that is asked for."""

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 from pinocchio_chains import random_chain, random_parameters, random_states
 
-from dynid.core.errors import InputError
-from dynid.regressor.model import INERTIAL, InverseDynamicModel
-from dynid.regressor.terms import FrictionTerms
-from dynid.robot.counterbalance import Counterbalance
-from dynid.robot.model import RobotModel
+from dynid.core import InputError
+from dynid.regressor import INERTIAL, FrictionTerms, InverseDynamicModel
+from dynid.robot import Counterbalance, RobotModel
 
 SLOPE = 1e-6
 """Of the largest torque: what central differences of an energy give."""

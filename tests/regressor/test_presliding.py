@@ -9,12 +9,15 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.integrate import solve_ivp
 
-from dynid.core.errors import InputError
-from dynid.regressor.load import LoadFriction
-from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.presliding import friction_state
-from dynid.regressor.terms import FrictionTerms, terms_from_json
-from dynid.robot.load import load_robot
+from dynid.core import InputError
+from dynid.regressor import (
+    FrictionTerms,
+    InverseDynamicModel,
+    LoadFriction,
+    friction_state,
+    terms_from_json,
+)
+from dynid.robot import load_robot
 
 INTEGRATED = 2e-3
 """Of the state against an integration that knows the motion between samples, too [-]."""

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from dynid.regressor.trigonometry import turns
+from dynid.regressor import turns
 
 LAST_DIGIT = 2.3e-16
 """Two units in the last place below 1."""

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import dynid
-from dynid.trajectory.files import write_trajectory
+from dynid.trajectory import write_trajectory
 
 
 @pytest.fixture(scope="session")
@@ -20,7 +20,7 @@ def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
         dynid.write_record(record, folder / f"{name}.parquet")
         records.append(dynid.read_record(folder / f"{name}.parquet"))
         if seed == 1:
-            made = records[0].metadata and dynid.core.provenance.provenance(seed=seed)
+            made = records[0].metadata and dynid.core.files.provenance(seed=seed)
             write_trajectory(
                 folder / "design.json", series, robot="ur5", limits=robot.limits, provenance=made
             )

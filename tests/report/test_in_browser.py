@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from dynid.workflow.reporting import report
+from dynid.workflow import report
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium (make test installs it)")

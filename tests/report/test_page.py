@@ -11,12 +11,11 @@ from pathlib import Path
 import pytest
 
 import dynid
-from dynid.core.notices import Notice
-from dynid.report.contents import ReportContents, ReportedEstimate
-from dynid.report.page import render, write_report
-from dynid.report.recipe import default_sections
-from dynid.report.section import Table, number
-from dynid.workflow.reporting import report
+from dynid.core import Notice
+from dynid.report import ReportContents, ReportedEstimate, write_report
+from dynid.report.contents import Table, number
+from dynid.report.page import default_sections, render
+from dynid.workflow import report
 
 MAX_BYTES = 6_000_000
 HOSTILE = '<script>alert("x")</script>\u2028</script><!--' + "y" * 3000

@@ -11,8 +11,8 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
-from dynid.robot.inertia import frame_map, from_pinocchio
-from dynid.robot.model import RobotModel
+from dynid.robot import RobotModel, frame_map
+from dynid.robot.inertia import from_pinocchio
 
 PROJECT = Path(__file__).parents[2]
 EXAMPLES = PROJECT / "examples" / "robots"

@@ -15,10 +15,8 @@ from robot_oracles import EXAMPLES
 from test_robot_files import FULL
 from urdf_samples import ARM, URS
 
-from dynid.core.errors import InputError
-from dynid.robot.kinematics import joint_poses
-from dynid.robot.load import load_robot
-from dynid.robot.nominal import nominal_geometry, structural_gravity
+from dynid.core import InputError
+from dynid.robot import joint_poses, load_robot, nominal_geometry, structural_gravity
 
 DAMAGES = 700
 SECONDS = 3.0

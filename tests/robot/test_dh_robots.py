@@ -5,10 +5,10 @@ import pinocchio as pin
 import pytest
 from robot_oracles import UR5_DH, classes, pinocchio_model
 
-from dynid.core.errors import InputError, RobotError
+from dynid.core import InputError, RobotError
+from dynid.robot import from_xyz_rpy, joint_poses
 from dynid.robot.dh import robot_from_dh
-from dynid.robot.kinematics import flange_pose, joint_poses
-from dynid.robot.transforms import from_xyz_rpy
+from dynid.robot.kinematics import flange_pose
 
 EXACT = {0.0, 1.0, -1.0}
 

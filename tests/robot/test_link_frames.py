@@ -5,11 +5,9 @@ from hypothesis import strategies as st
 from robot_oracles import DATA, classes, needs_models
 from urdf_samples import URS
 
-from dynid.robot.chain import robot_from_chain
-from dynid.robot.dh import robot_from_dh
-from dynid.robot.frames import parameter_frames, poses_at_zero
-from dynid.robot.load import load_robot
-from dynid.robot.transforms import from_xyz_rpy, inverse
+from dynid.robot import from_xyz_rpy, inverse, load_robot
+from dynid.robot.dh import robot_from_chain, robot_from_dh
+from dynid.robot.transforms import parameter_frames, poses_at_zero
 from dynid.robot.urdf import load_urdf, robot_from_urdf
 
 angles = st.sampled_from([0.0, np.pi / 2, -np.pi / 2, np.pi, 0.3, -1.1])

@@ -5,13 +5,15 @@ import pytest
 from robot_oracles import UR5_DH, classes
 from urdf_samples import ARM, URS
 
-from dynid.robot.capsule import Capsule
-from dynid.robot.chain import robot_from_chain
-from dynid.robot.dh import robot_from_dh
-from dynid.robot.kinematics import joint_poses
-from dynid.robot.load import load_robot
-from dynid.robot.nominal import nominal_geometry, structural_gravity
-from dynid.robot.transforms import from_xyz_rpy
+from dynid.robot import (
+    Capsule,
+    from_xyz_rpy,
+    joint_poses,
+    load_robot,
+    nominal_geometry,
+    structural_gravity,
+)
+from dynid.robot.dh import robot_from_chain, robot_from_dh
 from dynid.robot.urdf import robot_from_urdf
 
 # Two real factory calibrations in the layout of ROS 2's ur_description (z axes throughout):

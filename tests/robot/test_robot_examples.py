@@ -3,10 +3,8 @@ import pinocchio as pin
 import pytest
 from robot_oracles import EXAMPLES, SHARED, pinocchio_model
 
-from dynid.robot.counterbalance import Counterbalance
-from dynid.robot.kinematics import flange_pose, joint_poses
-from dynid.robot.load import load_robot
-from dynid.robot.nominal import nominal_geometry
+from dynid.robot import Counterbalance, joint_poses, load_robot, nominal_geometry
+from dynid.robot.kinematics import flange_pose
 from dynid.robot.urdf import load_urdf
 
 NAMES = ["gen3", "kr300", "panda", "tx40", "ur10_unisa"]

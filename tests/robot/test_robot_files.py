@@ -6,11 +6,9 @@ import pytest
 from robot_oracles import UR5_DH
 from urdf_samples import ARM
 
-from dynid.core.errors import RobotError
+from dynid.core import RobotError
+from dynid.robot import from_body, joint_poses, load_robot, move
 from dynid.robot.dh import robot_from_dh
-from dynid.robot.inertia import from_body, move
-from dynid.robot.kinematics import joint_poses
-from dynid.robot.load import load_robot
 from dynid.robot.robotfile import MAX_BYTES
 
 FULL = """

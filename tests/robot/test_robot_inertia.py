@@ -4,19 +4,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dynid.core.errors import InputError, RobotError
-from dynid.robot.inertia import (
+from dynid.core import InputError, RobotError
+from dynid.robot import (
     frame_map,
     from_body,
-    from_pinocchio,
     from_pseudo_inertia,
-    is_physical,
+    from_xyz_rpy,
     move,
     tensor,
-    to_pinocchio,
     to_pseudo_inertia,
 )
-from dynid.robot.transforms import from_xyz_rpy
+from dynid.robot.inertia import from_pinocchio, is_physical, to_pinocchio
 
 numbers = st.floats(-5, 5).map(lambda value: round(value, 6))
 tens = st.lists(numbers, min_size=10, max_size=10).map(np.array)

@@ -7,13 +7,18 @@ import pytest
 from robot_oracles import EXAMPLES, classes
 from urdf_samples import ARM, URS
 
-from dynid.core.errors import RobotError
+from dynid.core import RobotError
+from dynid.robot import (
+    RobotModel,
+    joint_poses,
+    load_robot,
+    nominal_geometry,
+    robot_from_json,
+    robot_to_json,
+    robots,
+)
 from dynid.robot.inertia import is_physical
-from dynid.robot.kinematics import flange_pose, joint_poses
-from dynid.robot.load import load_robot, robots
-from dynid.robot.model import RobotModel
-from dynid.robot.nominal import nominal_geometry
-from dynid.robot.serial import robot_from_json, robot_to_json
+from dynid.robot.kinematics import flange_pose
 from dynid.robot.transforms import rotation_z
 from dynid.robot.urdf import robot_from_urdf
 

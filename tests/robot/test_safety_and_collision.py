@@ -3,10 +3,10 @@ from pathlib import Path
 
 import pytest
 
-from dynid.core.errors import RobotError
-from dynid.robot.load import load_robot
+from dynid.core import RobotError
+from dynid.robot import load_robot
+from dynid.robot.model import SafetyLimits
 from dynid.robot.robotfile import robot_from_toml
-from dynid.robot.safety import SafetyLimits
 
 CHAIN = """
 name = "two"

@@ -10,11 +10,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from robot_oracles import DATA, needs_models
 
-from dynid.robot.capsule import Capsule
-from dynid.robot.load import load_robot
-from dynid.robot.mesh_capsules import around_triangles
+from dynid.robot import Capsule, load_robot
+from dynid.robot.capsules import around_triangles, with_collision_geometry
 from dynid.robot.urdf import load_urdf
-from dynid.robot.urdf_capsules import with_collision_geometry
 
 ROUNDING = 1e-9
 

@@ -6,11 +6,10 @@ import pytest
 from robot_oracles import DATA, EXAMPLES, SHARED, needs_models
 from urdf_samples import ARM, chain, joint
 
-from dynid.core.errors import RobotError
+from dynid.core import RobotError
+from dynid.robot import RobotModel, joint_poses, load_robot
 from dynid.robot.inertia import from_pinocchio
-from dynid.robot.kinematics import flange_pose, joint_poses
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
+from dynid.robot.kinematics import flange_pose
 from dynid.robot.urdf import load_urdf, robot_from_urdf
 
 ARMS = [

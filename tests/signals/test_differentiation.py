@@ -3,8 +3,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from dynid.core.errors import InputError
-from dynid.signals.derivatives import derivative, fourier_derivative
+from dynid.core import InputError
+from dynid.signals import derivative
+from dynid.signals.filters import fourier_derivative
 
 ORDER = 0.05
 """How far a fitted order of convergence may be from a whole number."""

@@ -3,14 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dynid.signals.filters import (
-    HARMONIC_FACTOR,
-    LOWEST_DEFAULT_HZ,
-    NYQUIST_SHARE,
-    default_cutoff,
-    low_pass,
-    motion_bandwidth,
-)
+from dynid.signals import NYQUIST_SHARE, default_cutoff, low_pass, motion_bandwidth
+from dynid.signals.filters import HARMONIC_FACTOR, LOWEST_DEFAULT_HZ
 from dynid.signals.resample import resample
 
 PHASE = 1e-3

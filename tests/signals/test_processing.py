@@ -6,20 +6,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dynid.core.errors import InputError
-from dynid.recording.record import ExperimentRecord
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
-from dynid.signals.process import (
-    LOWEST_BLOCK_RATE_HZ,
-    MIN_SAMPLES,
-    TIME_CONSTANTS,
+from dynid.core import InputError
+from dynid.recording import ExperimentRecord
+from dynid.robot import RobotModel, load_robot
+from dynid.signals import (
+    ProcessingSettings,
+    Samples,
     delayed,
     process,
     samples_from,
     uniform_signals,
 )
-from dynid.signals.samples import ProcessingSettings, Samples
+from dynid.signals.process import LOWEST_BLOCK_RATE_HZ, MIN_SAMPLES, TIME_CONSTANTS
 
 EXACT = 1e-9
 MOTION = {"q": 1e-5, "dq": 1e-4, "ddq": 1e-3}

@@ -6,9 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from dynid.core.errors import InputError
-from dynid.signals.periods import find_period, fold_periods
-from dynid.signals.resample import UniformSignals
+from dynid.core import InputError
+from dynid.signals import UniformSignals, find_period, fold_periods
 
 CHANCE = 1e-6
 """How often a correct noise estimate may fall outside its bounds."""

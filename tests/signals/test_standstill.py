@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dynid.signals.resample import UniformSignals
-from dynid.signals.standstill import rest_share
+from dynid.signals import UniformSignals, rest_share
 
 RATE = 100.0
 

@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-from dynid.core.errors import InputError
-from dynid.signals.resample import UniformSignals
-from dynid.signals.samples import Samples
-from dynid.signals.torque_filter import TorqueFilter, torque_end, was_smoothed
+from dynid.core import InputError
+from dynid.signals import Samples, TorqueFilter, UniformSignals, torque_end, was_smoothed
 
 RATE = 125.0
 ROUNDING = 1e-12

@@ -3,10 +3,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dynid.core.errors import InputError
-from dynid.recording.record import ExperimentRecord, RecordMetadata
-from dynid.robot.load import load_robot
-from dynid.signals.torque import measured_torque
+from dynid.core import InputError
+from dynid.recording import ExperimentRecord, RecordMetadata
+from dynid.robot import load_robot
+from dynid.signals import measured_torque
 
 RANDOM = np.random.default_rng(1)
 CURRENT, EFFORT = RANDOM.normal(size=(2, 40, 6))

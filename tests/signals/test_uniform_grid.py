@@ -3,8 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dynid.core.errors import InputError
-from dynid.signals.resample import GAP_STEPS, MAX_GROWTH, resample, window
+from dynid.core import InputError
+from dynid.signals import window
+from dynid.signals.resample import GAP_STEPS, MAX_GROWTH, resample
 
 RATE = 125.0
 CUBIC_RMS = 2e-5

@@ -2,12 +2,9 @@ import numpy as np
 import pytest
 from robots_for_simulation import HOME, build_ur5
 
-from dynid.robot.model import RobotModel
-from dynid.simulation.library import simulated_arm
-from dynid.simulation.run import SimulatedRun, simulate
-from dynid.simulation.truth import SimulatedArm
-from dynid.trajectory.fourier import FourierSeries
-from dynid.trajectory.random_excitation import random_excitation
+from dynid.robot import RobotModel
+from dynid.simulation import SimulatedArm, SimulatedRun, simulate, simulated_arm
+from dynid.trajectory import FourierSeries, random_excitation
 
 
 @pytest.fixture(scope="session")

@@ -3,16 +3,15 @@
 import numpy as np
 import pinocchio as pin
 
-from dynid.core.arrays import Array
-from dynid.robot.drives import Drives
-from dynid.robot.limits import JointLimits
-from dynid.robot.model import RobotModel
-from dynid.simulation.friction import JointFriction
-from dynid.simulation.run import RunTruth
-from dynid.simulation.sensors import perfect_sensors
-from dynid.simulation.thermal import JointThermal, constant_temperature
-from dynid.simulation.truth import GroundTruth, SimulatedArm, point_masses
-from dynid.trajectory.motion import JointMotion
+from dynid.core import Array
+from dynid.robot import RobotModel
+from dynid.robot.model import Drives, JointLimits
+from dynid.simulation import SimulatedArm
+from dynid.simulation.friction import JointFriction, JointThermal, constant_temperature
+from dynid.simulation.plant import RunTruth
+from dynid.simulation.servo import perfect_sensors
+from dynid.simulation.truth import GroundTruth, point_masses
+from dynid.trajectory import JointMotion
 
 A = (0.0, -0.425, -0.39225, 0.0, 0.0, 0.0)
 D = (0.089159, 0.0, 0.0, 0.10915, 0.09465, 0.0823)

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 from robots_for_simulation import one_joint
 
-from dynid.core.errors import InputError
+from dynid.core import InputError
+from dynid.simulation import Plant, PlantState, SimulatedArm
 from dynid.simulation.friction import JointFriction, ideal_friction
-from dynid.simulation.plant import Plant
-from dynid.simulation.state import PlantState
-from dynid.simulation.truth import SimulatedArm
 
 
 def friction(**change: object) -> JointFriction:

@@ -6,14 +6,14 @@ import pinocchio as pin
 import pytest
 from robots_for_simulation import build_chain, build_ur5, pinocchio_model
 
-from dynid.core.arrays import Array
-from dynid.robot.model import RobotModel
+from dynid.core import Array
+from dynid.robot import RobotModel
+from dynid.simulation import SimulatedArm, SimulatedRun, simulate, simulated_arm
 from dynid.simulation import plant as plant_module
-from dynid.simulation.library import ideal_arm, simulated_arm
-from dynid.simulation.mjcf import mujoco_model
-from dynid.simulation.run import RunTruth, SimulatedRun, simulate
-from dynid.simulation.truth import SimulatedArm
-from dynid.trajectory.fourier import FourierSeries
+from dynid.simulation.kernel import mujoco_model
+from dynid.simulation.library import ideal_arm
+from dynid.simulation.plant import RunTruth
+from dynid.trajectory import FourierSeries
 
 ROBOTS = [
     build_ur5(),

@@ -4,15 +4,12 @@ import numpy as np
 import pytest
 from robots_for_simulation import HOME, build_ur5, pinocchio_model, regressor
 
-from dynid.core.arrays import Array
-from dynid.robot.model import RobotModel
-from dynid.simulation.library import ideal_arm, simulated_arm
-from dynid.simulation.run import SimulatedRun, simulate
-from dynid.simulation.sensors import chosen_sensors
-from dynid.simulation.truth import SimulatedArm
-from dynid.trajectory.fourier import FourierSeries
-from dynid.trajectory.motion import JointMotion
-from dynid.trajectory.random_excitation import random_excitation
+from dynid.core import Array
+from dynid.robot import RobotModel
+from dynid.simulation import SimulatedArm, SimulatedRun, simulate, simulated_arm
+from dynid.simulation.library import ideal_arm
+from dynid.simulation.servo import chosen_sensors
+from dynid.trajectory import FourierSeries, JointMotion, random_excitation
 
 FRICTION_AND_ROTORS = [13 * j + k for j in range(6) for k in (10, 11)] + [
     13 * j + 12 for j in range(2, 6)

@@ -5,22 +5,16 @@ import numpy as np
 import pytest
 from robots_for_simulation import build_chain
 
-from dynid.core.errors import InputError, JobError, MissingExtraError
-from dynid.robot.counterbalance import Counterbalance
-from dynid.robot.drives import Drives
-from dynid.robot.model import RobotModel
-from dynid.simulation.inertia import link_body
-from dynid.simulation.library import ideal_arm, simulated_arm
-from dynid.simulation.mjcf import mujoco_model
-from dynid.simulation.plant import Plant
-from dynid.simulation.run import RunTruth, SimulatedRun, simulate
-from dynid.simulation.sensors import JointSensors, chosen_sensors, perfect_sensors
-from dynid.simulation.servo import Servo
-from dynid.simulation.truth import SimulatedArm
-from dynid.simulation.ur5 import ur5_truth
-from dynid.trajectory.fourier import FourierSeries
-from dynid.trajectory.quintic import Quintic
-from dynid.trajectory.random_excitation import random_excitation
+from dynid.core import InputError, JobError, MissingExtraError
+from dynid.robot import Counterbalance, RobotModel
+from dynid.robot.model import Drives
+from dynid.simulation import Plant, SimulatedArm, SimulatedRun, simulate, simulated_arm
+from dynid.simulation.kernel import mujoco_model
+from dynid.simulation.library import ideal_arm, ur5_truth
+from dynid.simulation.plant import RunTruth
+from dynid.simulation.servo import JointSensors, Servo, chosen_sensors, perfect_sensors
+from dynid.simulation.truth import link_body
+from dynid.trajectory import FourierSeries, Quintic, random_excitation
 
 ARRAYS = [item.name for item in fields(SimulatedRun) if item.type in ("Array", "NDArray[np.bool_]")]
 

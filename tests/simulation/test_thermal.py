@@ -3,13 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dynid.core.errors import InputError
-from dynid.simulation.plant import Plant
-from dynid.simulation.run import simulate
-from dynid.simulation.thermal import JointThermal, constant_temperature
-from dynid.simulation.truth import SimulatedArm
-from dynid.simulation.warm_up import warm_up
-from dynid.trajectory.fourier import FourierSeries
+from dynid.core import InputError
+from dynid.simulation import Plant, SimulatedArm, simulate, warm_up
+from dynid.simulation.friction import JointThermal, constant_temperature
+from dynid.trajectory import FourierSeries
 
 
 def store(**change: object) -> JointThermal:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.core.provenance import provenance
-from dynid.robot.load import load_robot
-from dynid.trajectory.files import write_trajectory
-from dynid.trajectory.rest import rest_series
+from dynid.core import provenance
+from dynid.robot import load_robot
+from dynid.trajectory import write_trajectory
+from dynid.trajectory.fourier import rest_series
 
 PERIOD, CYCLES = 2.0, 250
 MIDDLE = np.array([0.1, -1.4, 0.3, -2.1, 0.2, 0.1])

@@ -6,9 +6,8 @@ from typing import Any
 
 import pytest
 
-from dynid.core.errors import InputError
-from dynid.studio.door import cookie_name, make_door, rule
-from dynid.studio.server import open_server
+from dynid.core import InputError
+from dynid.studio.server import cookie_name, make_door, open_server, rule
 
 TOKEN = "correct-horse-battery"
 HOME = {"host": "127.0.0.1:8080"}

@@ -12,14 +12,13 @@ import numpy as np
 import pytest
 from gentle import CYCLES, write_motion
 
-from dynid.core.errors import InputError
-from dynid.recording.parquet import read_record
-from dynid.recording.record import ExperimentRecord
-from dynid.simulation.controller.process import controller_process, own_address
-from dynid.studio.jobs import Job, job_from_line, job_to_line
-from dynid.studio.supervisor import JobState, Supervisor, criterion_in
-from dynid.studio.tail import TailReader, tail_of
-from dynid.workflow.checking import check
+from dynid.core import InputError
+from dynid.recording import ExperimentRecord, read_record
+from dynid.simulation import controller_process
+from dynid.simulation.controller.process import own_address
+from dynid.studio.jobs import Job, JobState, Supervisor, criterion_in, job_from_line, job_to_line
+from dynid.studio.live import TailReader, tail_of
+from dynid.workflow import check
 
 PATIENCE = 60.0
 """What nobody waits for unless something is broken [s]."""

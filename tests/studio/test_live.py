@@ -3,12 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dynid.constraints.presets import safe_constraints
-from dynid.constraints.scene import scene_from_json
-from dynid.robot.kinematics import joint_poses
-from dynid.robot.load import load_robot
+from dynid.constraints import safe_constraints, scene_from_json
+from dynid.core import JsonFields
+from dynid.robot import joint_poses, load_robot
 from dynid.studio.live import instant
-from dynid.trajectory.json_fields import JsonFields
 
 CLOSE = 1e-9
 UR5 = load_robot("ur5")

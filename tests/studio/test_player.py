@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dynid.core.errors import InputError
-from dynid.studio.player import Player
+from dynid.core import InputError
+from dynid.studio.session import Player
 
 EXACT = 1e-9
 TIMES = st.floats(0.0, 1e4)

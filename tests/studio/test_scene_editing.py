@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dynid.constraints.scene import read_scene
-from dynid.core.errors import InputError
-from dynid.robot.transforms import from_xyz_rpy
+from dynid.core import InputError
+from dynid.robot import from_xyz_rpy
 from dynid.studio.scene_editing import DIMENSIONS, KINDS, SceneEditor, open_scene, pose_of
 
 ROUNDED = 2e-4

@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 from gentle import MIDDLE, PERIOD, write_motion
 
-from dynid.core.errors import InputError
-from dynid.recording.parquet import read_record, write_record
-from dynid.recording.record import ExperimentRecord, RecordMetadata
+from dynid.core import InputError
+from dynid.recording import ExperimentRecord, RecordMetadata, read_record, write_record
 from dynid.studio.jobs import Job
-from dynid.studio.motions import REST, PlayedRecord
-from dynid.studio.opening import kind_of, open_path
+from dynid.studio.opening import REST, PlayedRecord, kind_of, open_path
 from dynid.studio.session import JOB_SCENE, Session
 
 BOX = {"shapes": [{"type": "box", "size": [0.2, 0.2, 0.2], "position": [1.5, 1.5, 0.5]}]}

@@ -5,11 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from dynid.constraints.shapes import BOX, CYLINDER, HALF_SPACE, SPHERE, Shape
-from dynid.robot.kinematics import joint_poses
-from dynid.robot.load import load_robot
-from dynid.studio.solids import arm_meshes, capsule, reach, shape_mesh
-from dynid.studio.visuals import mesh_file, robot_meshes
+from dynid.constraints import BOX, CYLINDER, HALF_SPACE, SPHERE, Shape
+from dynid.robot import joint_poses, load_robot
+from dynid.studio.solids import arm_meshes, capsule, mesh_file, reach, robot_meshes, shape_mesh
 
 ON_SURFACE = 1e-12
 FACETED = 0.06

@@ -14,8 +14,8 @@ from gentle import write_motion
 from typer.testing import CliRunner
 
 from dynid.cli.app import build, main
-from dynid.core import optional
-from dynid.core.errors import MissingExtraError
+from dynid.core import MissingExtraError
+from dynid.core import errors as optional
 
 PATIENCE = 60
 
@@ -75,7 +75,7 @@ def test_a_missing_viser_is_one_sentence(
         raise MissingExtraError(module, next_step=f"Run: pip install 'dynid[{extra}]'")
 
     monkeypatch.setattr(optional, "require", absent)
-    monkeypatch.setattr("dynid.studio.serve.require", absent)
+    monkeypatch.setattr("dynid.studio.server.require", absent)
     assert main(["studio", "ur5"]) == 2
     assert "pip install 'dynid[studio]'" in capsys.readouterr().err
 

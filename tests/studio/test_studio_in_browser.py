@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 from gentle import CYCLES, write_motion
 
-from dynid.recording.parquet import read_record
-from dynid.robot.kinematics import joint_poses
-from dynid.simulation.controller.process import controller_process, own_address
-from dynid.studio.door import make_door
+from dynid.recording import read_record
+from dynid.robot import joint_poses
+from dynid.simulation import controller_process
+from dynid.simulation.controller.process import own_address
 from dynid.studio.opening import open_path
 from dynid.studio.page import Page
-from dynid.studio.server import open_server
+from dynid.studio.server import make_door, open_server
 from dynid.studio.session import Session
 from dynid.studio.solids import arm_meshes
 

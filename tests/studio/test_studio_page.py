@@ -12,14 +12,12 @@ import numpy as np
 import pytest
 from gentle import CYCLES, write_motion
 
-from dynid.studio.door import make_door
-from dynid.studio.files import free_name
+from dynid.studio.live import Tail
 from dynid.studio.opening import open_path
 from dynid.studio.page import Page
-from dynid.studio.server import open_server
-from dynid.studio.session import Session
+from dynid.studio.server import make_door, open_server
+from dynid.studio.session import Session, free_name
 from dynid.studio.solids import arm_meshes
-from dynid.studio.tail import Tail
 
 PATIENCE = 90.0
 

@@ -6,11 +6,11 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from dynid.constraints.usage import Worst
-from dynid.core.errors import InputError
+from dynid.constraints import Worst
+from dynid.core import InputError
 from dynid.studio import text
-from dynid.studio.files import file_in
 from dynid.studio.live import Near
+from dynid.studio.session import file_in
 
 HOSTILE = [
     "<script>alert(1)</script>",

@@ -4,8 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import interpolate
 
-from dynid.core.errors import InputError
-from dynid.trajectory.bspline import BSpline, BSplineFamily
+from dynid.core import InputError
+from dynid.trajectory import BSpline
+from dynid.trajectory.bspline import BSplineFamily
 
 # Relative to the largest value: SciPy's de Boor recursion sums in another order.
 SCIPY = 1e-12

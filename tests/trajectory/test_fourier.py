@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dynid.core.errors import InputError
-from dynid.trajectory.fourier import FourierSeries
-from dynid.trajectory.rest import rest_basis, rest_series
+from dynid.core import InputError
+from dynid.trajectory import FourierSeries
+from dynid.trajectory.fourier import rest_basis, rest_series
 
 
 def some_series(seed: int = 0, joints: int = 6, harmonics: int = 5) -> FourierSeries:

@@ -4,9 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
-from dynid.core.arrays import Array
-from dynid.core.errors import InputError
-from dynid.trajectory.fourier_quintic import FourierQuintic
+from dynid.core import Array, InputError
+from dynid.trajectory import FourierQuintic
 
 AT_THE_ENDS = 1e-12
 

@@ -3,12 +3,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dynid.core.errors import InputError
+from dynid.core import InputError
+from dynid.trajectory import FAMILY_NAMES, MotionFamily, motion_family
 from dynid.trajectory.bspline import BSplineFamily
-from dynid.trajectory.families import FAMILY_NAMES, motion_family
-from dynid.trajectory.family import MotionFamily
-from dynid.trajectory.fourier_family import FourierFamily, ModifiedFourierFamily
-from dynid.trajectory.poses import PosesFamily
+from dynid.trajectory.fourier import FourierFamily, ModifiedFourierFamily
+from dynid.trajectory.sequence import PosesFamily
 
 # The asked boundary conditions: 1e-12 in rad, rad/s and rad/s^2, relative to how large they get.
 AT_THE_ENDS = 1e-12

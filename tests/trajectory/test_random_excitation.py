@@ -3,12 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dynid.core.arrays import Array
-from dynid.core.errors import InputError
-from dynid.trajectory.bounds import MotionBounds, usable_bounds
-from dynid.trajectory.fourier import FourierSeries
-from dynid.trajectory.random_excitation import random_excitation
-from dynid.trajectory.scaling import largest_scale, peaks
+from dynid.core import Array, InputError
+from dynid.trajectory import FourierSeries, MotionBounds, peaks, random_excitation, usable_bounds
+from dynid.trajectory.bounds import largest_scale
 
 NAN = np.nan
 UR5 = MotionBounds(

@@ -5,13 +5,18 @@ import numpy as np
 import pytest
 import yaml
 
-from dynid.core.errors import InputError
+from dynid.core import InputError
 from dynid.recording.headers import match_headers
-from dynid.trajectory.families import FAMILY_NAMES, motion_family
-from dynid.trajectory.quintic import Quintic
-from dynid.trajectory.rest import rest_series
-from dynid.trajectory.sampled import csv_text, joint_trajectory_yaml, sampled
-from dynid.trajectory.trajectory import Trajectory
+from dynid.trajectory import (
+    FAMILY_NAMES,
+    Quintic,
+    Trajectory,
+    csv_text,
+    joint_trajectory_yaml,
+    motion_family,
+)
+from dynid.trajectory.files import sampled
+from dynid.trajectory.fourier import rest_series
 
 
 def some_motion(name: str = "fourier", joints: int = 3) -> Trajectory:

@@ -1,14 +1,11 @@
 import numpy as np
 import pytest
 
-from dynid.core.errors import InputError
-from dynid.trajectory.bounds import MotionBounds
-from dynid.trajectory.fourier import FourierSeries
-from dynid.trajectory.poses import through_poses
-from dynid.trajectory.quintic import Quintic
-from dynid.trajectory.rest import rest_series
-from dynid.trajectory.sequence import MotionSequence, Repetition
-from dynid.trajectory.transfer import transfer_and_repeat, transfer_onto
+from dynid.core import InputError
+from dynid.trajectory import FourierSeries, MotionBounds, MotionSequence, Quintic, Repetition
+from dynid.trajectory.fourier import rest_series
+from dynid.trajectory.quintic import rest_to_rest
+from dynid.trajectory.sequence import through_poses
 
 LIMITS = MotionBounds(
     lower=np.full(2, -6.0), upper=np.full(2, 6.0), velocity=[2.0, 3.0], acceleration=[8.0, 9.0]
@@ -34,10 +31,19 @@ def test_periods_follow_each_other_exactly() -> None:
     np.testing.assert_array_equal(after.dq[1], 0.0)
 
 
-def test_transfer_leads_onto_the_motion_and_respects_its_limits() -> None:
+def way_and_repeats(
+    series: FourierSeries, home: list[float], periods: int, margin: float = 0.25
+) -> MotionSequence:
+    """From a pose onto a motion, half a second at rest, then the motion several times."""
+    way = rest_to_rest(home, series.evaluate([0.0]).q[0], LIMITS, margin=margin)
+    rest = Quintic(start=way.goal, goal=way.goal, travel_time=0.5)
+    return MotionSequence(parts=(way, rest, Repetition(part=series, times=periods)))
+
+
+def test_a_way_leads_onto_the_motion_and_respects_its_limits() -> None:
     series, home = some_series(), [1.0, -1.0]
-    whole = transfer_and_repeat(series, home, LIMITS, periods=2, dwell=0.5, margin=0.4)
-    way = transfer_onto(series, home, LIMITS, margin=0.4)
+    whole = way_and_repeats(series, home, 2, margin=0.4)
+    way = whole.parts[0]
     assert whole.duration == pytest.approx(way.duration + 0.5 + 10.0, abs=1e-12)
     np.testing.assert_allclose(whole.starts, [0.0, way.duration, way.duration + 0.5], atol=1e-12)
     on_the_way = whole.evaluate(np.linspace(0.0, way.duration, 500))
@@ -52,8 +58,8 @@ def test_transfer_leads_onto_the_motion_and_respects_its_limits() -> None:
 
 
 def test_sequences_are_smooth_where_the_parts_meet() -> None:
-    whole = transfer_and_repeat(some_series(), [1.0, -1.0], LIMITS, periods=3)
-    for meeting in (whole.starts[1], whole.starts[1] + 5.0, whole.starts[1] + 10.0):
+    whole = way_and_repeats(some_series(), [1.0, -1.0], 3)
+    for meeting in (whole.starts[1], whole.starts[2], whole.starts[2] + 5.0):
         sides = whole.evaluate([meeting - 1e-9, meeting + 1e-9])
         for name in ("q", "dq", "ddq"):
             value = getattr(sides, name)
@@ -74,7 +80,7 @@ def test_a_path_through_poses_rests_in_each() -> None:
 
 
 def test_derivatives_agree_with_central_differences() -> None:
-    whole, step = transfer_and_repeat(some_series(), [1.0, -1.0], LIMITS, periods=2), 1e-5
+    whole, step = way_and_repeats(some_series(), [1.0, -1.0], 2), 1e-5
     t = np.linspace(0.011, whole.duration - 0.011, 97)
     before, now, after = (whole.evaluate(t + k * step) for k in (-1, 0, 1))
     np.testing.assert_allclose(now.dq, (after.q - before.q) / (2 * step), rtol=0, atol=1e-7)
@@ -98,7 +104,5 @@ def test_refuses_motions_that_do_not_meet() -> None:
         Repetition(part=series, times=0)
     with pytest.raises(InputError, match="two poses"):
         through_poses([[0.0, 0.0]], LIMITS)
-    with pytest.raises(InputError, match="rest before"):
-        transfer_and_repeat(series, [0.0, 0.0], LIMITS, dwell=-1.0)
     with pytest.raises(InputError, match="outside the position limits"):
-        transfer_onto(series, [0.0, 9.0], LIMITS)
+        rest_to_rest([0.0, 9.0], [0.0, 0.0], LIMITS)

@@ -9,20 +9,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from dynid.core.errors import InputError
-from dynid.core.provenance import provenance
-from dynid.trajectory.bounds import MotionBounds
-from dynid.trajectory.bspline import BSpline
-from dynid.trajectory.codec import trajectory_from_json, trajectory_to_json
-from dynid.trajectory.families import FAMILY_NAMES, motion_family
-from dynid.trajectory.files import read_trajectory, write_trajectory
-from dynid.trajectory.fourier import FourierSeries
-from dynid.trajectory.fourier_quintic import FourierQuintic
-from dynid.trajectory.json_fields import JsonFields
-from dynid.trajectory.motion import JointMotion
-from dynid.trajectory.quintic import Quintic
-from dynid.trajectory.sequence import MotionSequence, Repetition
-from dynid.trajectory.trajectory import Trajectory
+from dynid.core import InputError, JsonFields, provenance
+from dynid.trajectory import (
+    FAMILY_NAMES,
+    BSpline,
+    FourierQuintic,
+    FourierSeries,
+    JointMotion,
+    MotionBounds,
+    MotionSequence,
+    Quintic,
+    Repetition,
+    Trajectory,
+    motion_family,
+    read_trajectory,
+    write_trajectory,
+)
+from dynid.trajectory.files import trajectory_from_json, trajectory_to_json
 
 NUMBERS = st.floats(-1e6, 1e6)
 LIMITS = MotionBounds(

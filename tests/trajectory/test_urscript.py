@@ -2,19 +2,24 @@ import numpy as np
 import pytest
 from urscript_player import play
 
-from dynid.core.errors import InputError
+from dynid.core import InputError
 from dynid.simulation.controller.machine_builtins import BUILTINS
 from dynid.simulation.controller.urscript.program import compile_script
-from dynid.trajectory.families import FAMILY_NAMES, motion_family
-from dynid.trajectory.fourier import FourierSeries
-from dynid.trajectory.fourier_quintic import FourierQuintic
-from dynid.trajectory.motion import JointMotion
-from dynid.trajectory.pieces import pieces
-from dynid.trajectory.quintic import Quintic
-from dynid.trajectory.rest import rest_series
-from dynid.trajectory.sequence import MotionSequence, Repetition
-from dynid.trajectory.trajectory import Trajectory
-from dynid.trajectory.urscript import UrProgramOptions, ur_program
+from dynid.trajectory import (
+    FAMILY_NAMES,
+    FourierQuintic,
+    FourierSeries,
+    JointMotion,
+    MotionSequence,
+    Quintic,
+    Repetition,
+    Trajectory,
+    UrProgramOptions,
+    motion_family,
+    pieces,
+    ur_program,
+)
+from dynid.trajectory.fourier import rest_series
 
 # Targets on the controller against `evaluate` [rad].
 SAME = 1e-12

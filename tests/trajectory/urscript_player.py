@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynid.core.arrays import Array
+from dynid.core import Array
 
 _ALLOWED = re.compile(
     r"def \w+\(\):|end|(local )?\w+ = [^=]+|while \w+ < \d+:|(el)?if \w+ (<|>=) \d+:|else:"

@@ -7,14 +7,14 @@ from functools import cache
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.provenance import provenance
-from dynid.identification.estimate import Estimate, MotionRange
-from dynid.recording.record import ExperimentRecord
-from dynid.reduction.base import reduce_model
-from dynid.regressor.model import InverseDynamicModel
-from dynid.robot.load import load_robot
-from dynid.signals.samples import ProcessingSettings, Samples
+from dynid.core import Array, provenance
+from dynid.identification import Estimate
+from dynid.identification.estimate import MotionRange
+from dynid.recording import ExperimentRecord
+from dynid.reduction import reduce_model
+from dynid.regressor import InverseDynamicModel
+from dynid.robot import load_robot
+from dynid.signals import ProcessingSettings, Samples
 
 RATE = 125.0
 

@@ -9,15 +9,12 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from dynid.core.arrays import Array
-from dynid.identification.estimate import Estimate
-from dynid.recording.record import ExperimentRecord
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
-from dynid.signals.process import process
-from dynid.signals.samples import Samples
-from dynid.workflow.identify import identify
-from dynid.workflow.identify_settings import IdentifySettings
+from dynid.core import Array
+from dynid.identification import Estimate
+from dynid.recording import ExperimentRecord
+from dynid.robot import RobotModel, load_robot
+from dynid.signals import Samples, process
+from dynid.workflow import IdentifySettings, identify
 
 RATE = 125.0
 SECONDS = 12.0

@@ -11,17 +11,14 @@ import pytest
 from known_arm import estimate
 from scipy import stats
 
-from dynid.core.errors import InputError
-from dynid.core.notices import Notice
-from dynid.identification.estimate import Estimate
-from dynid.identification.estimate_file import write_estimate
-from dynid.reduction.base import reduce_model
-from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.terms import parse_terms
-from dynid.robot.load import load_robot
-from dynid.robot.mount import with_mount
-from dynid.validation.comparison import FALSE_ALARM, GROUPS, ParameterComparison, compare
-from dynid.workflow.comparing import compare_files
+from dynid.core import InputError, Notice
+from dynid.identification import Estimate, write_estimate
+from dynid.reduction import reduce_model
+from dynid.regressor import InverseDynamicModel, parse_terms
+from dynid.robot import load_robot, with_mount
+from dynid.validation import ParameterComparison, compare
+from dynid.validation.comparison import FALSE_ALARM, GROUPS
+from dynid.workflow import compare_files
 
 SIZES = {"inertial": 36, "coulomb": 6, "viscous": 6, "motor": 4}
 """The composition of the UR5's 52 base parameters (paper 2.1)."""

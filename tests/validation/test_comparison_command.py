@@ -10,7 +10,7 @@ import pytest
 from known_arm import estimate
 
 from dynid.cli.app import main
-from dynid.identification.estimate_file import write_estimate
+from dynid.identification import write_estimate
 
 
 @pytest.fixture

@@ -7,12 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import dynid
-from dynid.core.arrays import Array
-from dynid.core.errors import InputError
-from dynid.identification.estimate import Estimate
-from dynid.simulation.library import simulated_arm
-from dynid.simulation.plant import Plant
-from dynid.validation.observer import ContactThresholds, MomentumObserver, contact_thresholds
+from dynid.core import Array, InputError
+from dynid.identification import Estimate
+from dynid.simulation import Plant, simulated_arm
+from dynid.validation import MomentumObserver, contact_thresholds
+from dynid.validation.observer import ContactThresholds
 
 RATE = 125.0
 CONTACT = 15.0

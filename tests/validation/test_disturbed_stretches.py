@@ -10,11 +10,11 @@ from known_arm import estimate as known
 from known_arm import samples as known_samples
 from pinocchio_arm import Wrong, arm, recording
 
-from dynid.core.notices import Notice
-from dynid.validation.disturbance import DISTURBED, disturbed
-from dynid.validation.prediction import reproduce, validate_samples
-from dynid.workflow.identify import identify
-from dynid.workflow.identify_settings import IdentifySettings
+from dynid.core import Notice
+from dynid.validation import DISTURBED, reproduce
+from dynid.validation.prediction import validate_samples
+from dynid.validation.record_faults import disturbed
+from dynid.workflow import IdentifySettings, identify
 
 
 def _found(folder: Path, wrong: Wrong) -> tuple[Notice, ...]:

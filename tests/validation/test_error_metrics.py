@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dynid.validation.metrics import Metrics, metrics
+from dynid.validation import Metrics
+from dynid.validation.prediction import metrics
 
 FORMULA = 1e-12
 KEYS = [

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from known_arm import RATE, estimate, record, samples
 
-from dynid.core.errors import InputError
-from dynid.recording.record import ExperimentRecord
-from dynid.robot.counterbalance import Counterbalance
-from dynid.signals.samples import ProcessingSettings
-from dynid.validation.metrics import MOVING_SPEED
-from dynid.validation.prediction import ValidationResult, reproduce, validate, validate_samples
+from dynid.core import InputError
+from dynid.recording import ExperimentRecord
+from dynid.robot import Counterbalance
+from dynid.signals import ProcessingSettings
+from dynid.validation import MOVING_SPEED, ValidationResult, reproduce, validate
+from dynid.validation.prediction import validate_samples
 
 FORMULA = 1e-12
 FILTERED = 0.02

@@ -7,12 +7,10 @@ from pathlib import Path
 import pytest
 from pinocchio_arm import RATE, VISCOUS, Wrong, arm, recording
 
-from dynid.core.notices import Notice
-from dynid.validation.carried import CARRIED
-from dynid.validation.disturbance import DISTURBED
-from dynid.validation.drift import DRIFTS, friction_drift
-from dynid.workflow.identify import Identification, identify
-from dynid.workflow.identify_settings import IdentifySettings
+from dynid.core import Notice
+from dynid.validation import CARRIED, DISTURBED
+from dynid.validation.record_faults import DRIFTS, friction_drift
+from dynid.workflow import Identification, IdentifySettings, identify
 
 EARLY_OR_LATE_S = 0.35
 """A window is 0.3 s."""

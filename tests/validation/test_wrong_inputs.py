@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from pinocchio_arm import Wrong, identified
 
-from dynid.identification.conditioning import ILL_CONDITIONED
-from dynid.validation.profile import Inputs, across, profile_of
-from dynid.validation.suspects import CERTAIN, suspects
-from dynid.validation.wrong_inputs import gravity_of, suspicious_inputs
+from dynid.identification import ILL_CONDITIONED
+from dynid.validation.findings import gravity_of, suspicious_inputs
+from dynid.validation.input_faults import CERTAIN, Inputs, across, profile_of, suspects
 
 SIGMAS = 4.0
 LOWER_NOISE = 1e-3

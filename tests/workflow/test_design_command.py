@@ -16,9 +16,9 @@ from designed_arm import written_arm
 
 import dynid
 from dynid.cli.app import main
-from dynid.trajectory.families import FAMILY_NAMES
-from dynid.workflow.design_limits import given_limits
-from dynid.workflow.design_settings import DEFAULT_STARTS
+from dynid.trajectory import FAMILY_NAMES
+from dynid.workflow.design_files import given_limits
+from dynid.workflow.designing import DEFAULT_STARTS
 
 QUICK = ("--harmonics", "3", "--period", "6", "--starts", "2", "--jobs", "1")
 BINDING = {
@@ -253,7 +253,7 @@ def test_bad_input_is_one_clear_message(
     told: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("dynid.excitation.executor.DASK_TIMEOUT_S", 0.5)
+    monkeypatch.setattr("dynid.excitation.multistart.DASK_TIMEOUT_S", 0.5)
     for name, shape in SCENES.items():
         Path(f"{name}.json").write_text(json.dumps({"shapes": [shape]}))
     base = () if "--starts" in words or "--budget" in words else ("--starts", "1")

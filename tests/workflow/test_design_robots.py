@@ -9,8 +9,7 @@ import pytest
 from designed_arm import written_arm
 
 import dynid
-from dynid.constraints.certificate import certify
-from dynid.constraints.presets import safe_constraints
+from dynid.constraints import certify, safe_constraints
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "robots"
 SLIDING = """

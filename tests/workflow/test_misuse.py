@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import dynid
-from dynid.core.errors import InputError
-from dynid.recording.record import ExperimentRecord
-from dynid.robot.load import load_robot
+from dynid.core import InputError
+from dynid.recording import ExperimentRecord
+from dynid.robot import load_robot
 
 PAPER = dynid.IdentifySettings(preset="paper")
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 import dynid
-from dynid.robot.mount import with_mount
+from dynid.robot import with_mount
 
 ROBOT = dynid.load_robot("ur5")
 PAPER = dynid.IdentifySettings(preset="paper")

@@ -7,12 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynid.recording.files import read_recording
-from dynid.recording.record import ExperimentRecord
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
-from dynid.workflow.identify import Identification, identify
-from dynid.workflow.identify_settings import IdentifySettings
+from dynid.recording import ExperimentRecord, read_recording
+from dynid.robot import RobotModel, load_robot
+from dynid.workflow import Identification, IdentifySettings, identify
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data"
@@ -169,7 +166,7 @@ def test_without_the_solver_a_poor_motion_is_fitted_with_a_stronger_prior(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     robot, a, b = kr300
-    monkeypatch.setattr("dynid.workflow.identify_settings.installed", lambda _module: False)
+    monkeypatch.setattr("dynid.workflow.identify.installed", lambda _module: False)
     result = identify([a], robot, validation=b)
     assert "ill_conditioned" in codes(result)
     assert result.estimate.estimator == "wls"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import dynid
-from dynid.workflow.robot_units import unit_notes
+from dynid.workflow.analyze import unit_notes
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "robots").glob("*.toml"))
 ARM = """

@@ -13,14 +13,12 @@ import numpy as np
 import pytest
 
 from dynid.cli.app import main
-from dynid.core.errors import InputError, JobError
-from dynid.core.provenance import provenance
-from dynid.recording.parquet import read_record
-from dynid.robot.load import load_robot
-from dynid.trajectory.files import write_trajectory
-from dynid.trajectory.rest import rest_series
-from dynid.workflow.run_settings import RunSettings, parse_payload, parse_thermal
-from dynid.workflow.running import run_design
+from dynid.core import InputError, JobError, provenance
+from dynid.recording import read_record
+from dynid.robot import load_robot
+from dynid.trajectory import write_trajectory
+from dynid.trajectory.fourier import rest_series
+from dynid.workflow import RunSettings, parse_payload, parse_thermal, run_design
 
 UR5 = load_robot("ur5")
 PERIOD, CYCLES = 2.0, 250

@@ -12,8 +12,8 @@ import pytest
 
 import dynid
 from dynid.cli.app import main
-from dynid.core.errors import InputError
-from dynid.regressor.terms import parse_terms
+from dynid.core import InputError
+from dynid.regressor import parse_terms
 
 ROBOT = dynid.load_robot("ur5")
 SETTINGS = dynid.IdentifySettings(preset="paper", terms=parse_terms("fc,fv,im", width=0.01))

@@ -3,26 +3,105 @@
 Leboutet et al. (2021) compare estimators by the relative distance of the parameters, the error
 of the predicted torque, the tracking error of the arm under a controller that uses them, and
 the time.
+
+Recordings of a simulated UR5 that obeys the paper's model exactly, with chosen noise.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.bench.known_arm import KnownArm, known_arm
-from dynid.core.arrays import Array
-from dynid.core.errors import DynidError, InputError, JobError
-from dynid.core.progress import Progress
-from dynid.identification.closed_loop import ClosedLoop
-from dynid.identification.problem import IdentificationProblem
-from dynid.identification.registry import ESTIMATORS, estimator_of
-from dynid.signals.samples import Samples
+from dynid.core import Array, DynidError, InputError, JobError, Progress
+from dynid.identification import ESTIMATORS, ClosedLoop, IdentificationProblem, estimator_of
+from dynid.recording import ExperimentRecord
+from dynid.reduction import reduce_model
+from dynid.regressor import FrictionTerms, InverseDynamicModel
+from dynid.robot import load_robot
+from dynid.signals import ProcessingSettings, Samples, process
+from dynid.simulation import SimulatedRun, simulate, simulated_arm
+from dynid.trajectory import random_excitation
+
+WIDTH = 0.02
+"""Of the arm's Coulomb step and of the model's [rad/s]: the model can be right."""
+POSITION_NOISE = 2.5e-5
+"""Standard deviation at noise 1 [rad]."""
+TORQUE_NOISE = (2.0, 2.5, 1.5, 0.4, 0.4, 0.3)
+"""Standard deviation at noise 1 [N.m]: residuals of real UR5 logs (methods.md)."""
+VALIDATION_SEED = 1000
+"""Trajectories of the validation runs."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KnownArm:
+    """A simulated arm's runs and its true parameters."""
+
+    model: InverseDynamicModel
+    parameters: Array
+    """(p) true standard parameters."""
+    run: SimulatedRun
+    validation: SimulatedRun
+
+    def problem(self, noise: float, cutoff_hz: float, seed: int) -> IdentificationProblem:
+        """The identification problem of the run with noise added.
+
+        Args:
+            noise: Factor on `POSITION_NOISE` and `TORQUE_NOISE`.
+            cutoff_hz: Low-pass of the motion [Hz].
+            seed: Of the noise.
+        """
+        generator = np.random.default_rng(seed)
+        truth = self.run.truth
+        record = ExperimentRecord(
+            t=self.run.t,
+            signals={
+                "q": truth.q + noise * POSITION_NOISE * generator.normal(size=truth.q.shape),
+                "effort": truth.torque
+                + noise * np.array(TORQUE_NOISE) * generator.normal(size=truth.q.shape),
+            },
+        )
+        samples = process(record, self.model.robot, ProcessingSettings(cutoff_hz=cutoff_hz))
+        return IdentificationProblem(base=reduce_model(self.model), samples=samples)
+
+
+def known_arm(seed: int, *, rate_hz: float = 250.0, period_s: float = 10.0) -> KnownArm:
+    """Simulate the UR5 on two random excitations; MuJoCo moves it, not our regressor.
+
+    Args:
+        seed: Of the trajectories.
+        rate_hz: Samples a second.
+        period_s: Length of each run [s].
+
+    Raises:
+        MissingExtraError: MuJoCo is not installed.
+    """
+    robot = load_robot("ur5")
+    arm = simulated_arm(robot)
+    zero = np.zeros(robot.joints)
+    friction = replace(arm.truth.friction, width=WIDTH, viscous_decay=zero, coulomb_drift=zero)
+    arm = replace(arm, truth=replace(arm.truth, friction=friction))
+    table = arm.standard_parameters_in("dh")
+    runs = [
+        simulate(
+            arm,
+            random_excitation(robot.limits, seed=s, period=period_s, acceleration=5.5 * np.pi),
+            rate_hz=rate_hz,
+            seed=s,
+        )
+        for s in (seed, VALIDATION_SEED + seed)
+    ]
+    return KnownArm(
+        model=InverseDynamicModel(robot=robot, frames="dh", friction=FrictionTerms(width=WIDTH)),
+        parameters=np.concatenate([table[:, :10].ravel(), *table[:, 10:].T]),
+        run=runs[0],
+        validation=runs[1],
+    )
+
 
 SCENARIOS = (("well filtered", 1.0, 5.0), ("noise x4", 4.0, 5.0), ("badly filtered", 4.0, 60.0))
 """Name, factor on the noise, cut-off [Hz]."""

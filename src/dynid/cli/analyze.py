@@ -50,8 +50,8 @@ def _analyze(
 ) -> None:
     """Rank and base parameters of a robot (paper 2.1)."""
     from dynid.cli.output import print_json
-    from dynid.robot.load import load_robot
-    from dynid.workflow.analyze import analyze
+    from dynid.robot import load_robot
+    from dynid.workflow import analyze
 
     model = load_robot(robot, mount=mount)
     result = analyze(model, frames=frames, samples=samples, seed=seed, terms=terms)

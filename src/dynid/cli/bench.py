@@ -34,10 +34,10 @@ def _estimators(
     json: JsonFlag = False,
 ) -> None:
     """Every estimator, by noise and seed: BIRDy's figures."""
-    from dynid.bench.estimators import compare_estimators, summary, to_json
+    from dynid.bench import compare_estimators, summary, to_json
     from dynid.cli.output import console, count, number, print_json, print_table
     from dynid.cli.progress import progress_bar
-    from dynid.identification.registry import ESTIMATORS
+    from dynid.identification import ESTIMATORS
 
     words = ESTIMATORS if only is None else tuple(word.strip() for word in only.split(","))
     with progress_bar("bench") as progress:

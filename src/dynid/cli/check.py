@@ -10,7 +10,7 @@ import typer
 from dynid.cli.options import JsonFlag, examples
 
 if TYPE_CHECKING:
-    from dynid.workflow.checking import Check
+    from dynid.workflow import Check
 
 
 def register(app: typer.Typer) -> None:
@@ -52,7 +52,7 @@ def _check(
 ) -> int:
     """Certify limits and collisions, between samples too."""
     from dynid.cli.output import print_json
-    from dynid.workflow.checking import check
+    from dynid.workflow import check
 
     result = check(
         design, limits=limits, scene=scene, collision=not no_collision, robot=robot, mount=mount

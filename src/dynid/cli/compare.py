@@ -12,7 +12,7 @@ from dynid.cli.options import JsonFlag, examples
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from dynid.validation.comparison import ParameterComparison
+    from dynid.validation import ParameterComparison
 
 
 def register(app: typer.Typer) -> None:
@@ -30,7 +30,7 @@ def _compare(
 ) -> None:
     """Which parameters moved between two estimates (paper 3.2)."""
     from dynid.cli.output import console, print_json
-    from dynid.workflow.comparing import compare_files
+    from dynid.workflow import compare_files
 
     comparison = compare_files(a, b)
     if json:

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from dynid.cli.options import JsonFlag, SeedOption, examples
-from dynid.core.errors import InputError
+from dynid.core import InputError
 
 _FOREIGN = "--expose"
 
@@ -100,14 +100,14 @@ def _controller(
     announced = None if software is None else _version(software)
 
     from dynid.cli.output import check_output, print_json
-    from dynid.workflow.run_settings import parse_thermal
+    from dynid.workflow import parse_thermal
 
     state = parse_thermal(thermal)
     for where, path in (("--truth", truth), ("--report", report)):
         if path is not None:
             check_output(path, where=where)
 
-    from dynid.simulation.controller.serve import ControllerOptions, serve
+    from dynid.simulation import ControllerOptions, serve
 
     options = ControllerOptions(
         robot=robot,

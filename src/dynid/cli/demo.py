@@ -32,8 +32,7 @@ def _demo(
     """The whole paper on the simulated UR5, cold and warm."""
     from dynid.cli.output import console, number, print_json, print_notices, print_table
     from dynid.cli.progress import progress_bar
-    from dynid.workflow.demo import run_demo
-    from dynid.workflow.verdict import verdict
+    from dynid.workflow import run_demo, verdict
 
     with progress_bar("demo") as progress:
         demo = run_demo(output, quick=quick, progress=progress)

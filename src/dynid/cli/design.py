@@ -116,9 +116,7 @@ def _design(
     """Optimal excitation trajectory, certified (paper 2.2)."""
     from dynid.cli.output import check_output, print_json
     from dynid.cli.progress import progress_bar
-    from dynid.workflow.design_settings import DEFAULT_CRITERION, DesignSettings
-    from dynid.workflow.designing import design
-    from dynid.workflow.motion_exports import export_motion
+    from dynid.workflow import DEFAULT_CRITERION, DesignSettings, design, export_motion
 
     inputs = [path for path in (scene, *(previous or ())) if path is not None]
     check_output(output, inputs=inputs, suffix=".json")
@@ -172,7 +170,7 @@ def _design(
 
 
 def _check_apart(paths: Mapping[str, Path | None]) -> None:
-    from dynid.core.errors import InputError
+    from dynid.core import InputError
 
     seen: dict[str, str] = {}
     for where, path in paths.items():
@@ -185,7 +183,7 @@ def _check_apart(paths: Mapping[str, Path | None]) -> None:
 
 
 def _numbers(text: str | None, where: str) -> tuple[float, ...] | None:
-    from dynid.core.errors import InputError
+    from dynid.core import InputError
 
     if text is None:
         return None

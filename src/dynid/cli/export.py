@@ -40,7 +40,7 @@ def _export(
 ) -> None:
     """A model that other programs load, checked by loading it."""
     from dynid.cli.output import check_output, console, number, print_json, print_notices
-    from dynid.workflow.exporting import check_suffix, export_file
+    from dynid.workflow import check_suffix, export_file
 
     check_output(output, [estimate])
     check_suffix(to, output)

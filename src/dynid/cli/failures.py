@@ -14,7 +14,7 @@ from typing import Any
 
 import typer
 
-from dynid.core.errors import DynidError
+from dynid.core import DynidError
 
 TRACEBACK = "DYNID_TRACEBACK"
 """Set in the environment, this shows the traceback of any error."""

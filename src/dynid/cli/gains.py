@@ -28,8 +28,7 @@ def _gains(
 ) -> None:
     """Drive gains, from the controller's own targets (UR)."""
     from dynid.cli.output import console, number, print_json, print_notices, print_table
-    from dynid.workflow.gains import identify_gains
-    from dynid.workflow.recordings import open_records
+    from dynid.workflow import identify_gains, open_records
 
     (opened,), model = open_records([record], robot)
     found = identify_gains(opened, model)

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 from dynid.cli.metrics_table import print_metrics
 from dynid.cli.output import number, print_notices, print_table
-from dynid.workflow.verdict import verdict
+from dynid.workflow import verdict
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from dynid.workflow.identify import Identification
+    from dynid.workflow import Identification
 
 COLOURS = {"usable": "bold green", "care": "bold yellow", "do_not_use": "bold red"}
 

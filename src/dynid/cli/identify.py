@@ -76,10 +76,8 @@ def _identify(
     from dynid.cli.identification_text import print_identification
     from dynid.cli.output import check_output, console, print_json
     from dynid.cli.progress import progress_bar
-    from dynid.regressor.terms import parse_terms
-    from dynid.workflow.identify_settings import IdentifySettings
-    from dynid.workflow.identifying import identify_files
-    from dynid.workflow.verdict import verdict
+    from dynid.regressor import parse_terms
+    from dynid.workflow import IdentifySettings, identify_files, verdict
 
     settings = IdentifySettings(
         preset=preset,

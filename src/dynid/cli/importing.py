@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from dynid.cli.options import JsonFlag, examples
-from dynid.core.errors import InputError
+from dynid.core import InputError
 
 FORMATS = "auto|ur-csv|ur-rtde-csv|csv|rosbag|mcap|mat|npz|hdf5|json|parquet"
 
@@ -74,7 +74,7 @@ def _import(
 ) -> None:
     """A foreign recording becomes ours: checked and repaired."""
     from dynid.cli.output import check_output, print_json
-    from dynid.workflow.importing import ImportOptions, import_recording
+    from dynid.workflow import ImportOptions, import_recording
 
     check_output(output, inputs=files, suffix=".parquet")
     imported = import_recording(

@@ -10,7 +10,7 @@ from dynid.cli.output import number, print_table
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from dynid.validation.prediction import ValidationResult
+    from dynid.validation import ValidationResult
 
 COLUMNS = ("joint", "RMS", "moving", "at rest", "rel. %", "moving %", "R2")
 
@@ -26,7 +26,7 @@ def print_metrics(
         result: The prediction and its errors.
         prismatic: (n) which joints slide.
     """
-    from dynid.figures.theme import joint_unit
+    from dynid.report import joint_unit
 
     unit = joint_unit("N.m", prismatic)
     whole, moving, rest = result.metrics, result.moving, result.at_rest

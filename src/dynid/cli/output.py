@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from dynid.core.errors import InputError
+from dynid.core import InputError
 
 if TYPE_CHECKING:
     from rich.console import Console

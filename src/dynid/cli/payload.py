@@ -36,8 +36,7 @@ def _payload(
 ) -> None:
     """Mass, centre and inertia of a payload, with intervals."""
     from dynid.cli.output import console, number, print_json, print_notices, print_table
-    from dynid.workflow.payload import identify_payload
-    from dynid.workflow.recordings import open_records
+    from dynid.workflow import identify_payload, open_records
 
     (empty, carrying), model = open_records([unloaded, loaded], robot)
     found = identify_payload(empty, carrying, model, cutoff_hz=cutoff)

@@ -27,7 +27,7 @@ def _report(
     """One self-contained page, with the verdict first."""
     from dynid.cli.output import check_output, console, print_json
     from dynid.cli.progress import progress_bar
-    from dynid.workflow.reporting import report
+    from dynid.workflow import report
 
     check_output(output, suffix=".html")
     with progress_bar("report") as progress:

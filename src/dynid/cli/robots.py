@@ -15,7 +15,7 @@ def register(app: typer.Typer) -> None:
 def _robots(json: JsonFlag = False) -> None:
     """List the built-in robots."""
     from dynid.cli.output import console, print_json, print_table
-    from dynid.robot.load import robots
+    from dynid.robot import robots
 
     found = robots()
     if json:

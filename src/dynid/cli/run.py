@@ -11,7 +11,7 @@ import typer
 from dynid.cli.options import JsonFlag, SeedOption, examples
 
 if TYPE_CHECKING:
-    from dynid.workflow.running import Run
+    from dynid.workflow import Run
 
 
 def register(app: typer.Typer) -> None:
@@ -69,9 +69,8 @@ def _run(
     """Execute a design and record it (paper 2.2, 3)."""
     from dynid.cli.output import check_output, print_json
     from dynid.cli.progress import progress_bar
-    from dynid.experiment.interrupts import stop_on_signals
-    from dynid.workflow.run_settings import RunSettings, parse_payload, parse_thermal
-    from dynid.workflow.running import run_design
+    from dynid.experiment import stop_on_signals
+    from dynid.workflow import RunSettings, parse_payload, parse_thermal, run_design
 
     settings = RunSettings(
         repeat=repeat,
@@ -111,8 +110,8 @@ def _ask(what: str, word: str) -> None:
         InputError: Nobody is there to ask, or another word was typed.
     """
     from dynid.cli.output import console
-    from dynid.core.errors import InputError
-    from dynid.experiment.interrupts import interruptible
+    from dynid.core import InputError
+    from dynid.experiment import interruptible
 
     if not sys.stdin.isatty():
         raise InputError("nobody is there to confirm the motion", next_step="Pass --yes.")

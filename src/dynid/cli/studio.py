@@ -10,7 +10,7 @@ import typer
 from dynid.cli.options import JsonFlag, examples
 
 if TYPE_CHECKING:
-    from dynid.studio.serve import Served
+    from dynid.studio import Served
 
 
 def register(app: typer.Typer) -> None:
@@ -55,8 +55,8 @@ def _studio(
     It serves until Ctrl-C. With --json, one object on stdout tells when it can be opened.
     """
     from dynid.cli.output import print_json
-    from dynid.experiment.interrupts import stop_on_signals
-    from dynid.studio.serve import StudioOptions, serve
+    from dynid.experiment import stop_on_signals
+    from dynid.studio import StudioOptions, serve
 
     options = StudioOptions(path=path, robot=robot, host=host, token=token, port=port)
 

@@ -7,13 +7,7 @@ from typing import Annotated
 
 import typer
 
-from dynid.cli.options import (
-    JsonFlag,
-    StartOption,
-    StopOption,
-    TemperatureOption,
-    examples,
-)
+from dynid.cli.options import JsonFlag, StartOption, StopOption, TemperatureOption, examples
 
 
 def register(app: typer.Typer) -> None:
@@ -42,8 +36,7 @@ def _validate(
     """Prediction error on another recording (paper 3.1)."""
     from dynid.cli.metrics_table import print_metrics
     from dynid.cli.output import console, print_json, print_notices
-    from dynid.workflow.temperature_file import estimate_at
-    from dynid.workflow.validating import validate_files
+    from dynid.workflow import estimate_at, validate_files
 
     result = validate_files(estimate, record, start_s=start, stop_s=stop, at_degC=at)
     if json:

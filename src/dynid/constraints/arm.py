@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from dynid.core.arrays import Array, Indices, read_only
-from dynid.robot.model import RobotModel
+from dynid.core import Array, Indices, read_only
+from dynid.robot import RobotModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,15 +16,11 @@ from typing import Any
 import numpy as np
 
 from dynid.constraints.collision import Bodies
-from dynid.constraints.extremes import Extremes, dense_times, extremes
-from dynid.constraints.kinematic import bound_ratios
+from dynid.constraints.extremes import Extremes, Least, dense_times, extremes, least_value
+from dynid.constraints.limits import MovingPoints, Worst, bound_ratios, margins_of
 from dynid.constraints.motion import MotionConstraints
-from dynid.constraints.search import Least, least_value
-from dynid.constraints.speed import MovingPoints
-from dynid.constraints.usage import Worst, margins_of
-from dynid.core.arrays import Array
-from dynid.core.errors import InputError
-from dynid.trajectory.trajectory import Trajectory
+from dynid.core import Array, InputError
+from dynid.trajectory import Trajectory
 
 ROUNDING = 1e-9
 """A limit that is met exactly may be missed by rounding."""

@@ -1,18 +1,115 @@
-"""Joint torques and mechanical power by the prior model, taken at their worst.
-
-The prior may be wrong by a share u of the torque it predicts, and Coulomb friction may act
-either way: |tau| <= (1 + u) |tau_prior| + Fc. The power counts every joint's |tau dq|.
-"""
+"""Joint torques and mechanical power by what is known of the arm before identification."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.constraints.prior import PriorDynamics
-from dynid.core.arrays import Array
-from dynid.regressor.adjoint import torque_adjoint
+from dynid.core import Array, read_only
+from dynid.regressor import FrictionTerms, InverseDynamicModel, torque_adjoint
+from dynid.robot import Capsule, RobotModel, from_body, inverse, move, tensor
+
+COULOMB_SHARE = 0.06
+"""Coulomb torque over the torque limit."""
+VISCOUS_SHARE = 0.08
+"""Viscous torque at 1 rad/s or m/s over the torque limit [s/rad or s/m]."""
+MOTOR_SHARE = 0.01
+"""Torque of the motor's inertia at 1 rad/s^2 or m/s^2 over the torque limit [s^2/rad]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PriorDynamics:
+    """A first guess of the joint torques."""
+
+    model: InverseDynamicModel
+    """Inertial, viscous and motor columns."""
+    parameters: Array
+    """(p) for the columns of `model`."""
+    coulomb: Array
+    """(n) Coulomb friction, which acts either way [N.m or N]."""
+    notes: tuple[str, ...]
+    """What was assumed, in words."""
+
+
+def prior_dynamics(robot: RobotModel) -> PriorDynamics | None:
+    """The prior of a robot, or None where a mass or a centre of mass is unknown."""
+    if np.isnan(robot.inertias[:, :4]).any():
+        return None
+    notes: list[str] = []
+    links = np.array([prior_link(robot, k) for k in range(robot.joints)])
+    unknown = np.isnan(robot.inertias).any(axis=1)
+    shaped = np.isin(np.arange(robot.joints) + 1, [item.link for item in robot.capsules])
+    for rows, guess in (
+        (unknown & shaped, "uniform solids in their capsules"),
+        (unknown & ~shaped, "point masses"),
+    ):
+        if rows.any():
+            names = ", ".join(robot.joint_names[k] for k in np.flatnonzero(rows))
+            notes.append(f"no inertia tensor is known for {names}: taken as {guess}")
+    model = InverseDynamicModel(
+        robot=robot, friction=FrictionTerms(terms=(("fv", None), ("im", None)))
+    )
+    frames = robot.parameter_frames[model.frames]
+    placed = [move(row, inverse(frame)) for row, frame in zip(links, frames, strict=True)]
+    # Without a torque limit nothing tells how large a joint is; nothing is judged there either.
+    size = np.nan_to_num(robot.limits.torque)
+    parameters = np.zeros(len(model.columns))
+    parameters[: 10 * robot.joints] = np.concatenate(placed)
+    for k, column in enumerate(model.columns[10 * robot.joints :], start=10 * robot.joints):
+        share = {"Fv": VISCOUS_SHARE, "Im": MOTOR_SHARE}.get(column.name.rstrip("0123456789"), 0.0)
+        parameters[k] = share * size[column.joint]
+    notes.append(
+        f"friction and motor inertia taken as {COULOMB_SHARE:.0%}, {VISCOUS_SHARE:.0%} per rad/s"
+        f" and {MOTOR_SHARE:.0%} per rad/s^2 of the torque limits"
+    )
+    return PriorDynamics(
+        model=model,
+        parameters=read_only(parameters),
+        coulomb=read_only(COULOMB_SHARE * size),
+        notes=tuple(notes),
+    )
+
+
+def prior_link(robot: RobotModel, k: int) -> Array:
+    """The ten parameters of link k + 1 about its joint frame, its tensor guessed if unknown.
+
+    Args:
+        robot: A robot whose masses and centres of mass are known.
+        k: Index of the joint that moves the link.
+    """
+    row = robot.inertias[k]
+    if not np.isnan(row).any():
+        return row
+    mass = float(row[0])
+    centre = row[1:4] / mass if mass > 0 else np.zeros(3)
+    solids = [item for item in robot.capsules if item.link == k + 1]
+    if not solids or mass == 0:
+        return from_body(mass, centre, np.zeros((3, 3)))
+    volumes = np.array([_volume(item) for item in solids])
+    shares = mass * volumes / volumes.sum()
+    whole = np.sum([_solid(part, item) for part, item in zip(shares, solids, strict=True)], axis=0)
+    own = whole[1:4] / mass
+    central = tensor(whole) - mass * (own @ own * np.eye(3) - np.outer(own, own))
+    return from_body(mass, centre, (central + central.T) / 2)
+
+
+def _volume(item: Capsule) -> float:
+    length = float(np.linalg.norm(item.end - item.start))
+    return math.pi * item.radius**2 * (length + 4 / 3 * item.radius)
+
+
+def _solid(mass: float, item: Capsule) -> Array:
+    """The ten parameters of a cylinder with a capsule's radius and volume."""
+    way = item.end - item.start
+    length = float(np.linalg.norm(way))
+    along = way / length if length > 0 else np.array([0.0, 0.0, 1.0])
+    height, radius = length + 4 / 3 * item.radius, item.radius
+    across = mass * (3 * radius**2 + height**2) / 12
+    central = across * np.eye(3) + (mass * radius**2 / 2 - across) * np.outer(along, along)
+    return from_body(mass, (item.start + item.end) / 2, central)
+
 
 _STEP = 1e-5
 

@@ -1,21 +1,25 @@
-"""Bounds of a motion's positions, velocities and accelerations over all time."""
+"""Bounds of a motion between its samples, and the least value of a quantity over time."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import InputError
-from dynid.trajectory.bspline import BSpline
-from dynid.trajectory.fourier import FourierSeries, harmonic_basis
-from dynid.trajectory.fourier_quintic import FourierQuintic
-from dynid.trajectory.pieces import Piece, pieces
-from dynid.trajectory.scaling import peaks
-from dynid.trajectory.sequence import MotionSequence, Repetition
-from dynid.trajectory.trajectory import Trajectory
+from dynid.core import Array, InputError
+from dynid.trajectory import (
+    BSpline,
+    FourierQuintic,
+    FourierSeries,
+    MotionSequence,
+    Piece,
+    Repetition,
+    Trajectory,
+    harmonic_basis,
+    peaks,
+    pieces,
+)
 
 _RATE_HZ = 1000.0
 _FEWEST, _MOST = 2000, 60_000
@@ -169,3 +173,66 @@ def _from_samples(trajectory: Trajectory) -> Extremes:
         acceleration=acceleration,
         proven=False,
     )
+
+
+Judge = Callable[[Array, float], tuple[Array, Array]]
+"""Takes middles (N) [s] and half a width [s]; gives values (N) there, and what the quantity is
+nowhere below within half a width (N)."""
+
+_CHUNK = 8192
+_NARROWEST = 1e-6
+"""Intervals are not halved below this half width [s]."""
+_SEARCH_MOST = 2_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Least:
+    """The least value over all time."""
+
+    bound: float
+    """Nothing is lower than this; where the limit is broken, the least value seen."""
+    value: float
+    """The least value seen."""
+    t: float
+    """Where it was seen [s]."""
+
+
+def least_value(
+    judge: Judge, duration: float, *, first: int, threshold: float, tolerance: float
+) -> Least:
+    """The least value over 0 to `duration`.
+
+    Args:
+        judge: Values and bounds.
+        duration: The end [s].
+        first: Number of intervals to begin with.
+        threshold: The limit in question: far above it the bound may be coarser.
+        tolerance: How far below the least value seen the bound may lie, at the limit.
+    """
+    half = duration / first / 2
+    middles: Array = (2.0 * np.arange(first, dtype=np.float64) + 1.0) * half
+    best, place, bound = np.inf, 0.0, np.inf
+    spent = 0
+    while True:
+        lows = np.empty(len(middles))
+        for start in range(0, len(middles), _CHUNK):
+            part = slice(start, start + _CHUNK)
+            values, lows[part] = judge(middles[part], half)
+            k = int(np.argmin(values))
+            if values[k] < best:
+                best, place = float(values[k]), float(middles[start + k])
+        spent += len(middles)
+        slack = tolerance + 0.1 * max(best - threshold, 0.0)
+        open_ = lows < best - slack
+        bound = min(bound, float(lows[~open_].min(initial=np.inf)))
+        if not open_.any():
+            break
+        if best < threshold:
+            # Broken is broken: nothing is left to prove.
+            return Least(bound=best, value=best, t=place)
+        if half < _NARROWEST or spent > _SEARCH_MOST:
+            bound = min(bound, float(lows[open_].min()))
+            break
+        half /= 2
+        middles = np.concatenate([middles[open_] - half, middles[open_] + half])
+    return Least(bound=min(bound, best), value=best, t=place)

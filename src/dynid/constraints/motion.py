@@ -1,4 +1,7 @@
-"""The judge: everything that a motion of one robot is held to."""
+"""The judge: everything that a motion of one robot is held to.
+
+The two sets of limits that commands offer: the paper's, and all that is safe.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +9,25 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dynid.constraints.bodies import surroundings_of
-from dynid.constraints.dynamic import TorqueJudge
-from dynid.constraints.kinematic import bound_notes, bound_ratios, bound_violation
-from dynid.constraints.points import judged_points
-from dynid.constraints.prior import prior_dynamics, prior_link
-from dynid.constraints.settings import ConstraintSettings
-from dynid.constraints.speed import MovingPoints
-from dynid.constraints.usage import DISTANCES, RATIOS, Usage, Worst
-from dynid.core.arrays import Array
-from dynid.core.errors import InputError
-from dynid.robot.inertia import from_body
-from dynid.robot.model import RobotModel
+from dynid.constraints.dynamic import TorqueJudge, prior_dynamics, prior_link
+from dynid.constraints.limits import (
+    DISTANCES,
+    RATIOS,
+    MovingPoints,
+    Usage,
+    Worst,
+    bound_notes,
+    bound_ratios,
+    bound_violation,
+    judged_points,
+)
+from dynid.constraints.scene import ConstraintSettings, Scene
+from dynid.core import Array, InputError
+from dynid.robot import RobotModel, from_body
+from dynid.trajectory import usable_bounds
 
 
 class MotionConstraints:
@@ -229,3 +238,66 @@ def _over(value: Array, limit: float, times: Array) -> Worst:
         value=float(value[k]),
         limit=limit,
     )
+
+
+PRESETS = ("safe", "paper")
+"""The words of `--limits`."""
+
+
+def paper_constraints(
+    robot: RobotModel, *, acceleration: ArrayLike | None = None
+) -> MotionConstraints:
+    """The paper's problem alone: bounds of position, velocity and acceleration.
+
+    Args:
+        robot: The robot.
+        acceleration: Bounds where the robot knows none [rad/s^2 or m/s^2].
+
+    Raises:
+        InputError: Bounds that leave no room.
+    """
+    settings = ConstraintSettings(
+        bounds=usable_bounds(robot.limits, acceleration),
+        torque=False,
+        tcp_speed=False,
+        elbow_speed=False,
+        momentum=False,
+        power=False,
+        self_collision=False,
+    )
+    return MotionConstraints(robot, settings)
+
+
+def safe_constraints(
+    robot: RobotModel,
+    scene: Scene | None = None,
+    *,
+    collision: bool = True,
+    acceleration: ArrayLike | None = None,
+    clearance: float = 0.01,
+    payload_mass: float = 0.0,
+    payload_com: ArrayLike = (0.0, 0.0, 0.0),
+) -> MotionConstraints:
+    """Everything that is known of the robot, and its surroundings.
+
+    Args:
+        robot: The robot.
+        scene: What stands around it and what it carries.
+        collision: Whether to look at collisions (`--no-collision` switches it off).
+        acceleration: Bounds where the robot knows none [rad/s^2 or m/s^2].
+        clearance: Smallest distance to the scene [m].
+        payload_mass: Mass of what the flange carries [kg].
+        payload_com: (3) its centre of mass in the flange's frame [m].
+
+    Raises:
+        InputError: Bounds that leave no room, or a scene in which the robot cannot stand.
+    """
+    settings = ConstraintSettings(
+        bounds=usable_bounds(robot.limits, acceleration),
+        self_collision=collision,
+        scene=scene if collision else None,
+        clearance=clearance,
+        payload_mass=payload_mass,
+        payload_com=np.asarray(payload_com, dtype=np.float64),
+    )
+    return MotionConstraints(robot, settings)

@@ -1,32 +1,78 @@
-"""Scene files: what stands around the robot, and what it carries.
-
-    {"shapes":  [{"type": "floor",    "height": 0.0},
-                 {"type": "wall",     "point": [0.8, 0, 0], "normal": [-1, 0, 0]},
-                 {"type": "table",    "size": [1.2, 0.8], "position": [0, 0, 0], "thickness": 0.05},
-                 {"type": "box",      "size": [x, y, z], "position": [x, y, z], "rpy": [r, p, y]},
-                 {"type": "cylinder", "radius": r, "length": l, "position": ..., "rpy": ...},
-                 {"type": "sphere",   "radius": r, "position": ...}],
-     "payload": [box, cylinder or sphere, in the flange's frame]}
-
-Everything is in the robot's base frame, in metres and radians; every shape may have a `name`.
-A floor fills all that is below it and a wall all that is behind it (its normal points to the
-free side); a table is solid from its top, whose middle is `position`, down to `thickness`.
-"""
+"""What stands around the robot, and what a motion is held to."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
-from dynid.constraints.shapes import BOX, CYLINDER, HALF_SPACE, SPHERE, Shape
-from dynid.core.arrays import Array
-from dynid.core.errors import InputError
-from dynid.robot.transforms import from_axes, from_xyz_rpy
-from dynid.trajectory.json_fields import JsonFields, load_object
+from dynid.core import Array, InputError, JsonFields, frozen, load_object
+from dynid.robot import from_axes, from_xyz_rpy
+from dynid.trajectory import MotionBounds
+
+HALF_SPACE, BOX, CYLINDER, SPHERE = 0, 1, 2, 3
+KINDS = ("half-space", "box", "cylinder", "sphere")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shape:
+    """A convex solid.
+
+    A half-space is what lies below its own xy plane; a cylinder stands along its own z axis.
+
+    Raises:
+        InputError: An unknown kind, or sizes that are not positive and finite.
+    """
+
+    name: str
+    kind: int
+    """One of HALF_SPACE, BOX, CYLINDER, SPHERE."""
+    pose: Array
+    """(4, 4) the shape's frame in the base frame [m]."""
+    size: Array
+    """(3) a box: half its sides; a cylinder: radius, half its length, 0; a sphere: radius,
+    0, 0; a half-space: zeros [m]."""
+
+    def __post_init__(self) -> None:
+        if self.kind not in range(len(KINDS)):
+            raise InputError("unknown kind of shape", where=self.name, value=self.kind)
+        object.__setattr__(self, "pose", frozen(self.pose, shape=(4, 4), name="shape pose"))
+        object.__setattr__(self, "size", frozen(self.size, shape=(3,), name="shape size"))
+        needed = (0, 3, 2, 1)[self.kind]
+        if not all(math.isfinite(x) and x > 0 for x in self.size[:needed]):
+            raise InputError("sizes must be positive", where=self.name)
+
+
+def outer_half(shape: Shape) -> Array:
+    """(3) half the sides of the box around a solid along its own axes; zeros for a sphere [m]."""
+    if shape.kind == SPHERE:
+        return np.zeros(3)
+    return np.array(shape.size if shape.kind == BOX else shape.size[[0, 0, 1]])
+
+
+def outermost(shape: Shape) -> Array:
+    """(8, 3) points whose hull, widened by a sphere's radius, holds a solid that is no half-space.
+
+    In the frame that the shape stands in: corners of the box around it, a sphere's centre [m].
+    """
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    return shape.pose[:3, 3] + (signs * outer_half(shape)) @ shape.pose[:3, :3].T
+
+
+def packed(shapes: tuple[Shape, ...]) -> Array:
+    """(S, 16) kind, rotation base to shape (row-major), origin, size: what the kernels read."""
+    rows = np.zeros((len(shapes), 16))
+    for row, shape in zip(rows, shapes, strict=True):
+        row[0] = shape.kind
+        row[1:10] = shape.pose[:3, :3].T.ravel()
+        row[10:13] = shape.pose[:3, 3]
+        row[13:16] = shape.size
+    return rows
+
 
 MOST_SHAPES = 500
 _TABLE = 0.05
@@ -170,3 +216,73 @@ def _some(fields: JsonFields, key: str, count: int) -> Array:
     if len(values) != count:
         raise InputError(f"'{key}' must hold {count} numbers", value=values.tolist())
     return values
+
+
+_HEAVIEST = 1000.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConstraintSettings:
+    """The limits that are switched on.
+
+    What is on but unknown for a robot (no torque limits, no capsules) does not bind; the
+    judge reports it as not judged.
+
+    Raises:
+        InputError: Bounds with NaN, or a clearance, share or tool point out of range.
+    """
+
+    bounds: MotionBounds
+    """Position, velocity, acceleration; usable, that is without NaN."""
+    torque: bool = True
+    """Hold the robot's torque limits, with the prior model."""
+    tcp_speed: bool = True
+    elbow_speed: bool = True
+    momentum: bool = True
+    power: bool = True
+    self_collision: bool = True
+    scene: Scene | None = None
+    """What stands around the robot and what it carries; None for nothing."""
+    clearance: float = 0.01
+    """Smallest distance to the scene that counts as safe [m]."""
+    self_clearance: float = 0.001
+    """The same between bodies of the arm, whose places are known better [m]."""
+    torque_uncertainty: float = 0.15
+    """Share by which the prior model may underestimate a torque."""
+    tcp: Array = field(default_factory=lambda: np.zeros(3))
+    """(3) the tool's point in the flange's frame [m]."""
+    payload_mass: float = 0.0
+    """What the flange carries, as a point: it counts for torque, momentum and power [kg]."""
+    payload_com: Array = field(default_factory=lambda: np.zeros(3))
+    """(3) its centre of mass in the flange's frame [m]."""
+
+    def __post_init__(self) -> None:
+        for name in ("lower", "upper", "velocity", "acceleration"):
+            if np.isnan(getattr(self.bounds, name)).any():
+                raise InputError(
+                    f"the {name} bounds hold an unknown number", next_step="Use usable_bounds."
+                )
+        if (self.bounds.lower >= self.bounds.upper).any():
+            joint = int(np.argmax(self.bounds.lower >= self.bounds.upper))
+            raise InputError(
+                f"joint {joint + 1}: the position limits leave no room to move",
+                value=(float(self.bounds.lower[joint]), float(self.bounds.upper[joint])),
+            )
+        object.__setattr__(self, "tcp", frozen(self.tcp, shape=(3,), name="tool point"))
+        centre = frozen(self.payload_com, shape=(3,), name="centre of the payload")
+        object.__setattr__(self, "payload_com", centre)
+        if not (math.isfinite(self.payload_mass) and 0 <= self.payload_mass < _HEAVIEST):
+            raise InputError(
+                "mass of the payload", value=self.payload_mass, limit=f"0 to {_HEAVIEST:g} kg"
+            )
+        for name in ("clearance", "self_clearance"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and 0 <= value < 1):
+                raise InputError(name, value=value, limit="0 to 1 m")
+        if not (math.isfinite(self.torque_uncertainty) and 0 <= self.torque_uncertainty < 10):
+            raise InputError("share of uncertain torque", value=self.torque_uncertainty)
+
+    @property
+    def clearances(self) -> dict[str, float]:
+        """Kind of distance to the smallest that is allowed [m]."""
+        return {"self_collision": self.self_clearance, "environment": self.clearance}

@@ -1,14 +1,13 @@
-"""Every error that dynid raises on purpose.
+"""Every error that dynid raises on purpose, and extras that are not installed.
 
-DynidError                 exit code 1
-├── JobError               the job itself failed (1)
-└── InputError             bad usage or bad input (2)
-    ├── RobotError         a robot name, URDF or robot file
-    ├── RecordError        a recording or its columns
-    └── MissingExtraError  an optional dependency is absent
+Each error says what is wrong, where, with the value, the limit and the next step.
 """
 
 from __future__ import annotations
+
+import importlib
+import importlib.util
+from types import ModuleType
 
 
 class DynidError(Exception):
@@ -76,3 +75,27 @@ def _short(value: object, width: int = 200) -> str:
     text = value if isinstance(value, str) else repr(value)
     text = "".join(c if c.isprintable() else "?" for c in text)
     return text if len(text) <= width else text[: width - 3] + "..."
+
+
+def installed(module: str) -> bool:
+    """Whether a top-level module can be imported."""
+    return importlib.util.find_spec(module) is not None
+
+
+def require(module: str, extra: str) -> ModuleType:
+    """Import an optional module.
+
+    Args:
+        module: Dotted name of the module.
+        extra: The dynid extra that installs it.
+
+    Raises:
+        MissingExtraError: The module is not installed; the message names the command.
+    """
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        raise MissingExtraError(
+            f"this needs the package '{module.split('.', 1)[0]}'",
+            next_step=f"Run: pip install 'dynid[{extra}]'",
+        ) from error

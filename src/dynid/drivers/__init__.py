@@ -1,1 +1,29 @@
 """Whatever moves a robot along a motion and records it: simulated, replayed, real."""
+
+from dynid.drivers.driver import (
+    Abort,
+    Driver,
+    Execution,
+    Outcome,
+    Recorder,
+    WatchLimits,
+    mode_name,
+)
+from dynid.drivers.simulated import SimulatedDriver
+from dynid.drivers.ur.driver import ServojDriver, UrDriver
+from dynid.drivers.ur.state import ControllerState, inspect
+
+__all__ = [
+    "Abort",
+    "ControllerState",
+    "Driver",
+    "Execution",
+    "Outcome",
+    "Recorder",
+    "ServojDriver",
+    "SimulatedDriver",
+    "UrDriver",
+    "WatchLimits",
+    "inspect",
+    "mode_name",
+]

@@ -1,4 +1,4 @@
-"""What every driver can do: move a robot along a motion, record it, and stop."""
+"""What every driver can do, and the watchdog that stops it."""
 
 from __future__ import annotations
 
@@ -6,18 +6,222 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import IntEnum
 from threading import Event
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core.arrays import Array
-from dynid.core.errors import InputError
-from dynid.core.notices import Notice
-from dynid.core.progress import Progress
-from dynid.drivers.watchdog import Abort, WatchLimits
-from dynid.trajectory.trajectory import Trajectory
+from dynid.core import Array, InputError, Notice, Progress, frozen
+from dynid.protocol import RobotMode, RuntimeState, SafetyMode
+from dynid.trajectory import Trajectory
+
+_SCALING = 1e-3
+"""By how much a speed may be off its full value, as a share."""
+_CLOCK = 0.25
+"""By how much a timestamp may be off, in control cycles."""
+
+
+@dataclass(frozen=True, slots=True)
+class Abort:
+    """Why a motion was ended early."""
+
+    code: str
+    """One word for programs: `gap`, `index`, `mode`, `safety`, `program`, `speed`, `limit`,
+    `deviation`, `connection`, `recording`, `interrupted`, `start`."""
+    message: str
+    """What happened, in words, with its numbers."""
+
+
+INTERRUPTED = Abort("interrupted", "it was interrupted")
+"""Somebody wished it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WatchLimits:
+    """Where the joints may be during a motion; all arrays (n).
+
+    Raises:
+        InputError: Shapes that disagree.
+    """
+
+    lower: Array
+    """Smallest positions [rad or m]; NaN where unknown."""
+    upper: Array
+    """Largest positions [rad or m]; NaN where unknown."""
+    velocity: Array
+    """Largest speeds [rad/s or m/s]; NaN where unknown."""
+    deviation: Array
+    """Largest distances between target and measured positions [rad or m]."""
+
+    def __post_init__(self) -> None:
+        n = np.size(self.lower)
+        for name in ("lower", "upper", "velocity", "deviation"):
+            value = frozen(getattr(self, name), shape=(n,), name=f"watch {name}", finite=False)
+            object.__setattr__(self, name, value)
+        if not (self.deviation > 0).all():
+            raise InputError("the allowed deviation must be positive", value=self.deviation)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cycle:
+    """What a control cycle reported, as far as safety needs it."""
+
+    timestamp: float
+    """Controller time [s]."""
+    index: int
+    """Number of the set point that was commanded; negative before the first."""
+    q: Array
+    """(n) measured positions [rad or m]."""
+    qd: Array
+    """(n) measured velocities [rad/s or m/s]."""
+    target_q: Array
+    """(n) positions that the servo aims at [rad or m]."""
+    robot_mode: int = RobotMode.RUNNING
+    safety_mode: int = SafetyMode.NORMAL
+    runtime_state: int = RuntimeState.PLAYING
+    speed_scaling: float = 1.0
+    """Share of the speed that the controller allows now."""
+    speed_fraction: float = 1.0
+    """The speed slider."""
+
+
+class Watchdog:
+    """Watches one execution, from the way to its first set point to its last one.
+
+    Args:
+        limits: Where the joints may be.
+        rate_hz: Control cycles a second.
+        total: Number of set points; indices run from 0 to one less.
+        slack: By how much an index may be off the one that is due: nought where the controller
+            counts, more where set points are streamed to it.
+    """
+
+    def __init__(self, limits: WatchLimits, rate_hz: float, total: int, *, slack: int = 0) -> None:
+        self._limits = limits
+        self._rate = rate_hz
+        self._last = total - 1
+        self._slack = slack
+        self._before: Cycle | None = None
+        self._lower = np.where(np.isnan(limits.lower), -np.inf, limits.lower)
+        self._upper = np.where(np.isnan(limits.upper), np.inf, limits.upper)
+        self._fastest = np.where(np.isnan(limits.velocity), np.inf, limits.velocity)
+        self.gaps = 0
+        """Control cycles that never arrived."""
+
+    @property
+    def index(self) -> int:
+        """The set point seen last; -1 before the first."""
+        return -1 if self._before is None else self._before.index
+
+    @property
+    def started(self) -> bool:
+        """Whether the first set point was seen."""
+        return self._before is not None
+
+    @property
+    def finished(self) -> bool:
+        """Whether the last set point was seen."""
+        return self._before is not None and self._before.index >= self._last
+
+    def see(self, cycle: Cycle) -> Abort | None:
+        """Take the next control cycle.
+
+        Returns:
+            Why the robot must stop now; None if all is well.
+        """
+        before = self._before
+        if self.finished:
+            return _state(cycle, playing=False)
+        # What the controller says of itself explains what follows from it: it comes first.
+        abort = _state(cycle, playing=True) or _speed(cycle)
+        if before is None and cycle.index < 0:
+            return abort or self._place(cycle)
+        self._before = cycle
+        return (
+            abort or self._clock(cycle, before) or self._order(cycle, before) or self._place(cycle)
+        )
+
+    def _clock(self, cycle: Cycle, before: Cycle | None) -> Abort | None:
+        if before is None:
+            return None
+        steps = (cycle.timestamp - before.timestamp) * self._rate
+        if abs(steps - 1.0) <= _CLOCK:
+            return None
+        if math.isfinite(steps):
+            self.gaps += max(round(steps) - 1, 0)
+        return Abort(
+            "gap",
+            f"a gap in the timestamps: {1e3 * steps / self._rate:.1f} ms after sample "
+            f"{before.index}, where {1e3 / self._rate:.1f} ms were due",
+        )
+
+    def _order(self, cycle: Cycle, before: Cycle | None) -> Abort | None:
+        due = 0 if before is None else before.index + 1
+        if abs(cycle.index - due) <= self._slack:
+            return None
+        return Abort("index", f"the sample index jumped to {cycle.index}, where {due} was due")
+
+    def _place(self, cycle: Cycle) -> Abort | None:
+        q, limits = cycle.q, self._limits
+        outside = (q < self._lower) | (q > self._upper)
+        if outside.any():
+            j = int(np.argmax(outside))
+            return Abort(
+                "limit",
+                f"joint {j + 1} is at {q[j]:.4g} rad, outside {limits.lower[j]:.4g} to "
+                f"{limits.upper[j]:.4g}",
+            )
+        # Asked this way round a velocity that is no number stops the robot too.
+        fast = ~(np.abs(cycle.qd) <= self._fastest)
+        if fast.any():
+            j = int(np.argmax(fast))
+            return Abort(
+                "limit",
+                f"joint {j + 1} moves at {cycle.qd[j]:.4g} rad/s, above {limits.velocity[j]:.4g}",
+            )
+        away = np.abs(q - cycle.target_q)
+        if not (away <= limits.deviation).all():
+            j = int(np.argmax(away / limits.deviation))
+            return Abort(
+                "deviation",
+                f"joint {j + 1} is {away[j]:.4g} rad away from its target, more than "
+                f"{limits.deviation[j]:.4g}",
+            )
+        return None
+
+
+def mode_name(modes: type[IntEnum], value: int) -> str:
+    """A mode in words, with its number."""
+    known = value in {int(mode) for mode in modes}
+    words = modes(value).name.lower().replace("_", " ") if known else "unknown"
+    return f"{words} ({value})"
+
+
+def _state(cycle: Cycle, *, playing: bool) -> Abort | None:
+    # Reduced limits are no place to identify in: normal is the one mode that passes.
+    if cycle.safety_mode != SafetyMode.NORMAL:
+        return Abort("safety", f"safety mode became {mode_name(SafetyMode, cycle.safety_mode)}")
+    if cycle.robot_mode != RobotMode.RUNNING:
+        return Abort("mode", f"robot mode became {mode_name(RobotMode, cycle.robot_mode)}")
+    if playing and cycle.runtime_state != RuntimeState.PLAYING:
+        return Abort(
+            "program",
+            f"the program on the controller is {mode_name(RuntimeState, cycle.runtime_state)}: "
+            "its watchdog was not fed in time, or someone stopped it",
+        )
+    return None
+
+
+def _speed(cycle: Cycle) -> Abort | None:
+    for value, what in (
+        (cycle.speed_fraction, "the speed slider was moved to"),
+        (cycle.speed_scaling, "the controller slows the motion down to"),
+    ):
+        if not abs(value - 1.0) <= _SCALING:
+            return Abort("speed", f"{what} {100 * value:.4g} %")
+    return None
 
 
 class Recorder(Protocol):

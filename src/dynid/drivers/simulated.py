@@ -7,15 +7,19 @@ from threading import Event
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import DynidError, InputError
-from dynid.core.progress import Progress
-from dynid.drivers.driver import Driver, Execution, Outcome, Recorder, Source
-from dynid.drivers.watchdog import INTERRUPTED, Abort, Cycle, Watchdog
-from dynid.simulation.plant import Plant
-from dynid.simulation.state import PlantState
-from dynid.simulation.thermal import Thermal
-from dynid.simulation.truth import SimulatedArm
+from dynid.core import Array, DynidError, InputError, Progress
+from dynid.drivers.driver import (
+    INTERRUPTED,
+    Abort,
+    Cycle,
+    Driver,
+    Execution,
+    Outcome,
+    Recorder,
+    Source,
+    Watchdog,
+)
+from dynid.simulation import Plant, PlantState, SimulatedArm, Thermal
 
 QUANTITIES = (
     "q",

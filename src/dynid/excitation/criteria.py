@@ -3,6 +3,10 @@
 All are functions of G = W_B' Omega^-1 W_B alone, smaller is better. The noise of the joints is in
 G already (`GramKernel`); every criterion can add the information of earlier records, G + G_0, and
 scale the parameters by their magnitudes, D (G + G_0) D. See methods.md 2.3.
+
+Eigenvalues and inverses of Gram matrices that may be nearly singular.
+
+How large the base parameters of a robot are, before they are known.
 """
 
 from __future__ import annotations
@@ -14,9 +18,138 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynid.core.arrays import Array, frozen
-from dynid.core.errors import InputError
-from dynid.excitation.criteria_matrix import eigenvalues, eigenvectors, inverse, normalised
+from dynid.core import Array, InputError, frozen, read_only
+from dynid.reduction import BaseParametrization
+from dynid.regressor import InverseDynamicModel
+from dynid.robot import RobotModel
+
+SPREAD = 1e-7
+"""Below this ratio of the extreme eigenvalues, rounding shows in the smallest one."""
+SINGULAR = 1e-13
+"""A column of which this share is independent of those before it is a combination of them."""
+
+
+def eigenvalues(matrix: Array) -> Array | None:
+    """(b) eigenvalues of a Gram matrix, smallest first; None if it is singular."""
+    if not _is_usable(matrix):
+        return None
+    values = np.asarray(np.linalg.eigvalsh(matrix), dtype=np.float64)
+    if values[0] > SPREAD * values[-1]:
+        return values
+    factor = _factor(matrix)
+    if factor is None:
+        return None
+    # Singular values of the triangle keep the digits that squaring loses.
+    singular = np.linalg.svd(factor, compute_uv=False)[::-1]
+    return np.asarray(np.square(singular), dtype=np.float64)
+
+
+def eigenvectors(matrix: Array) -> tuple[Array, Array] | None:
+    """Eigenvalues (b), smallest first, and vectors in columns (b, b); None if it is singular."""
+    if not _is_usable(matrix):
+        return None
+    values, vectors = np.linalg.eigh(matrix)
+    if values[0] > SPREAD * values[-1]:
+        return values, vectors
+    factor = _factor(matrix)
+    if factor is None:
+        return None
+    left, singular, _ = np.linalg.svd(factor)
+    return np.square(singular[::-1]), left[:, ::-1]
+
+
+def normalised(matrix: Array) -> tuple[Array, Array] | None:
+    """The Gram matrix of the columns scaled to unit norm, and the norms (b); None if one is 0."""
+    if not _is_usable(matrix):
+        return None
+    norms = np.sqrt(np.diag(matrix))
+    return matrix / norms[:, None] / norms, norms
+
+
+def inverse(matrix: Array) -> tuple[Array, float] | None:
+    """The inverse (b, b) and the logarithm of the determinant; None if it is singular."""
+    unit = normalised(matrix)
+    factor = None if unit is None else _factor(unit[0])
+    if unit is None or factor is None:
+        return None
+    whole = np.linalg.inv(unit[0])
+    log_det = 2.0 * float(np.log(np.diag(factor)).sum() + np.log(unit[1]).sum())
+    return (whole + whole.T) / 2 / unit[1][:, None] / unit[1], log_det
+
+
+def _is_usable(matrix: Array) -> bool:
+    return bool(np.isfinite(matrix).all()) and bool((np.diag(matrix) > 0).all())
+
+
+def _factor(matrix: Array) -> Array | None:
+    """The lower Cholesky factor; None if a column is a combination of those before it."""
+    try:
+        factor = np.asarray(np.linalg.cholesky(matrix), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return None
+    left = np.square(np.diag(factor)) > SINGULAR * np.diag(matrix)
+    return factor if left.all() else None
+
+
+FRICTION_SHARE = 0.1
+"""Of a joint's torque limit that Coulomb friction takes; viscous friction at full speed alike."""
+FULL_SPEED_AFTER = 0.2
+"""[s] at the acceleration where a motor's inertia takes the same share, if no limit is known."""
+LEAST_SHARE = 0.01
+"""No parameter is taken for smaller than this share of the largest with its unit."""
+
+
+def prior_scale(robot: RobotModel, base: BaseParametrization) -> Array:
+    """(b) magnitudes D of the base parameters, in their units.
+
+    Where the robot gives masses, a first moment is as large as the mass times the largest of the
+    distance to the centre of mass and the radius of gyration, an inertia as the mass times its
+    square. Where it gives torque and speed limits, friction takes a tenth of the torque at any
+    speed and at full speed, motor inertia at the largest acceleration. Anything else is 1. A base
+    parameter is as large as what is regrouped into it, added as if unrelated.
+    """
+    standard = np.concatenate([_inertial(robot), _beside(base.model)])
+    parts = base.regrouping * standard[list(base.dependent)]
+    scale = np.hypot(standard[list(base.independent)], np.linalg.norm(parts, axis=1))
+    units = np.array(base.units)
+    for unit in set(base.units):
+        same = units == unit
+        scale[same] = np.maximum(scale[same], LEAST_SHARE * scale[same].max())
+    return read_only(scale)
+
+
+def _inertial(robot: RobotModel) -> Array:
+    out = np.ones((robot.joints, 10))
+    for link, given in zip(out, robot.inertias, strict=True):
+        mass = given[0]
+        if not (np.isfinite(mass) and mass > 0):
+            continue
+        moment, inertia = np.nan_to_num(given[1:4]), np.nan_to_num(given[4:7])
+        squares = (float(moment @ moment) / mass**2, float(inertia.max()) / mass)
+        length = np.sqrt(max(squares))
+        if length > 0:
+            link[0], link[1:4], link[4:] = mass, mass * length, mass * length**2
+    return out.ravel()
+
+
+def _beside(model: InverseDynamicModel) -> Array:
+    limits = model.robot.limits
+    torque = FRICTION_SHARE * limits.torque
+    acceleration = np.where(
+        np.isfinite(limits.acceleration), limits.acceleration, limits.velocity / FULL_SPEED_AFTER
+    )
+    sizes = {"": torque, "speed": torque / limits.velocity, "acceleration": torque / acceleration}
+    columns = model.columns[10 * model.robot.joints :]
+    found = np.array([sizes[_multiplies(column.unit)][column.joint] for column in columns])
+    return np.where(np.isfinite(found), found, 1.0)
+
+
+def _multiplies(unit: str) -> str:
+    """What a parameter of this unit multiplies to give a torque or a force."""
+    if unit in ("kg.m^2", "kg"):
+        return "acceleration"
+    return "speed" if "s/" in unit else ""
+
 
 SIGMA_WEIGHT = 100.0
 """Of 1 / sigma_min beside cond, as BIRDy takes it."""

@@ -15,10 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core.arrays import Array, Indices
-from dynid.excitation.candidate import Candidate, Stop
-from dynid.excitation.region import MotionRegion
-from dynid.excitation.starts import shape_basis
+from dynid.core import Array, Indices
+from dynid.excitation.problem import Candidate, Stop
+from dynid.excitation.region import MotionRegion, shape_basis
 
 TOURNAMENT = 3
 """Individuals that compete to become a parent."""

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.constraints.certificate import Certificate, certify
-from dynid.constraints.motion import MotionConstraints
-from dynid.core.errors import InputError, JobError
-from dynid.drivers.ur.state import ControllerState
-from dynid.drivers.watchdog import mode_name
+from dynid.constraints import Certificate, MotionConstraints, certify
+from dynid.core import InputError, JobError
+from dynid.drivers import ControllerState, mode_name
 from dynid.experiment.approach import Approach
 from dynid.experiment.plan import ExperimentPlan
-from dynid.protocol.modes import RobotMode, RuntimeState, SafetyMode
+from dynid.protocol import RobotMode, RuntimeState, SafetyMode
 
 _E_SERIES = 5
 _SLIDER = 1e-3

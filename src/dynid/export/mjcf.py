@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dynid.core.errors import JobError
+from dynid.core import JobError
 from dynid.export.model import ExportModel
 from dynid.export.robot_xml import (
     ADVICE,
@@ -16,9 +16,9 @@ from dynid.export.robot_xml import (
     comment,
     left_out,
     numbers,
+    quaternion,
     refuse_negative_friction,
 )
-from dynid.export.rotations import quaternion
 
 HELD = ("Fc", "Fv", "Im")
 """Terms beside the inertias that MJCF has a place for."""

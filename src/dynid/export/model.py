@@ -1,22 +1,32 @@
-"""What every exported file holds: bodies in their joint frames, and joint friction by its terms."""
+"""What every exported file holds: bodies in their joint frames, and joint friction by its terms.
+
+Coulomb and viscous friction in place of all that was identified, for files with no other.
+
+Where other terms were identified too, the first two alone would be too small, or negative: what
+grows with load or falls with speed is missing from them. Then the two that come nearest to all
+friction over the recorded range stand in for it.
+
+What friction depends on beside speed, in words for the heads of files.
+
+Torque ripple as a list of waves, which is what generated code adds up.
+
+Where each joint frame stands in the previous one, as a sum of three fixed matrices.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from textwrap import wrap
 from types import MappingProxyType
 
 import numpy as np
 
-from dynid.core.arrays import Array, frozen
-from dynid.core.errors import InputError
+from dynid.core import Array, InputError, frozen
 from dynid.export.completion import Completion, complete
-from dynid.identification.estimate import Estimate
-from dynid.regressor.coupling import coupled_motors
-from dynid.regressor.ripple import TorqueRipple
-from dynid.robot.counterbalance import Counterbalance
-from dynid.robot.inertia import move
-from dynid.robot.model import RobotModel
+from dynid.identification import Estimate
+from dynid.regressor import InverseDynamicModel, TorqueRipple, coupled_motors
+from dynid.robot import Counterbalance, RobotModel, move
 
 JOINT_SYMBOLS = ("Fc", "Fv", "Im", "Fo", "Fca", "Fva", "Fs", "Fr")
 """Terms of one joint: Coulomb, viscous, motor inertia, offset, asymmetries, Stribeck, cube root."""
@@ -166,3 +176,203 @@ def _about_joints(parameters: Array, frames: Array) -> Array:
     """(n, 10) from parameters (10 n) about the parameter frames, which are in the joint frames."""
     rows = parameters.reshape(-1, 10)
     return np.array([move(own, frame) for own, frame in zip(rows, frames, strict=True)])
+
+
+_STATES = 2000
+_SEED = 0
+_ALONE = ("Fc", "Fv", "Fo", "Im", "Imm")
+"""Beside these, Coulomb and viscous friction are what was identified."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NearestFriction:
+    """Coulomb and viscous friction of each joint, and what they leave of all friction."""
+
+    coulomb: Array
+    """(n) [N.m or N]"""
+    viscous: Array
+    """(n) [N.m.s/rad or N.s/m]"""
+    missing: Array
+    """(n) RMS of the friction that they leave, over the recorded range [N.m or N]."""
+    stands_in: bool
+    """Whether they are others than those identified."""
+
+    def put_into(self, model: ExportModel) -> ExportModel:
+        """The model with this Coulomb and viscous friction."""
+        return replace(model, terms={**model.terms, "Fc": self.coulomb, "Fv": self.viscous})
+
+    def torque(self, dq: Array) -> Array:
+        """(N, n) at velocities (N, n), the Coulomb step a sign."""
+        return self.coulomb * np.sign(dq) + self.viscous * dq
+
+
+def nearest_friction(
+    estimate: Estimate, completed: Completion, model: ExportModel
+) -> NearestFriction:
+    """What an identified model has, where that is all; else the least squares fit to all of it.
+
+    The fit is over states drawn evenly from the recorded range of positions, velocities and
+    accelerations, neither of the two below zero.
+
+    Args:
+        estimate: The estimate.
+        completed: Its standard parameters.
+        model: The same, as it is exported.
+    """
+    n, terms = model.joints, model.terms
+    offset = terms["Fo"]
+    if not any(values.any() for symbol, values in terms.items() if symbol not in _ALONE):
+        return NearestFriction(
+            coulomb=terms["Fc"], viscous=terms["Fv"], missing=np.abs(offset), stands_in=False
+        )
+    q, dq, ddq = _recorded_range(estimate)
+    # A constant is friction of neither kind, and must not be taken for some by chance.
+    wanted = _friction(estimate.model, completed, q, dq, ddq) - offset
+    both, missing = np.zeros((2, n)), np.zeros(n)
+    for j in range(n):
+        columns = np.column_stack([np.sign(dq[:, j]), dq[:, j]])
+        both[:, j] = _not_negative(columns, wanted[:, j])
+        left = wanted[:, j] - columns @ both[:, j]
+        missing[j] = np.hypot(np.sqrt(np.mean(np.square(left))), offset[j])
+    return NearestFriction(coulomb=both[0], viscous=both[1], missing=missing, stands_in=True)
+
+
+def _not_negative(columns: Array, wanted: Array) -> Array:
+    """(2) least squares weights of two columns, neither below zero."""
+    best, least = np.zeros(2), float(wanted @ wanted)
+    for chosen in ([0, 1], [0], [1]):
+        weights = np.zeros(2)
+        weights[chosen] = np.linalg.lstsq(columns[:, chosen], wanted, rcond=None)[0]
+        left = wanted - columns @ weights
+        if (weights >= 0.0).all() and float(left @ left) < least:
+            best, least = weights, float(left @ left)
+    return best
+
+
+def _recorded_range(estimate: Estimate) -> tuple[Array, Array, Array]:
+    seen = estimate.motion
+    random = np.random.default_rng(_SEED)
+    q, dq, ddq = random.uniform(-1.0, 1.0, (3, _STATES, estimate.model.robot.joints))
+    middle, reach = (seen.upper + seen.lower) / 2.0, (seen.upper - seen.lower) / 2.0
+    return middle + reach * q, seen.speed * dq, seen.acceleration * ddq
+
+
+def _friction(
+    model: InverseDynamicModel, completed: Completion, q: Array, dq: Array, ddq: Array
+) -> Array:
+    """(N, n) all friction of the identified model."""
+    first = 10 * model.robot.joints
+    values = np.array(completed.values)
+    values[:first] = 0.0
+    for k, column in enumerate(model.columns[first:], start=first):
+        if not column.name.startswith("F"):
+            values[k] = 0.0
+    return model.inverse_dynamics(q, dq, ddq, values)
+
+
+_WIDTH = 88
+
+
+def friction_words(model: ExportModel) -> list[str]:
+    """Lines of a comment; none where friction depends on speed alone."""
+    lines: list[str] = []
+    if model.terms["Fl"].any():
+        lines += wrap(
+            f"Friction that grows with load, joints {_joints(model, 'Fl')}: a share of |load| "
+            "times the Coulomb step. The load is the torque (recursive Newton-Euler, less that "
+            "of counterbalances) of bodies with fixed numbers, so it needs q, dq and ddq.",
+            _WIDTH,
+        )
+    if model.terms["Fw"].any():
+        lines += wrap(
+            f"Torque ripple of gears, joints {_joints(model, 'Fw')}: waves in the positions of "
+            "joints whose size changes with their speeds; it needs q and dq.",
+            _WIDTH,
+        )
+    return lines
+
+
+def _joints(model: ExportModel, symbol: str) -> str:
+    return ", ".join(str(j + 1) for j in np.flatnonzero(model.terms[symbol]).tolist())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wave:
+    """C(s) cos(number q) + S(s) sin(number q), polynomials of s = clip(dq / speed, -1, 1)."""
+
+    joint: int
+    """In whose torque it is, from 0."""
+    gear: int
+    """The joint of q and dq, from 0."""
+    speed: float
+    """[rad/s or m/s]"""
+    number: float
+    """Periods a turn of q."""
+    cosine: tuple[float, ...]
+    """Coefficients of C by the power of s, from 0, `Fw` included [N.m or N]."""
+    sine: tuple[float, ...]
+    """Those of S."""
+
+
+def ripple_waves(model: ExportModel) -> tuple[Wave, ...]:
+    """The waves of a model; none where `Fw` is zero."""
+    return tuple(_waves(model))
+
+
+def _waves(model: ExportModel) -> Iterator[Wave]:
+    for ripple in model.ripples:
+        factor = float(model.terms["Fw"][ripple.joint])
+        if not factor:
+            continue
+        left = factor * np.array(ripple.coefficients)
+        for gear in ripple.gears:
+            own, left = left[: gear.size], left[gear.size :]
+            pairs = own.reshape(len(gear.waves), gear.powers, 2).tolist()
+            for number, rows in zip(gear.waves, pairs, strict=True):
+                yield Wave(
+                    joint=ripple.joint,
+                    gear=gear.joint,
+                    speed=gear.speed,
+                    number=number,
+                    cosine=tuple(row[0] for row in rows),
+                    sine=tuple(row[1] for row in rows),
+                )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointTurns:
+    """Rotation fixed + sine sin(q) + cosine cos(q) and place origin + slide q of each joint.
+
+    Rodrigues' formula with the placement multiplied in: the generated code needs no more.
+    """
+
+    fixed: Array
+    """(n, 3, 3)"""
+    sine: Array
+    """(n, 3, 3) zero where the joint slides."""
+    cosine: Array
+    """(n, 3, 3) zero where the joint slides."""
+    origin: Array
+    """(n, 3) [m]"""
+    slide: Array
+    """(n, 3) unit vector where the joint slides, zero where it turns."""
+
+
+def joint_turns(robot: RobotModel) -> JointTurns:
+    """The matrices of a robot."""
+    n = robot.joints
+    fixed, sine, cosine = (np.zeros((n, 3, 3)) for _ in range(3))
+    slide = np.zeros((n, 3))
+    for i, (placement, axis) in enumerate(zip(robot.placements, robot.axes, strict=True)):
+        rotation = placement[:3, :3]
+        if robot.prismatic[i]:
+            fixed[i], slide[i] = rotation, rotation @ axis
+            continue
+        x, y, z = axis
+        along = np.outer(axis, axis)
+        fixed[i] = rotation @ along
+        sine[i] = rotation @ np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        cosine[i] = rotation @ (np.eye(3) - along)
+    return JointTurns(
+        fixed=fixed, sine=sine, cosine=cosine, origin=robot.placements[:, :3, 3], slide=slide
+    )

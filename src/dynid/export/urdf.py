@@ -15,8 +15,9 @@ from dynid.export.robot_xml import (
     left_out,
     numbers,
     refuse_negative_friction,
+    roll_pitch_yaw,
+    upright,
 )
-from dynid.export.rotations import roll_pitch_yaw, upright
 
 HELD = ("Fc", "Fv")
 """Terms beside the inertias that URDF has a place for."""

@@ -1,17 +1,30 @@
-"""Whether a written file gives our torques when another program loads it."""
+"""Whether a written file gives our torques when another program loads it.
+
+Torques of generated code, run in a process of its own.
+
+Torques of URDF and MJCF files, by the programs that load them.
+"""
 
 from __future__ import annotations
 
+import importlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dynid.core.arrays import Array
+from dynid.core import Array, JobError
 from dynid.export.completion import Completion
-from dynid.export.nearest_friction import NearestFriction
-from dynid.identification.estimate import Estimate
+from dynid.export.model import NearestFriction
+from dynid.identification import Estimate
 
 STATES = 200
 SEED = 0
@@ -97,3 +110,156 @@ def our_torque(
             values[10 * model.robot.joints + k] = 0.0
     torque = model.inverse_dynamics(states.q, states.dq, states.ddq, values)
     return torque + friction.torque(states.dq)
+
+
+_TIMEOUT_S = 120.0
+C_FLAGS = ("-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
+_PYTHON = """
+import json, runpy, sys
+import numpy as np
+model = runpy.run_path(sys.argv[1])
+q, dq, ddq = np.array(json.load(sys.stdin))
+json.dump(model["inverse_dynamics"](q, dq, ddq).tolist(), sys.stdout)
+"""
+_C = """
+#include <stdio.h>
+#include "%(header)s"
+
+int main(void)
+{
+    double x[3][%(upper)s_JOINTS], torque[%(upper)s_JOINTS];
+    int i, k;
+    for (;;) {
+        for (k = 0; k < 3; ++k)
+            for (i = 0; i < %(upper)s_JOINTS; ++i)
+                if (scanf("%%lf", &x[k][i]) != 1) return 0;
+        %(lower)s_inverse_dynamics(x[0], x[1], x[2], torque);
+        for (i = 0; i < %(upper)s_JOINTS; ++i) printf("%%.17g ", torque[i]);
+        printf("\\n");
+    }
+}
+"""
+
+
+def python_torque(path: Path, states: States) -> tuple[Array, str]:
+    """(N, n) torques of a generated Python file, in a fresh interpreter, and its name.
+
+    Args:
+        path: The file.
+        states: Where.
+
+    Raises:
+        JobError: The file does not run.
+    """
+    given = json.dumps([states.q.tolist(), states.dq.tolist(), states.ddq.tolist()])
+    answer = _run([sys.executable, "-I", "-c", _PYTHON, str(path)], given, "the Python file")
+    name = f"Python {sys.version_info.major}.{sys.version_info.minor}, NumPy {np.__version__}"
+    return np.array(json.loads(answer)), name
+
+
+def c_torque(path: Path, prefix: str, states: States) -> tuple[Array | None, str]:
+    """(N, n) torques of a generated header, compiled, and the compiler; None without one.
+
+    Args:
+        path: The header.
+        prefix: What its names start with.
+        states: Where.
+
+    Raises:
+        JobError: It does not compile without a warning, or does not run.
+    """
+    compiler = c_compiler()
+    if compiler is None:
+        return None, "no C compiler was found (cc, gcc or clang)"
+    rows = np.concatenate([states.q, states.dq, states.ddq], axis=1)
+    given = "\n".join(" ".join(map(repr, row)) for row in rows.tolist())
+    with tempfile.TemporaryDirectory(prefix="dynid-c-") as folder:
+        source, program = Path(folder) / "main.c", Path(folder) / "main"
+        header = Path(folder) / "model.h"
+        shutil.copyfile(path, header)
+        names = {"header": header.name, "lower": prefix, "upper": prefix.upper()}
+        source.write_text(_C % names, encoding="utf-8")
+        command = [compiler, *C_FLAGS, str(source), "-o", str(program), "-lm"]
+        _run(command, "", f"{Path(compiler).name} on the header")
+        answer = _run([str(program)], given, "the compiled header")
+    return np.array([row.split() for row in answer.splitlines()], dtype=np.float64), compiler
+
+
+def c_compiler() -> str | None:
+    """The path of a C compiler, or None."""
+    wanted = [os.environ.get("CC", ""), "cc", "gcc", "clang"]
+    return next((found for name in wanted if name and (found := shutil.which(name))), None)
+
+
+def _run(command: list[str], given: str, what: str) -> str:
+    try:
+        done = subprocess.run(
+            command, input=given, capture_output=True, text=True, timeout=_TIMEOUT_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise JobError(f"{what} did not run", value=str(error)) from error
+    if done.returncode != 0:
+        raise JobError(f"{what} failed", value=done.stderr.strip()[-500:])
+    return done.stdout
+
+
+def urdf_torque(path: Path, gravity: float, states: States) -> tuple[Array | None, str]:
+    """(N, n) torques of a URDF file by pinocchio, and its name; None if it is not installed.
+
+    Args:
+        path: The file.
+        gravity: Strength of gravity [m/s^2], which URDF does not hold.
+        states: Where.
+
+    Raises:
+        JobError: Pinocchio cannot read the file.
+    """
+    try:
+        pin: Any = importlib.import_module("pinocchio")
+    except ImportError:
+        return None, "pinocchio is not installed (pip install pin)"
+    try:
+        model = pin.buildModelFromUrdf(str(path))
+    except (ValueError, RuntimeError) as error:
+        raise JobError("pinocchio cannot read the file", where=str(path), value=error) from error
+    model.gravity.linear = np.array([0.0, 0.0, -gravity])
+    data = model.createData()
+    rigid = np.array(
+        [
+            pin.rnea(model, data, *state)
+            for state in zip(states.q, states.dq, states.ddq, strict=True)
+        ]
+    )
+    rubbing = model.damping * states.dq + model.upperDryFrictionLimit * np.sign(states.dq)
+    return rigid + rubbing, f"pinocchio {pin.__version__}"
+
+
+def mjcf_torque(path: Path, states: States) -> tuple[Array | None, str]:
+    """(N, n) torques of an MJCF file by MuJoCo, and its name; None if it is not installed.
+
+    MuJoCo softens dry friction into a constraint; here the loss it read acts against the speed.
+
+    Args:
+        path: The file.
+        states: Where.
+
+    Raises:
+        JobError: MuJoCo cannot read the file.
+    """
+    try:
+        mujoco: Any = importlib.import_module("mujoco")
+    except ImportError:
+        return None, "MuJoCo is not installed (pip install 'dynid[sim]')"
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError as error:
+        raise JobError("MuJoCo cannot read the file", where=str(path), value=error) from error
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    data = mujoco.MjData(model)
+    torque = np.empty(states.q.shape)
+    for k, (q, dq, ddq) in enumerate(zip(states.q, states.dq, states.ddq, strict=True)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
+        mujoco.mj_inverse(model, data)
+        torque[k] = data.qfrc_inverse
+    torque += model.dof_frictionloss * np.sign(states.dq)
+    return torque, f"MuJoCo {mujoco.__version__}"

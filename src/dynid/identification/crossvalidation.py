@@ -12,12 +12,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from dynid.core.arrays import Array, Indices, Mask
+from dynid.core import Array, Indices, Mask
+from dynid.identification.bayesian import not_negative
 from dynid.identification.least_squares import PRIOR_GAIN
-from dynid.identification.plausible_signs import not_negative
 from dynid.identification.problem import block_mean, chunk_size, recorded_rows
-from dynid.reduction.base import BaseParametrization
-from dynid.signals.samples import Samples
+from dynid.reduction import BaseParametrization
+from dynid.signals import Samples
 
 HELD = 1e12
 """Stiffness that holds an unknown of unit columns at zero."""

@@ -1,35 +1,81 @@
-"""From samples to an estimate: fit, statistics, conditioning, findings."""
+"""From samples to an estimate: fit, statistics, conditioning, findings.
+
+The estimators by their words.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.provenance import Provenance
-from dynid.identification.conditioning import (
+from dynid.core import Array, InputError, Provenance
+from dynid.identification.bayesian import BayesianRegression
+from dynid.identification.diagnostics import diagnose
+from dynid.identification.estimate import Estimate, MotionRange, StandardParameters
+from dynid.identification.instrumental import InstrumentalVariables, OutputError
+from dynid.identification.least_squares import (
+    Estimator,
+    Fit,
+    HuberRegression,
+    OrdinaryLeastSquares,
+    RecursiveLeastSquares,
+    TotalLeastSquares,
+    WeightedLeastSquares,
+    autocorrelation,
+)
+from dynid.identification.likelihood import MaximumLikelihood
+from dynid.identification.physical import PhysicallyConsistent
+from dynid.identification.problem import (
+    IdentificationProblem,
     base_mapping,
     condition_number,
     motion_condition_number,
     observation_root,
     scaled_condition_number,
 )
-from dynid.identification.diagnostics import diagnose
-from dynid.identification.estimate import Estimate, MotionRange, StandardParameters
-from dynid.identification.least_squares import Estimator, Fit, autocorrelation
-from dynid.identification.problem import IdentificationProblem
 from dynid.identification.statistics import (
     essential_parameters,
     hac_covariance,
     moved_by_prior,
     naive_covariance,
 )
-from dynid.recording.record import ExperimentRecord
-from dynid.reduction.base import reduce_model
-from dynid.regressor.model import InverseDynamicModel
-from dynid.signals.process import uniform_signals
-from dynid.signals.samples import ProcessingSettings, Samples
+from dynid.recording import ExperimentRecord
+from dynid.reduction import reduce_model
+from dynid.regressor import InverseDynamicModel
+from dynid.signals import ProcessingSettings, Samples, uniform_signals
+
+ESTIMATORS = ("ols", "wls", "irls", "tls", "iv", "ml", "didim", "sdp", "bayes", "rls")
+"""The words of `--estimator`."""
+
+
+def estimator_of(word: str, prior_gain: float | None = None) -> Estimator:
+    """The estimator of a word.
+
+    Args:
+        word: One of `ESTIMATORS`.
+        prior_gain: See `WeightedLeastSquares`; for those that have it.
+
+    Raises:
+        InputError: An unknown word.
+    """
+    makers: dict[str, Callable[[], Estimator]] = {
+        "ols": OrdinaryLeastSquares,
+        "wls": lambda: WeightedLeastSquares(prior_gain=prior_gain),
+        "irls": lambda: HuberRegression(prior_gain=prior_gain),
+        "tls": TotalLeastSquares,
+        "iv": lambda: InstrumentalVariables(prior_gain=prior_gain),
+        "ml": lambda: MaximumLikelihood(prior_gain=prior_gain),
+        "didim": lambda: OutputError(prior_gain=prior_gain),
+        "sdp": lambda: PhysicallyConsistent(prior_gain=prior_gain),
+        "bayes": BayesianRegression,
+        "rls": RecursiveLeastSquares,
+    }
+    if word not in makers:
+        raise InputError("unknown", where="--estimator", value=word, limit=", ".join(ESTIMATORS))
+    return makers[word]()
+
 
 PRIOR_SPEAKS = 0.25
 """Prior's share from which a standard parameter counts as the prior's word."""

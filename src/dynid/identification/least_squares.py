@@ -1,17 +1,22 @@
-"""Ordinary and weighted least squares, solved by QR."""
+"""Least squares: ordinary, weighted, robust, total and recursive."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dynid.core.arrays import Array, Indices
-from dynid.core.errors import InputError, JobError
-from dynid.core.linalg import solve_upper, upper_triangle
-from dynid.identification.accumulate import joint_factors
-from dynid.identification.problem import IdentificationProblem
+from dynid.core import (
+    Array,
+    Indices,
+    InputError,
+    JobError,
+    inverse_upper,
+    solve_upper,
+    upper_triangle,
+)
+from dynid.identification.problem import IdentificationProblem, joint_factors
 
 PRIOR_GAIN = 1.0
 """Standard deviation expected of a parameter's share of the torque, over the torque itself."""
@@ -195,3 +200,192 @@ def torque_scale(factors: Array, problem: IdentificationProblem) -> Array:
 def pooled(noise: Array, groups: Indices) -> Array:
     """Noise (n) with the root mean square of its group in each joint's place."""
     return np.array([np.sqrt(np.mean(np.square(noise[groups == g]))) for g in groups])
+
+
+HUBER = 1.345
+"""95 % efficient on Gaussian noise."""
+MAD_TO_SIGMA = 1.4826
+
+
+@dataclass(frozen=True, kw_only=True)
+class HuberRegression(Estimator):
+    """IRLS: rows far from the model count less, w = min(1, k s_j / |r|) (Huber 1964)."""
+
+    prior_gain: float | None = None
+    """See `WeightedLeastSquares`."""
+    threshold: float = HUBER
+    max_iterations: int = 30
+    tolerance: float = 1e-4
+
+    @property
+    def name(self) -> str:
+        """See `Estimator`."""
+        return "irls"
+
+    def fit(self, problem: IdentificationProblem) -> Fit:
+        """See `Estimator`."""
+        start = WeightedLeastSquares(prior_gain=self.prior_gain).fit(problem)
+        values, noise, information = start.values, start.noise, start.information
+        rows = np.ones((problem.samples.joints, problem.blocks))
+        for _ in range(self.max_iterations):
+            residual = problem.residual(values)
+            noise = np.maximum(_spread(residual), 1e-12 * np.abs(residual).max(initial=1e-12))
+            rows = np.minimum(1.0, self.threshold * noise[:, None] / (np.abs(residual) + 1e-300))
+            # Least squares multiplies rows by the root of their weight.
+            factors = joint_factors(problem, np.sqrt(rows))
+            update, information = solve(factors, 1.0 / noise, self.prior_gain)
+            step = np.linalg.norm(information @ (update - values))
+            size = np.linalg.norm(information @ update)
+            values = update
+            if step <= self.tolerance * size:
+                break
+        return Fit(
+            values=values,
+            noise=noise,
+            weights=1.0 / noise,
+            information=information,
+            row_weights=rows,
+        )
+
+
+def _spread(residual: Array) -> Array:
+    centre = np.median(residual, axis=1, keepdims=True)
+    return MAD_TO_SIGMA * np.median(np.abs(residual - centre), axis=1)
+
+
+WEAK_TORQUE = 1e-8
+"""Share of the torque in the smallest singular vector below which there is no solution."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TotalLeastSquares(Estimator):
+    """The nearest consistent system to [W tau], rows weighted, columns of unit norm.
+
+    From the singular vector of [W tau] with the smallest singular value (Golub and Van Loan
+    1980; Gautier, Vandanjon and Presse 1994 for robots). It presumes errors of equal size in
+    all scaled columns, which robots do not have: a yardstick, not a recommendation.
+    """
+
+    @property
+    def name(self) -> str:
+        """See `Estimator`."""
+        return "tls"
+
+    def fit(self, problem: IdentificationProblem) -> Fit:
+        """See `Estimator`."""
+        plain = WeightedLeastSquares().fit(problem)
+        factors = joint_factors(problem)
+        width = problem.base.rank + 1
+        stacked = upper_triangle((factors * plain.weights[:, None, None]).reshape(-1, width))
+        values = solve_total(stacked)
+        return replace(plain, values=values, noise=residual_noise(factors, values, problem))
+
+
+def solve_total(augmented: Array) -> Array:
+    """The total least-squares solution (r) of [A b] (m, r + 1), columns scaled to unit norm.
+
+    Raises:
+        JobError: The torque has no part in the smallest singular vector.
+    """
+    scale = np.linalg.norm(augmented, axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    last = np.linalg.svd(augmented / scale, full_matrices=False)[2][-1]
+    if abs(last[-1]) < WEAK_TORQUE:
+        raise JobError(
+            "total least squares has no solution for this record",
+            next_step="Use --estimator wls; its columns are nearly dependent on each other.",
+        )
+    return -last[:-1] / last[-1] * scale[-1] / scale[:-1]
+
+
+START = 1e-9
+"""Root of the information before the first sample, over a typical column."""
+
+
+@dataclass(slots=True)
+class RecursiveEstimate:
+    """The square-root information filter: one small QR a batch of rows, nothing is inverted.
+
+    Equal to batch least squares over all rows so far where nothing is forgotten (Bierman 1977).
+
+    Raises:
+        InputError: No parameters, or a forgetting factor outside (0, 1].
+    """
+
+    parameters: int
+    forgetting: float = 1.0
+    """Weight of a row one update ago; 1 for none forgotten."""
+    root: Array = field(init=False)
+    """(r + 1, r + 1) triangle of the rows so far, torques last."""
+
+    def __post_init__(self) -> None:
+        if self.parameters < 1:
+            raise InputError("needs at least one parameter", value=self.parameters)
+        if not 0 < self.forgetting <= 1:
+            raise InputError("forgetting outside (0, 1]", value=self.forgetting)
+        self.root = np.zeros((self.parameters + 1, self.parameters + 1))
+
+    def update(self, columns: Array, torque: Array) -> None:
+        """Take in rows.
+
+        Args:
+            columns: (m, r) rows of the observation matrix, divided by their noise.
+            torque: (m) torques, divided by their noise.
+
+        Raises:
+            InputError: Shapes that do not fit.
+        """
+        if columns.shape != (len(torque), self.parameters):
+            raise InputError(
+                "rows do not fit", value=columns.shape, limit=(len(torque), self.parameters)
+            )
+        rows = np.column_stack([columns, torque])
+        self.root = upper_triangle(np.vstack([np.sqrt(self.forgetting) * self.root, rows]))
+
+    @property
+    def values(self) -> Array:
+        """(r) the estimate so far; what no row has shown yet is near zero."""
+        r = self.parameters
+        upper, right = self._regular()
+        return solve_upper(upper[:r, :r], right[:r])
+
+    @property
+    def covariance(self) -> Array:
+        """(r, r) if rows were divided by their noise and are independent."""
+        inverse = inverse_upper(self._regular()[0])
+        return inverse @ inverse.T
+
+    def _regular(self) -> tuple[Array, Array]:
+        r = self.parameters
+        scale = np.linalg.norm(self.root[:, :r], axis=0)
+        least = START * np.where(scale > 0, scale, 1.0)
+        upper = upper_triangle(np.vstack([self.root, np.eye(r, r + 1) * np.append(least, 1.0)]))
+        return upper[:r, :r], upper[:r, r]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecursiveLeastSquares(Estimator):
+    """Recursive least squares over the record in order of time, rows weighted by joint noise."""
+
+    forgetting: float = 1.0
+    """See `RecursiveEstimate`, a block of rows at a time."""
+
+    @property
+    def name(self) -> str:
+        """See `Estimator`."""
+        return "rls"
+
+    def fit(self, problem: IdentificationProblem) -> Fit:
+        """See `Estimator`."""
+        noise = WeightedLeastSquares().fit(problem).noise
+        running = RecursiveEstimate(problem.base.rank, self.forgetting)
+        for _, columns, torque in problem.chunks():
+            weighted = columns / noise[:, None]
+            running.update(weighted.reshape(len(weighted), -1).T, (torque / noise[:, None]).ravel())
+        values = running.values
+        return Fit(
+            values=values,
+            noise=residual_noise(joint_factors(problem), values, problem),
+            weights=1.0 / noise,
+            information=running.root[:-1, :-1],
+        )

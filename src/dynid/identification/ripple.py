@@ -1,20 +1,183 @@
-"""Torque ripple of gears, found in what a fit leaves over."""
+"""Torque ripple of gears, found in what a fit leaves over.
+
+Gears, told by the waves that they leave over the positions of their joints.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise, product
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.identification.gear_waves import FOLDS, GAIN, STRETCHES, find_gears, held_out
+from dynid.core import Array
 from dynid.identification.least_squares import WeightedLeastSquares
 from dynid.identification.problem import IdentificationProblem
-from dynid.reduction.base import reduce_model
-from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.ripple import Gear, TorqueRipple
-from dynid.signals.samples import Samples
+from dynid.reduction import reduce_model
+from dynid.regressor import Gear, InverseDynamicModel, TorqueRipple
+from dynid.signals import NYQUIST_SHARE, Samples
+
+FEWEST_WAVES = 40.0
+"""Slower waves look like gravity and friction; gears of arms turn their motors fifty times."""
+MOST_WAVES = 1000.0
+GAIN = 0.01
+"""A gear must lower the logarithm of a joint's held-out RMS by this much."""
+FAMILIES = ((1.0,), (0.5, 1.0), (1.0, 2.0), (0.5, 1.0, 2.0))
+"""Waves over the strongest: once a turn of the motor, twice, four times."""
+POWERS = (1, 2, 3, 4, 5)
+"""Numbers of powers of the speed that are tried."""
+CLEAR = 30.0
+"""Power of a wave over the median beside it from which it is a gear's: noise and stiction, the
+strongest of a thousand waves, reach 10 to 20; gears of a Franka 40 to 260."""
+WHISPER = 10.0
+"""The same for a joint whose size of gear another joint has shown clearly."""
+NEIGHBOURS = 0.25
+"""How far beside a wave, as a share of it, others are its neighbours."""
+FEWEST_NEIGHBOURS = 8
+ALIKE = 1.03
+"""Ratio of waves that belong to gears of one size."""
+SPEED_SHARE = 99.0
+"""Percentile of the speeds that counts as the highest."""
+STRETCHES = 64
+FOLDS = 8
+"""Every eighth stretch is left out in turn: each lasts many waves, and all speeds stay seen."""
+RIDGE = 1e-3
+"""On the coefficients, over the trace of their products: powers of the speed are alike."""
+
+
+def find_gears(
+    q: Array, dq: Array, residual: Array, rate_hz: float, prismatic: Sequence[bool]
+) -> list[Gear]:
+    """The gears that a residual speaks of; see `find_ripples`."""
+    heard = {
+        j: peak
+        for j in range(len(q))
+        if not prismatic[j] and (peak := _peak(q[j], dq[j], residual[j], rate_hz)) is not None
+    }
+    gears: list[Gear] = []
+    for group in alike({j: wave for j, (wave, _) in heard.items()}):
+        loudness = [heard[j][1] for j in group]
+        # One joint that speaks clearly vouches for others of its size that whisper.
+        if max(loudness) < CLEAR:
+            continue
+        group = [j for j, loud in zip(group, loudness, strict=True) if loud > WHISPER]
+        wave = _common_wave(
+            {j: (q[j], dq[j], residual[j]) for j in group}, [heard[j][0] for j in group]
+        )
+        shaped = (_gear(j, q[j], dq[j], residual[j], rate_hz, wave) for j in group)
+        gears += [gear for gear in shaped if gear is not None]
+    return gears
+
+
+def alike(peaks: Mapping[int, float]) -> list[list[int]]:
+    """Joints whose waves are the same within `ALIKE`: gears of one size."""
+    groups: list[list[int]] = []
+    for joint, peak in sorted(peaks.items(), key=lambda item: item[1]):
+        if groups and peak < peaks[groups[-1][-1]] * ALIKE:
+            groups[-1].append(joint)
+        else:
+            groups.append([joint])
+    return groups
+
+
+def _common_wave(
+    signals: Mapping[int, tuple[Array, Array, Array]], waves: Sequence[float]
+) -> float:
+    """The wave that suits the joints of a group together: one joint's reach may not tell."""
+    resolution = min(np.pi / 4 / float(np.ptp(q)) for q, _, _ in signals.values())
+    grid = np.arange(min(waves) - 4 * resolution, max(waves) + 4.5 * resolution, resolution)
+
+    def score(wave: float) -> float:
+        total = 0.0
+        for j, (q, dq, residual) in signals.items():
+            speed = float(np.percentile(np.abs(dq), SPEED_SHARE))
+            gear = Gear(joint=j, waves=(wave / 2, wave), speed=speed, powers=3)
+            total += np.log(held_out([gear.columns(q, dq)], residual)[0])
+        return total
+
+    return min((float(wave) for wave in grid), key=score)
+
+
+def _peak(q: Array, dq: Array, residual: Array, rate_hz: float) -> tuple[float, float] | None:
+    """The strongest wave of one joint's residual, and its power over its neighbours' median."""
+    grid = _waves(q, dq, rate_hz)
+    if len(grid) < 2:
+        return None
+    power = wave_power(q, residual, grid)
+    best = int(np.argmax(power))
+    away = np.abs(grid - grid[best])
+    beside = power[(away < NEIGHBOURS * grid[best]) & (away > 4 * np.pi / float(np.ptp(q)))]
+    if len(beside) < FEWEST_NEIGHBOURS or np.median(beside) <= 0:
+        return None
+    return float(grid[best]), float(power[best] / np.median(beside))
+
+
+def _waves(q: Array, dq: Array, rate_hz: float) -> Array:
+    """Waves a turn that a recording can show, four to each that it can tell apart."""
+    reach, speed = float(np.ptp(q)), float(np.percentile(np.abs(dq), SPEED_SHARE))
+    if reach * FEWEST_WAVES < 4 * np.pi or speed <= 0:
+        return np.zeros(0)
+    highest = min(NYQUIST_SHARE * np.pi * rate_hz / speed, MOST_WAVES)
+    return np.arange(FEWEST_WAVES, highest, np.pi / 2 / reach)
+
+
+def _gear(
+    joint: int, q: Array, dq: Array, residual: Array, rate_hz: float, wave: float
+) -> Gear | None:
+    """The gear of one joint, or None where its own torque shows no ripple that predicts."""
+    highest = float(_waves(q, dq, rate_hz)[-1])
+    speed = float(np.percentile(np.abs(dq), SPEED_SHARE))
+
+    def score(gear: Gear) -> float:
+        return held_out([gear.columns(q, dq)], residual)[0]
+
+    shapes = [
+        Gear(joint=joint, waves=waves, speed=speed, powers=powers)
+        for family, powers in product(FAMILIES, POWERS)
+        if (waves := tuple(wave * k for k in family if FEWEST_WAVES <= wave * k <= highest))
+    ]
+    best = min(shapes, key=score)
+    gain = np.log(float(np.square(residual).mean()) / score(best)) / 2
+    return best if gain > GAIN else None
+
+
+def wave_power(q: Array, residual: Array, waves: Array) -> Array:
+    """(k) power of evenly spaced waves a turn (k) in a residual (N) at positions (N)."""
+    turn = np.exp(1j * (waves[1] - waves[0]) * q)
+    carried = residual * np.exp(1j * waves[0] * q)
+    power = np.empty(len(waves))
+    for k in range(len(waves)):
+        power[k] = np.square(np.abs(carried.mean()))
+        carried *= turn
+    return power
+
+
+def held_out(parts: Sequence[Array], residual: Array, together: int = 1) -> tuple[float, Array]:
+    """Mean square error on stretches left out, and the coefficients of all.
+
+    Args:
+        parts: Columns (k, N) of each gear.
+        residual: (N) what they shall explain.
+        together: Stretches in a row that are left out together.
+    """
+    rows = np.vstack([*parts, residual])
+    cuts = [k * len(residual) // STRETCHES for k in range(STRETCHES + 1)]
+    products = [rows[:, a:b] @ rows[:, a:b].T for a, b in pairwise(cuts)]
+    folds: list[Array] = [
+        np.sum([p for i, p in enumerate(products) if i // together % FOLDS == k], axis=0)
+        for k in range(FOLDS)
+    ]
+    total: Array = np.sum(products, axis=0)
+    ridge = RIDGE * max(float(np.trace(total[:-1, :-1])), 1e-300) * np.eye(len(total) - 1)
+    error = 0.0
+    for fold in folds:
+        rest = total - fold
+        found = np.linalg.solve(rest[:-1, :-1] + ridge, rest[:-1, -1])
+        error += float(fold[-1, -1] - 2 * found @ fold[:-1, -1] + found @ fold[:-1, :-1] @ found)
+    values = np.linalg.solve(total[:-1, :-1] + ridge, total[:-1, -1])
+    return error / len(residual), np.asarray(values, dtype=np.float64)
+
 
 MOST_SAMPLES = 40_000
 """Of a longer record, every so manieth."""

@@ -1,14 +1,198 @@
-"""Uncertainty that can be believed: naive and autocorrelation-consistent covariances."""
+"""Calibrated uncertainty: naive and autocorrelation-consistent covariances."""
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
 
-from dynid.core.arrays import Array
-from dynid.core.linalg import inverse_upper, solve_upper
-from dynid.identification.correlated import ar_covariance
+import numpy as np
+from scipy import signal  # pyright: ignore[reportMissingTypeStubs]
+
+from dynid.core import Array, inverse_upper, solve_upper
 from dynid.identification.least_squares import Fit, autocorrelation
 from dynid.identification.problem import IdentificationProblem
+
+ITERATIONS = 8
+SETTLED = 0.03
+"""Change of correlations and shares that ends the search."""
+FARTHEST = 60
+"""Rows up to which the correlation's decay is followed."""
+LARGEST_CORRELATION = 0.998
+MOST_ROWS = 6000
+"""Rows a joint that are looked at; longer records are thinned."""
+NEGLIGIBLE = 0.05
+"""Correlation at one row below which the noise counts as white."""
+
+
+def ar_covariance(fit: Fit, problem: IdentificationProblem, residual: Array) -> Array:
+    """(r, r) covariance if each joint's noise is AR(1) plus white noise.
+
+    Args:
+        fit: The solution.
+        problem: Its problem.
+        residual: (n, N) residuals [N.m or N].
+    """
+    stride = -(-problem.blocks // MOST_ROWS)
+    # In coordinates where the information of these rows is the identity, traces are plain sums.
+    inverse = inverse_upper(fit.information) * np.sqrt(stride)
+    designs = _whitened_columns(fit, problem, inverse, stride)
+    rows = residual[:, ::stride] * fit.weights[:, None]
+    count = rows.shape[1]
+    lag0 = np.square(rows).sum(axis=1)
+    lag1 = (rows[:, 1:] * rows[:, :-1]).sum(axis=1)
+    reach = _reach(rows, lag0, lag1)
+    own = np.array([_near_and_late(x[:, None], m) for x, m in zip(rows, reach, strict=True)])
+    near, late = (own[:, :, :, 0] * rows[:, None]).sum(axis=2).T / 2
+    beside = [_near_and_late(x, m) for x, m in zip(designs, reach, strict=True)]
+    observed = np.divide(lag1, lag0, out=np.zeros_like(lag0), where=lag0 > 0)
+    start = _ratio(late, near) ** (1.0 / np.array(reach))
+    start = np.where(observed > NEGLIGIBLE, np.minimum(start, LARGEST_CORRELATION), 0.0)
+    level = _ratio(near, lag0) / np.maximum(_series(start, reach), 1e-3)
+    noise = _Noise(
+        rho=np.where(level < 1.0, start, np.clip(observed, 0.0, LARGEST_CORRELATION)),
+        share=np.clip(level, 0.05, 1.0),
+        variance=lag0 / count,
+    )
+    for _ in range(ITERATIONS):
+        expected = _expected_sums(designs, beside, noise, reach)
+        variance = noise.variance * np.clip(lag0 / np.maximum(expected[0], 1e-300), 0.2, 5.0)
+        wanted = np.clip(expected[1] / np.maximum(expected[0], 1e-300), -1.0, 1.0)
+        # Work on log(1 - rho): near one, that is what the sums respond to.
+        gain = np.log1p(-np.minimum(observed, 0.9995)) - np.log1p(-np.minimum(wanted, 0.9995))
+        alone = 1 - (1 - noise.rho) * np.exp(np.clip(gain, -1.0, 1.0))
+        decay = _ratio(late, near) / np.maximum(_ratio(expected[3], expected[2]), 1e-3)
+        slower = noise.rho * np.clip(decay, 0.2, 5.0) ** (1.0 / np.array(reach))
+        slower = np.minimum(slower, LARGEST_CORRELATION)
+        level = _ratio(near, lag0) / np.maximum(_ratio(expected[2], expected[0]), 1e-3)
+        level *= _series(noise.rho, reach) / np.maximum(_series(slower, reach), 1e-3)
+        share = np.clip(noise.share * np.clip(level, 0.2, 5.0), 0.05, 1.0)
+        # Without room for white noise the first lag alone decides, as for AR(1).
+        rho = np.where(share < 1.0, slower, alone)
+        rho = np.where(observed > NEGLIGIBLE, np.clip(rho, 0.0, LARGEST_CORRELATION), noise.rho)
+        moved = np.abs(np.log1p(-rho) - np.log1p(-noise.rho)).max(initial=0.0)
+        moved = max(float(moved), float(np.abs(share - noise.share).max(initial=0.0)))
+        noise = _Noise(rho=rho, share=share, variance=variance)
+        if moved < SETTLED:
+            break
+    _, spread = _spread(designs, noise, noise.variance * _thinning(noise, stride))
+    return inverse @ spread @ inverse.T
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Noise:
+    """Correlation share rho^k at k rows, k > 0; all (n)."""
+
+    rho: Array
+    share: Array
+    variance: Array
+
+    def correlate(self, columns: Array, joint: int) -> Array:
+        """Omega X for the correlation matrix Omega."""
+        rho, share = float(self.rho[joint]), float(self.share[joint])
+        if share * rho < NEGLIGIBLE:
+            return columns
+        ahead = _recursion(columns, rho)
+        behind = _recursion(columns[::-1], rho)[::-1]
+        return share * (ahead + behind) + (1.0 - 2.0 * share) * columns
+
+
+def _reach(rows: Array, lag0: Array, lag1: Array) -> list[int]:
+    """(n) rows after which half of the correlation at one row is left."""
+    found: list[int] = []
+    for row, own, first in zip(rows, lag0, lag1, strict=True):
+        most = max(1, min(FARTHEST, len(row) // 20))
+        lag = 1
+        while lag < most and own > 0 and float(row[lag + 1 :] @ row[: -lag - 1]) > first / 2:
+            lag += 1
+        found.append(lag)
+    return found
+
+
+def _near_and_late(columns: Array, reach: int) -> Array:
+    """(2, N, r) sums of the rows 1 to m, and m + 1 to 2 m, before and after each one."""
+    count = len(columns)
+    total = np.vstack([np.zeros((1, columns.shape[1])), np.cumsum(columns, axis=0)])
+    here = np.arange(count)
+
+    def within(lag: int) -> Array:
+        return total[np.minimum(here + lag + 1, count)] - total[np.maximum(here - lag, 0)]
+
+    narrow, middle, wide = (within(k * reach) for k in range(3))
+    return np.stack([middle - narrow, wide - middle])
+
+
+def _ratio(part: Array, whole: Array) -> Array:
+    share = np.divide(part, whole, out=np.zeros_like(part), where=whole > 0)
+    return np.maximum(share, 0.0)
+
+
+def _series(rho: Array, reach: list[int]) -> Array:
+    """(n) rho + ... + rho^m."""
+    return rho * (1 - rho ** np.array(reach)) / (1 - rho)
+
+
+def _spread(designs: Array, noise: _Noise, variance: Array) -> tuple[list[Array], Array]:
+    """Omega X of each joint, and the sum of X' Omega X times its variance."""
+    smoothed = [noise.correlate(x, j) for j, x in enumerate(designs)]
+    crossed = np.array([x.T @ s for x, s in zip(designs, smoothed, strict=True)])
+    return smoothed, np.tensordot(variance, crossed, axes=1)
+
+
+def _thinning(noise: _Noise, stride: int) -> Array:
+    """(n) variance of a mean of all rows over that of every `stride`-th, rho between those."""
+    if stride == 1:
+        return np.ones_like(noise.rho)
+    single = np.maximum(noise.rho, 1e-12) ** (1.0 / stride)
+    every = 1 + 2 * noise.share * single / (1 - single)
+    return every / stride / (1 + 2 * noise.share * noise.rho / (1 - noise.rho))
+
+
+def _whitened_columns(
+    fit: Fit, problem: IdentificationProblem, inverse: Array, stride: int
+) -> Array:
+    """(n, N / stride, r) weighted columns times the inverse root of the information."""
+    parts = [
+        columns[:, :, -rows.start % stride :: stride].transpose(1, 2, 0) @ inverse
+        for rows, columns, _ in problem.chunks()
+    ]
+    return np.concatenate(parts, axis=1) * fit.weights[:, None, None]
+
+
+def _recursion(columns: Array, rho: float) -> Array:
+    """y_t = x_t + rho y_(t-1) along the first axis."""
+    filtered = signal.lfilter([1.0], [1.0, -rho], columns, axis=0)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
+    return np.asarray(filtered, dtype=np.float64)
+
+
+def _expected_sums(designs: Array, beside: list[Array], noise: _Noise, reach: list[int]) -> Array:
+    """(4, n) expected sums of products of each joint's residuals after the fit.
+
+    At lag 0, at lag 1, and over the lags 1 to m and m + 1 to 2 m.
+    """
+    count = designs.shape[1]
+    smoothed, spread = _spread(designs, noise, noise.variance)
+    sums = np.empty((4, len(designs)))
+    for j, (x, s, (near, late)) in enumerate(zip(designs, smoothed, beside, strict=True)):
+        back = x @ spread
+        next_rows = np.zeros_like(x)
+        next_rows[:-1] = x[1:]
+        next_rows[1:] += x[:-1]
+        m = reach[j]
+        for i, (others, lags) in enumerate(
+            (
+                (2 * x, [0]),
+                (next_rows, [1]),
+                (near, range(1, m + 1)),
+                (late, range(m + 1, 2 * m + 1)),
+            )
+        ):
+            own = sum(
+                (noise.share[j] * noise.rho[j] ** k if k else 1.0) * (count - k) for k in lags
+            )
+            taken = float((s * others).sum())
+            given = float((back * others).sum()) / 2
+            sums[i, j] = noise.variance[j] * (own - taken) + given
+    return sums
+
 
 MIN_LAG_S = 0.3
 """Correlation of residuals is looked for at least this far [s]."""

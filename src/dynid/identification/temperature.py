@@ -13,8 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import InputError, JobError
+from dynid.core import Array, InputError, JobError
 
 LAWS = ("exponential", "linear")
 LEAST_SPREAD_K = 3.0

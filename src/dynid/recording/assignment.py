@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.notices import Notice
+from dynid.core import Array, Notice
 from dynid.recording.clocks import Clock
 from dynid.recording.columns import parse_columns, select
 from dynid.recording.headers import match_headers

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
 from dynid.recording.clocks import find_clocks
 from dynid.recording.families import Family, spelled
 from dynid.recording.naming import parse_name

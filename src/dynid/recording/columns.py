@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
 from dynid.recording.naming import Name, parse_name
 from dynid.recording.record import JOINT_QUANTITIES
 from dynid.recording.table import plain

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import RecordError
+from dynid.core import Array, RecordError
 from dynid.recording.assignment import assign
 from dynid.recording.clocks import Clock
 from dynid.recording.filenames import names_by_files

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
 from dynid.recording.opening import first_bytes
 from dynid.recording.parquet import is_own
 from dynid.recording.segments import MARK

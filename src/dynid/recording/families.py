@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
 from dynid.recording.naming import Name
 from dynid.recording.table import plain
 

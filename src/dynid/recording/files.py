@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from dynid.core.errors import RecordError
-from dynid.core.provenance import file_hash
+from dynid.core import RecordError, file_hash
 from dynid.recording.csv import read_csv
 from dynid.recording.detect import FORMATS, content_kind
 from dynid.recording.frame import read_frame
@@ -24,7 +23,7 @@ from dynid.recording.repair.pipeline import RepairSettings, repair
 from dynid.recording.rosbag import read_bag
 from dynid.recording.table import RawTable
 from dynid.recording.unpack import unpacked
-from dynid.robot.model import RobotModel
+from dynid.robot import RobotModel
 
 _TEXT = ("auto", "csv", "ur-csv", "ur-rtde-csv")
 

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import RecordError
+from dynid.core import Array, RecordError
 from dynid.recording.assignment import assign
 from dynid.recording.stamping import stamps_of
 from dynid.recording.table import RawTable

@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import MissingExtraError, RecordError
-from dynid.core.optional import require
+from dynid.core import Array, MissingExtraError, RecordError, require
 from dynid.recording.table import RawTable
 from dynid.recording.variables import numbers_of, table_of
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
 from dynid.recording.chosen import choose
 from dynid.recording.clocks import Clock, find_clocks
 from dynid.recording.families import Family, collect

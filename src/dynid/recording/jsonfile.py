@@ -9,8 +9,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import RecordError
+from dynid.core import Array, RecordError
 from dynid.recording.opening import all_bytes
 from dynid.recording.table import RawTable
 from dynid.recording.variables import numbers_of, table_of

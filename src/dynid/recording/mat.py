@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
 from dynid.recording.matlab import byte_order, parse_matlab
 from dynid.recording.opening import all_bytes
 from dynid.recording.table import RawTable

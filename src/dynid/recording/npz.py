@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import RecordError
+from dynid.core import Array, RecordError
 from dynid.recording.table import RawTable
 from dynid.recording.variables import numbers_of, table_of
 

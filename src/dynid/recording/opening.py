@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
 
 
 def unreadable(path: Path, error: OSError) -> RecordError:

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
 from dynid.recording.parquet import read_record
 from dynid.recording.record import ExperimentRecord
-from dynid.robot.model import RobotModel
+from dynid.robot import RobotModel
 
 
 def read_own(

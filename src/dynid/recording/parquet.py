@@ -10,9 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import RecordError
-from dynid.core.files import cannot_write, file_behind
+from dynid.core import Array, RecordError, cannot_write, file_behind
 from dynid.recording.record import ExperimentRecord
 from dynid.recording.schema import (
     UNITS,

@@ -7,7 +7,7 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-from dynid.core.errors import JobError, RecordError
+from dynid.core import JobError, RecordError
 
 
 def create_partial(path: Path) -> int:

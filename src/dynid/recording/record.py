@@ -8,9 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from dynid.core.arrays import Array, frozen
-from dynid.core.errors import RecordError
-from dynid.core.notices import Notice
+from dynid.core import Array, Notice, RecordError, frozen
 
 JOINT_QUANTITIES = (
     "q",

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.core.errors import RecordError
-from dynid.core.notices import Notice
+from dynid.core import Notice, RecordError
 from dynid.recording.bag.catalog import Catalog, Message, Topic
 from dynid.recording.bag.cdr import JointStateDecoder
 from dynid.recording.bag.db3 import db3_messages

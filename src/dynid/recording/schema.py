@@ -8,9 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from typing import Any
 
-from dynid.core.arrays import Array
-from dynid.core.errors import RecordError
-from dynid.core.notices import Notice
+from dynid.core import Array, Notice, RecordError
 from dynid.recording.record import JOINT_QUANTITIES, RecordMetadata
 
 VERSION = 1

@@ -18,8 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core.errors import RecordError
-from dynid.core.notices import Notice
+from dynid.core import Notice, RecordError
 from dynid.recording.opening import unreadable
 from dynid.recording.record import ExperimentRecord
 from dynid.recording.schema import check_quantities, metadata_from_json, notices_from_json

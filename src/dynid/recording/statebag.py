@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
 from dynid.recording.assignment import assign
 from dynid.recording.bag.catalog import Catalog, Message, Topic
 from dynid.recording.bag.cdr import CdrError

@@ -8,9 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dynid.core.arrays import Array
-from dynid.core.errors import RecordError
-from dynid.core.notices import Notice
+from dynid.core import Array, Notice, RecordError
 
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.int64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
 
 _DEG = math.pi / 180
 _REV = 2 * math.pi

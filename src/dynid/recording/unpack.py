@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
 from dynid.recording.bag.inflate import zstd_module
 from dynid.recording.opening import first_bytes
 from dynid.recording.workbook import is_workbook, write_sheet

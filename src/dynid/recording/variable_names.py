@@ -7,8 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import RecordError
+from dynid.core import Array, RecordError
 from dynid.recording.headers import match_headers
 from dynid.recording.layout import suggest_columns
 from dynid.recording.naming import parse_name, says_degrees

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dynid.core.arrays import Array
-from dynid.core.errors import RecordError
+from dynid.core import Array, RecordError
 from dynid.recording.columns import parse_columns, select
 from dynid.recording.naming import parse_name
 from dynid.recording.table import RawTable

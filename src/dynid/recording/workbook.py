@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import IO
 from xml.etree import ElementTree
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
 
 _MARK = "xl/workbook.xml"
 _STRINGS = "xl/sharedStrings.xml"

@@ -16,9 +16,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core.arrays import Array
-from dynid.core.errors import InputError, JobError, RecordError
-from dynid.core.notices import Notice
+from dynid.core import Array, InputError, JobError, Notice, RecordError
 from dynid.recording.parquet import write_record
 from dynid.recording.partial import create_partial
 from dynid.recording.record import RecordMetadata

@@ -1,4 +1,9 @@
-"""Base parameters: the combinations of standard parameters that motion can show."""
+"""Base parameters: the combinations of standard parameters that motion can show.
+
+Random states that excite every identifiable direction.
+
+Numerical rank, base columns and parameter classes of an observation matrix.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +11,124 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dynid.core.arrays import Array, read_only
-from dynid.core.errors import InputError
-from dynid.core.notices import Notice
-from dynid.reduction.rank import RANK_TOLERANCE, Rank, rank_and_classes, regrouping
-from dynid.reduction.sampling import random_states, slow_states
-from dynid.regressor.model import InverseDynamicModel
-from dynid.robot.model import RobotModel
-from dynid.robot.nominal import nominal_geometry, structural_gravity
+from dynid.core import Array, InputError, Mask, Notice, read_only, solve_upper, upper_triangle
+from dynid.regressor import InverseDynamicModel
+from dynid.robot import RobotModel, nominal_geometry, structural_gravity
+
+SPEED = np.pi
+"""[rad/s or m/s] the paper's UR5 limit; the structure does not depend on it."""
+ACCELERATION = 5.5 * np.pi
+"""[rad/s^2 or m/s^2]"""
+
+
+def random_states(robot: RobotModel, samples: int, seed: int) -> tuple[Array, Array, Array]:
+    """Uniform random q, dq, ddq, each (samples, n); q spans +-pi rad or +-1 m."""
+    return _states(robot, samples, seed, SPEED)
+
+
+def slow_states(
+    robot: RobotModel, samples: int, seed: int, speed: float
+) -> tuple[Array, Array, Array]:
+    """As `random_states`, no joint faster than `speed`: columns that die out above it show."""
+    return _states(robot, samples, seed, speed)
+
+
+def _states(robot: RobotModel, samples: int, seed: int, speed: float) -> tuple[Array, Array, Array]:
+    generator = np.random.default_rng(seed)
+    shape = (samples, robot.joints)
+    reach = np.where(robot.prismatic, 1.0, np.pi)
+    q = generator.uniform(-1, 1, shape) * reach
+    dq = generator.uniform(-speed, speed, shape)
+    ddq = generator.uniform(-ACCELERATION, ACCELERATION, shape)
+    return q, dq, ddq
+
+
+RANK_TOLERANCE = 1e-9
+"""Of the largest singular value, columns normalised; the UR5's gap is 1e-2 to 1e-16."""
+ZERO_COLUMN = 1e-9
+"""Columns below this share of the largest norm are zero."""
+CLASS_TOLERANCE = 1e-7
+"""A column with less than this of its norm in the null space is identifiable alone."""
+NO_SHARE = 1e-9
+"""Smaller entries of K, columns normalised, are zero."""
+ROUNDING = 1e-12
+"""No tolerance may ask for more."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rank:
+    """Rank and classes that do not depend on the choice of base columns."""
+
+    rank: int
+    normalised_singular_values: Array
+    """(p) singular values with columns scaled to unit norm."""
+    alone: tuple[int, ...]
+    """Columns in the row space: identifiable alone."""
+    combined: tuple[int, ...]
+    """Identifiable only together with others."""
+    unidentifiable: tuple[int, ...]
+    """Zero columns."""
+
+    @property
+    def gap(self) -> tuple[float, float]:
+        """The singular values, relative to the first, on both sides of the rank."""
+        s = self.normalised_singular_values
+        after = s[self.rank] / s[0] if self.rank < len(s) else 0.0
+        return float(s[self.rank - 1] / s[0]), float(after)
+
+
+def rank_and_classes(w: Array, tolerance: float = RANK_TOLERANCE) -> Rank:
+    """Rank and classes of W (M, p).
+
+    Class by null space V2 and row space V1: column j is unidentifiable if W e_j = 0, alone if
+    row j of V2 is zero, combined otherwise (methods.md 1.2).
+    """
+    scaled, _, zero = _unit_columns(w)
+    # The triangle has the same singular values and row space, whatever the number of rows.
+    _, s, vt = np.linalg.svd(upper_triangle(scaled))
+    rank = int((s > tolerance * s[0]).sum())
+    null_norms = np.linalg.norm(vt[rank:], axis=0)
+    alone = null_norms < CLASS_TOLERANCE
+    return Rank(
+        rank=rank,
+        normalised_singular_values=read_only(s),
+        alone=tuple(np.flatnonzero(alone).tolist()),
+        combined=tuple(np.flatnonzero(~alone & ~zero).tolist()),
+        unidentifiable=tuple(np.flatnonzero(zero).tolist()),
+    )
+
+
+def regrouping(
+    w: Array, tolerance: float = RANK_TOLERANCE
+) -> tuple[tuple[int, ...], tuple[int, ...], Array]:
+    """First-come base columns and how the others regroup into them (Gautier 1991).
+
+    Args:
+        w: (M, p) observation matrix.
+        tolerance: On |R_jj| of the column-normalised QR.
+
+    Returns:
+        Base columns (r), dependent columns (p - r), K (r, p - r) with W2 = W1 K.
+    """
+    scaled, scale, _ = _unit_columns(w)
+    # A dependent column leaves nothing but rounding on the diagonal.
+    independent = np.abs(np.diag(upper_triangle(scaled))) > max(tolerance, ROUNDING)
+    base, dependent = np.flatnonzero(independent), np.flatnonzero(~independent)
+    r = len(base)
+    upper = upper_triangle(scaled[:, np.concatenate([base, dependent])])
+    k = solve_upper(upper[:r, :r], upper[:r, r:])
+    k[np.abs(k) < NO_SHARE] = 0.0
+    k = k * (scale[dependent][None, :] / scale[base][:, None])
+    return tuple(base.tolist()), tuple(dependent.tolist()), k
+
+
+def _unit_columns(w: Array) -> tuple[Array, Array, Mask]:
+    """W with columns of unit norm or exactly zero; what it was divided by (p); zero columns (p)."""
+    norms = np.linalg.norm(w, axis=0)
+    zero = norms <= ZERO_COLUMN * norms.max(initial=1e-300)
+    scale = np.where(zero, 1.0, norms)
+    return np.where(zero, 0.0, w / scale), scale, zero
+
 
 WEAK = 1e-5
 """A direction with less of the largest singular value is hardly there."""

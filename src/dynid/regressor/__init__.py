@@ -1,1 +1,57 @@
 """What every torque is made of: the columns that multiply the parameters."""
+
+from dynid.regressor.adjoint import (
+    Gradient,
+    check_differentiable,
+    pull_blocks,
+    regressor_pullback,
+    torque_adjoint,
+)
+from dynid.regressor.columns import coupled_motors, friction_block, smooth_sign
+from dynid.regressor.friction import (
+    Gear,
+    LoadFriction,
+    TorqueRipple,
+    friction_state,
+    ripples_from_json,
+)
+from dynid.regressor.inertial import (
+    LANES,
+    Places,
+    inertial_rows,
+    turns,
+)
+from dynid.regressor.model import CHUNK, INERTIAL, InverseDynamicModel
+from dynid.regressor.terms import (
+    TERMS,
+    FrictionTerms,
+    parse_terms,
+    terms_from_json,
+)
+
+__all__ = [
+    "CHUNK",
+    "INERTIAL",
+    "LANES",
+    "TERMS",
+    "FrictionTerms",
+    "Gear",
+    "Gradient",
+    "InverseDynamicModel",
+    "LoadFriction",
+    "Places",
+    "TorqueRipple",
+    "check_differentiable",
+    "coupled_motors",
+    "friction_block",
+    "friction_state",
+    "inertial_rows",
+    "parse_terms",
+    "pull_blocks",
+    "regressor_pullback",
+    "ripples_from_json",
+    "smooth_sign",
+    "terms_from_json",
+    "torque_adjoint",
+    "turns",
+]

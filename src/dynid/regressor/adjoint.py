@@ -3,20 +3,325 @@
 Reverse mode: a weighted sum is differentiated by all positions, velocities and accelerations in
 one pass, whatever the weights. Coulomb steps of the paper's width have slopes that say little;
 `InverseDynamicModel.with_coulomb_width` gives a model with wider ones.
+
+The derivative of a weighted sum of inertial columns, batched over samples.
+
+The entries of link i in joint row k, weighted, are one function of the screw of joint k and of
+the motion of link i: with the weights o_0, o = (o_1 o_2 o_3) and M, the symmetric matrix of the
+last six, f.(o_0 c + B o) + s.(o x c) + s.M dw + (s x w).M w, where c is the acceleration of the
+frame's origin and B = [dw]x + [w]x [w]x. The adjoints of all screws, velocities and accelerations
+go back from tip to base together; turning joint i by dq changes X m by -S_i x X m.
+
+The derivative of weighted joint torques, batched over samples.
+
+With the multipliers taken for joint speeds, nu_i = sum_k S_k multiplier_k is the virtual velocity
+of link i, and the weighted torque is the virtual power sum_i nu_i . f_i of the links' wrenches
+f = I a + v x* I v. One recursion carries v, a and nu to the tip, one carries their adjoints back;
+turning joint i by dq changes X m by -S_i x X m (Featherstone, Rigid Body Dynamics Algorithms,
+ch. 2).
 """
 
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
-from dynid.core.arrays import Array
-from dynid.core.errors import InputError
-from dynid.regressor.adjoint_regressor import regressor_pullback
-from dynid.regressor.adjoint_torque import torque_pullback
-from dynid.regressor.inertial import every_row
-from dynid.regressor.inertial_kernel import LANES
+from dynid.core import Array, InputError
+from dynid.regressor.inertial import (
+    LANES,
+    Places,
+    dot,
+    every_row,
+    force_cross,
+    momentum,
+    motion_cross,
+    plus,
+    read,
+    to_child,
+    to_parent,
+    turns,
+    write,
+)
 from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.trigonometry import turns
+
+
+@njit(cache=True, fastmath=True, boundscheck=False, error_model="numpy")
+def regressor_pullback(
+    geom: Array,
+    screw: Array,
+    grav: Array,
+    turn: Array,
+    state: Array,
+    weights: Array,
+    places: Places,
+    out: Array,
+) -> None:
+    """Write the gradient of the weighted inertial columns.
+
+    Shapes are trusted, N is at least `LANES`.
+
+    Args:
+        geom: (n, 39), see `ChainConstants`.
+        screw: (n, 6).
+        grav: (3).
+        turn: (2, n, N) cosine and sine of q.
+        state: (3, n, N) q, dq, ddq.
+        weights: (R, N).
+        places: (n, n, 10) the row of weights for link i, joint row k up to i, parameter c; below
+            0 where the weight is zero.
+        out: (3, n, N) gradient by q, dq, ddq, written over.
+    """
+    n, samples = state.shape[1], state.shape[2]
+    pose = np.empty((n, 12, LANES))
+    vel = np.empty((n, 6, LANES))
+    acc = np.empty((n, 6, LANES))
+    # Screws of joints k in frames i, and what their adjoints have gathered on the way back.
+    screws = np.empty((n, n, 6, LANES))
+    bars = np.empty((n, 6, LANES))
+    v_bar = np.empty((6, LANES))
+    a_bar = np.empty((6, LANES))
+    o = np.empty((10, LANES))
+    origin = np.empty((3, LANES))
+    b = np.empty((9, LANES))
+    b_bar = np.empty((9, LANES))
+    twist = np.empty((6, LANES))
+    for block in range((samples + LANES - 1) // LANES):
+        # The last lanes overlap the ones before: a few samples are written twice, alike.
+        first = min(block * LANES, samples - LANES)
+        for i in range(n):
+            g = geom[i]
+            s = (screw[i, 0], screw[i, 1], screw[i, 2], screw[i, 3], screw[i, 4], screw[i, 5])
+            for x in range(LANES):
+                c, sn, qx = turn[0, i, first + x], turn[1, i, first + x], state[0, i, first + x]
+                for r in range(9):
+                    pose[i, r, x] = g[r] + g[9 + r] * c + g[18 + r] * sn
+                for r in range(3):
+                    pose[i, 9 + r, x] = g[27 + r] + g[30 + r] * c + g[33 + r] * sn + g[36 + r] * qx
+            for x in range(LANES):
+                v = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+                a = (0.0, 0.0, 0.0, -grav[0], -grav[1], -grav[2])
+                if i > 0:
+                    v = read(vel[i - 1], x)
+                    a = read(acc[i - 1], x)
+                speed = state[1, i, first + x]
+                v = plus(to_child(pose[i], x, v), s, speed)
+                a = plus(to_child(pose[i], x, a), s, state[2, i, first + x])
+                write(vel[i], x, v)
+                write(acc[i], x, plus(a, motion_cross(v, s), speed))
+                write(screws[i, i], x, s)
+            for k in range(i):
+                for x in range(LANES):
+                    write(screws[i, k], x, to_child(pose[i], x, read(screws[i - 1, k], x)))
+        bars[:] = 0.0
+        v_bar[:] = 0.0
+        a_bar[:] = 0.0
+        for step in range(n):
+            i = n - 1 - step
+            for x in range(LANES):
+                v, a = read(vel[i], x), read(acc[i], x)
+                w0, w1, w2 = v[0], v[1], v[2]
+                origin[0, x] = a[3] + w1 * v[5] - w2 * v[4]
+                origin[1, x] = a[4] + w2 * v[3] - w0 * v[5]
+                origin[2, x] = a[5] + w0 * v[4] - w1 * v[3]
+                b[0, x] = -w1 * w1 - w2 * w2
+                b[1, x] = w0 * w1 - a[2]
+                b[2, x] = w0 * w2 + a[1]
+                b[3, x] = w0 * w1 + a[2]
+                b[4, x] = -w0 * w0 - w2 * w2
+                b[5, x] = w1 * w2 - a[0]
+                b[6, x] = w0 * w2 - a[1]
+                b[7, x] = w1 * w2 + a[0]
+                b[8, x] = -w0 * w0 - w1 * w1
+            b_bar[:] = 0.0
+            twist[:] = 0.0
+            for k in range(i + 1):
+                for c in range(10):
+                    place = places[i, k, c]
+                    if place >= 0:
+                        for x in range(LANES):
+                            o[c, x] = weights[place, first + x]
+                    else:
+                        for x in range(LANES):
+                            o[c, x] = 0.0
+                for x in range(LANES):
+                    s0, s1, s2, f0, f1, f2 = read(screws[i, k], x)
+                    c0, c1, c2 = origin[0, x], origin[1, x], origin[2, x]
+                    w0, w1, w2 = vel[i, 0, x], vel[i, 1, x], vel[i, 2, x]
+                    d0, d1, d2 = acc[i, 0, x], acc[i, 1, x], acc[i, 2, x]
+                    m, o1, o2, o3 = o[0, x], o[1, x], o[2, x], o[3, x]
+                    xx, yy, zz = o[4, x], o[5, x], o[6, x]
+                    yz, xz, xy = o[7, x], o[8, x], o[9, x]
+                    u0 = s1 * w2 - s2 * w1
+                    u1 = s2 * w0 - s0 * w2
+                    u2 = s0 * w1 - s1 * w0
+                    z0 = xx * w0 + xy * w1 + xz * w2
+                    z1 = xy * w0 + yy * w1 + yz * w2
+                    z2 = xz * w0 + yz * w1 + zz * w2
+                    t0, t1, t2, g0, g1, g2 = read(bars[k], x)
+                    bars[k, 0, x] = (
+                        t0 + o2 * c2 - o3 * c1 + xx * d0 + xy * d1 + xz * d2 + w1 * z2 - w2 * z1
+                    )
+                    bars[k, 1, x] = (
+                        t1 + o3 * c0 - o1 * c2 + xy * d0 + yy * d1 + yz * d2 + w2 * z0 - w0 * z2
+                    )
+                    bars[k, 2, x] = (
+                        t2 + o1 * c1 - o2 * c0 + xz * d0 + yz * d1 + zz * d2 + w0 * z1 - w1 * z0
+                    )
+                    bars[k, 3, x] = g0 + m * c0 + b[0, x] * o1 + b[1, x] * o2 + b[2, x] * o3
+                    bars[k, 4, x] = g1 + m * c1 + b[3, x] * o1 + b[4, x] * o2 + b[5, x] * o3
+                    bars[k, 5, x] = g2 + m * c2 + b[6, x] * o1 + b[7, x] * o2 + b[8, x] * o3
+                    v_bar[0, x] += z1 * s2 - z2 * s1 + xx * u0 + xy * u1 + xz * u2
+                    v_bar[1, x] += z2 * s0 - z0 * s2 + xy * u0 + yy * u1 + yz * u2
+                    v_bar[2, x] += z0 * s1 - z1 * s0 + xz * u0 + yz * u1 + zz * u2
+                    a_bar[0, x] += xx * s0 + xy * s1 + xz * s2
+                    a_bar[1, x] += xy * s0 + yy * s1 + yz * s2
+                    a_bar[2, x] += xz * s0 + yz * s1 + zz * s2
+                    e0 = m * f0 + s1 * o3 - s2 * o2
+                    e1 = m * f1 + s2 * o1 - s0 * o3
+                    e2 = m * f2 + s0 * o2 - s1 * o1
+                    # c = a + w x v
+                    a_bar[3, x] += e0
+                    a_bar[4, x] += e1
+                    a_bar[5, x] += e2
+                    b_bar[0, x] += f0 * o1
+                    b_bar[1, x] += f0 * o2
+                    b_bar[2, x] += f0 * o3
+                    b_bar[3, x] += f1 * o1
+                    b_bar[4, x] += f1 * o2
+                    b_bar[5, x] += f1 * o3
+                    b_bar[6, x] += f2 * o1
+                    b_bar[7, x] += f2 * o2
+                    b_bar[8, x] += f2 * o3
+                    v0, v1, v2 = vel[i, 3, x], vel[i, 4, x], vel[i, 5, x]
+                    v_bar[0, x] += v1 * e2 - v2 * e1
+                    v_bar[1, x] += v2 * e0 - v0 * e2
+                    v_bar[2, x] += v0 * e1 - v1 * e0
+                    v_bar[3, x] += e1 * w2 - e2 * w1
+                    v_bar[4, x] += e2 * w0 - e0 * w2
+                    v_bar[5, x] += e0 * w1 - e1 * w0
+            for x in range(LANES):
+                w0, w1, w2 = vel[i, 0, x], vel[i, 1, x], vel[i, 2, x]
+                trace = 2.0 * (b_bar[0, x] + b_bar[4, x] + b_bar[8, x])
+                xy = b_bar[1, x] + b_bar[3, x]
+                xz = b_bar[2, x] + b_bar[6, x]
+                yz = b_bar[5, x] + b_bar[7, x]
+                v_bar[0, x] += (2.0 * b_bar[0, x] - trace) * w0 + xy * w1 + xz * w2
+                v_bar[1, x] += xy * w0 + (2.0 * b_bar[4, x] - trace) * w1 + yz * w2
+                v_bar[2, x] += xz * w0 + yz * w1 + (2.0 * b_bar[8, x] - trace) * w2
+                a_bar[0, x] += b_bar[7, x] - b_bar[5, x]
+                a_bar[1, x] += b_bar[2, x] - b_bar[6, x]
+                a_bar[2, x] += b_bar[3, x] - b_bar[1, x]
+            for k in range(i):
+                for x in range(LANES):
+                    bar = read(bars[k], x)
+                    turned = force_cross(read(screws[i, k], x), bar)
+                    write(twist, x, plus(read(twist, x), turned, 1.0))
+                    write(bars[k], x, to_parent(pose[i], x, bar))
+            s = (screw[i, 0], screw[i, 1], screw[i, 2], screw[i, 3], screw[i, 4], screw[i, 5])
+            for x in range(LANES):
+                v, a, v_adj, a_adj = (
+                    read(vel[i], x),
+                    read(acc[i], x),
+                    read(v_bar, x),
+                    read(a_bar, x),
+                )
+                speed = state[1, i, first + x]
+                v_adj = plus(v_adj, force_cross(s, a_adj), speed)
+                turning = motion_cross(v, s)
+                out[1, i, first + x] = dot(s, v_adj) + dot(turning, a_adj)
+                out[2, i, first + x] = dot(s, a_adj)
+                carried = plus(a, turning, -speed)
+                total = plus(force_cross(v, v_adj), force_cross(carried, a_adj), 1.0)
+                out[0, i, first + x] = -dot(s, plus(total, read(twist, x), 1.0))
+                write(v_bar, x, to_parent(pose[i], x, v_adj))
+                write(a_bar, x, to_parent(pose[i], x, a_adj))
+
+
+@njit(cache=True, fastmath=True, boundscheck=False, error_model="numpy")
+def torque_pullback(
+    geom: Array,
+    screw: Array,
+    grav: Array,
+    links: Array,
+    turn: Array,
+    state: Array,
+    multipliers: Array,
+    out: Array,
+) -> None:
+    """Write the gradient of the weighted inertial torques.
+
+    Shapes are trusted, N is at least `LANES`.
+
+    Args:
+        geom: (n, 39), screw: (n, 6), grav: (3), see `ChainConstants`.
+        screw: See geom.
+        grav: See geom.
+        links: (n, 10) inertial parameters.
+        turn: (2, n, N) cosine and sine of q.
+        state: (3, n, N) q, dq, ddq.
+        multipliers: (n, N).
+        out: (3, n, N) gradient by q, dq, ddq, written over.
+    """
+    n, samples = multipliers.shape
+    pose = np.empty((n, 12, LANES))
+    vel = np.empty((n, 6, LANES))
+    acc = np.empty((n, 6, LANES))
+    vir = np.empty((n, 6, LANES))
+    adjoint = np.empty((3, 6, LANES))
+    for block in range((samples + LANES - 1) // LANES):
+        # The last lanes overlap the ones before: a few samples are written twice, alike.
+        first = min(block * LANES, samples - LANES)
+        for i in range(n):
+            g = geom[i]
+            s = (screw[i, 0], screw[i, 1], screw[i, 2], screw[i, 3], screw[i, 4], screw[i, 5])
+            for x in range(LANES):
+                c, sn, qx = turn[0, i, first + x], turn[1, i, first + x], state[0, i, first + x]
+                for r in range(9):
+                    pose[i, r, x] = g[r] + g[9 + r] * c + g[18 + r] * sn
+                for r in range(3):
+                    pose[i, 9 + r, x] = g[27 + r] + g[30 + r] * c + g[33 + r] * sn + g[36 + r] * qx
+            for x in range(LANES):
+                v = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+                a = (0.0, 0.0, 0.0, -grav[0], -grav[1], -grav[2])
+                nu = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+                if i > 0:
+                    v = read(vel[i - 1], x)
+                    a = read(acc[i - 1], x)
+                    nu = read(vir[i - 1], x)
+                speed = state[1, i, first + x]
+                v = plus(to_child(pose[i], x, v), s, speed)
+                a = plus(to_child(pose[i], x, a), s, state[2, i, first + x])
+                a = plus(a, motion_cross(v, s), speed)
+                nu = plus(to_child(pose[i], x, nu), s, multipliers[i, first + x])
+                write(vel[i], x, v)
+                write(acc[i], x, a)
+                write(vir[i], x, nu)
+        adjoint[:] = 0.0
+        for k in range(n):
+            i = n - 1 - k
+            link = links[i]
+            s = (screw[i, 0], screw[i, 1], screw[i, 2], screw[i, 3], screw[i, 4], screw[i, 5])
+            for x in range(LANES):
+                v, a, nu = read(vel[i], x), read(acc[i], x), read(vir[i], x)
+                speed = state[1, i, first + x]
+                p = momentum(link, v)
+                wrench = plus(momentum(link, a), force_cross(v, p), 1.0)
+                nu_bar = plus(read(adjoint[2], x), wrench, 1.0)
+                a_bar = plus(read(adjoint[1], x), momentum(link, nu), 1.0)
+                v_bar = plus(read(adjoint[0], x), momentum(link, motion_cross(nu, v)), 1.0)
+                v_bar = plus(v_bar, force_cross(nu, p), -1.0)
+                v_bar = plus(v_bar, force_cross(s, a_bar), speed)
+                turning = motion_cross(v, s)
+                out[1, i, first + x] = dot(s, v_bar) + dot(turning, a_bar)
+                out[2, i, first + x] = dot(s, a_bar)
+                carried = plus(a, turning, -speed)
+                twist = plus(force_cross(v, v_bar), force_cross(carried, a_bar), 1.0)
+                twist = plus(twist, force_cross(nu, nu_bar), 1.0)
+                out[0, i, first + x] = -dot(s, twist)
+                write(adjoint[0], x, to_parent(pose[i], x, v_bar))
+                write(adjoint[1], x, to_parent(pose[i], x, a_bar))
+                write(adjoint[2], x, to_parent(pose[i], x, nu_bar))
+
 
 Gradient = tuple[Array, Array, Array]
 """Derivatives by q, dq and ddq, each (N, n)."""

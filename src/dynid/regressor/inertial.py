@@ -1,15 +1,307 @@
-"""The inertial columns of the regressor, batched over samples."""
+"""The inertial columns of the regressor, batched over samples in compiled kernels."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
-from dynid.core.arrays import Array, read_only
-from dynid.regressor.inertial_kernel import LANES, Places, column_kernel
-from dynid.regressor.trigonometry import turns
-from dynid.robot.model import RobotModel
+from dynid.core import Array, read_only
+from dynid.robot import RobotModel
+
+QUARTERS = 2.0 / math.pi
+# Half pi in three parts; whole numbers of quarter turns times the first are exact up to 2^20.
+PART1, PART2, PART3 = 1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063e-21
+S1, S2, S3 = -1.66666666666666324348e-01, 8.33333333332248946124e-03, -1.98412698298579493134e-04
+S4, S5, S6 = 2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.58969099521155010221e-10
+C1, C2, C3 = 4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872894767294178e-05
+C4, C5, C6 = -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.13596475577881948265e-11
+
+
+# Not fastmath, nor called from what is: the parts of half pi must not be added up.
+@njit(cache=True, boundscheck=False, error_model="numpy")
+def cosines_sines(angles: Array, out: Array) -> None:
+    """Write cosine and sine of angles (n, N) [rad] into out (2, n, N)."""
+    rows, samples = angles.shape
+    for i in range(rows):
+        for x in range(samples):
+            angle = angles[i, x]
+            k = math.floor(angle * QUARTERS + 0.5)
+            r = ((angle - k * PART1) - k * PART2) - k * PART3
+            z = r * r
+            s = S4 + z * (S5 + z * S6)
+            s = r + r * (z * (S1 + z * (S2 + z * (S3 + z * s))))
+            c = C4 + z * (C5 + z * C6)
+            c = 1.0 - (0.5 * z - z * (z * (C1 + z * (C2 + z * (C3 + z * c)))))
+            quarter = k - 4.0 * math.floor(0.25 * k)
+            turned = quarter == 1.0 or quarter == 3.0
+            cosine = s if turned else c
+            sine = c if turned else s
+            out[0, i, x] = -cosine if quarter == 1.0 or quarter == 2.0 else cosine
+            out[1, i, x] = -sine if quarter >= 2.0 else sine
+
+
+def turns(q: Array) -> Array:
+    """(2, n, N) cosine and sine of angles (n, N) [rad]."""
+    out = np.empty((2, *q.shape))
+    cosines_sines(q, out)
+    return out
+
+
+Six = tuple[float, float, float, float, float, float]
+
+
+@njit(fastmath=True, error_model="numpy")
+def motion_cross(a: Six, b: Six) -> Six:
+    """`a x b` of two motions."""
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+        a[1] * b[5] - a[2] * b[4] + a[4] * b[2] - a[5] * b[1],
+        a[2] * b[3] - a[0] * b[5] + a[5] * b[0] - a[3] * b[2],
+        a[0] * b[4] - a[1] * b[3] + a[3] * b[1] - a[4] * b[0],
+    )
+
+
+@njit(fastmath=True, error_model="numpy")
+def force_cross(a: Six, f: Six) -> Six:
+    """`a x* f` of a motion and a wrench, the negative transpose of a x."""
+    return (
+        a[1] * f[2] - a[2] * f[1] + a[4] * f[5] - a[5] * f[4],
+        a[2] * f[0] - a[0] * f[2] + a[5] * f[3] - a[3] * f[5],
+        a[0] * f[1] - a[1] * f[0] + a[3] * f[4] - a[4] * f[3],
+        a[1] * f[5] - a[2] * f[4],
+        a[2] * f[3] - a[0] * f[5],
+        a[0] * f[4] - a[1] * f[3],
+    )
+
+
+@njit(fastmath=True, error_model="numpy")
+def momentum(link: Array, a: Six) -> Six:
+    """I a, the inertia given by the ten parameters of a link."""
+    m, mx, my, mz = link[0], link[1], link[2], link[3]
+    xx, yy, zz, yz, xz, xy = link[4], link[5], link[6], link[7], link[8], link[9]
+    return (
+        xx * a[0] + xy * a[1] + xz * a[2] + my * a[5] - mz * a[4],
+        xy * a[0] + yy * a[1] + yz * a[2] + mz * a[3] - mx * a[5],
+        xz * a[0] + yz * a[1] + zz * a[2] + mx * a[4] - my * a[3],
+        m * a[3] + a[1] * mz - a[2] * my,
+        m * a[4] + a[2] * mx - a[0] * mz,
+        m * a[5] + a[0] * my - a[1] * mx,
+    )
+
+
+@njit(fastmath=True, error_model="numpy")
+def dot(a: Six, b: Six) -> float:
+    """The power of a wrench and a motion."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
+
+
+@njit(fastmath=True, error_model="numpy")
+def read(block: Array, x: int) -> Six:
+    """The vector of lane x of a (6, LANES) block."""
+    return block[0, x], block[1, x], block[2, x], block[3, x], block[4, x], block[5, x]
+
+
+@njit(fastmath=True, error_model="numpy")
+def write(block: Array, x: int, a: Six) -> None:
+    """Store a vector in lane x of a (6, LANES) block."""
+    block[0, x], block[1, x], block[2, x] = a[0], a[1], a[2]
+    block[3, x], block[4, x], block[5, x] = a[3], a[4], a[5]
+
+
+@njit(fastmath=True, error_model="numpy")
+def plus(a: Six, b: Six, factor: float) -> Six:
+    """`a + factor b`."""
+    return (
+        a[0] + factor * b[0],
+        a[1] + factor * b[1],
+        a[2] + factor * b[2],
+        a[3] + factor * b[3],
+        a[4] + factor * b[4],
+        a[5] + factor * b[5],
+    )
+
+
+@njit(fastmath=True, error_model="numpy")
+def to_child(pose: Array, x: int, a: Six) -> Six:
+    """A motion of the parent frame in the child frame; pose holds R row-major, then p."""
+    p0, p1, p2 = pose[9, x], pose[10, x], pose[11, x]
+    f0 = a[3] + a[1] * p2 - a[2] * p1
+    f1 = a[4] + a[2] * p0 - a[0] * p2
+    f2 = a[5] + a[0] * p1 - a[1] * p0
+    return (
+        pose[0, x] * a[0] + pose[3, x] * a[1] + pose[6, x] * a[2],
+        pose[1, x] * a[0] + pose[4, x] * a[1] + pose[7, x] * a[2],
+        pose[2, x] * a[0] + pose[5, x] * a[1] + pose[8, x] * a[2],
+        pose[0, x] * f0 + pose[3, x] * f1 + pose[6, x] * f2,
+        pose[1, x] * f0 + pose[4, x] * f1 + pose[7, x] * f2,
+        pose[2, x] * f0 + pose[5, x] * f1 + pose[8, x] * f2,
+    )
+
+
+@njit(fastmath=True, error_model="numpy")
+def to_parent(pose: Array, x: int, f: Six) -> Six:
+    """A wrench of the child frame in the parent frame, the transpose of `to_child`."""
+    p0, p1, p2 = pose[9, x], pose[10, x], pose[11, x]
+    g0 = pose[0, x] * f[3] + pose[1, x] * f[4] + pose[2, x] * f[5]
+    g1 = pose[3, x] * f[3] + pose[4, x] * f[4] + pose[5, x] * f[5]
+    g2 = pose[6, x] * f[3] + pose[7, x] * f[4] + pose[8, x] * f[5]
+    return (
+        pose[0, x] * f[0] + pose[1, x] * f[1] + pose[2, x] * f[2] + p1 * g2 - p2 * g1,
+        pose[3, x] * f[0] + pose[4, x] * f[1] + pose[5, x] * f[2] + p2 * g0 - p0 * g2,
+        pose[6, x] * f[0] + pose[7, x] * f[1] + pose[8, x] * f[2] + p0 * g1 - p1 * g0,
+        g0,
+        g1,
+        g2,
+    )
+
+
+LANES = 16
+"""Whole cache lines and several vector registers; 8 cost half as much again, 32 gain little."""
+Places = NDArray[np.int64]
+"""Row numbers, below 0 for none."""
+
+
+@njit(cache=True, fastmath=True, boundscheck=False, error_model="numpy")
+def column_kernel(
+    geom: Array,
+    screw: Array,
+    grav: Array,
+    turn: Array,
+    q: Array,
+    dq: Array,
+    ddq: Array,
+    out: Array,
+    places: Places,
+) -> None:
+    """The work of `inertial_rows`."""
+    n, samples = q.shape
+    o = np.empty((10, LANES))
+    s = np.empty((n, 6, LANES))
+    w = np.empty((3, LANES))
+    v = np.empty((3, LANES))
+    dw = np.empty((3, LANES))
+    dv = np.empty((3, LANES))
+    rot = np.empty((9, LANES))
+    p = np.empty((3, LANES))
+    acc = np.empty((3, LANES))
+    b = np.empty((9, LANES))
+    for block in range((samples + LANES - 1) // LANES):
+        # The last lanes overlap the ones before: a few samples are written twice, alike.
+        first = min(block * LANES, samples - LANES)
+        for x in range(LANES):
+            for r in range(3):
+                w[r, x] = 0.0
+                v[r, x] = 0.0
+                dw[r, x] = 0.0
+                dv[r, x] = -grav[r]
+        for i in range(n):
+            g = geom[i]
+            a0, a1, a2 = screw[i, 0], screw[i, 1], screw[i, 2]
+            b0, b1, b2 = screw[i, 3], screw[i, 4], screw[i, 5]
+            for x in range(LANES):
+                c, sn, qx = turn[0, i, first + x], turn[1, i, first + x], q[i, first + x]
+                for r in range(9):
+                    rot[r, x] = g[r] + g[9 + r] * c + g[18 + r] * sn
+                for r in range(3):
+                    p[r, x] = g[27 + r] + g[30 + r] * c + g[33 + r] * sn + g[36 + r] * qx
+            for x in range(LANES):
+                r0, r1, r2 = rot[0, x], rot[1, x], rot[2, x]
+                r3, r4, r5 = rot[3, x], rot[4, x], rot[5, x]
+                r6, r7, r8 = rot[6, x], rot[7, x], rot[8, x]
+                p0, p1, p2 = p[0, x], p[1, x], p[2, x]
+                w0, w1, w2 = w[0, x], w[1, x], w[2, x]
+                d0, d1, d2 = dw[0, x], dw[1, x], dw[2, x]
+                x0 = v[0, x] + w1 * p2 - w2 * p1
+                x1 = v[1, x] + w2 * p0 - w0 * p2
+                x2 = v[2, x] + w0 * p1 - w1 * p0
+                y0 = dv[0, x] + d1 * p2 - d2 * p1
+                y1 = dv[1, x] + d2 * p0 - d0 * p2
+                y2 = dv[2, x] + d0 * p1 - d1 * p0
+                u = dq[i, first + x]
+                uu = ddq[i, first + x]
+                n0 = r0 * w0 + r3 * w1 + r6 * w2 + a0 * u
+                n1 = r1 * w0 + r4 * w1 + r7 * w2 + a1 * u
+                n2 = r2 * w0 + r5 * w1 + r8 * w2 + a2 * u
+                v0 = r0 * x0 + r3 * x1 + r6 * x2 + b0 * u
+                v1 = r1 * x0 + r4 * x1 + r7 * x2 + b1 * u
+                v2 = r2 * x0 + r5 * x1 + r8 * x2 + b2 * u
+                e0 = r0 * d0 + r3 * d1 + r6 * d2 + a0 * uu + (n1 * a2 - n2 * a1) * u
+                e1 = r1 * d0 + r4 * d1 + r7 * d2 + a1 * uu + (n2 * a0 - n0 * a2) * u
+                e2 = r2 * d0 + r5 * d1 + r8 * d2 + a2 * uu + (n0 * a1 - n1 * a0) * u
+                f0 = n1 * b2 - n2 * b1 + v1 * a2 - v2 * a1
+                f1 = n2 * b0 - n0 * b2 + v2 * a0 - v0 * a2
+                f2 = n0 * b1 - n1 * b0 + v0 * a1 - v1 * a0
+                z0 = r0 * y0 + r3 * y1 + r6 * y2 + b0 * uu + f0 * u
+                z1 = r1 * y0 + r4 * y1 + r7 * y2 + b1 * uu + f1 * u
+                z2 = r2 * y0 + r5 * y1 + r8 * y2 + b2 * uu + f2 * u
+                w[0, x], w[1, x], w[2, x] = n0, n1, n2
+                v[0, x], v[1, x], v[2, x] = v0, v1, v2
+                dw[0, x], dw[1, x], dw[2, x] = e0, e1, e2
+                dv[0, x], dv[1, x], dv[2, x] = z0, z1, z2
+                # Classical acceleration of the frame origin, gravity included.
+                acc[0, x] = z0 + n1 * v2 - n2 * v1
+                acc[1, x] = z1 + n2 * v0 - n0 * v2
+                acc[2, x] = z2 + n0 * v1 - n1 * v0
+                # b = [dw]x + [w]x [w]x
+                b[0, x] = -n1 * n1 - n2 * n2
+                b[1, x] = n0 * n1 - e2
+                b[2, x] = n0 * n2 + e1
+                b[3, x] = n0 * n1 + e2
+                b[4, x] = -n0 * n0 - n2 * n2
+                b[5, x] = n1 * n2 - e0
+                b[6, x] = n0 * n2 - e1
+                b[7, x] = n1 * n2 + e0
+                b[8, x] = -n0 * n0 - n1 * n1
+            for k in range(i):
+                for x in range(LANES):
+                    s0, s1, s2 = s[k, 0, x], s[k, 1, x], s[k, 2, x]
+                    p0, p1, p2 = p[0, x], p[1, x], p[2, x]
+                    f0 = s[k, 3, x] + s1 * p2 - s2 * p1
+                    f1 = s[k, 4, x] + s2 * p0 - s0 * p2
+                    f2 = s[k, 5, x] + s0 * p1 - s1 * p0
+                    r0, r1, r2 = rot[0, x], rot[1, x], rot[2, x]
+                    r3, r4, r5 = rot[3, x], rot[4, x], rot[5, x]
+                    r6, r7, r8 = rot[6, x], rot[7, x], rot[8, x]
+                    s[k, 0, x] = r0 * s0 + r3 * s1 + r6 * s2
+                    s[k, 1, x] = r1 * s0 + r4 * s1 + r7 * s2
+                    s[k, 2, x] = r2 * s0 + r5 * s1 + r8 * s2
+                    s[k, 3, x] = r0 * f0 + r3 * f1 + r6 * f2
+                    s[k, 4, x] = r1 * f0 + r4 * f1 + r7 * f2
+                    s[k, 5, x] = r2 * f0 + r5 * f1 + r8 * f2
+            for x in range(LANES):
+                for r in range(6):
+                    s[i, r, x] = screw[i, r]
+            for k in range(i + 1):
+                for x in range(LANES):
+                    s0, s1, s2 = s[k, 0, x], s[k, 1, x], s[k, 2, x]
+                    f0, f1, f2 = s[k, 3, x], s[k, 4, x], s[k, 5, x]
+                    c0, c1, c2 = acc[0, x], acc[1, x], acc[2, x]
+                    w0, w1, w2 = w[0, x], w[1, x], w[2, x]
+                    d0, d1, d2 = dw[0, x], dw[1, x], dw[2, x]
+                    u0 = s1 * w2 - s2 * w1
+                    u1 = s2 * w0 - s0 * w2
+                    u2 = s0 * w1 - s1 * w0
+                    o[0, x] = f0 * c0 + f1 * c1 + f2 * c2
+                    o[1, x] = f0 * b[0, x] + f1 * b[3, x] + f2 * b[6, x] + c1 * s2 - c2 * s1
+                    o[2, x] = f0 * b[1, x] + f1 * b[4, x] + f2 * b[7, x] + c2 * s0 - c0 * s2
+                    o[3, x] = f0 * b[2, x] + f1 * b[5, x] + f2 * b[8, x] + c0 * s1 - c1 * s0
+                    o[4, x] = s0 * d0 + u0 * w0
+                    o[5, x] = s1 * d1 + u1 * w1
+                    o[6, x] = s2 * d2 + u2 * w2
+                    o[7, x] = s1 * d2 + s2 * d1 + u1 * w2 + u2 * w1
+                    o[8, x] = s0 * d2 + s2 * d0 + u0 * w2 + u2 * w0
+                    o[9, x] = s0 * d1 + s1 * d0 + u0 * w1 + u1 * w0
+                for c in range(10):
+                    place = places[i, k, c]
+                    if place >= 0:
+                        for x in range(LANES):
+                            out[place, first + x] = o[c, x]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,15 +6,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dynid.core.arrays import Array, read_only
-from dynid.core.errors import InputError
-from dynid.regressor.blocks import Column, ColumnBlock, smooth_sign
-from dynid.regressor.coupling import coupled_motors
+from dynid.core import Array, InputError, read_only
+from dynid.regressor.columns import Column, ColumnBlock, column_blocks, coupled_motors, smooth_sign
+from dynid.regressor.friction import friction_state
 from dynid.regressor.inertial import ChainConstants, chain_constants, inertial_columns
-from dynid.regressor.layout import column_blocks
-from dynid.regressor.presliding import friction_state
 from dynid.regressor.terms import FrictionTerms
-from dynid.robot.model import RobotModel
+from dynid.robot import RobotModel
 
 INERTIAL = ("m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy")
 INERTIAL_UNITS = ("kg", "kg.m", "kg.m", "kg.m") + ("kg.m^2",) * 6

@@ -7,9 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
-from dynid.core.errors import InputError
-from dynid.regressor.load import LoadFriction, load_from_json
-from dynid.regressor.ripple import TorqueRipple, ripples_from_json
+from dynid.core import InputError
+from dynid.regressor.friction import LoadFriction, TorqueRipple, load_from_json, ripples_from_json
 
 PAPER_WIDTH = 0.001
 """Width of the paper's Coulomb column tanh(dq / 0.001) [rad/s]."""

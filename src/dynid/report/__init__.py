@@ -1,1 +1,27 @@
 """One self-contained page that says what was done and whether to trust it."""
+
+from dynid.report.contents import (
+    JudgedMotion,
+    ReportContents,
+    ReportedDesign,
+    ReportedEstimate,
+)
+from dynid.report.page import write_report
+from dynid.report.theme import (
+    Canvas,
+    colour,
+    joint_unit,
+    paint,
+)
+
+__all__ = [
+    "Canvas",
+    "JudgedMotion",
+    "ReportContents",
+    "ReportedDesign",
+    "ReportedEstimate",
+    "colour",
+    "joint_unit",
+    "paint",
+    "write_report",
+]

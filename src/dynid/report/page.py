@@ -1,4 +1,7 @@
-"""The page: sections rendered into one file that needs nothing else."""
+"""The page: sections rendered into one file that needs nothing else.
+
+The sections of the default report, in order: copy and change.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,36 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from dynid.core.files import write_text
-from dynid.core.optional import require
-from dynid.figures.canvas import script
-from dynid.figures.theme import layout
-from dynid.report.contents import ReportContents
-from dynid.report.recipe import default_sections
-from dynid.report.section import Section
+from dynid.core import require, write_text
+from dynid.report.contents import ReportContents, Section
+from dynid.report.sections import (
+    ComparisonSection,
+    DesignSection,
+    FrictionSection,
+    NextSection,
+    ParametersSection,
+    PredictionSection,
+    ReproduceSection,
+    ResidualSection,
+    VerdictSection,
+)
+from dynid.report.theme import layout, script
+
+
+def default_sections() -> tuple[Section, ...]:
+    """Verdict first, then the evidence, then how it was made."""
+    return (
+        VerdictSection(),
+        NextSection(),
+        ComparisonSection(),
+        PredictionSection(),
+        ParametersSection(),
+        FrictionSection(),
+        ResidualSection(),
+        DesignSection(),
+        ReproduceSection(),
+    )
+
 
 WIDTHS = "width=device-width, initial-scale=1"
 

@@ -12,8 +12,7 @@ import functools
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core.arrays import Array, frozen, read_only
-from dynid.core.errors import RobotError
+from dynid.core import Array, RobotError, frozen, read_only
 
 PARAMETERS = ("m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy")
 """The paper's order."""

@@ -1,14 +1,29 @@
-"""Where the joint frames are."""
+"""Forward kinematics, the mounting of the base, and the nominal geometry of a calibrated arm."""
 
 from __future__ import annotations
+
+import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core.arrays import Array
-from dynid.core.errors import RobotError
-from dynid.robot.model import RobotModel
-from dynid.robot.transforms import joint_motion
+from dynid.core import Array, RobotError
+from dynid.robot.inertia import move
+from dynid.robot.model import STANDARD_GRAVITY, RobotModel
+from dynid.robot.transforms import (
+    MEET_WITHIN,
+    PARALLEL_WITHIN,
+    cos_sin,
+    inverse,
+    joint_motion,
+    link_frames,
+    poses_at_zero,
+    rotation_x,
+    rotation_z,
+    tidy,
+    translation,
+)
 
 
 def joint_poses(robot: RobotModel, q: ArrayLike) -> Array:
@@ -45,3 +60,209 @@ def flange_pose(robot: RobotModel, q: ArrayLike) -> Array:
         RobotError: The last axis of `q` is not n long.
     """
     return joint_poses(robot, q)[..., -1, :, :] @ robot.flange
+
+
+MOUNTS = ("floor", "wall", "ceiling", "tilt:DEG")
+"""The words that `--mount` takes; DEG is a number of degrees about the base's x axis."""
+
+
+def mount_gravity(mount: str) -> Array:
+    """Gravity in the base frame (3) [m/s^2] for a mounting.
+
+    `tilt:DEG` turns the floor's gravity about the base's x axis: 0 is the floor, 90 the wall,
+    180 the ceiling.
+
+    Args:
+        mount: `floor`, `wall`, `ceiling` or `tilt:DEG`.
+
+    Raises:
+        RobotError: None of these, or DEG is not a number within -360 and 360.
+    """
+    fixed = {"floor": 0.0, "wall": 90.0, "ceiling": 180.0}
+    kind, _, number = mount.partition(":")
+    if mount in fixed:
+        degrees = fixed[mount]
+    elif kind == "tilt":
+        degrees = _degrees(number)
+    else:
+        raise RobotError("unknown mounting", value=mount, limit=", ".join(MOUNTS))
+    c, s = cos_sin(math.radians(degrees))
+    # The sum turns a negative zero into zero.
+    return np.array([0.0, -s, -c]) * STANDARD_GRAVITY + 0.0
+
+
+def with_mount(robot: RobotModel, mount: str) -> RobotModel:
+    """The same robot mounted otherwise.
+
+    Raises:
+        RobotError: The mounting is not known.
+    """
+    return replace(robot, gravity=mount_gravity(mount), mount=mount)
+
+
+def _degrees(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not abs(value) <= 360:
+        raise RobotError(
+            "tilt needs degrees, as in tilt:45", where="mount", value=text, limit="-360 to 360"
+        )
+    return value
+
+
+_WORTH_A_NOTE = 1e-9
+_SAME = 1e-12
+_GRAVITY_WITHIN = math.radians(1.0)
+
+
+def nominal_geometry(robot: RobotModel) -> tuple[RobotModel, tuple[str, ...]]:
+    """A copy whose axes are exactly parallel, square or crossing where they nearly are.
+
+    Angles within 0.5 degrees of a multiple of 90 degrees become it, distances below 3 mm
+    become zero. The parameter frames, inertias and capsules follow. A robot that is exact
+    already is returned as it is.
+
+    Returns:
+        The nominal robot, and one sentence for each change (none if nothing changed).
+    """
+    poses = poses_at_zero(robot.placements)
+    near, far = link_frames(poses, robot.axes, robot.flange)
+    in_near = inverse(near) @ poses
+    joint_frames = np.array([_snap(pose) for pose in in_near])
+    notes: list[str] = []
+    placements = np.empty_like(poses)
+    start = _snap(near[0])
+    _note_base(notes, near[0], start)
+    placements[0] = start @ joint_frames[0]
+    for k in range(1, robot.joints):
+        step = _link(notes, k, near[k - 1], far[k - 1]) @ _joint(notes, k, far[k - 1], near[k])
+        placements[k] = inverse(joint_frames[k - 1]) @ step @ joint_frames[k]
+    placements = tidy(placements)
+    frames = {
+        name: _moved_frames(joint_frames, in_near @ values)
+        for name, values in robot.parameter_frames.items()
+    }
+    differences = [placements - robot.placements]
+    differences += [frames[name] - values for name, values in robot.parameter_frames.items()]
+    largest = max(float(np.abs(values).max()) for values in differences)
+    if largest <= _SAME:
+        return robot, ()
+    if not notes and largest > _WORTH_A_NOTE:
+        notes.append(f"parameter frames moved onto the nominal axes by up to {largest:.2g}")
+    moves = inverse(joint_frames) @ in_near
+    nominal = replace(
+        robot,
+        placements=placements,
+        axes=tidy(np.einsum("kij,kj->ki", moves[:, :3, :3], robot.axes)),
+        flange=moves[-1] @ robot.flange,
+        parameter_frames=frames,
+        inertias=np.array([move(p, t) for p, t in zip(robot.inertias, moves, strict=True)]),
+        capsules=tuple(
+            replace(
+                c, start=_place(moves[c.link - 1], c.start), end=_place(moves[c.link - 1], c.end)
+            )
+            if c.link
+            else c
+            for c in robot.capsules
+        ),
+    )
+    return nominal, tuple(notes)
+
+
+def structural_gravity(robot: RobotModel) -> tuple[Array, str | None]:
+    """Gravity for structural questions: exactly along joint axis 1 where it nearly is.
+
+    A base that stands 0.1 degrees off makes two more parameters identifiable in theory, and
+    none in practice.
+
+    Returns:
+        Gravity (3) in the base frame [m/s^2], and what was changed in words, or None.
+    """
+    gravity = robot.gravity
+    size = float(np.linalg.norm(gravity))
+    axis = robot.placements[0, :3, :3] @ robot.axes[0]
+    across = float(np.linalg.norm(np.cross(axis, gravity)))
+    angle = math.atan2(across, abs(float(axis @ gravity)))
+    if size == 0 or angle > _GRAVITY_WITHIN:
+        return gravity, None
+    aligned = tidy(math.copysign(1.0, float(axis @ gravity)) * axis) * size
+    if angle <= _WORTH_A_NOTE:
+        return aligned, None
+    return aligned, (
+        f"gravity is {math.degrees(angle):.2g} deg off the axis of joint 1 and was taken as"
+        " parallel to it"
+    )
+
+
+def _link(notes: list[str], k: int, near: Array, far: Array) -> Array:
+    """The nominal way along link k, from the near to the far frame (axes k and k + 1)."""
+    z, z_next = near[:3, 2], far[:3, 2]
+    length = float((far[:3, 3] - near[:3, 3]) @ near[:3, 0])
+    twist = math.atan2(float(np.cross(z, z_next) @ near[:3, 0]), float(z @ z_next))
+    # Nearly parallel axes need not lean about the normal: their true angle decides.
+    angle = math.atan2(float(np.linalg.norm(np.cross(z, z_next))), float(z @ z_next))
+    exact = _right(angle)
+    name = f"axes {k} and {k + 1}"
+    if exact is not None:
+        if abs(angle - exact) > _WORTH_A_NOTE:
+            off, taken = math.degrees(abs(angle - exact)), math.degrees(exact)
+            notes.append(f"{name}: {off:.2g} deg off {taken:g} deg, taken as {taken:g} deg")
+        twist = math.copysign(exact, twist)
+    if 0 < abs(length) < MEET_WITHIN:
+        if abs(length) > _WORTH_A_NOTE:
+            notes.append(f"{name}: miss each other by {abs(length):.3g} m, taken as meeting")
+        length = 0.0
+    return translation(length, 0, 0) @ rotation_x(twist)
+
+
+def _joint(notes: list[str], k: int, far: Array, near: Array) -> Array:
+    """The nominal way along axis k + 1, from link k's far frame to the next near frame."""
+    step = inverse(far) @ near
+    angle = math.atan2(step[1, 0], step[0, 0])
+    height = float(step[2, 3])
+    exact = _right(abs(angle))
+    if exact is not None:
+        if abs(abs(angle) - exact) > _WORTH_A_NOTE:
+            notes.append(f"joint {k + 1}: zero turned by {abs(abs(angle) - exact):.3g} rad")
+        angle = math.copysign(exact, angle)
+    if abs(height) < MEET_WITHIN:
+        if abs(height) > _WORTH_A_NOTE:
+            notes.append(f"joint {k + 1}: offset {abs(height):.3g} m along its axis taken as none")
+        height = 0.0
+    return rotation_z(angle) @ translation(0, 0, height)
+
+
+def _note_base(notes: list[str], before: Array, after: Array) -> None:
+    lean = math.acos(min(1.0, max(-1.0, float(before[:3, 2] @ after[:3, 2]))))
+    shift = float(np.linalg.norm(before[:3, 3] - after[:3, 3]))
+    if lean > 1e-7 or shift > _WORTH_A_NOTE:
+        notes.append(f"axis 1: moved by {shift:.3g} m, turned by {lean:.3g} rad in the base")
+
+
+def _moved_frames(joint_frames: Array, in_near: Array) -> Array:
+    snapped = np.array([_snap(pose) for pose in in_near])
+    return tidy(inverse(joint_frames) @ snapped)
+
+
+def _right(angle: float) -> float | None:
+    """The multiple of 90 degrees near `angle`, if there is one."""
+    exact = round(angle / (math.pi / 2)) * math.pi / 2
+    return exact if abs(angle - exact) < PARALLEL_WITHIN else None
+
+
+def _snap(pose: Array) -> Array:
+    """A pose with its rotation and its small coordinates made exact where they nearly are."""
+    result = pose.copy()
+    rotation = np.round(pose[:3, :3])
+    off = np.abs(pose[:3, :3] - rotation).max()
+    if off < math.sin(PARALLEL_WITHIN) and np.array_equal(rotation @ rotation.T, np.eye(3)):
+        result[:3, :3] = rotation
+    small = np.abs(pose[:3, 3]) < MEET_WITHIN
+    result[:3, 3][small] = 0.0
+    return result
+
+
+def _place(transform: Array, point: Array) -> Array:
+    return transform[:3, :3] @ point + transform[:3, 3]

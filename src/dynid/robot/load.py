@@ -1,23 +1,28 @@
-"""The one door to robots: a built-in name, a URDF file or a robot file."""
+"""Robots by built-in name, URDF file or robot file, and as JSON objects."""
 
 from __future__ import annotations
 
 import difflib
+import math
 import os
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, fields
 from importlib import resources
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
-from dynid.core.errors import RobotError
+import numpy as np
+
+from dynid.core import Array, InputError, RobotError
 from dynid.robot import library
-from dynid.robot.files import is_there, read_limited, shown, shown_path
-from dynid.robot.model import RobotModel
-from dynid.robot.mount import with_mount
+from dynid.robot.capsules import with_collision_geometry
+from dynid.robot.kinematics import with_mount
+from dynid.robot.model import Capsule, Counterbalance, Drives, JointLimits, RobotModel, SafetyLimits
 from dynid.robot.robotfile import MAX_BYTES as MAX_TOML
 from dynid.robot.robotfile import robot_from_toml
+from dynid.robot.tables import is_there, read_limited, shown, shown_path
 from dynid.robot.urdf import MAX_BYTES as MAX_URDF
 from dynid.robot.urdf import robot_from_urdf
-from dynid.robot.urdf_capsules import with_collision_geometry
 
 
 class BuiltinRobot(NamedTuple):
@@ -87,3 +92,122 @@ def _load(name_or_path: str | Path, collision: bool) -> RobotModel:
 def _names() -> list[str]:
     files = resources.files(library).iterdir()
     return sorted(file.name[:-5] for file in files if file.name.endswith(".toml"))
+
+
+def robot_to_json(robot: RobotModel) -> dict[str, Any]:
+    """Everything that evaluates the robot's dynamics; unknown numbers become null."""
+    return {
+        "name": robot.name,
+        "joint_names": list(robot.joint_names),
+        "joint_types": list(robot.joint_types),
+        "placements": _listed(robot.placements),
+        "axes": _listed(robot.axes),
+        "parameter_frames": {key: _listed(value) for key, value in robot.parameter_frames.items()},
+        "default_frames": robot.default_frames,
+        "gravity": _listed(robot.gravity),
+        "mount": robot.mount,
+        "limits": {
+            item.name: _listed(getattr(robot.limits, item.name)) for item in fields(JointLimits)
+        },
+        "drives": {
+            "gain": _listed(robot.drives.gain),
+            "gear_ratio": _listed(robot.drives.gear_ratio),
+            "coupling": None if robot.drives.coupling is None else _listed(robot.drives.coupling),
+            "offset": None if robot.drives.offset is None else _listed(robot.drives.offset),
+            "position_side": robot.drives.position_side,
+            "torque_side": robot.drives.torque_side,
+        },
+        "inertias": _listed(robot.inertias),
+        "flange": _listed(robot.flange),
+        "counterbalances": [asdict(spring) for spring in robot.counterbalances],
+        "capsules": [
+            {
+                "name": item.name,
+                "link": item.link,
+                "start": _listed(item.start),
+                "end": _listed(item.end),
+                "radius": item.radius,
+            }
+            for item in robot.capsules
+        ],
+        "apart": [list(pair) for pair in robot.apart],
+        "overlap": [list(row) for row in robot.overlap],
+        "safety": {key: _null(value) for key, value in asdict(robot.safety).items()},
+        "locked": dict(robot.locked),
+        "notes": list(robot.notes),
+        "source": robot.source,
+    }
+
+
+def robot_from_json(data: Mapping[str, Any]) -> RobotModel:
+    """The inverse of `robot_to_json`.
+
+    Raises:
+        RobotError: Missing keys or values that make no robot.
+    """
+    try:
+        limits, drives = data["limits"], data["drives"]
+        return RobotModel(
+            name=str(data["name"]),
+            joint_names=tuple(str(name) for name in data["joint_names"]),
+            joint_types=tuple(str(kind) for kind in data["joint_types"]),
+            placements=_array(data["placements"]),
+            axes=_array(data["axes"]),
+            parameter_frames={k: _array(v) for k, v in data["parameter_frames"].items()},
+            default_frames=str(data["default_frames"]),
+            gravity=_array(data["gravity"]),
+            mount=str(data["mount"]),
+            limits=JointLimits(
+                **{item.name: _array(limits[item.name]) for item in fields(JointLimits)}
+            ),
+            drives=Drives(
+                gain=_array(drives["gain"]),
+                gear_ratio=_array(drives["gear_ratio"]),
+                coupling=None if drives["coupling"] is None else _array(drives["coupling"]),
+                offset=None if drives["offset"] is None else _array(drives["offset"]),
+                position_side=str(drives["position_side"]),
+                torque_side=str(drives["torque_side"]),
+            ),
+            inertias=_array(data["inertias"]),
+            flange=_array(data["flange"]),
+            counterbalances=tuple(Counterbalance(**spring) for spring in data["counterbalances"]),
+            capsules=tuple(Capsule(**item) for item in data["capsules"]),
+            # Files of the first versions know none of these three.
+            overlap=tuple((int(a), int(b), float(c)) for a, b, c in data.get("overlap", [])),
+            apart=tuple((int(a), int(b)) for a, b in data.get("apart", [])),
+            safety=_safety(data.get("safety", {})),
+            locked={str(k): float(v) for k, v in data["locked"].items()},
+            notes=tuple(str(note) for note in data["notes"]),
+            source=str(data["source"]),
+        )
+    except InputError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise RobotError(
+            "the robot stored in this file cannot be read", value=f"{type(error).__name__}: {error}"
+        ) from error
+
+
+def _safety(data: Mapping[str, Any]) -> SafetyLimits:
+    numbers = {key: _number(value) for key, value in data.items() if key != "elbow"}
+    return SafetyLimits(elbow=int(data.get("elbow", 0)), **numbers)
+
+
+def _listed(array: Array) -> Any:
+    return _null(cast("list[Any]", array.tolist()))
+
+
+def _null(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_null(item) for item in cast("list[Any]", value)]
+    return value if math.isfinite(value) else None
+
+
+def _array(value: Sequence[Any]) -> Array:
+    return np.array(_number(value), dtype=np.float64)
+
+
+def _number(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_number(item) for item in cast("list[Any]", value)]
+    return math.nan if value is None else float(value)

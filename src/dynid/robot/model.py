@@ -1,7 +1,8 @@
-"""The robot as a value: a serial chain with its mounting, limits and drives."""
+"""The robot as a value: a serial chain with mounting, limits, drives and collision bodies."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from types import MappingProxyType
@@ -9,13 +10,236 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core.arrays import Array, frozen
-from dynid.core.errors import RobotError
-from dynid.robot.capsule import Capsule
-from dynid.robot.counterbalance import Counterbalance
-from dynid.robot.drives import Drives
-from dynid.robot.limits import JointLimits
-from dynid.robot.safety import SafetyLimits
+from dynid.core import Array, RobotError, frozen
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drives:
+    """Gear ratios, drive gains and transmission coupling.
+
+    The motors turn by `q_motor = N (q - offset)`, so joint torques are `tau = N' tau_motor`
+    (power is the same on both sides). Without coupling, N is diagonal: the gear ratios.
+
+    Raises:
+        RobotError: Coupling that cannot be inverted, or a gain of zero.
+    """
+
+    gain: Array
+    """(n) joint torque per motor current [N.m/A], NaN if unknown."""
+    gear_ratio: Array
+    """(n) motor turns per joint turn, NaN if unknown."""
+    coupling: Array | None = None
+    """(n, n) N, motor positions per joint positions; None where each motor drives one joint."""
+    offset: Array | None = None
+    """(n) joint position at motor position zero [rad]; None for zero."""
+    position_side: str = "joint"
+    """`joint` or `motor`: the side on which this robot's recordings give q, qd, qdd."""
+    torque_side: str = "joint"
+    """`joint` or `motor`: the side on which this robot's recordings give effort."""
+
+    def __post_init__(self) -> None:
+        n = len(np.atleast_1d(self.gain))
+        for name in ("gain", "gear_ratio"):
+            value = frozen(getattr(self, name), shape=(n,), name=f"drives {name}", finite=False)
+            if (value == 0).any() or np.isinf(value).any():
+                raise RobotError(f"drives {name} must be finite and not zero", value=value.tolist())
+            object.__setattr__(self, name, value)
+        for name in ("position_side", "torque_side"):
+            if getattr(self, name) not in ("joint", "motor"):
+                raise RobotError(
+                    f"drives {name}", value=getattr(self, name), limit="joint or motor"
+                )
+        if self.offset is not None:
+            object.__setattr__(
+                self, "offset", frozen(self.offset, shape=(n,), name="drives offset")
+            )
+        if self.coupling is not None:
+            matrix = frozen(self.coupling, shape=(n, n), name="drives coupling")
+            object.__setattr__(self, "coupling", matrix)
+            if np.linalg.matrix_rank(matrix) < n or (np.diag(matrix) == 0).any():
+                raise RobotError("the coupling matrix cannot be inverted or has a zero diagonal")
+        uses_motor_side = "motor" in (self.position_side, self.torque_side)
+        if uses_motor_side and self.coupling is None and np.isnan(self.gear_ratio).any():
+            raise RobotError(
+                "recordings on the motor side need gear_ratio or coupling for every joint"
+            )
+
+    @property
+    def motor_from_joint(self) -> Array:
+        """(n, n) N: the coupling, or the diagonal of the gear ratios."""
+        return np.diag(self.gear_ratio) if self.coupling is None else self.coupling
+
+
+def direct_drives(joints: int) -> Drives:
+    """Drives of which nothing is known: efforts are joint torques."""
+    nan = np.full(joints, np.nan)
+    return Drives(gain=nan, gear_ratio=nan)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointLimits:
+    """Bounds of each joint, joint side.
+
+    Raises:
+        RobotError: A lower bound above its upper bound, or a bound that is not positive.
+    """
+
+    lower: Array
+    """(n) smallest position [rad or m], NaN if unknown."""
+    upper: Array
+    """(n) largest position [rad or m], NaN if unknown."""
+    velocity: Array
+    """(n) largest speed [rad/s or m/s], NaN if unknown."""
+    acceleration: Array
+    """(n) largest acceleration [rad/s^2 or m/s^2], NaN if unknown."""
+    torque: Array
+    """(n) largest torque or force [N.m or N], NaN if unknown."""
+
+    def __post_init__(self) -> None:
+        n = len(np.atleast_1d(self.lower))
+        for name in ("lower", "upper", "velocity", "acceleration", "torque"):
+            value = frozen(getattr(self, name), shape=(n,), name=f"limit {name}", finite=False)
+            object.__setattr__(self, name, value)
+            if name not in ("lower", "upper") and (value <= 0).any():
+                raise RobotError(f"the {name} limits must be positive", value=value.tolist())
+        if (self.lower > self.upper).any():
+            joint = int(np.argmax(self.lower > self.upper))
+            raise RobotError(
+                f"joint {joint + 1}: lower position limit above the upper one",
+                value=float(self.lower[joint]),
+                limit=float(self.upper[joint]),
+            )
+
+
+def unknown_limits(joints: int) -> JointLimits:
+    """Limits of which nothing is known."""
+    nan = np.full(joints, np.nan)
+    return JointLimits(lower=nan, upper=nan, velocity=nan, acceleration=nan, torque=nan)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SafetyLimits:
+    """Limits of the whole arm; NaN where a number is not published.
+
+    Raises:
+        RobotError: A limit that is not positive, or an elbow that is no joint.
+    """
+
+    tcp_speed: float = math.nan
+    """Largest speed of the tool's point [m/s]."""
+    elbow_speed: float = math.nan
+    """Largest speed of the elbow [m/s]."""
+    momentum: float = math.nan
+    """Largest linear momentum of the arm [kg.m/s]."""
+    power: float = math.nan
+    """Largest mechanical power of the arm [W]."""
+    elbow: int = 0
+    """The joint at whose `urdf` frame the elbow is, counted from 1; 0 where there is none."""
+
+    def __post_init__(self) -> None:
+        for name in ("tcp_speed", "elbow_speed", "momentum", "power"):
+            value = getattr(self, name)
+            if value <= 0 or math.isinf(value):
+                raise RobotError(f"the safety limit {name} must be positive", value=value)
+        if self.elbow < 0:
+            raise RobotError("the elbow is a joint, counted from 1", value=self.elbow)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Counterbalance:
+    """A gas-hydraulic cylinder between link and base (heavy KUKA, ABB and Fanuc arms).
+
+    The cylinder's ends sit `outer` and `inner` from the joint axis; its length is
+    x = sqrt(outer^2 + inner^2 - 2 outer inner cos(q + offset)) and the gas pressure is
+    gas_work / (gas_volume - (x - rest_length) piston_area): the gas is pressed by pulling the
+    cylinder longer, so the arm is drawn to where the cylinder is shortest, q = -offset.
+
+    Raises:
+        RobotError: A length, area, volume or work that is not positive and finite, or a gas
+            volume that the longest cylinder would use up.
+    """
+
+    joint: int
+    """Index of the joint, from 0."""
+    outer: float
+    """Distance from the axis to the far anchor [m]."""
+    inner: float
+    """Distance from the axis to the near anchor [m]."""
+    rest_length: float
+    """Cylinder length at the filling pressure [m]."""
+    offset: float
+    """Angle between the anchors at q = 0 [rad]."""
+    piston_area: float
+    """Effective area [m^2]."""
+    gas_work: float
+    """Pressure times volume of the gas [J]."""
+    gas_volume: float
+    """Gas volume at rest length [m^3]."""
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            positive = item.name not in ("joint", "offset")
+            if not math.isfinite(value) or (positive and value <= 0):
+                raise RobotError(
+                    f"counterbalance {item.name} must be a positive number", value=value
+                )
+        if math.isclose(self.outer, self.inner):
+            raise RobotError("counterbalance outer and inner must differ", value=self.outer)
+        longest = self.outer + self.inner
+        if self.gas_volume <= (longest - self.rest_length) * self.piston_area:
+            raise RobotError(
+                "counterbalance: the longest cylinder would use up the gas volume",
+                value=self.gas_volume,
+                limit=f"above {(longest - self.rest_length) * self.piston_area:.3g} m^3",
+            )
+
+    def torque(self, q: Array) -> Array:
+        """The torque of the cylinder on the joint [N.m], positive in the joint's sense.
+
+        It relieves the motor: the measured torque is Y p - torque(q). It is minus the slope
+        of the gas's energy over q, so it draws the arm to where the cylinder is shortest.
+
+        Args:
+            q: (...) positions of the joint [rad].
+        """
+        delta = q + self.offset
+        length = np.sqrt(
+            self.outer**2 + self.inner**2 - 2 * self.outer * self.inner * np.cos(delta)
+        )
+        arm = self.outer * self.inner * np.sin(delta) / length
+        volume = self.gas_volume - (length - self.rest_length) * self.piston_area
+        return -arm * self.gas_work / volume * self.piston_area
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Capsule:
+    """All points within a radius of a segment (a sphere where the two ends coincide).
+
+    Raises:
+        RobotError: A negative link, or a radius that is not positive and finite.
+        InputError: Ends that are not three finite numbers.
+    """
+
+    name: str
+    link: int
+    """0 for the base, i for the link that joint i moves."""
+    start: Array
+    """(3) one end of the segment in the joint frame of the link [m]."""
+    end: Array
+    """(3) the other end [m]."""
+    radius: float
+    """[m]"""
+
+    def __post_init__(self) -> None:
+        for name in ("start", "end"):
+            value = frozen(getattr(self, name), shape=(3,), name=f"capsule {name}")
+            object.__setattr__(self, name, value)
+        if self.link < 0:
+            raise RobotError("a capsule's link counts from 0, the base", value=self.link)
+        if not math.isfinite(self.radius) or self.radius <= 0:
+            raise RobotError("a capsule needs a positive radius", value=self.radius)
+
 
 FRAMES = ("dh", "mdh", "urdf")
 STANDARD_GRAVITY = 9.80665

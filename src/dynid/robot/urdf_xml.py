@@ -1,23 +1,164 @@
-"""URDF text as checked values: every number finite, every name known, one tree.
-
-No parser but Python's own sees the text, so a broken file is an error with a place in it,
-never a crash of a C++ library.
-"""
+"""URDF text as checked values: a tree of links and joints, every number finite."""
 
 from __future__ import annotations
 
 import math
+import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import RobotError
-from dynid.robot.files import shown
+from dynid.core import Array, RobotError
 from dynid.robot.inertia import from_body, move
-from dynid.robot.urdf_numbers import read_bound, read_number, read_origin, read_vector
-from dynid.robot.urdf_tree import FIXED, MOVING, UrdfJoint, UrdfTree, check_tree
+from dynid.robot.tables import shown
+from dynid.robot.transforms import from_xyz_rpy, translation
+
+_LARGEST = 1e6
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_UNBOUNDED = re.compile(r"[+-]?inf(inity)?", re.IGNORECASE)
+
+
+def read_origin(element: ET.Element, where: str) -> Array:
+    """The `origin` within an element (4, 4), or none at all.
+
+    Raises:
+        RobotError: Not three finite numbers.
+    """
+    found = element.find("origin")
+    if found is None:
+        return translation(0, 0, 0)
+    zero = [0.0, 0.0, 0.0]
+    xyz = read_vector(found, "xyz", where) if found.get("xyz") is not None else zero
+    rpy = read_vector(found, "rpy", where) if found.get("rpy") is not None else zero
+    return from_xyz_rpy(xyz, rpy)
+
+
+def read_vector(element: ET.Element, key: str, where: str) -> list[float]:
+    """Three numbers.
+
+    Raises:
+        RobotError: Not three finite numbers within reason.
+    """
+    words = (element.get(key) or "").split()
+    if len(words) != 3:
+        raise RobotError(
+            f"<{element.tag} {key}> needs three numbers", where=where, value=element.get(key)
+        )
+    return [_number(word, f"<{element.tag} {key}>", where) for word in words]
+
+
+def read_number(
+    element: ET.Element | None, key: str, where: str, default: float | None = None
+) -> float:
+    """One number, or the default where there is none.
+
+    Raises:
+        RobotError: Missing without a default, or not a finite number within reason.
+    """
+    text = element.get(key) if element is not None else None
+    if element is None or text is None:
+        if default is None:
+            raise RobotError(f"the mass or its '{key}' is missing", where=where)
+        return default
+    return _number(text.strip(), f"<{element.tag} {key}>", where)
+
+
+def read_bound(element: ET.Element, key: str, where: str) -> float:
+    """A joint limit; NaN where there is none, or one far beyond any robot.
+
+    Raises:
+        RobotError: Not a number.
+    """
+    text = element.get(key)
+    if text is None or _UNBOUNDED.fullmatch(text.strip()):
+        return math.nan
+    value = _number(text.strip(), f"<{element.tag} {key}>", where, math.inf)
+    return value if abs(value) <= _LARGEST else math.nan
+
+
+def _number(text: str, what: str, where: str, largest: float = _LARGEST) -> float:
+    if not _NUMBER.fullmatch(text) or not text.isascii():
+        step = "Run: xacro FILE > FILE.urdf" if "${" in text or "$(" in text else None
+        raise RobotError(f"{what} is not a finite number", where=where, value=text, next_step=step)
+    value = float(text)
+    if abs(value) > largest:
+        raise RobotError(f"{what} is out of range", where=where, value=text, limit=largest)
+    return value
+
+
+MOVING = ("revolute", "continuous", "prismatic")
+FIXED = ("fixed", "floating", "planar")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UrdfJoint:
+    """One joint as the file has it."""
+
+    name: str
+    kind: str
+    """One of `MOVING` or `FIXED`."""
+    parent: str
+    child: str
+    origin: Array
+    """(4, 4) in the parent link's frame [m]."""
+    axis: Array
+    """(3) unit axis in the joint frame."""
+    limits: tuple[float, float, float, float]
+    """Lower, upper [rad or m], velocity, effort; NaN where unknown."""
+    mimic: tuple[str, float, float] | None = None
+    """The joint it follows, multiplier and offset: q = multiplier * q_other + offset."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UrdfTree:
+    """A robot as the file has it."""
+
+    name: str
+    root: str
+    links: dict[str, Array | None]
+    """Link to its ten parameters in the link frame, None where the file gives none."""
+    joints: dict[str, UrdfJoint]
+    notes: tuple[str, ...]
+
+
+def check_tree(links: dict[str, Array | None], joints: dict[str, UrdfJoint], where: str) -> str:
+    """The root of the tree that links and joints form.
+
+    Raises:
+        RobotError: They form none: two parents, several roots, or a loop.
+    """
+    above: dict[str, str] = {}
+    for joint in joints.values():
+        if joint.child in above:
+            raise RobotError("a link has two parent joints", where=where, value=joint.child)
+        above[joint.child] = joint.parent
+    roots = [name for name in links if name not in above]
+    if len(roots) != 1:
+        raise RobotError(
+            "the links do not form one tree: there must be one link without a parent joint",
+            where=where,
+            value=[shown(name, 40) for name in roots[:6]] or "none (a loop)",
+        )
+    # One root and one parent each: whatever is not reached from the root is a loop.
+    reached = set(_reached(roots[0], joints))
+    if len(reached) != len(links):
+        lost = next(name for name in links if name not in reached)
+        raise RobotError("joints form a loop", where=where, value=lost)
+    return roots[0]
+
+
+def _reached(root: str, joints: dict[str, UrdfJoint]) -> Iterator[str]:
+    below: dict[str, list[str]] = {}
+    for joint in joints.values():
+        below.setdefault(joint.parent, []).append(joint.child)
+    waiting = [root]
+    while waiting:
+        link = waiting.pop()
+        yield link
+        waiting += below.get(link, [])
+
 
 _MAX_DEPTH = 100
 

@@ -1,4 +1,4 @@
-"""Samples ready for identification or validation, and the settings that made them."""
+"""Samples ready for identification or validation, their settings, and their torque."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core.arrays import Array, frozen
-from dynid.core.errors import InputError
-from dynid.signals.derivatives import METHODS
-from dynid.signals.torque_filter import TorqueFilter
+from dynid.core import Array, InputError, frozen
+from dynid.recording import ExperimentRecord
+from dynid.robot import RobotModel
+from dynid.signals.filters import METHODS, TorqueFilter
 
 VELOCITY_SOURCES = ("position", "measured")
 
@@ -148,3 +148,40 @@ def joined(parts: Sequence[Samples]) -> Samples:
         cutoff_hz=parts[0].cutoff_hz,
         torque_filter=parts[0].torque_filter,
     )
+
+
+def measured_torque(record: ExperimentRecord, robot: RobotModel) -> Array:
+    """Joint torques (N, n) [N.m or N] of a recording.
+
+    Effort wins over current. Gains given with the recording win over the robot's.
+
+    Raises:
+        InputError: The joint counts differ, neither effort nor current was recorded, or a
+            drive gain is missing.
+    """
+    if record.joints != robot.joints:
+        raise InputError(
+            f"the recording has {record.joints} joints, the robot {robot.name} has {robot.joints}",
+            next_step="Pass the right --robot, or lock the joints that were not recorded.",
+        )
+    if "effort" in record.signals:
+        return record.signals["effort"]
+    if "current" not in record.signals:
+        raise InputError(
+            "the recording has neither effort nor current",
+            value=", ".join(record.signals),
+            next_step="Import it again with --columns ...,effort=A:B or current=A:B.",
+        )
+    given = record.metadata.drive_gains
+    gains = robot.drives.gain if given is None else np.array(given, dtype=np.float64)
+    if len(gains) != robot.joints:
+        raise InputError("one drive gain a joint is needed", value=len(gains), limit=robot.joints)
+    missing = [robot.joint_names[j] for j in np.flatnonzero(~np.isfinite(gains))]
+    if missing:
+        raise InputError(
+            "torque from current needs drive gains [N.m/A]",
+            where=robot.name,
+            value=f"no gain for {', '.join(missing)}",
+            next_step="Pass --gains g1,..,gn at import, or record effort.",
+        )
+    return record.signals["current"] * gains

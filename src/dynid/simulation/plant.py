@@ -1,22 +1,19 @@
-"""The simulated arm in motion, one control cycle at a time."""
+"""The simulated arm in motion: one control cycle, a whole run, half an hour of warming up."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from dynid.core.arrays import Array, frozen
-from dynid.core.errors import InputError, JobError
-from dynid.core.optional import require
-from dynid.simulation.kernel import drive, predict
-from dynid.simulation.mjcf import mujoco_model
-from dynid.simulation.servo import Servo
-from dynid.simulation.state import PlantState
-from dynid.simulation.thermal import Thermal
-from dynid.simulation.tracking import Tracker
+from dynid.core import Array, InputError, JobError, frozen, read_only, require
+from dynid.simulation.friction import Thermal
+from dynid.simulation.kernel import Tracker, drive, mujoco_model, predict
+from dynid.simulation.servo import PlantState, Servo
 from dynid.simulation.truth import SimulatedArm
+from dynid.trajectory import Trajectory
 
 PHYSICS_STEP = 5e-4
 """Longest step of the physics [s]."""
@@ -194,3 +191,197 @@ class Plant:
                 next_step="Ask for a smoother motion or a lower servo gain.",
             )
         self._second_half(self._model, self._data)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunTruth:
+    """What really happened; all arrays (N, n)."""
+
+    q: Array
+    """Positions [rad or m]."""
+    dq: Array
+    """Velocities [rad/s or m/s]."""
+    ddq: Array
+    """Accelerations [rad/s^2 or m/s^2]."""
+    torque: Array
+    """Motor torques, joint side [N.m]."""
+    friction: Array
+    """Friction torques [N.m]."""
+    temperature: Array
+    """Joint temperatures [degC]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedRun:
+    """A recording of the simulated arm, all arrays (N, n) unless said otherwise."""
+
+    robot: str
+    """Name of the robot."""
+    rate_hz: float
+    """Samples a second."""
+    seed: int
+    """Seed of the noise."""
+    thermal: tuple[float, ...]
+    """(n) temperatures at the start [degC]."""
+    gain: Array
+    """(n) joint torque per motor current [N.m/A]."""
+    t: Array
+    """(N) time [s]."""
+    command_q: Array
+    """Positions that the trajectory asked for [rad or m]."""
+    target_q: Array
+    """Positions that the servo aimed at: the command, delayed and smoothed [rad or m]."""
+    target_qd: Array
+    """Velocities that it aimed at [rad/s or m/s]."""
+    target_qdd: Array
+    """Accelerations that it aimed at [rad/s^2 or m/s^2]."""
+    target_moment: Array
+    """Torques of the controller's own point-mass model at the target [N.m]."""
+    target_current: Array
+    """Currents of that model and its friction [A]."""
+    q_measured: Array
+    """Positions by the encoders [rad or m]."""
+    qd_measured: Array
+    """Velocities by the controller [rad/s or m/s]."""
+    current: Array
+    """Motor currents [A]."""
+    temperature: Array
+    """Joint temperatures by their sensors [degC]."""
+    saturated: NDArray[np.bool_]
+    """Whether a joint hit its torque limit in that cycle."""
+    truth: RunTruth
+    """The same without noise."""
+
+
+def simulate(
+    arm: SimulatedArm,
+    trajectory: Trajectory,
+    *,
+    rate_hz: float = 125.0,
+    periods: int = 1,
+    thermal: Thermal = "cold",
+    seed: int = 0,
+) -> SimulatedRun:
+    """Run a trajectory on the simulated arm and record it.
+
+    The arm settles at the first pose before the time starts. Then every control cycle records a
+    sample and sends the trajectory's position at that time; the servo follows it some
+    `lookahead` later, so the first period begins with a transient.
+
+    Args:
+        arm: The simulated arm.
+        trajectory: What to command.
+        rate_hz: Control cycles, and samples, a second.
+        periods: How many times the trajectory's duration.
+        thermal: `cold`, `warm`, one temperature or one a joint [degC], at the start.
+        seed: Seed of the measurement noise.
+
+    Raises:
+        InputError: Periods that are not positive, a trajectory for another number of joints, or
+            what `Plant` refuses.
+        JobError: The simulated arm ran away.
+        MissingExtraError: MuJoCo is not installed.
+    """
+    if periods < 1:
+        raise InputError("periods must be positive", value=periods)
+    plant = Plant(arm, rate_hz=rate_hz, thermal=thermal)
+    count = max(round(trajectory.duration * periods * rate_hz), 2)
+    command = trajectory.evaluate(np.arange(count) / rate_hz)
+    if command.q.shape[1] != arm.robot.joints:
+        raise InputError(
+            "joints of the trajectory", value=command.q.shape[1], limit=arm.robot.joints
+        )
+    start = plant.temperature
+    plant.reset(command.q[0])
+    states = [plant.tick(setpoint) for setpoint in command.q]
+    return _recording(arm, states, command.t, command.q, rate_hz, seed, start)
+
+
+def _recording(
+    arm: SimulatedArm,
+    states: list[PlantState],
+    t: Array,
+    command_q: Array,
+    rate_hz: float,
+    seed: int,
+    start: Array,
+) -> SimulatedRun:
+    def stack(name: str) -> Array:
+        return read_only(np.stack([getattr(state, name) for state in states]))
+
+    def aimed(name: str) -> Array:
+        return read_only(np.stack([getattr(state.target, name) for state in states]))
+
+    truth = RunTruth(**{item.name: stack(item.name) for item in fields(RunTruth)})
+    gain, generator = arm.truth.gain, np.random.default_rng(seed)
+
+    saturated = np.stack([state.saturated for state in states])
+    saturated.setflags(write=False)
+
+    def measured(quantity: str, true: Array) -> Array:
+        return read_only(arm.truth.sensors.read(quantity, true, generator))
+
+    return SimulatedRun(
+        robot=arm.robot.name,
+        rate_hz=rate_hz,
+        seed=seed,
+        thermal=tuple(float(value) for value in start),
+        gain=gain,
+        t=t,
+        command_q=command_q,
+        target_q=aimed("q"),
+        target_qd=aimed("dq"),
+        target_qdd=aimed("ddq"),
+        target_moment=aimed("moment"),
+        target_current=read_only(aimed("feedforward") / gain),
+        q_measured=measured("position", truth.q),
+        qd_measured=measured("velocity", truth.dq),
+        current=measured("current", truth.torque / gain),
+        temperature=measured("temperature", truth.temperature),
+        saturated=saturated,
+        truth=truth,
+    )
+
+
+def warm_up(
+    arm: SimulatedArm,
+    trajectory: Trajectory,
+    seconds: float = 1800.0,
+    *,
+    thermal: Thermal = "cold",
+    looks: int = 12,
+) -> Array:
+    """The temperatures after repeating a trajectory for a long time.
+
+    Heat flows far more slowly than the arm moves, so one period is simulated `looks` times on
+    the way and its mean loss is held in between.
+
+    Args:
+        arm: The simulated arm.
+        trajectory: What to repeat.
+        seconds: For how long [s].
+        thermal: `cold`, `warm`, one temperature or one a joint [degC], at the start.
+        looks: How often the losses are looked at.
+
+    Returns:
+        (n) temperatures [degC].
+
+    Raises:
+        InputError: As `simulate`, or a time or number of looks that is not positive.
+        JobError: The simulated arm ran away.
+    """
+    if not (math.isfinite(seconds) and seconds > 0) or looks < 1:
+        raise InputError("seconds and looks must be positive", value=(seconds, looks))
+    plant = Plant(arm, thermal=thermal)
+    count = max(round(trajectory.duration / plant.cycle), 2)
+    command = trajectory.evaluate(np.arange(count) * plant.cycle).q
+    temperature = plant.temperature
+    for _ in range(looks):
+        plant.temperature = temperature
+        plant.reset(command[0])
+        for setpoint in command:
+            plant.tick(setpoint)
+        power = plant.heat / (count * plant.cycle)
+        stretch = seconds / looks
+        temperature = arm.truth.thermal.after(temperature, power * stretch, stretch)
+    return temperature

@@ -1,19 +1,85 @@
-"""The truth of a simulated arm: every number that identification has to find."""
+"""The truth of a simulated arm: every number that identification has to find.
+
+The ten inertial parameters of a link, and its mass, centre of mass and tensor.
+
+The simulated arm has its own few lines for this: it must not borrow the model it is there to
+test.
+
+A payload on the simulated arm.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from dynid.core.arrays import Array, frozen, read_only
-from dynid.core.errors import InputError
-from dynid.robot.model import RobotModel
-from dynid.simulation.friction import JointFriction
-from dynid.simulation.inertia import in_parent_frame, link_body
-from dynid.simulation.sensors import JointSensors
-from dynid.simulation.servo import ControllerModel, Servo
-from dynid.simulation.thermal import JointThermal
+from dynid.core import Array, InputError, frozen, read_only
+from dynid.robot import RobotModel
+from dynid.simulation.friction import JointFriction, JointThermal
+from dynid.simulation.servo import ControllerModel, JointSensors, Servo
+
+_TENSOR = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+"""Entries Jxx, Jyy, Jzz, Jyz, Jxz, Jxy."""
+
+
+def link_parameters(mass: float, com: Array, tensor: Array) -> Array:
+    """(10) m, mx, my, mz, Jxx, Jyy, Jzz, Jyz, Jxz, Jxy about the frame origin.
+
+    Args:
+        mass: Mass [kg].
+        com: (3) centre of mass in the frame [m].
+        tensor: (3, 3) inertia about the centre of mass, along the frame's axes [kg.m^2].
+    """
+    about_origin = tensor + mass * _steiner(com)
+    return np.concatenate(
+        [[mass], mass * com, [about_origin[row, column] for row, column in _TENSOR]]
+    )
+
+
+def link_body(parameters: Array) -> tuple[float, Array, Array]:
+    """The mass [kg], centre of mass (3) [m] and tensor about it (3, 3) [kg.m^2].
+
+    Args:
+        parameters: (10) as `link_parameters` gives them, mass not zero.
+    """
+    mass = float(parameters[0])
+    com = parameters[1:4] / mass
+    tensor = np.empty((3, 3))
+    for (row, column), value in zip(_TENSOR, parameters[4:], strict=True):
+        tensor[row, column] = tensor[column, row] = value
+    return mass, com, tensor - mass * _steiner(com)
+
+
+def in_parent_frame(parameters: Array, placement: Array) -> Array:
+    """The ten parameters (10) of the same body, about the parent frame.
+
+    Args:
+        parameters: (10) about the inner frame.
+        placement: (4, 4) inner frame in the parent frame [m].
+    """
+    mass, com, tensor = link_body(parameters)
+    rotation, origin = placement[:3, :3], placement[:3, 3]
+    return link_parameters(mass, rotation @ com + origin, rotation @ tensor @ rotation.T)
+
+
+def cylinder(mass: float, radius: float, length: float, axis: int) -> Array:
+    """(3, 3) the tensor of a solid cylinder about its middle [kg.m^2].
+
+    Args:
+        mass: Mass [kg].
+        radius: Radius [m].
+        length: Length [m].
+        axis: 0, 1 or 2: the frame axis along the cylinder.
+    """
+    diagonal = np.full(3, mass * (3 * radius**2 + length**2) / 12)
+    diagonal[axis] = mass * radius**2 / 2
+    return np.diag(diagonal)
+
+
+def _steiner(com: Array) -> Array:
+    return (com @ com) * np.eye(3) - np.outer(com, com)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,3 +221,29 @@ def point_masses(inertials: Array, coulomb: Array, viscous: Array) -> Controller
         coulomb=coulomb,
         viscous=viscous,
     )
+
+
+def with_payload(
+    arm: SimulatedArm, mass: float, centre: ArrayLike, tensor: ArrayLike
+) -> SimulatedArm:
+    """The arm with a body fixed to its flange; its controller does not know of it.
+
+    Args:
+        arm: The arm.
+        mass: Mass [kg], positive.
+        centre: (3) centre of mass in the flange frame [m].
+        tensor: (3, 3) inertia about the centre of mass, along the flange's axes [kg.m^2].
+
+    Raises:
+        InputError: A mass that is not positive, or shapes that are wrong.
+    """
+    if not mass > 0:
+        raise InputError("a payload needs a positive mass", value=mass)
+    body = link_parameters(
+        mass,
+        frozen(centre, shape=(3,), name="centre of mass"),
+        frozen(tensor, shape=(3, 3), name="inertia tensor"),
+    )
+    inertials = np.array(arm.truth.inertials)
+    inertials[-1] += in_parent_frame(body, arm.robot.flange)
+    return replace(arm, truth=replace(arm.truth, inertials=inertials))

@@ -1,1 +1,9 @@
 """A local page: the arm in 3D, design, live run, results."""
+
+from dynid.studio.server import Served, StudioOptions, serve
+
+__all__ = [
+    "Served",
+    "StudioOptions",
+    "serve",
+]

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO
 
-from dynid.core.errors import DynidError, InputError
+from dynid.core import DynidError, InputError
 from dynid.studio.jobs import Job, job_from_line, line, parse
 
 _TELL_S = 0.1
@@ -105,8 +105,7 @@ def main() -> int:
 
 
 def _design(job: Job, talk: Line) -> dict[str, Any]:
-    from dynid.workflow.design_settings import DesignSettings
-    from dynid.workflow.designing import design
+    from dynid.workflow import DesignSettings, design
 
     settings = DesignSettings(**job.options)
     found = design(job.source, settings, output=job.output, progress=talk.progress)
@@ -114,9 +113,8 @@ def _design(job: Job, talk: Line) -> dict[str, Any]:
 
 
 def _run(job: Job, talk: Line) -> dict[str, Any]:
-    from dynid.experiment.interrupts import stop_on_signals
-    from dynid.workflow.run_settings import RunSettings
-    from dynid.workflow.running import run_design
+    from dynid.experiment import stop_on_signals
+    from dynid.workflow import RunSettings, run_design
 
     settings = RunSettings(**job.options)
     with stop_on_signals() as cancel:
@@ -133,9 +131,7 @@ def _run(job: Job, talk: Line) -> dict[str, Any]:
 
 
 def _identify(job: Job, talk: Line) -> dict[str, Any]:
-    from dynid.workflow.identify_settings import IdentifySettings
-    from dynid.workflow.identifying import identify_files
-    from dynid.workflow.verdict import verdict
+    from dynid.workflow import IdentifySettings, identify_files, verdict
 
     options = dict(job.options)
     validation, robot = options.pop("validate", None), options.pop("robot", None)

@@ -4,15 +4,23 @@ A job's process reads its job from the first line of its stdin. What it has to s
 stdout, one JSON object a line: `progress`, `ask`, then `result` or `error`. Further lines on
 its stdin are `answer` and `stop`; the end of its stdin is a stop too, so that no robot goes on
 moving for a page that is gone.
+
+Watches the process of a long job: progress, questions, result, and how to stop it.
 """
 
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, cast
 
-from dynid.core.errors import InputError
+from dynid.core import InputError, JobError
 
 KINDS = ("design", "run", "identify")
 
@@ -77,3 +85,174 @@ def parse(text: str) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise InputError("this is no message", value=text)
     return cast("dict[str, Any]", found)
+
+
+_LAST = 4_000
+"""Characters of a dead process's stderr that are looked at."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobState:
+    """What is known of a job."""
+
+    what: str = "starting"
+    """What it is doing, in its own words."""
+    share: float = 0.0
+    """How far it is, 0 to 1."""
+    ask: str | None = None
+    """What it wants to be confirmed before anything moves."""
+    word: str = ""
+    """The word that agrees to it."""
+    stopping: bool = False
+    """Whether it was told to stop."""
+    result: dict[str, Any] | None = None
+    error: str | None = None
+    ended: bool = False
+    """Whether its process is gone."""
+    history: tuple[tuple[float, float], ...] = field(default=())
+    """Seconds since the start, and the number its words ended in: a search's criterion."""
+
+
+class Supervisor:
+    """One job in a process of its own.
+
+    Args:
+        job: What to do.
+
+    Raises:
+        JobError: The process cannot be started.
+    """
+
+    def __init__(self, job: Job) -> None:
+        self.job = job
+        self._state = JobState()
+        self._lock = threading.Lock()
+        self._began = time.monotonic()
+        self._errors = tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace")  # noqa: SIM115
+        try:
+            # A session of its own: Ctrl-C in the terminal of the studio reaches the job only
+            # through `stop`, once.
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "dynid.studio.child"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._errors,
+                text=True,
+                encoding="utf-8",
+                start_new_session=True,
+            )
+        except OSError as error:
+            self._errors.close()
+            raise JobError("the job's process cannot be started", value=error.strerror) from error
+        self._send(job_to_line(job))
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    @property
+    def state(self) -> JobState:
+        """What is known now."""
+        with self._lock:
+            return self._state
+
+    @property
+    def pid(self) -> int:
+        """Number of the process."""
+        return self._process.pid
+
+    def answer(self, word: str) -> None:
+        """Answer what it asked."""
+        self._change(ask=None)
+        self._send(line({"answer": word}))
+
+    def stop(self) -> None:
+        """Tell it to stop: a robot comes to rest, a search keeps its best motion."""
+        if self.state.ended or self.state.stopping:
+            return
+        self._change(stopping=True, what="stopping", ask=None)
+        self._send(line({"stop": True}))
+
+    def wait(self, timeout: float | None = None) -> JobState:
+        """Wait for the end of the process, at most `timeout` [s]."""
+        self._reader.join(timeout)
+        return self.state
+
+    def close(self, patience: float = 10.0) -> None:
+        """Stop it; a process that does not end in time [s] is interrupted again, then killed."""
+        self.stop()
+        for number in (signal.SIGINT, signal.SIGKILL):
+            if self.wait(patience).ended:
+                return
+            self._process.send_signal(number)
+        self.wait(patience)
+
+    def _read(self) -> None:
+        stream = self._process.stdout
+        for text in stream or ():
+            try:
+                self._take(parse(text))
+            except InputError as error:
+                self._change(error=str(error))
+        code = self._process.wait()
+        for end in (self._process.stdin, stream):
+            if end is not None:
+                try:
+                    end.close()
+                except BrokenPipeError:
+                    # A line that it no longer wanted to hear.
+                    continue
+        state = self.state
+        if state.result is None and state.error is None:
+            self._change(error=f"its process ended with code {code}: {self._last_words()}")
+        self._errors.close()
+        self._change(ended=True, ask=None)
+
+    def _take(self, message: dict[str, Any]) -> None:
+        if "progress" in message:
+            self._progress(str(message["progress"]), float(message["share"]))
+        elif "ask" in message:
+            self._change(ask=str(message["ask"]), word=str(message["word"]))
+        elif "result" in message:
+            self._change(result=dict(message["result"]), share=1.0, what="done")
+        elif "error" in message:
+            self._change(error=str(message["error"]))
+
+    def _progress(self, what: str, share: float) -> None:
+        history = self.state.history
+        value = criterion_in(what)
+        if value is not None and (not history or history[-1][1] != value):
+            history = (*history, (time.monotonic() - self._began, value))
+        with self._lock:
+            words = self._state.what if self._state.stopping else what
+            self._state = replace(
+                self._state, what=words, share=min(max(share, 0.0), 1.0), history=history
+            )
+
+    def _change(self, **values: Any) -> None:
+        with self._lock:
+            self._state = replace(self._state, **values)
+
+    def _send(self, text: str) -> None:
+        stream = self._process.stdin
+        try:
+            if stream is not None:
+                stream.write(text)
+                stream.flush()
+        except (BrokenPipeError, ValueError):
+            # It has ended already; the reader finds out why.
+            return
+
+    def _last_words(self) -> str:
+        self._errors.seek(0)
+        lines = self._errors.read()[-_LAST:].strip().splitlines()
+        return lines[-1] if lines else "no message"
+
+
+def criterion_in(words: str) -> float | None:
+    """The number in a search's words, as in `cond 87.3`; None where there is none yet."""
+    parts = words.split(",")[0].split()
+    if len(parts) != 2:
+        return None
+    try:
+        return float(parts[1])
+    except ValueError:
+        return None

@@ -1,19 +1,31 @@
-"""The limits at one instant, and the bodies that are nearest to each other then."""
+"""The limits at one instant, and the bodies that are nearest to each other then.
+
+The last seconds of a recording while it is made, read from the file it goes to.
+
+The page reads the same file that a crash would leave behind, so the recorder neither knows of
+the page nor waits for it.
+"""
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
-from dynid.constraints.collision import Bodies
-from dynid.constraints.collision_kernels import place_shapes
-from dynid.constraints.distance import closest_on_segments, segment_to_shape
-from dynid.constraints.motion import MotionConstraints
-from dynid.constraints.usage import DISTANCES, Worst
-from dynid.core.arrays import Array
-from dynid.robot.kinematics import joint_poses
-from dynid.robot.model import RobotModel
+from dynid.constraints import (
+    DISTANCES,
+    Bodies,
+    MotionConstraints,
+    Worst,
+    closest_on_segments,
+    place_shapes,
+    segment_to_shape,
+)
+from dynid.core import Array, RecordError
+from dynid.recording import ExperimentRecord, partial_path, recover
+from dynid.robot import RobotModel, joint_poses
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,3 +131,78 @@ def _segment(bodies: Bodies, capsule: int, poses: Array) -> tuple[Array, Array]:
     pose = np.eye(4) if link == 0 else poses[link - 1]
     a, b = (pose[:3, :3] @ end + pose[:3, 3] for end in bodies.ends[capsule])
     return a, b
+
+
+SHOWN_S = 10.0
+"""What the page draws [s]."""
+POINTS = 400
+_EVERY_S = 0.3
+_BUSY = 20.0
+"""Reading takes one part in so many of the time at most."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tail:
+    """The newest samples."""
+
+    t: Array
+    """(N) seconds of the recording."""
+    signals: dict[str, Array]
+    """Quantity to (N, n) values."""
+    samples: int
+    """In the whole recording so far."""
+
+
+class TailReader:
+    """Reads a recording in progress now and then.
+
+    Args:
+        path: The Parquet file that is going to be made.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = partial_path(path)
+        self._next = 0.0
+        self._size = 0
+
+    def read(self, now: float) -> Tail | None:
+        """The newest samples; None where there are no new ones, or it is too early to look.
+
+        Args:
+            now: Time of a clock that only goes forward [s].
+        """
+        if now < self._next:
+            return None
+        self._next = now + _EVERY_S
+        try:
+            size = self._path.stat().st_size
+            if size == self._size:
+                return None
+            began = time.perf_counter()
+            record = recover(self._path, finished=True)
+        except (OSError, RecordError):
+            # Not begun, two rows too few, or finished between two looks.
+            return None
+        self._size = size
+        self._next = now + max(_EVERY_S, _BUSY * (time.perf_counter() - began))
+        return tail_of(record)
+
+
+def tail_of(record: ExperimentRecord, seconds: float = SHOWN_S, points: int = POINTS) -> Tail:
+    """The end of a recording, thinned to what a small plot can show.
+
+    Args:
+        record: The recording.
+        seconds: How much of its end [s].
+        points: How many samples at most; the newest one is always among them.
+    """
+    stamps: Array = record.t - record.t[0]
+    first = int(np.searchsorted(stamps, float(stamps[-1]) - seconds))
+    step = max(1, -(-(len(stamps) - first) // points))
+    last = len(stamps) - 1
+    chosen = np.arange(last - (last - first) // step * step, last + 1, step)
+    return Tail(
+        t=stamps[chosen],
+        signals={name: values[chosen] for name, values in record.signals.items()},
+        samples=record.samples,
+    )

@@ -8,21 +8,19 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from dynid.core.errors import DynidError
+from dynid.core import DynidError
 from dynid.studio import text
-from dynid.studio.panel_design import DesignPanel
-from dynid.studio.panel_motion import MotionPanel
-from dynid.studio.panel_results import ResultsPanel
-from dynid.studio.panel_run import RunPanel
+from dynid.studio.panel_motion import DesignPanel, MotionPanel
+from dynid.studio.panel_run import ResultsPanel, RunPanel
 from dynid.studio.panel_scene import ScenePanel
 from dynid.studio.stage import Stage
 
 if TYPE_CHECKING:
     import viser
 
+    from dynid.studio.jobs import JobState, Supervisor
     from dynid.studio.session import Session
     from dynid.studio.solids import LinkMesh
-    from dynid.studio.supervisor import JobState, Supervisor
 
 _FRAME_S = 1 / 25
 _FRAME_WHILE_RUNNING_S = 1 / 8

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dynid.core.errors import DynidError
+from dynid.core import DynidError
 from dynid.studio import text
 from dynid.studio.scene_editing import KINDS
 from dynid.studio.text import plain
@@ -15,7 +15,7 @@ from dynid.studio.text import plain
 if TYPE_CHECKING:
     import viser
 
-    from dynid.core.arrays import Array
+    from dynid.core import Array
     from dynid.studio.session import Session
     from dynid.studio.stage import Stage
 

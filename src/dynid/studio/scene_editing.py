@@ -9,14 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from dynid.constraints.scene import Scene, scene_from_json
-from dynid.constraints.shapes import Shape
-from dynid.core.arrays import Array
-from dynid.core.errors import InputError
-from dynid.core.files import write_json
-from dynid.export.rotations import roll_pitch_yaw
-from dynid.robot.transforms import from_xyz_rpy, translation
-from dynid.trajectory.json_fields import JsonFields, load_object
+from dynid.constraints import Scene, Shape, scene_from_json
+from dynid.core import Array, InputError, JsonFields, load_object, write_json
+from dynid.export import roll_pitch_yaw
+from dynid.robot import from_xyz_rpy, translation
 
 KINDS = ("box", "cylinder", "sphere", "table", "floor", "wall")
 """What can be added."""

@@ -1,4 +1,9 @@
-"""What the page is about, without the page: robot, motions, scene, limits, one job at a time."""
+"""What the page is about, without the page: robot, motions, scene, limits, one job at a time.
+
+Files that the page may write.
+
+Play, pause, scrub: where a motion is at a time of the clock.
+"""
 
 from __future__ import annotations
 
@@ -9,19 +14,126 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.constraints.certificate import Certificate, certify
-from dynid.constraints.motion import MotionConstraints
-from dynid.constraints.presets import safe_constraints
-from dynid.core.arrays import Array
-from dynid.core.errors import DynidError, InputError
-from dynid.studio.files import file_in
-from dynid.studio.jobs import Job
+from dynid.constraints import Certificate, MotionConstraints, certify, safe_constraints
+from dynid.core import Array, DynidError, InputError
+from dynid.studio.jobs import Job, Supervisor
 from dynid.studio.live import Instant, at_rest, instant
-from dynid.studio.motions import REST, Held, Playable, PlayedTrajectory
-from dynid.studio.opening import Opened, OpenMotion, open_motion
-from dynid.studio.player import Player
+from dynid.studio.opening import (
+    REST,
+    Held,
+    Opened,
+    OpenMotion,
+    Playable,
+    PlayedTrajectory,
+    open_motion,
+)
 from dynid.studio.scene_editing import SceneEditor
-from dynid.studio.supervisor import Supervisor
+
+LONGEST = 120
+
+
+def file_in(folder: Path, name: str, suffix: str) -> Path:
+    """A file in the studio's folder: a name typed into a page chooses no other place.
+
+    Args:
+        folder: The studio's folder.
+        name: What was typed.
+        suffix: What the name must end in.
+
+    Raises:
+        InputError: More than a name, or another ending.
+    """
+    odd = name.startswith(".") or any(not c.isprintable() or c in "/\\" for c in name)
+    if odd or len(name) > LONGEST or Path(name).suffix.lower() != suffix:
+        raise InputError(
+            "a file name without a directory is needed", value=name, limit=f"*{suffix}"
+        )
+    return folder / name
+
+
+def free_name(folder: Path, name: str) -> str:
+    """A name that no file of the folder has: what is there is overwritten only when typed.
+
+    Args:
+        folder: The studio's folder.
+        name: What is wished, such as `design.json`; `design_2.json` comes after it.
+    """
+    wished, free, count = Path(name), name, 1
+    while (folder / free).exists():
+        count += 1
+        free = f"{wished.stem}_{count}{wished.suffix}"
+    return free
+
+
+SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
+"""What the page offers, as shares of real time."""
+
+
+@dataclass(slots=True)
+class Player:
+    """A place in a motion that moves with the clock while it plays.
+
+    Every method that depends on the clock is told its time [s], so that tests need none.
+
+    Raises:
+        InputError: A duration that is not positive.
+    """
+
+    duration: float
+    """Of the motion [s]."""
+    loop: bool = True
+    """Whether the end is followed by the start."""
+    speed: float = 1.0
+    """Seconds of the motion a second of the clock."""
+    playing: bool = False
+    _place: float = 0.0
+    _since: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not self.duration > 0:
+            raise InputError("a motion to play needs a duration", value=self.duration)
+
+    def place(self, now: float) -> float:
+        """Where the motion is [s]."""
+        if not self.playing:
+            return self._place
+        raw = self._place + (now - self._since) * self.speed
+        return raw % self.duration if self.loop else min(raw, self.duration)
+
+    def play(self, now: float) -> None:
+        """Go on from here; from the start where the end was reached."""
+        if self.playing:
+            return
+        if self._place >= self.duration:
+            self._place = 0.0
+        self.playing, self._since = True, now
+
+    def pause(self, now: float) -> None:
+        """Stay here."""
+        self._place, self.playing = self.place(now), False
+
+    def seek(self, place: float, now: float) -> None:
+        """Go to a place, kept within the motion; playing goes on from there."""
+        self._place, self._since = min(max(place, 0.0), self.duration), now
+
+    def set_speed(self, speed: float, now: float) -> None:
+        """Change the speed without a jump.
+
+        Raises:
+            InputError: A speed that is not positive.
+        """
+        if not speed > 0:
+            raise InputError("the speed must be positive", value=speed)
+        self._place, self._since = self.place(now), now
+        self.speed = speed
+
+    def settle(self, now: float) -> bool:
+        """Stop at the end of a motion that does not repeat; whether it did just now."""
+        if self.playing and not self.loop and self.place(now) >= self.duration:
+            self.pause(now)
+            return True
+        return False
+
 
 SCENE_FILE = "scene.json"
 JOB_SCENE = "studio_scene.json"

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dynid.constraints.shapes import HALF_SPACE
-from dynid.core.arrays import Array, Indices
-from dynid.export.rotations import quaternion
+from dynid.constraints import HALF_SPACE
+from dynid.core import Array, Indices
+from dynid.export import quaternion
 from dynid.studio.live import Instant, Near
 from dynid.studio.scene_editing import SceneEditor, pose_of
 from dynid.studio.solids import LinkMesh, reach, shape_mesh
@@ -18,7 +18,7 @@ from dynid.studio.text import plain
 if TYPE_CHECKING:
     import viser
 
-    from dynid.robot.model import RobotModel
+    from dynid.robot import RobotModel
 
 _ARM = ((86, 98, 112), (0, 114, 178))
 """Colours of every other link."""

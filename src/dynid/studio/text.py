@@ -6,8 +6,7 @@ import html
 import math
 from collections.abc import Iterable, Mapping
 
-from dynid.constraints.certificate import Certificate
-from dynid.constraints.usage import DISTANCES, RATIOS, Worst
+from dynid.constraints import DISTANCES, RATIOS, Certificate, Worst
 from dynid.studio.live import Near
 
 LONGEST = 60

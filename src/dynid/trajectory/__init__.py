@@ -1,1 +1,58 @@
 """Joint motions as functions of time: Fourier series, polynomials, files."""
+
+from dynid.trajectory.bounds import (
+    MotionBounds,
+    copied_bounds,
+    peaks,
+    random_excitation,
+    usable_bounds,
+)
+from dynid.trajectory.bspline import BSpline
+from dynid.trajectory.files import (
+    FAMILY_NAMES,
+    StoredTrajectory,
+    csv_text,
+    joint_trajectory_yaml,
+    motion_family,
+    read_trajectory,
+    write_trajectory,
+)
+from dynid.trajectory.fourier import FourierSeries, harmonic_basis
+from dynid.trajectory.quintic import FourierQuintic, Quintic
+from dynid.trajectory.sequence import MotionSequence, Repetition
+from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory
+from dynid.trajectory.urscript import (
+    Piece,
+    UrProgramOptions,
+    pieces,
+    ur_program,
+)
+
+__all__ = [
+    "FAMILY_NAMES",
+    "BSpline",
+    "FourierQuintic",
+    "FourierSeries",
+    "JointMotion",
+    "MotionBounds",
+    "MotionFamily",
+    "MotionSequence",
+    "Piece",
+    "Quintic",
+    "Repetition",
+    "StoredTrajectory",
+    "Trajectory",
+    "UrProgramOptions",
+    "copied_bounds",
+    "csv_text",
+    "harmonic_basis",
+    "joint_trajectory_yaml",
+    "motion_family",
+    "peaks",
+    "pieces",
+    "random_excitation",
+    "read_trajectory",
+    "ur_program",
+    "usable_bounds",
+    "write_trajectory",
+]

@@ -1,15 +1,16 @@
-"""The bounds that a motion must respect."""
+"""The bounds of a motion, and Fourier series scaled or drawn at random within them."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core.arrays import Array, frozen
-from dynid.core.errors import InputError
+from dynid.core import Array, InputError, frozen
+from dynid.trajectory.fourier import FourierSeries, harmonic_basis, rest_basis, rest_series
 
 _NAMES = ("lower", "upper", "velocity", "acceleration")
 
@@ -118,4 +119,172 @@ def usable_bounds(limits: MotionLimits, acceleration: ArrayLike | None = None) -
         upper=upper,
         velocity=velocity,
         acceleration=np.where(np.isnan(known.acceleration), spare, known.acceleration),
+    )
+
+
+_POINTS_PER_HARMONIC = 64
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Peaks:
+    """Guaranteed extremes of a periodic motion over all time."""
+
+    below: Array
+    """(n) lowest position relative to the offset [rad or m], not above the true one."""
+    above: Array
+    """(n) highest position relative to the offset [rad or m], not below the true one."""
+    velocity: Array
+    """(n) largest speed [rad/s or m/s], not below the true one."""
+    acceleration: Array
+    """(n) largest acceleration [rad/s^2 or m/s^2], not below the true one."""
+
+
+def peaks(series: FourierSeries) -> Peaks:
+    """Extremes that hold between the samples too.
+
+    A trigonometric polynomial of degree H seen at N > 2H regular points is nowhere larger than
+    its largest sample over cos(pi H / N) (Ehlich and Zeller, 1964); with 64 points a harmonic
+    that is 0.12 % above the samples.
+    """
+    count = _POINTS_PER_HARMONIC * series.harmonics
+    grid = np.arange(count, dtype=np.float64) * (series.period / count)
+    coefficients = np.hstack([series.a, series.b]).T
+    swing, dq, ddq = (
+        part @ coefficients for part in harmonic_basis(grid, series.period, series.harmonics)
+    )
+    excess = 1.0 / math.cos(math.pi / _POINTS_PER_HARMONIC)
+    slack = (excess - 1.0) * np.abs(swing).max(axis=0)
+    return Peaks(
+        below=swing.min(axis=0) - slack,
+        above=swing.max(axis=0) + slack,
+        velocity=excess * np.abs(dq).max(axis=0),
+        acceleration=excess * np.abs(ddq).max(axis=0),
+    )
+
+
+def largest_scale(series: FourierSeries, bounds: MotionBounds, *, margin: float = 1.0) -> Array:
+    """(n) the factors on a and b that take each joint onto its tightest bound.
+
+    Args:
+        series: The motion; its offset stays where it is.
+        bounds: Bounds without NaN.
+        margin: The share of each bound that may be used, in (0, 1]; the position range shrinks
+            about its middle.
+
+    Raises:
+        InputError: A margin outside (0, 1], another number of joints, or an offset outside the
+            position bounds.
+    """
+    lower, upper = inner_range(bounds, margin)
+    if series.joints != bounds.joints:
+        raise InputError("joints of the series", value=series.joints, limit=bounds.joints)
+    outside = (series.offset < lower) | (series.offset > upper)
+    if outside.any():
+        joint = int(np.argmax(outside))
+        raise InputError(
+            f"joint {joint + 1}: the mean position is outside the position limits",
+            value=float(series.offset[joint]),
+            limit=(float(lower[joint]), float(upper[joint])),
+        )
+    peak = peaks(series)
+    position = np.minimum(
+        _ratio(upper - series.offset, peak.above), _ratio(series.offset - lower, -peak.below)
+    )
+    return np.minimum(position, derivative_scale(peak, bounds, margin))
+
+
+def derivative_scale(peak: Peaks, bounds: MotionBounds, margin: float) -> Array:
+    """(n) the largest factors that velocity and acceleration allow."""
+    return np.minimum(
+        _ratio(margin * bounds.velocity, peak.velocity),
+        _ratio(margin * bounds.acceleration, peak.acceleration),
+    )
+
+
+def inner_range(bounds: MotionBounds, margin: float) -> tuple[Array, Array]:
+    """The position bounds (n) and (n), shrunk about their middle by the margin.
+
+    Raises:
+        InputError: A margin outside (0, 1].
+    """
+    if not 0.0 < margin <= 1.0:
+        raise InputError("margin", value=margin, limit="above 0, at most 1")
+    middle, half = (bounds.lower + bounds.upper) / 2, (bounds.upper - bounds.lower) / 2
+    return middle - margin * half, middle + margin * half
+
+
+def _ratio(room: Array, use: Array) -> Array:
+    """`room / use`; infinite where nothing is used."""
+    return np.divide(room, use, out=np.full(room.shape, np.inf), where=use > 0)
+
+
+def random_excitation(
+    limits: MotionLimits,
+    *,
+    harmonics: int = 5,
+    period: float = 10.0,
+    seed: int,
+    margin: float = 0.9,
+    acceleration: ArrayLike | None = None,
+    offset: ArrayLike | None = None,
+) -> FourierSeries:
+    """A random series from rest to rest, as large as its tightest limit allows.
+
+    Coefficients are drawn with a spread of 1/l, which lets all harmonics share the velocity,
+    projected onto `rest_basis`, and scaled joint by joint; `peaks` makes the limits hold between
+    the samples too. Collisions are not looked at.
+
+    Args:
+        limits: Joint limits; unknown positions count as -pi to pi, other unknowns do not bind.
+        harmonics: Number of harmonics H, at least 2.
+        period: Period [s].
+        seed: Seed of the random numbers.
+        margin: Share of each limit to use, in (0, 1].
+        acceleration: (n) or one number: acceleration limits where `limits` knows none
+            [rad/s^2 or m/s^2].
+        offset: (n) mean positions [rad or m]; drawn from the room left if not given.
+
+    Raises:
+        InputError: A period, margin or number of harmonics that is not allowed, or an offset
+            outside the position limits.
+    """
+    bounds = usable_bounds(limits, acceleration)
+    generator = np.random.default_rng(seed)
+    spread = np.tile(1.0 / np.arange(1, harmonics + 1), 2)
+    drawn = generator.standard_normal((bounds.joints, 2 * harmonics)) * spread
+    free = drawn @ rest_basis(harmonics)
+    if offset is None:
+        return _with_drawn_offset(
+            rest_series(period, np.zeros(bounds.joints), free), bounds, margin, generator
+        )
+    middle = frozen(offset, shape=(bounds.joints,), name="offset")
+    series = rest_series(period, middle, free)
+    return _scaled(series, largest_scale(series, bounds, margin=margin), middle)
+
+
+def _with_drawn_offset(
+    series: FourierSeries, bounds: MotionBounds, margin: float, generator: np.random.Generator
+) -> FourierSeries:
+    """The series scaled to its limits and shifted to a random place where it fits."""
+    lower, upper = inner_range(bounds, margin)
+    peak = peaks(series)
+    scale = np.minimum(
+        (upper - lower) / (peak.above - peak.below), derivative_scale(peak, bounds, margin)
+    )
+    first, last = lower - scale * peak.below, upper - scale * peak.above
+    place = generator.uniform(size=bounds.joints)
+    return _scaled(series, scale, first + place * np.maximum(last - first, 0.0))
+
+
+def _scaled(series: FourierSeries, scale: Array, offset: Array) -> FourierSeries:
+    if not np.isfinite(scale).all():
+        raise InputError(
+            "no limit bounds the motion",
+            next_step="Give position, velocity or acceleration limits.",
+        )
+    return FourierSeries(
+        period=series.period,
+        offset=offset,
+        a=series.a * scale[:, None],
+        b=series.b * scale[:, None],
     )

@@ -1,22 +1,138 @@
-"""Trajectories as JSON files that carry their robot, limits and provenance."""
+"""Trajectories of every kind as JSON files, and as tables for other programs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import InputError
-from dynid.core.files import write_json
-from dynid.core.provenance import Provenance
+from dynid.core import Array, InputError, JsonFields, Provenance, load_object, write_json
 from dynid.trajectory.bounds import MotionBounds, MotionLimits, copied_bounds
-from dynid.trajectory.codec import trajectory_from_json, trajectory_to_json
-from dynid.trajectory.json_fields import JsonFields, load_object
-from dynid.trajectory.trajectory import Trajectory
+from dynid.trajectory.bspline import BSpline, BSplineFamily
+from dynid.trajectory.fourier import FourierFamily, FourierSeries, ModifiedFourierFamily
+from dynid.trajectory.quintic import FourierQuintic, FourierQuinticFamily, Quintic
+from dynid.trajectory.sequence import MotionSequence, PosesFamily, Repetition
+from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory
+
+_DEEPEST = 8
+"""Levels of sequences within sequences that a file may have."""
+
+
+def trajectory_to_json(trajectory: Trajectory) -> dict[str, Any]:
+    """A JSON object, `type` first, from which the trajectory can be read back exactly.
+
+    Args:
+        trajectory: Any trajectory of this package.
+
+    Raises:
+        InputError: A trajectory of another kind.
+    """
+    match trajectory:
+        case FourierSeries():
+            return {
+                "type": "fourier",
+                "period": trajectory.period,
+                "offset": trajectory.offset.tolist(),
+                "a": trajectory.a.tolist(),
+                "b": trajectory.b.tolist(),
+            }
+        case FourierQuintic():
+            return {
+                "type": "fourier-quintic",
+                "period": trajectory.period,
+                "start": trajectory.start.tolist(),
+                "goal": trajectory.goal.tolist(),
+                "a": trajectory.a.tolist(),
+                "b": trajectory.b.tolist(),
+            }
+        case BSpline():
+            return {
+                "type": "bspline",
+                "travel_time": trajectory.travel_time,
+                "degree": trajectory.degree,
+                "control": trajectory.control.tolist(),
+            }
+        case Quintic():
+            return {
+                "type": "quintic",
+                "travel_time": trajectory.travel_time,
+                "start": trajectory.start.tolist(),
+                "goal": trajectory.goal.tolist(),
+            }
+        case MotionSequence():
+            return {
+                "type": "sequence",
+                "parts": [trajectory_to_json(part) for part in trajectory.parts],
+            }
+        case Repetition():
+            return {
+                "type": "repetition",
+                "times": trajectory.times,
+                "part": trajectory_to_json(trajectory.part),
+            }
+        case _:
+            raise InputError("no file form for this trajectory", value=type(trajectory).__name__)
+
+
+def trajectory_from_json(fields: JsonFields, *, depth: int = 0) -> Trajectory:
+    """The trajectory of a JSON object that `trajectory_to_json` made.
+
+    Args:
+        fields: The object.
+        depth: How many sequences it stands in.
+
+    Raises:
+        InputError: An unknown type, or numbers that are not a trajectory of it.
+    """
+    if depth > _DEEPEST:
+        raise InputError("sequences within sequences", value=depth, limit=_DEEPEST)
+    kind = fields.text("type")
+    match kind:
+        case "fourier":
+            return FourierSeries(
+                period=fields.number("period"),
+                offset=fields.vector("offset"),
+                a=fields.matrix("a"),
+                b=fields.matrix("b"),
+            )
+        case "fourier-quintic":
+            return FourierQuintic(
+                period=fields.number("period"),
+                start=fields.vector("start"),
+                goal=fields.vector("goal"),
+                a=fields.matrix("a"),
+                b=fields.matrix("b"),
+            )
+        case "bspline":
+            return BSpline(
+                travel_time=fields.number("travel_time"),
+                degree=fields.whole("degree"),
+                control=fields.matrix("control"),
+            )
+        case "quintic":
+            return Quintic(
+                travel_time=fields.number("travel_time"),
+                start=fields.vector("start"),
+                goal=fields.vector("goal"),
+            )
+        case "sequence":
+            parts = fields.objects("parts")
+            return MotionSequence(
+                parts=tuple(trajectory_from_json(part, depth=depth + 1) for part in parts)
+            )
+        case "repetition":
+            return Repetition(
+                part=trajectory_from_json(fields.object("part"), depth=depth + 1),
+                times=fields.whole("times"),
+            )
+        case _:
+            raise InputError(f"{fields.prefix}type is no kind of trajectory", value=kind)
+
 
 _KIND = "dynid.trajectory"
 _VERSION = 2
@@ -148,3 +264,144 @@ def _provenance(fields: JsonFields) -> Provenance:
         settings=fields.object("settings").values,
         seed=seed,
     )
+
+
+_MAKERS: dict[str, Callable[[float, int], MotionFamily]] = {
+    FourierFamily.name: lambda duration, order: FourierFamily(period=duration, harmonics=order),
+    ModifiedFourierFamily.name: lambda duration, order: ModifiedFourierFamily(
+        period=duration, harmonics=order
+    ),
+    FourierQuinticFamily.name: lambda duration, order: FourierQuinticFamily(
+        period=duration, harmonics=order
+    ),
+    BSplineFamily.name: lambda duration, order: BSplineFamily(
+        travel_time=duration, points=2 * order
+    ),
+    PosesFamily.name: lambda duration, order: PosesFamily(travel_time=duration, poses=order),
+}
+
+FAMILY_NAMES = tuple(_MAKERS)
+"""Names that `motion_family` knows."""
+
+
+def motion_family(name: str, duration: float, harmonics: int) -> MotionFamily:
+    """A family by its name.
+
+    Args:
+        name: One of `FAMILY_NAMES`.
+        duration: Time from start to end, the period [s].
+        harmonics: Number of harmonics H. A B-spline gets 2H free points, as many as the series
+            has sines and cosines; a motion through poses rests in H of them.
+
+    Raises:
+        InputError: An unknown name, or a duration or number of harmonics that is not allowed.
+    """
+    if name not in _MAKERS:
+        raise InputError("unknown family of motions", value=name, limit=", ".join(FAMILY_NAMES))
+    return _MAKERS[name](duration, harmonics)
+
+
+_MOST = 10_000_000
+"""Samples; more is a mistake in the rate."""
+_LATE = 1e-9
+"""Share of a step that rounding may take off the last one."""
+
+
+def sampled(trajectory: Trajectory, rate_hz: float) -> JointMotion:
+    """The motion on a regular grid from zero, and at its end.
+
+    Args:
+        trajectory: The motion.
+        rate_hz: Samples a second; the last step is shorter where the duration asks for it.
+
+    Raises:
+        InputError: A rate that is not positive, or too many samples.
+    """
+    if not (math.isfinite(rate_hz) and rate_hz > 0):
+        raise InputError("the rate must be positive", value=rate_hz)
+    steps = math.ceil(trajectory.duration * rate_hz - _LATE)
+    if steps > _MOST:
+        raise InputError("samples of the motion", value=steps, limit=_MOST)
+    return trajectory.evaluate(np.append(np.arange(steps) / rate_hz, trajectory.duration))
+
+
+def csv_text(
+    trajectory: Trajectory, rate_hz: float = 125.0, *, units: Sequence[str] | None = None
+) -> str:
+    """The motion as CSV: t, q1.., dq1.., ddq1.., with units in the header.
+
+    Numbers stand so that they read back exactly; `dynid import` and spreadsheets know the header.
+
+    Args:
+        trajectory: The motion.
+        rate_hz: Rows a second.
+        units: (n) unit of each joint's position, `rad` or `m`; radians if not given.
+
+    Raises:
+        InputError: A rate that is not positive, or units for other joints.
+    """
+    motion = sampled(trajectory, rate_hz)
+    names = _units(trajectory, units)
+    header = ["t [s]"] + [
+        f"{quantity}{joint} [{unit}{per}]"
+        for quantity, per in (("q", ""), ("dq", "/s"), ("ddq", "/s^2"))
+        for joint, unit in enumerate(names, start=1)
+    ]
+    rows = np.column_stack([motion.t, motion.q, motion.dq, motion.ddq]).tolist()
+    return "\n".join([",".join(header), *(",".join(map(repr, row)) for row in rows)]) + "\n"
+
+
+def joint_trajectory_yaml(
+    trajectory: Trajectory,
+    joint_names: Sequence[str],
+    rate_hz: float = 125.0,
+    *,
+    frame: str = "",
+) -> str:
+    """The motion as a ROS 2 `trajectory_msgs/msg/JointTrajectory` in YAML.
+
+    Args:
+        trajectory: The motion.
+        joint_names: (n) names, in the order of the joints.
+        rate_hz: Points a second.
+        frame: `frame_id` of the header.
+
+    Raises:
+        InputError: A rate that is not positive, or names that do not fit the joints.
+    """
+    if len(joint_names) != trajectory.joints or len(set(joint_names)) != len(joint_names):
+        raise InputError(
+            "one name a joint, each once", value=tuple(joint_names), limit=trajectory.joints
+        )
+    return "\n".join(_yaml_lines(sampled(trajectory, rate_hz), joint_names, frame)) + "\n"
+
+
+def _yaml_lines(motion: JointMotion, names: Sequence[str], frame: str) -> Iterator[str]:
+    yield "header:"
+    yield "  stamp: {sec: 0, nanosec: 0}"
+    yield f"  frame_id: {json.dumps(frame)}"
+    yield f"joint_names: [{', '.join(json.dumps(name) for name in names)}]"
+    yield "points:"
+    for t, q, dq, ddq in zip(motion.t, motion.q, motion.dq, motion.ddq, strict=True):
+        second, nano = divmod(round(float(t) * 1e9), 1_000_000_000)
+        yield f"- positions: {_flow(q.tolist())}"
+        yield f"  velocities: {_flow(dq.tolist())}"
+        yield f"  accelerations: {_flow(ddq.tolist())}"
+        yield f"  time_from_start: {{sec: {second}, nanosec: {nano}}}"
+
+
+def _flow(values: Sequence[float]) -> str:
+    # YAML 1.1 takes 1e-05 for a text: an exponent needs a point before it.
+    return "[" + ", ".join(_yaml_float(value) for value in values) + "]"
+
+
+def _yaml_float(value: float) -> str:
+    text = repr(value)
+    return text if "e" not in text or "." in text else text.replace("e", ".0e")
+
+
+def _units(trajectory: Trajectory, units: Sequence[str] | None) -> list[str]:
+    names = list(units) if units is not None else ["rad"] * trajectory.joints
+    if len(names) != trajectory.joints or not set(names) <= {"rad", "m"}:
+        raise InputError("one unit a joint, rad or m", value=tuple(names), limit=trajectory.joints)
+    return names

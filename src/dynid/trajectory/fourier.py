@@ -1,17 +1,16 @@
-"""Finite Fourier series, the paper's excitation trajectory."""
+"""Finite Fourier series, the excitation trajectory of the paper, at rest at both ends."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core.arrays import Array, frozen
-from dynid.core.errors import InputError
-from dynid.trajectory.motion import JointMotion
-from dynid.trajectory.trajectory import Trajectory
+from dynid.core import Array, InputError, frozen, read_only
+from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,3 +136,176 @@ def harmonic_basis(t: Array, period: float, harmonics: int) -> tuple[Array, Arra
         np.hstack([cosine * rate, sine * rate]),
         np.hstack([-sine * rate**2, cosine * rate**2]),
     )
+
+
+def rest_basis(harmonics: int) -> Array:
+    """An orthonormal basis of the coefficients with no velocity and acceleration at the ends.
+
+    dq(0) = 0 means sum_l l a_l = 0, and ddq(0) = 0 means sum_l l^2 b_l = 0 (by periodicity also
+    at the end). With Z the basis of both null spaces, [a; b] = Z y for free numbers y: the
+    conditions hold exactly and an optimiser needs no equality constraints.
+
+    Args:
+        harmonics: Number of harmonics H, at least 2.
+
+    Returns:
+        (2H, 2H - 2) Z, the a rows first.
+
+    Raises:
+        InputError: Fewer than two harmonics.
+    """
+    if harmonics < 2:
+        raise InputError("a motion from rest to rest needs two harmonics", value=harmonics)
+    order = np.arange(1.0, harmonics + 1)
+    basis = np.zeros((2 * harmonics, 2 * harmonics - 2))
+    basis[:harmonics, : harmonics - 1] = _orthogonal_complement(order)
+    basis[harmonics:, harmonics - 1 :] = _orthogonal_complement(order**2)
+    return read_only(basis)
+
+
+def held_basis(harmonics: int) -> Array:
+    """An orthonormal basis of the coefficients that also start and end at the offset.
+
+    To the conditions of `rest_basis`, q(0) = q0 adds sum_l b_l = 0.
+
+    Args:
+        harmonics: Number of harmonics H, at least 3.
+
+    Returns:
+        (2H, 2H - 3) basis, the a rows first.
+
+    Raises:
+        InputError: Fewer than three harmonics.
+    """
+    if harmonics < 3:
+        raise InputError("a motion held at both ends needs three harmonics", value=harmonics)
+    order = np.arange(1.0, harmonics + 1)
+    cosines = _orthogonal_complement(order**2)
+    # Within the cosines that have no acceleration at the ends, those that add up to zero.
+    cosines = cosines @ _orthogonal_complement(cosines.sum(axis=0))
+    basis = np.zeros((2 * harmonics, 2 * harmonics - 3))
+    basis[:harmonics, : harmonics - 1] = _orthogonal_complement(order)
+    basis[harmonics:, harmonics - 1 :] = cosines
+    return read_only(basis)
+
+
+def rest_series(period: float, offset: ArrayLike, free: ArrayLike) -> FourierSeries:
+    """The series from the free numbers of each joint.
+
+    Args:
+        period: Period [s].
+        offset: (n) mean positions [rad or m].
+        free: (n, 2H - 2) coordinates in `rest_basis(H)` [rad or m].
+
+    Raises:
+        InputError: Shapes that disagree, or a number of columns that is odd or zero.
+    """
+    numbers = frozen(free, shape=(np.size(offset), None), name="free coefficients")
+    columns = numbers.shape[1]
+    if columns == 0 or columns % 2:
+        raise InputError("each joint needs 2H - 2 free coefficients", value=columns)
+    harmonics = columns // 2 + 1
+    coefficients = numbers @ rest_basis(harmonics).T
+    return FourierSeries(
+        period=period,
+        offset=frozen(offset, shape=(None,), name="offset"),
+        a=coefficients[:, :harmonics],
+        b=coefficients[:, harmonics:],
+    )
+
+
+def _orthogonal_complement(direction: Array) -> Array:
+    # A Householder reflection takes `direction` to the first axis, so its other columns are an
+    # orthonormal basis of the rest: no factorisation whose signs depend on the LAPACK at hand.
+    mirror = direction / np.linalg.norm(direction)
+    mirror[0] += 1.0 if mirror[0] >= 0.0 else -1.0
+    reflection = np.eye(len(mirror)) - 2.0 * np.outer(mirror, mirror) / (mirror @ mirror)
+    return reflection[:, 1:]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FourierFamily(MotionFamily):
+    """The paper's series with no velocity and acceleration at the ends; the offset is q0.
+
+    Raises:
+        InputError: A period that is not positive, or fewer than two harmonics.
+    """
+
+    name: ClassVar[str] = "fourier"
+    period: float
+    """Period [s]."""
+    harmonics: int
+    """Number of harmonics H, at least 2."""
+
+    def __post_init__(self) -> None:
+        check_period(self.period)
+        self._coefficients()
+
+    @property
+    def duration(self) -> float:
+        """The period [s]."""
+        return self.period
+
+    @property
+    def free_count(self) -> int:
+        """2H - 2 free numbers of each joint."""
+        return self._coefficients().shape[1]
+
+    def basis(self, t: Array) -> tuple[Array, Array, Array]:
+        """The harmonics' columns in the coordinates of `rest_basis`.
+
+        Args:
+            t: (N) times [s].
+        """
+        free = self._coefficients()
+        q, dq, ddq = harmonic_basis(np.mod(t, self.period), self.period, self.harmonics)
+        return q @ free, dq @ free, ddq @ free
+
+    def trajectory(self, offset: ArrayLike, free: ArrayLike) -> FourierSeries:
+        """The series with these numbers.
+
+        Args:
+            offset: (n) mean positions q0 [rad or m].
+            free: (n, k) free numbers, a row a joint [rad or m].
+
+        Raises:
+            InputError: Shapes that disagree, or numbers that are not finite.
+        """
+        middle = frozen(offset, shape=(None,), name="offset")
+        numbers = frozen(free, shape=(len(middle), self.free_count), name="free numbers")
+        coefficients = numbers @ self._coefficients().T
+        return FourierSeries(
+            period=self.period,
+            offset=middle,
+            a=coefficients[:, : self.harmonics],
+            b=coefficients[:, self.harmonics :],
+        )
+
+    def _coefficients(self) -> Array:
+        """(2H, k) [a; b] of one joint is this matrix times its free numbers."""
+        return rest_basis(self.harmonics)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModifiedFourierFamily(FourierFamily):
+    """A periodic series that also starts and ends at a given pose: the offset.
+
+    Meets what Wu et al. (2012), doi 10.5772/45818, ask of their modified Fourier series: periodic,
+    with position, velocity and acceleration given at the ends. Their own formula was not at hand;
+    this one is the whole space of series of H harmonics that meets the conditions.
+
+    Raises:
+        InputError: A period that is not positive, or fewer than three harmonics.
+    """
+
+    name: ClassVar[str] = "modified-fourier"
+
+    def __post_init__(self) -> None:
+        if self.harmonics < 3:
+            raise InputError(
+                "a series that starts at a given pose needs three harmonics", value=self.harmonics
+            )
+        check_period(self.period)
+
+    def _coefficients(self) -> Array:
+        return held_basis(self.harmonics)

@@ -9,14 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core.arrays import Array, Mask, frozen, read_only
-from dynid.core.errors import InputError
-from dynid.identification.estimate import Estimate
-from dynid.recording.record import ExperimentRecord
-from dynid.regressor.adjoint import torque_adjoint
-from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.terms import FrictionTerms
-from dynid.signals.torque import measured_torque
+from dynid.core import Array, InputError, Mask, frozen, read_only
+from dynid.identification import Estimate
+from dynid.recording import ExperimentRecord
+from dynid.regressor import FrictionTerms, InverseDynamicModel, torque_adjoint
+from dynid.signals import measured_torque
 
 BANDWIDTH = 50.0
 """Of the residual [1/s]: a step of torque is seen to 92 % after 50 ms."""

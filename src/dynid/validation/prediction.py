@@ -1,26 +1,193 @@
-"""Predict the torques of another record and measure the error."""
+"""Predict the torques of another record and measure the error.
+
+How far prediction and measurement lie apart: the METRICS of the design.
+
+Whether a record was made with another payload than the one that was identified from.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from dynid.core.arrays import Array, Mask, read_only
-from dynid.core.notices import Notice
-from dynid.identification.estimate import Estimate
-from dynid.identification.least_squares import autocorrelation
-from dynid.identification.problem import motion_state
-from dynid.recording.identity import identity
-from dynid.recording.record import ExperimentRecord
-from dynid.signals.filters import default_cutoff
-from dynid.signals.process import uniform_signals
-from dynid.signals.samples import ProcessingSettings, Samples
-from dynid.signals.stamps import samples_at_stamps
-from dynid.signals.torque_filter import was_smoothed
-from dynid.validation.carried import another_payload
-from dynid.validation.metrics import MOVING_SPEED, Metrics, metrics
+from dynid.core import Array, Mask, Notice, read_only
+from dynid.identification import Estimate, autocorrelation, motion_state
+from dynid.recording import ExperimentRecord, identity
+from dynid.signals import (
+    ProcessingSettings,
+    Samples,
+    default_cutoff,
+    samples_at_stamps,
+    uniform_signals,
+    was_smoothed,
+)
+
+MOVING_SPEED = 0.02
+"""A joint moves above this speed [rad/s or m/s]; below it friction hides the torque."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Metrics:
+    """Errors of a prediction, a joint and overall."""
+
+    samples: int
+    """N; in a split, joint samples over joints."""
+    normalized_error: float
+    """The paper's e_N = (1/N) sqrt(e'e) over all joints [N.m]; falls as 1/sqrt(N)."""
+    rmse: Array
+    """(n) root mean square error [N.m or N]; NaN for a joint without samples."""
+    nrmse: Array
+    """(n) RMS error over the range of the measured torque."""
+    relative_error_percent: Array
+    """(n) 100 ||e|| / ||tau|| [%]."""
+    relative_error_overall_percent: float
+    """The same over all joints [%]."""
+    r2: Array
+    """(n) 1 - ||e||^2 / ||tau - mean||^2."""
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object; null where there is nothing to measure."""
+        return {
+            "samples": self.samples,
+            "normalized_error": _number(self.normalized_error),
+            "rmse": [_number(x) for x in self.rmse],
+            "nrmse": [_number(x) for x in self.nrmse],
+            "relative_error_percent": [_number(x) for x in self.relative_error_percent],
+            "relative_error_overall_percent": _number(self.relative_error_overall_percent),
+            "r2": [_number(x) for x in self.r2],
+        }
+
+
+def metrics(measured: Array, predicted: Array, mask: Mask | None = None) -> Metrics:
+    """Metrics of a prediction.
+
+    Args:
+        measured: (N, n) measured torques [N.m or N].
+        predicted: (N, n) predicted torques.
+        mask: (N, n) True where a joint's sample counts; None for all.
+
+    Returns:
+        The metrics of the samples that count.
+    """
+    counted = np.ones(measured.shape, dtype=bool) if mask is None else mask.astype(bool)
+    joints = measured.shape[1]
+    columns: list[tuple[float, float, float, float]] = []
+    square = energy = 0.0
+    for j in range(joints):
+        torque, error = measured[counted[:, j], j], (measured - predicted)[counted[:, j], j]
+        squares = float(np.square(error).sum())
+        norm = float(np.square(torque).sum())
+        square, energy = square + squares, energy + norm
+        if len(torque) == 0:
+            columns.append((np.nan, np.nan, np.nan, np.nan))
+            continue
+        rms = np.sqrt(squares / len(torque))
+        reach = float(np.ptp(torque))
+        # Rounding of the mean would give a constant torque a spread.
+        spread = float(np.square(torque - torque.mean()).sum()) if reach > 0 else 0.0
+        columns.append(
+            (
+                rms,
+                _ratio(rms, reach),
+                100 * np.sqrt(_ratio(squares, norm)),
+                1 - _ratio(squares, spread),
+            )
+        )
+    table = np.array(columns)
+    samples = counted.sum() / joints
+    return Metrics(
+        samples=round(samples),
+        normalized_error=_ratio(np.sqrt(square), samples),
+        rmse=table[:, 0],
+        nrmse=table[:, 1],
+        relative_error_percent=table[:, 2],
+        relative_error_overall_percent=100 * np.sqrt(_ratio(square, energy)),
+        r2=table[:, 3],
+    )
+
+
+def _ratio(above: float, below: float) -> float:
+    return above / below if below > 0 else np.nan
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+LEFT = 0.2
+"""Share of the squared error that a payload has to leave at most."""
+CERTAIN = 7.0
+"""Mass over its standard deviation, from leaving stretches out."""
+LEAST_KG = 0.05
+STRETCHES = 6
+RIDGE = 1e-6
+POINT = 4
+"""Mass and first moments: a load as small as a point leaves less room for other faults."""
+FARTHEST_M = 0.6
+"""Of its centre from the last joint's frame."""
+CARRIED = "at the last link than the identification's"
+
+
+def carried_mass(estimate: Estimate, samples: Samples, error: Array) -> tuple[float, float] | None:
+    """Mass [kg] that explains the errors, and its standard deviation.
+
+    Args:
+        estimate: The estimate.
+        samples: The record that it predicts.
+        error: (N, n) measured minus predicted torques of its used rows [N.m or N].
+
+    Returns:
+        None where a payload does not explain nearly all of them.
+    """
+    model, rows = estimate.model, samples.rows
+    last = 10 * (model.robot.joints - 1)
+    stack = model.stack(samples.q, samples.dq, samples.ddq)[last : last + 10]
+    columns = samples.as_recorded(stack)[..., rows] / estimate.noise[:, None]
+    weighted = error.T / estimate.noise[:, None]
+    count = weighted.shape[1]
+    cuts = [k * count // STRETCHES for k in range(STRETCHES + 1)]
+    parts = [slice(a, b) for a, b in pairwise(cuts)]
+    square = np.array([np.einsum("rjt,sjt->rs", columns[..., p], columns[..., p]) for p in parts])
+    cross = np.array([np.einsum("rjt,jt->r", columns[..., p], weighted[:, p]) for p in parts])
+    scale = np.sqrt(np.maximum(np.diag(square.sum(axis=0)), 1e-300))
+    square, cross = square / scale / scale[:, None], cross / scale
+
+    def fitted(chosen: list[int], size: int) -> Array:
+        matrix = square[chosen].sum(axis=0)[:size, :size] + RIDGE * np.eye(size)
+        inverse: Array = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+        return inverse @ cross[chosen].sum(axis=0)[:size]
+
+    everything = list(range(STRETCHES))
+    point = fitted(everything, POINT)
+    matrix, vector = square.sum(axis=0)[:POINT, :POINT], cross.sum(axis=0)[:POINT]
+    before = float(np.square(weighted).sum())
+    if before + float(point @ matrix @ point - 2 * point @ vector) > LEFT * before:
+        return None
+    lever = float(np.linalg.norm(point[1:] / scale[1:POINT])) * scale[0]
+    # Its inertia counts for the mass: a load far from the joint's frame has much of it.
+    masses = [fitted([k for k in everything if k != out], 10)[0] for out in everything]
+    spread = float(np.sqrt((STRETCHES - 1) * np.var(masses)) / scale[0])
+    mass = float(fitted(everything, 10)[0] / scale[0])
+    if abs(mass) < max(CERTAIN * spread, LEAST_KG) or lever > FARTHEST_M * abs(point[0]):
+        return None
+    return mass, spread
+
+
+def another_payload(estimate: Estimate, samples: Samples, error: Array) -> tuple[Notice, ...]:
+    """`carried_mass` in words."""
+    found = carried_mass(estimate, samples, error)
+    if found is None:
+        return ()
+    mass, spread = found
+    text = (
+        f"this record carries {abs(mass):.2f} +- {spread:.2g} kg {'more' if mass > 0 else 'less'} "
+        f"{CARRIED}: predict what is carried, or find it with dynid payload"
+    )
+    return (Notice("unit_suspect", text),)
+
 
 EXTRAPOLATION = 1.15
 """A record may exceed the identification's speeds, accelerations and ranges of motion by this

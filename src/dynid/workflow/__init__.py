@@ -1,1 +1,82 @@
 """The verbs of the command line, as functions."""
+
+from dynid.workflow.analyze import Analysis, analyze
+from dynid.workflow.demo import run_demo
+from dynid.workflow.design_files import (
+    Check,
+    DesignLimits,
+    check,
+    export_motion,
+    read_design,
+    write_design,
+)
+from dynid.workflow.designing import DEFAULT_CRITERION, DesignSettings, design
+from dynid.workflow.exporting import check_suffix, export_file
+from dynid.workflow.identify import Identification, IdentifySettings, identify
+from dynid.workflow.payload import identify_gains, identify_gains_from_payload, identify_payload
+from dynid.workflow.recordings import ImportOptions, import_recording, open_records
+from dynid.workflow.reporting import report
+from dynid.workflow.run_settings import RunSettings, parse_payload, parse_thermal
+from dynid.workflow.running import Run, run_design, simulate_recording
+from dynid.workflow.shared_inertias import SharedIdentification, identify_shared
+from dynid.workflow.temperature import (
+    TemperatureIdentification,
+    TemperatureModel,
+    estimate_at,
+    identify_temperature,
+    read_temperature,
+    write_temperature,
+)
+from dynid.workflow.validating import (
+    Verdict,
+    compare_files,
+    identify_files,
+    validate_files,
+    verdict,
+)
+
+__all__ = [
+    "DEFAULT_CRITERION",
+    "Analysis",
+    "Check",
+    "DesignLimits",
+    "DesignSettings",
+    "Identification",
+    "IdentifySettings",
+    "ImportOptions",
+    "Run",
+    "RunSettings",
+    "SharedIdentification",
+    "TemperatureIdentification",
+    "TemperatureModel",
+    "Verdict",
+    "analyze",
+    "check",
+    "check_suffix",
+    "compare_files",
+    "design",
+    "estimate_at",
+    "export_file",
+    "export_motion",
+    "identify",
+    "identify_files",
+    "identify_gains",
+    "identify_gains_from_payload",
+    "identify_payload",
+    "identify_shared",
+    "identify_temperature",
+    "import_recording",
+    "open_records",
+    "parse_payload",
+    "parse_thermal",
+    "read_design",
+    "read_temperature",
+    "report",
+    "run_demo",
+    "run_design",
+    "simulate_recording",
+    "validate_files",
+    "verdict",
+    "write_design",
+    "write_temperature",
+]

@@ -1,18 +1,143 @@
-"""Designs as files: a trajectory file with one more object, `design`."""
+"""Designs as files: a trajectory file with one more object, `design`.
+
+The limits of a design as a value that its file keeps, scene included.
+
+`dynid check`: the certificate of a design or of any trajectory file.
+
+The motion of a design in the formats of others: CSV, URScript, ROS.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from dynid.core.errors import InputError
-from dynid.excitation.design import ExcitationDesign
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
-from dynid.trajectory.files import StoredTrajectory, read_trajectory, write_trajectory
-from dynid.trajectory.json_fields import JsonFields
-from dynid.workflow.design_limits import DesignLimits, limits_from_json
+from dynid.constraints import (
+    PRESETS,
+    Certificate,
+    MotionConstraints,
+    Scene,
+    certify,
+    paper_constraints,
+    safe_constraints,
+    scene_from_json,
+)
+from dynid.core import InputError, JsonFields, load_object, write_text
+from dynid.excitation import ExcitationDesign
+from dynid.robot import RobotModel, load_robot
+from dynid.trajectory import (
+    StoredTrajectory,
+    csv_text,
+    joint_trajectory_yaml,
+    read_trajectory,
+    ur_program,
+    write_trajectory,
+)
+from dynid.workflow.analyze import unit_notes
+
+CLEARANCE = 0.01
+"""Kept to the scene [m]. An arm that stands on its table has no more under its shoulder: the UR5
+keeps 13 mm there whatever it does."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignLimits:
+    """Which limits hold, and around what.
+
+    Raises:
+        InputError: Limits that are not known.
+    """
+
+    preset: str = "safe"
+    """`safe` or `paper`."""
+    collision: bool = True
+    scene: Mapping[str, Any] | None = None
+    """The scene file's content."""
+    scene_file: str = ""
+    """Where it was read."""
+
+    def __post_init__(self) -> None:
+        if self.preset not in PRESETS:
+            raise InputError(
+                "unknown limits", where="--limits", value=self.preset, limit=", ".join(PRESETS)
+            )
+
+    def constraints(
+        self,
+        robot: RobotModel,
+        *,
+        payload_mass: float = 0.0,
+        payload_com: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> MotionConstraints:
+        """The judge of these limits.
+
+        Args:
+            robot: The robot.
+            payload_mass: What it carries [kg].
+            payload_com: Where, in the flange's frame [m].
+
+        Raises:
+            InputError: Contradictory bounds, a scene that is none, or one without room for the
+                robot.
+        """
+        if self.preset == "paper":
+            return paper_constraints(robot)
+        return safe_constraints(
+            robot,
+            self._scene(),
+            collision=self.collision,
+            clearance=CLEARANCE,
+            payload_mass=payload_mass,
+            payload_com=payload_com,
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object."""
+        return {
+            "preset": self.preset,
+            "collision": self.collision,
+            "scene": None if self.scene is None else dict(self.scene),
+            "scene_file": self.scene_file or None,
+        }
+
+    def _scene(self) -> Scene | None:
+        if self.scene is None:
+            return None
+        return scene_from_json(JsonFields(self.scene), self.scene_file or "scene")
+
+
+def given_limits(preset: str, collision: bool, scene: Path | None) -> DesignLimits:
+    """Limits from the command line's words.
+
+    Raises:
+        InputError: An unknown word, or a scene that cannot be read.
+    """
+    return DesignLimits(
+        preset=preset,
+        collision=collision,
+        scene=None if scene is None else load_object(scene).values,
+        scene_file="" if scene is None else str(scene),
+    )
+
+
+def limits_from_json(fields: JsonFields) -> DesignLimits:
+    """The inverse of `DesignLimits.to_json`.
+
+    Raises:
+        InputError: Missing keys or values of the wrong type.
+    """
+    preset, collision = fields.text("preset"), fields.get("collision")
+    if not isinstance(collision, bool):
+        raise InputError("collision must be true or false", value=collision)
+    scene = fields.get("scene")
+    return DesignLimits(
+        preset=preset,
+        collision=collision,
+        scene=None if scene is None else fields.object("scene").values,
+        scene_file=str(fields.get("scene_file") or ""),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,3 +216,108 @@ def _mount(facts: dict[str, Any]) -> str | None:
     mount = facts.get("mount")
     # `file` says that the robot file gives gravity itself.
     return mount if isinstance(mount, str) and mount != "file" else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Check:
+    """The verdict on one file."""
+
+    design: StoredDesign
+    """What was judged."""
+    limits: DesignLimits
+    """What it was held to."""
+    certificate: Certificate
+    """What is left of each limit, and where it is least."""
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the motion may run."""
+        return self.certificate.feasible
+
+    def to_json(self) -> dict[str, Any]:
+        """The keys that `dynid check --json` prints, and more."""
+        designed = self.design.limits
+        return {
+            **self.certificate.to_json(),
+            "broken": list(self.certificate.broken),
+            "robot": self.design.robot.name,
+            "mount": self.design.robot.mount,
+            "duration_s": self.design.stored.trajectory.duration,
+            "limits": self.limits.preset,
+            "designed_for": None if designed is None else designed.preset,
+            "scene": self.limits.scene_file or None,
+        }
+
+
+def check(
+    design: str | Path,
+    *,
+    limits: str = "safe",
+    scene: str | Path | None = None,
+    collision: bool = True,
+    robot: str | Path | None = None,
+    mount: str | None = None,
+) -> Check:
+    """Judge a design from its start to its end, between samples too.
+
+    Args:
+        design: A design, or any trajectory file.
+        limits: `safe`, whatever the design was made for; or `paper`: position, velocity and
+            acceleration alone.
+        scene: A scene file; None for the one that the design was made in.
+        collision: Whether to look at collisions.
+        robot: Another name or file of the robot.
+        mount: The mounting; None for the design's.
+
+    Raises:
+        InputError: Not a design, a scene that makes no sense, or one that would not be looked at.
+    """
+    if scene is not None and (limits == "paper" or not collision):
+        raise InputError(
+            "a scene is looked at only with --limits safe and collisions on",
+            where="--scene",
+            value=str(scene),
+        )
+    stored = read_design(design, robot=robot, mount=mount)
+    held = given_limits(limits, collision, None if scene is None else Path(scene))
+    if scene is None and stored.limits is not None and collision:
+        held = DesignLimits(
+            preset=limits,
+            collision=collision,
+            scene=stored.limits.scene,
+            scene_file=stored.limits.scene_file,
+        )
+    certificate = certify(stored.stored.trajectory, held.constraints(stored.robot))
+    notes = (*unit_notes(stored.robot), *certificate.notes)
+    certificate = replace(certificate, notes=notes)
+    return Check(design=stored, limits=held, certificate=certificate)
+
+
+KINDS = ("csv", "urscript", "ros")
+
+
+def export_motion(design: ExcitationDesign, kind: str, path: str | Path) -> None:
+    """Write one period of a design in another format.
+
+    Args:
+        design: The design.
+        kind: One of `KINDS`.
+        path: The file; it appears whole or not at all.
+
+    Raises:
+        InputError: An unknown kind, a motion that the format cannot hold, or a place where no
+            such file can be.
+        JobError: The disk does not take the file.
+    """
+    robot = load_robot(design.robot)
+    match kind:
+        case "csv":
+            units = ["m" if slides else "rad" for slides in robot.prismatic]
+            text = csv_text(design.trajectory, units=units)
+        case "ros":
+            text = joint_trajectory_yaml(design.trajectory, robot.joint_names)
+        case "urscript":
+            text = ur_program(design.trajectory, comment=f"dynid design for {robot.name}").text
+        case _:
+            raise InputError("unknown format", value=kind, limit=", ".join(KINDS))
+    write_text(Path(path), text)

@@ -1,47 +1,173 @@
-"""`dynid design`: from a robot to a certified excitation trajectory in a file."""
+"""`dynid design`: from a robot to a certified excitation trajectory in a file.
+
+What `dynid design` can be told.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from dynid.constraints.motion import MotionConstraints
-from dynid.core.arrays import Array
-from dynid.core.errors import InputError
-from dynid.core.progress import Progress
-from dynid.core.provenance import file_hash, provenance
-from dynid.excitation.criteria import AOptimal, Criterion, all_criteria, parse_criterion
-from dynid.excitation.criteria_prior import prior_scale
-from dynid.excitation.design import ExcitationDesign
-from dynid.excitation.evaluation import DesignEvaluation
-from dynid.excitation.executor import workers
-from dynid.excitation.gram import GramKernel
-from dynid.excitation.multistart import Effort
-from dynid.excitation.optimise import Optimised, by_genetic_algorithm, by_gradient
-from dynid.excitation.problem import ExcitationProblem
-from dynid.excitation.region import region_of
-from dynid.excitation.rescue import check_room
-from dynid.reduction.base import BaseParametrization, reduce_model
-from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.terms import parse_terms
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
-from dynid.robot.mount import with_mount
-from dynid.signals.process import process
-from dynid.trajectory.bounds import copied_bounds
-from dynid.trajectory.families import motion_family
-from dynid.workflow.design_files import write_design
-from dynid.workflow.design_limits import DesignLimits, given_limits
-from dynid.workflow.design_settings import (
-    DEFAULT_BUDGET_S,
-    DEFAULT_STARTS,
-    PATIENCE,
-    DesignSettings,
+from dynid.constraints import PRESETS, MotionConstraints
+from dynid.core import Array, InputError, Progress, file_hash, provenance
+from dynid.excitation import (
+    CRITERIA,
+    METHODS,
+    AOptimal,
+    Criterion,
+    DesignEvaluation,
+    Effort,
+    ExcitationDesign,
+    ExcitationProblem,
+    GramKernel,
+    Optimised,
+    all_criteria,
+    by_genetic_algorithm,
+    by_gradient,
+    check_room,
+    parse_criterion,
+    prior_scale,
+    region_of,
+    workers,
 )
+from dynid.reduction import BaseParametrization, reduce_model
+from dynid.regressor import InverseDynamicModel, parse_terms
+from dynid.robot import RobotModel, load_robot, with_mount
+from dynid.signals import process
+from dynid.trajectory import FAMILY_NAMES, copied_bounds, motion_family
+from dynid.workflow.analyze import unit_notes
+from dynid.workflow.design_files import DesignLimits, given_limits, write_design
 from dynid.workflow.recordings import open_record, robot_reference
-from dynid.workflow.robot_units import unit_notes
+
+DEFAULT_CRITERION = "cond"
+DEFAULT_STARTS = 12
+"""Of the gradient method, where neither starts nor a budget are given."""
+DEFAULT_BUDGET_S = 120.0
+"""[s] Time after which the default number of starts is cut short: ten times what they take on two
+idle cores, so that a seed gives the same answer again."""
+POPULATION, GENERATIONS = 300, 5
+"""The paper's."""
+MOST_HARMONICS = 100
+PATIENCE = 60
+"""Starts without a better motion that end a search with a budget."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignSettings:
+    """How to design.
+
+    Raises:
+        InputError: A word that is not known, or a number that makes no sense.
+    """
+
+    method: str = "gradient"
+    """`gradient`, or `ga` for the paper's genetic algorithm."""
+    criterion: str = DEFAULT_CRITERION
+    """One of `CRITERIA`."""
+    trajectory: str = "fourier"
+    """One of `FAMILY_NAMES`."""
+    harmonics: int = 5
+    """Of the series; a B-spline gets as many free numbers."""
+    period_s: float = 10.0
+    """Time of one period [s]."""
+    rate_hz: float = 125.0
+    """Samples a second at which criteria are computed."""
+    population: int = POPULATION
+    """Of the genetic algorithm."""
+    generations: int = GENERATIONS
+    """Of the genetic algorithm, after the random one."""
+    starts: int | None = None
+    """Of the gradient method; None for the default, or for as many as fit into the budget."""
+    budget_s: float | None = None
+    """Time [s]; None for none beside the default's."""
+    seed: int = 0
+    """Of all random numbers."""
+    limits: str = "safe"
+    """`safe`: all that is known of the robot; `paper`: position, velocity, acceleration."""
+    scene: str | None = None
+    """Scene file: what stands around the robot and what it carries."""
+    collision: bool = True
+    """Whether collisions are looked at, with `safe`."""
+    frames: str = ""
+    """`dh`, `mdh` or `urdf`; empty for the robot's own."""
+    mount: str | None = None
+    """Mounting; None for the robot's own."""
+    terms: str = "fc,fv,im"
+    """Friction terms beside the inertial parameters."""
+    start_pose: tuple[float, ...] | None = None
+    """Where the motion starts and ends, for families that can [rad or m]."""
+    noise: tuple[float, ...] | None = None
+    """Standard deviation of each joint's torque, by which its rows are divided [N.m or N]."""
+    previous: tuple[str, ...] = ()
+    """Recordings whose information the new motion shall complete."""
+    jobs: int = 1
+    """Processes, the calling one included."""
+    dask: str | None = None
+    """Address of a Dask scheduler whose workers take part."""
+
+    def __post_init__(self) -> None:
+        for name, value, words in (
+            ("--method", self.method, METHODS),
+            ("--criterion", self.criterion, tuple(CRITERIA)),
+            ("--trajectory", self.trajectory, FAMILY_NAMES),
+            ("--limits", self.limits, PRESETS),
+        ):
+            if value not in words:
+                raise InputError("unknown word", where=name, value=value, limit=", ".join(words))
+        least = 1 if self.trajectory in ("bspline", "poses") else 2
+        if not least <= self.harmonics <= MOST_HARMONICS:
+            raise InputError(
+                "too few harmonics to move" if self.harmonics < least else "too many harmonics",
+                where="--harmonics",
+                value=self.harmonics,
+                limit=f"{least} to {MOST_HARMONICS}",
+            )
+        if not 0.1 <= self.period_s <= 3600:
+            raise InputError(
+                "must be a time", where="--period", value=self.period_s, limit="0.1 to 3600 s"
+            )
+        if self.seed < 0:
+            raise InputError("must not be negative", where="--seed", value=self.seed)
+        for name, numbers in (("--start", self.start_pose), ("--noise", self.noise)):
+            if numbers is not None and not all(math.isfinite(number) for number in numbers):
+                raise InputError("needs finite numbers", where=name, value=list(numbers))
+        if self.noise is not None and not all(number > 0 for number in self.noise):
+            raise InputError("must be positive", where="--noise", value=list(self.noise))
+        if self.scene is not None and (self.limits == "paper" or not self.collision):
+            raise InputError(
+                "a scene is looked at only with --limits safe and collisions on",
+                where="--scene",
+                value=self.scene,
+            )
+
+    @property
+    def unused(self) -> tuple[str, ...]:
+        """Options that were given and that the method has no use for."""
+        genetic = self.method == "ga"
+        given = {
+            "--population": not genetic and self.population != POPULATION,
+            "--generations": not genetic and self.generations != GENERATIONS,
+            "--starts": genetic and self.starts is not None,
+            "--dask": genetic and self.dask is not None,
+        }
+        return tuple(name for name, wrongly in given.items() if wrongly)
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object."""
+        data: dict[str, Any] = asdict(self)
+        for name in ("start_pose", "noise", "previous"):
+            if data[name] is not None:
+                data[name] = list(data[name])
+        return data
+
+    @property
+    def scene_path(self) -> Path | None:
+        """The scene file."""
+        return None if self.scene is None else Path(self.scene)
 
 
 def design(

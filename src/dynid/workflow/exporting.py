@@ -8,11 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import InputError
-from dynid.core.notices import Notice
-from dynid.export.writing import ExportedFile, write_model
-from dynid.workflow.temperature_file import estimate_at
+from dynid.core import Array, InputError, Notice
+from dynid.export import ExportedFile, write_model
+from dynid.workflow.temperature import estimate_at
 
 ENDINGS = {
     "urdf": (".urdf", ".xml"),

@@ -1,8 +1,13 @@
-"""`dynid identify`: from recordings to an estimate, validated."""
+"""`dynid identify`: from recordings to an estimate, validated.
+
+What `dynid identify` can be asked for, and the estimator that answers.
+
+`--preset best`: let the record choose how it is processed and modelled.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,28 +15,230 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core.errors import InputError
-from dynid.core.notices import Notice
-from dynid.core.progress import Progress
-from dynid.core.provenance import provenance
-from dynid.identification.estimate import Estimate
-from dynid.identification.fitting import fit_estimate
-from dynid.identification.loading import with_load
-from dynid.identification.ripple import with_ripple
-from dynid.recording.identity import identity
-from dynid.recording.record import ExperimentRecord
-from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.terms import FrictionTerms
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
-from dynid.signals.filters import NYQUIST_SHARE
-from dynid.signals.process import process
-from dynid.signals.samples import ProcessingSettings, joined
-from dynid.validation.carried import CARRIED
-from dynid.validation.findings import wrong_inputs
-from dynid.validation.prediction import ValidationResult, reproduce, validate
-from dynid.workflow.choosing import choose
-from dynid.workflow.identify_settings import IdentifySettings, chosen_estimator
+from dynid.core import InputError, Notice, Progress, installed, provenance
+from dynid.identification import (
+    ESTIMATORS,
+    PRIOR_GAIN,
+    Estimate,
+    Estimator,
+    PhysicallyConsistent,
+    Selection,
+    WeightedLeastSquares,
+    estimator_of,
+    fit_estimate,
+    select,
+    with_load,
+    with_ripple,
+)
+from dynid.recording import ExperimentRecord, identity
+from dynid.regressor import FrictionTerms, InverseDynamicModel
+from dynid.robot import RobotModel, load_robot
+from dynid.signals import (
+    NYQUIST_SHARE,
+    ProcessingSettings,
+    find_period,
+    fold_periods,
+    joined,
+    process,
+    uniform_signals,
+    was_smoothed,
+)
+from dynid.validation import CARRIED, ValidationResult, reproduce, validate, wrong_inputs
+
+PRESETS = ("best", "paper")
+WEIGHTINGS = ("joint", "size")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdentifySettings:
+    """What the user asked for; None means: as the preset says.
+
+    Raises:
+        InputError: An unknown preset, estimator or weighting.
+    """
+
+    preset: str = "best"
+    estimator: str | None = None
+    terms: FrictionTerms | None = None
+    cutoff_hz: float | None = None
+    """Low-pass cut-off [Hz]."""
+    start_s: float | None = None
+    stop_s: float | None = None
+    weighting: str = "joint"
+    """`joint`: one noise a joint; `size`: joints with equal torque limit share one."""
+    frames: str = ""
+
+    def __post_init__(self) -> None:
+        for value, allowed, where in (
+            (self.preset, PRESETS, "--preset"),
+            (self.estimator or "ols", ESTIMATORS, "--estimator"),
+            (self.weighting, WEIGHTINGS, "--weighting"),
+        ):
+            if value not in allowed:
+                raise InputError("unknown", where=where, value=value, limit=", ".join(allowed))
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object."""
+        return {
+            "preset": self.preset,
+            "estimator": self.estimator,
+            "terms": None if self.terms is None else self.terms.to_json(),
+            "cutoff_hz": self.cutoff_hz,
+            "start_s": self.start_s,
+            "stop_s": self.stop_s,
+            "weighting": self.weighting,
+            "frames": self.frames,
+        }
+
+
+def chosen_estimator(
+    settings: IdentifySettings,
+    robot: RobotModel,
+    prior: float | None,
+    *,
+    ill_conditioned: bool = False,
+) -> Estimator:
+    """The estimator that settings ask for.
+
+    Where nothing is asked for and the motion does not tell the parameters apart, only bodies
+    that can exist are fitted, if the extra `sdp` is installed: what they predict elsewhere is
+    bounded.
+
+    Args:
+        settings: What the user asked for.
+        robot: The robot.
+        prior: Strength of the weak prior, see `WeightedLeastSquares`.
+        ill_conditioned: Whether the motion does not tell the parameters apart.
+
+    Raises:
+        InputError: Weighting by joint size without torque limits.
+    """
+    word = settings.estimator or ("ols" if settings.preset == "paper" else "wls")
+    consistent = word == "sdp" or (
+        settings.estimator is None and settings.weighting == "joint" and installed("clarabel")
+    )
+    if ill_conditioned and consistent:
+        return PhysicallyConsistent(prior_gain=prior, by_regions=True)
+    if word != "wls":
+        return estimator_of(word, prior)
+    groups = None
+    if settings.weighting == "size":
+        torque = robot.limits.torque
+        if not np.isfinite(torque).all():
+            raise InputError(
+                "joint sizes are told by torque limits, and this robot has none",
+                where="--weighting size",
+                value=robot.name,
+            )
+        groups = tuple(int(k) for k in np.unique(torque, return_inverse=True)[1])
+    return WeightedLeastSquares(groups=groups, prior_gain=prior)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """What was chosen, for programs and for people."""
+
+    processing: ProcessingSettings
+    friction: FrictionTerms
+    prior_gain: float
+    ill_conditioned: bool
+    words: tuple[str, ...]
+
+
+def choose(
+    records: Sequence[ExperimentRecord],
+    robot: RobotModel,
+    frames: str,
+    processing: ProcessingSettings,
+    *,
+    terms: FrictionTerms | None = None,
+    smoothed: bool = True,
+    presliding: bool = True,
+    progress: Progress | None = None,
+) -> Choice:
+    """Choose settings and friction on the longest record; a lone periodic one is averaged.
+
+    Args:
+        records: The recordings.
+        robot: The robot.
+        frames: Parameter frames.
+        processing: Settings given by the user: what is set there stays.
+        terms: Terms given by the user; None to choose them.
+        smoothed: Whether to look for a low-pass that the torques have passed.
+        presliding: Whether friction may build up over a displacement.
+        progress: Told what is being tried and how far it is (0 to 1).
+
+    Raises:
+        InputError: See `select`.
+    """
+    longest = max(records, key=lambda record: record.duration_s)
+    signals = uniform_signals(longest, robot, processing)
+    period = find_period(signals.q, signals.rate_hz) if len(records) == 1 else None
+    averaged: tuple[str, ...] = ()
+    if period is not None:
+        processing = replace(processing, period_s=period)
+        repetitions = int(len(signals.t) / signals.rate_hz / period + 1e-6)
+        signals = fold_periods(signals, period)
+        averaged = (f"average of {repetitions} periods of {period:g} s",)
+    # A filter that one record has passed says nothing of the others.
+    smoothed = smoothed and all(
+        was_smoothed(uniform_signals(record, robot, processing)) for record in records
+    )
+    chosen = select(
+        robot,
+        frames,
+        signals,
+        processing,
+        terms=terms,
+        smoothed=smoothed,
+        presliding=presliding,
+        progress=progress,
+    )
+    return Choice(
+        processing=chosen.settings,
+        friction=chosen.friction,
+        prior_gain=chosen.prior_gain,
+        ill_conditioned=chosen.ill_conditioned,
+        words=(*averaged, *_words(chosen)),
+    )
+
+
+def _words(chosen: Selection) -> tuple[str, ...]:
+    settings, width = chosen.settings, chosen.friction.width
+    widths = width if isinstance(width, tuple) else (width,)
+    delays = "none" if settings.delays_s is None else _row(1000 * d for d in settings.delays_s)
+    sources = {
+        "measured": "velocities from measured values",
+        "position": "velocities differentiated from positions",
+    }
+    words = [
+        f"cut-off {settings.cutoff_hz:g} Hz",
+        sources[settings.velocity],
+        f"torque delays {delays}" + ("" if settings.delays_s is None else " ms"),
+        f"friction terms {_terms(chosen.friction)}",
+        f"Coulomb widths {_row(widths)} rad/s",
+        f"held-out RMS {_row(chosen.noise)} N.m",
+    ]
+    over = chosen.friction.presliding
+    if over:
+        words.insert(-1, f"presliding over {_row(over)} rad")
+    if settings.torque_filter is not None:
+        words.insert(0, settings.torque_filter.describe())
+    if chosen.prior_gain < PRIOR_GAIN:
+        words.insert(
+            -1, f"prior gain {chosen.prior_gain:g}, stronger for an ill-conditioned record"
+        )
+    return tuple(words)
+
+
+def _terms(friction: FrictionTerms) -> str:
+    load = friction.load
+    return friction.describe() + ("" if load is None else f",{load.describe()}")
+
+
+def _row(values: Iterable[float]) -> str:
+    return " ".join(f"{value:.3g}" for value in values)
+
 
 LONG_RECORD = 20_000
 """Samples above which rows are averaged whatever the preset: time and memory stay bounded."""

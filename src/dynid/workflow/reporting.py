@@ -1,24 +1,271 @@
-"""`dynid report`: what lies in a directory becomes one page."""
+"""`dynid report`: what lies in a directory becomes one page.
+
+A design as the report shows it: judged over time, with the search that found it.
+
+An estimate as the report shows it: beside its record, and beside what confirms it.
+"""
 
 from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dynid.core.errors import DynidError, InputError
-from dynid.core.progress import Progress, silent
-from dynid.identification.estimate import Estimate
-from dynid.identification.estimate_file import FORMAT, read_estimate
-from dynid.recording.parquet import read_record
-from dynid.recording.record import ExperimentRecord
-from dynid.report.contents import ReportContents, ReportedDesign, ReportedEstimate
-from dynid.report.page import write_report
-from dynid.validation.comparison import ParameterComparison, compare
-from dynid.workflow.reported_design import reported_design
-from dynid.workflow.reported_estimate import reported_estimate
+import numpy as np
+
+from dynid.constraints import DISTANCES
+from dynid.core import Array, DynidError, InputError, Progress, silent
+from dynid.identification import FORMAT, Estimate, read_estimate
+from dynid.recording import ExperimentRecord, identity, read_record
+from dynid.reduction import reduce_model
+from dynid.report import (
+    JudgedMotion,
+    ReportContents,
+    ReportedDesign,
+    ReportedEstimate,
+    write_report,
+)
+from dynid.signals import process
+from dynid.validation import ParameterComparison, ValidationResult, compare, reproduce, validate
+from dynid.workflow.design_files import StoredDesign, read_design
+from dynid.workflow.identify import Identification, over_fitted
+from dynid.workflow.validating import verdict
+
+SAMPLES = 200
+KINDS = ("torque", "tcp_speed", "elbow_speed", "momentum", "power")
+FACTS = {
+    "criterion": "criterion",
+    "method": "method",
+    "condition_number": "condition number",
+    "feasible": "feasible",
+    "evaluations": "motions looked at",
+    "wall_s": "time of the search [s]",
+    "seed": "seed",
+}
+
+
+def reported_design(path: Path) -> ReportedDesign:
+    """Read a design or a trajectory and judge it at instants.
+
+    Args:
+        path: The file.
+
+    Raises:
+        InputError: Not a design, or its robot cannot be read.
+    """
+    found = read_design(path)
+    stored, facts = found.stored, found.facts
+    return ReportedDesign(
+        name=path.name,
+        trajectory=stored.trajectory,
+        robot=found.robot,
+        bounds=stored.limits,
+        facts=(
+            ("duration", f"{stored.trajectory.duration:g} s"),
+            *((words, _text(facts[name])) for name, words in FACTS.items() if name in facts),
+        ),
+        search=_search(facts.get("history")),
+        judged=_judged(found),
+    )
+
+
+def _text(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _search(history: object) -> tuple[Array, Array] | None:
+    if not isinstance(history, list):
+        return None
+    rows: list[tuple[float, float]] = []
+    for entry in history:  # pyright: ignore[reportUnknownVariableType]
+        if isinstance(entry, dict):
+            value, count = entry.get("value"), entry.get("evaluations")  # pyright: ignore
+            if isinstance(value, int | float) and isinstance(count, int | float):
+                rows.append((float(count), float(value)))
+    if len(rows) < 2:
+        return None
+    table = np.array(rows)
+    return table[:, 0], np.minimum.accumulate(table[:, 1])
+
+
+def _judged(found: StoredDesign) -> JudgedMotion | None:
+    if found.limits is None:
+        return None
+    judge = found.limits.constraints(found.robot)
+    t = _instants(found)
+    count = len(t)
+    motion = found.stored.trajectory.evaluate(t)
+    shares = np.empty((count, len(KINDS)))
+    gaps = np.empty((count, len(DISTANCES)))
+    for k in range(count):
+        usage = judge.usage(motion.q[k : k + 1], motion.dq[k : k + 1], motion.ddq[k : k + 1])
+        shares[k] = [usage.ratio(kind) for kind in KINDS]
+        gaps[k] = [usage.distance(kind) for kind in DISTANCES]
+    if not np.isfinite(shares).any() and not np.isfinite(gaps).any():
+        return None
+    # Beyond what each kind must keep, so that one line at zero is the limit of both.
+    kept = np.array([judge.settings.self_clearance, judge.settings.clearance])
+    names = zip(DISTANCES, kept, strict=True)
+    return JudgedMotion(
+        t=t,
+        kinds=KINDS,
+        shares=shares,
+        distance_kinds=tuple(
+            f"{kind.replace('_', ' ')}, beyond {1000 * own:g} mm to keep" for kind, own in names
+        ),
+        distances=gaps - kept,
+        clearance=0.0,
+    )
+
+
+def _instants(found: StoredDesign) -> Array:
+    """When to judge: evenly, and where the certificate of the design is tightest."""
+    duration = found.stored.trajectory.duration
+    times = [np.linspace(0.0, duration, SAMPLES)]
+    worst = found.facts.get("worst")
+    for entry in worst.values() if isinstance(worst, dict) else ():  # pyright: ignore
+        when = entry.get("t") if isinstance(entry, dict) else None  # pyright: ignore
+        if isinstance(when, int | float) and 0.0 <= when <= duration:
+            times.append(np.array([float(when)]))
+    return np.unique(np.concatenate(times))
+
+
+SHORTEST_REST_S = 2.0
+"""A shorter stretch of a record, left out by `--from` or `--to`, confirms nothing."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Partner:
+    """A motion that an estimate was not identified from."""
+
+    name: str
+    record: ExperimentRecord
+    start_s: float | None = None
+    stop_s: float | None = None
+
+
+def reported_estimate(
+    name: str, estimate: Estimate, records: Mapping[str, ExperimentRecord]
+) -> ReportedEstimate:
+    """Predict an estimate's own record and another motion, and judge it by them.
+
+    Args:
+        name: What the report calls it.
+        estimate: The estimate; it knows its record by its hash.
+        records: All recordings at hand, by name.
+
+    Raises:
+        InputError: A record that cannot be predicted.
+    """
+    inputs = set(estimate.provenance.inputs.values())
+    own = {key: record for key, record in records.items() if identity(record) in inputs}
+    training = validation = None
+    warnings = estimate.warnings
+    item = ReportedEstimate(
+        name=name,
+        estimate=estimate,
+        level="care",
+        headline="Use this result with care: its recording is not at hand.",
+        warnings=warnings,
+        base=reduce_model(estimate.model),
+    )
+    for key, record in own.items():
+        settings = estimate.settings
+        training = reproduce(estimate, record, start_s=settings.start_s, stop_s=settings.stop_s)
+        item = _with_spectrum(replace(item, training=training, training_name=key), record)
+        break
+    partner = _partner(estimate, own, records)
+    if partner is not None:
+        validation = validate(
+            estimate, partner.record, start_s=partner.start_s, stop_s=partner.stop_s
+        )
+        item = replace(
+            item,
+            validation=validation,
+            validation_name=partner.name,
+            temperature=_temperature(partner, validation),
+        )
+        warnings = (*warnings, *validation.warnings)
+    if training is not None and validation is not None:
+        warnings = (*warnings, *over_fitted(training, validation))
+    warnings = tuple(dict.fromkeys(warnings))
+    item = replace(item, warnings=warnings)
+    judged = training or validation
+    if judged is None:
+        return item
+    found = verdict(
+        Identification(estimate=estimate, training=judged, validation=validation, warnings=warnings)
+    )
+    return replace(item, level=found.level, headline=found.headline)
+
+
+def _partner(
+    estimate: Estimate,
+    own: Mapping[str, ExperimentRecord],
+    records: Mapping[str, ExperimentRecord],
+) -> _Partner | None:
+    """The likeliest other record: as warm, named so, else the first; or the rest of its own."""
+    robot = estimate.model.robot
+    others = [
+        key
+        for key, record in records.items()
+        if key not in own
+        and record.joints == robot.joints
+        and _may_be(record.metadata.robot, robot.name)
+    ]
+    thermal = {record.metadata.extra.get("thermal") for record in own.values()}
+    for key in sorted(
+        others,
+        key=lambda key: (
+            records[key].metadata.extra.get("thermal") not in thermal,
+            "valid" not in key,
+            key,
+        ),
+    ):
+        return _Partner(name=key, record=records[key])
+    for key, record in own.items():
+        return _rest(estimate, key, record)
+    return None
+
+
+def _rest(estimate: Estimate, name: str, record: ExperimentRecord) -> _Partner | None:
+    """The longer stretch of its record that an estimate was not identified from, if any."""
+    start, stop = estimate.settings.start_s, estimate.settings.stop_s
+    before = start or 0.0
+    after = 0.0 if stop is None else float(record.t[-1] - record.t[0]) - stop
+    if max(before, after) < SHORTEST_REST_S:
+        return None
+    if before > after:
+        return _Partner(name=f"{name} up to {before:g} s", record=record, stop_s=start)
+    return _Partner(name=f"{name} from {stop:g} s on", record=record, start_s=stop)
+
+
+def _may_be(recorded: str | None, name: str) -> bool:
+    """Whether a recording can be of the robot: a path says less than a built-in name."""
+    return recorded is None or recorded == name or not recorded.isalnum()
+
+
+def _with_spectrum(item: ReportedEstimate, record: ExperimentRecord) -> ReportedEstimate:
+    estimate = item.estimate
+    settings = replace(estimate.settings, decimate=False)
+    samples = process(record, estimate.model.robot, settings)
+    return replace(item, positions=samples.q, rate_hz=samples.rate_hz, cutoff_hz=samples.cutoff_hz)
+
+
+def _temperature(partner: _Partner, result: ValidationResult) -> Array | None:
+    record = partner.record
+    known = record.signals.get("temperature")
+    if known is None:
+        return None
+    # Times of a prediction count from the start of its window.
+    stamps: Array = record.t - record.t[0] - (partner.start_s or 0.0)
+    values: Array = known.mean(axis=1)
+    return np.asarray(np.interp(result.t, stamps, values), dtype=np.float64)
+
 
 MOST_ESTIMATES = 6
 """A page with more would no longer be light."""
@@ -60,7 +307,7 @@ def report(
             next_step=f"Run: dynid report {folder.parent}" if folder.exists() else None,
         )
     tell: Progress = progress or silent
-    found = _search(folder, tell)
+    found = _reporting_search(folder, tell)
     if not found.estimates:
         raise InputError(
             "there is no estimate in the directory",
@@ -87,7 +334,7 @@ def report(
     return write_report(contents, output), contents
 
 
-def _search(folder: Path, tell: Progress) -> _Found:
+def _reporting_search(folder: Path, tell: Progress) -> _Found:
     estimates: dict[str, Estimate] = {}
     records: dict[str, ExperimentRecord] = {}
     designs: list[ReportedDesign] = []

@@ -1,13 +1,38 @@
-"""How to run a design, and the words of the command line for it."""
+"""How to run a design, and the words of the command line for it.
+
+The files of a run: the design it starts from, the mark of a stop, the truth of a simulation.
+
+Before a real robot moves: its checks, its way to the start, and a person who agrees.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
-from dynid.core.errors import InputError
-from dynid.experiment.plan import Payload
-from dynid.simulation.thermal import Thermal
+import numpy as np
+
+from dynid.constraints import MotionConstraints
+from dynid.core import DynidError, InputError, JobError, file_hash, write_json
+from dynid.drivers import Abort, ControllerState, SimulatedDriver, inspect
+from dynid.experiment import (
+    ExperimentPlan,
+    Payload,
+    check_design,
+    check_robot,
+    plan_approach,
+    require_ready,
+)
+from dynid.recording import read_record, write_record
+from dynid.robot import RobotModel
+from dynid.simulation import Thermal
+from dynid.trajectory import Trajectory
+from dynid.workflow.analyze import unit_notes
+from dynid.workflow.design_files import DesignLimits, given_limits, read_design
+from dynid.workflow.recordings import robot_reference
 
 METHODS = ("program", "servoj")
 DEGC = (-40, 120)
@@ -114,3 +139,162 @@ def parse_payload(text: str | None) -> Payload:
         )
     x, y, z = numbers[1:] or (0.0, 0.0, 0.0)
     return Payload(mass=numbers[0], com=(x, y, z))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadedDesign:
+    """What a run needs of a design."""
+
+    trajectory: Trajectory
+    """One period."""
+    robot: RobotModel
+    """The robot it was made for, as mounted."""
+    reference: str
+    """Built-in name or path of that robot."""
+    limits: DesignLimits
+    """All that is safe, in the surroundings that it was made for."""
+    sha256: str
+    """Of the file."""
+
+
+def load_design(path: Path, asked: RunSettings) -> LoadedDesign:
+    """Read a design, or any trajectory file.
+
+    Args:
+        path: The file.
+        asked: Another robot, mounting or scene than the design's.
+
+    Raises:
+        InputError: Not a design, or one for a robot that cannot be read.
+    """
+    found = read_design(path, robot=asked.robot, mount=asked.mount)
+    limits = given_limits("safe", True, None if asked.scene is None else Path(asked.scene))
+    if asked.scene is None and found.limits is not None:
+        # A design for the paper's limits may still not run on a robot: safe ones hold there.
+        limits = replace(found.limits, preset="safe", collision=True)
+    return LoadedDesign(
+        trajectory=found.stored.trajectory,
+        robot=found.robot,
+        reference=found.stored.robot if asked.robot is None else robot_reference(asked.robot),
+        limits=limits,
+        sha256=file_hash(path),
+    )
+
+
+def mark_aborted(path: Path, abort: Abort) -> bool:
+    """Write the cause of a stop into the metadata of a recording.
+
+    Args:
+        path: The recording; only its partial file may be there.
+        abort: The cause.
+
+    Returns:
+        Whether there is a recording with at least two samples.
+    """
+    try:
+        record = read_record(path)
+        if path.exists():
+            extra = {**record.metadata.extra, "aborted": abort.message, "abort": abort.code}
+            write_record(replace(record, metadata=replace(record.metadata, extra=extra)), path)
+    except DynidError:
+        # The disk that refused the rows refuses this too; the rows themselves stay readable.
+        return path.exists()
+    return True
+
+
+def truth_path(recording: Path) -> Path:
+    """Where the truth of a simulated recording stands: beside it."""
+    return recording.with_name(f"{recording.stem}_truth.json")
+
+
+def write_truth(recording: Path, driver: SimulatedDriver) -> None:
+    """Write what the simulated arm was made of; nothing but tests reads it.
+
+    Raises:
+        InputError: A place where no such file can be.
+        JobError: The disk does not take it.
+    """
+    if not driver.states:
+        return
+    truth = driver.arm.truth
+    temperature = np.mean([state.temperature for state in driver.states], axis=0)
+    torque = np.stack([state.torque for state in driver.states])
+    data: dict[str, Any] = {
+        "robot": driver.arm.robot.name,
+        "label": truth.label,
+        "seed": driver.seed,
+        "mean_degC": temperature.tolist(),
+        "parameters": [
+            *("m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy"),
+            *("Fc", "Fv", "Im"),
+        ],
+        "frame": "joint frames, tensors about their origins; Fc and Fv at mean_degC",
+        "links": truth.standard_parameters_at(temperature).tolist(),
+        "drive_gain": truth.gain.tolist(),
+        "torque_rms": np.sqrt(np.square(torque).mean(axis=0)).tolist(),
+        "friction_beyond_the_paper": {
+            "breakaway": truth.friction.breakaway.tolist(),
+            "stribeck_velocity": truth.friction.stribeck_velocity.tolist(),
+            "load_factor": truth.friction.load_factor.tolist(),
+        },
+    }
+    write_json(truth_path(recording), data)
+
+
+Confirm = Callable[[str, str], None]
+"""Shown what is about to move and the word that agrees to it; raises where nobody agrees."""
+MOVED = 0.01
+"""Joint motion between check and start that calls for another check [rad]."""
+
+
+def made_ready(
+    plan: ExperimentPlan,
+    state: ControllerState,
+    constraints: MotionConstraints,
+    confirm: Confirm | None,
+) -> ExperimentPlan:
+    """The plan with its way to the start: check the design, then the robot, then ask.
+
+    Args:
+        plan: What is to be executed.
+        state: The robot's controller, as it says it is.
+        constraints: What the motion and the way to its start are held to.
+        confirm: Shown what is about to move; None agrees to everything.
+
+    Raises:
+        InputError: A design that must not run, or nobody agrees.
+        JobError: The robot is not ready.
+    """
+    certificate = check_design(plan, constraints)
+    approach = plan_approach(state.q, plan.start, constraints)
+    checks = check_robot(plan, state, approach)
+    require_ready(checks, state.host)
+    if confirm is not None:
+        lines = [f"{check.name}: {check.finding}" for check in checks]
+        lines += [f"mounted as: {plan.robot.mount} (the robot cannot tell; look)"]
+        lines += [*unit_notes(plan.robot), *certificate.notes]
+        lines += [
+            f"{step.name}: {step.execution.settle + step.execution.periods} x "
+            f"{step.execution.trajectory.duration:g} s"
+            for step in plan.passes()
+        ]
+        confirm("\n".join(f"- {line}" for line in lines), state.host)
+        _check_still_there(state)
+    return replace(plan, via=approach.via)
+
+
+def _check_still_there(state: ControllerState) -> None:
+    """The way was planned from where the robot stood before a person thought it over.
+
+    Raises:
+        JobError: It has moved since.
+    """
+    away = float(np.abs(inspect(state.host).q - state.q).max())
+    if away > MOVED:
+        raise JobError(
+            "the robot has moved since it was checked",
+            where=state.host,
+            value=f"{away:.3g} rad",
+            limit=f"{MOVED:g} rad",
+            next_step="Start again.",
+        )

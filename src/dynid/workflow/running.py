@@ -1,31 +1,98 @@
-"""`dynid run`: a design executed on a robot, simulated or real, and recorded."""
+"""`dynid run`: a design executed on a robot, simulated or real, and recorded.
+
+Recordings of the simulated arm, in the form of a real one.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import json
+from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Event
 from typing import Any
 
 import numpy as np
 
-from dynid.core.errors import InputError, JobError
-from dynid.core.progress import Progress
-from dynid.drivers.driver import Driver
-from dynid.drivers.simulated import SimulatedDriver
-from dynid.drivers.ur.driver import UrDriver
-from dynid.drivers.ur.state import inspect
-from dynid.drivers.watchdog import Abort
-from dynid.experiment.plan import ExperimentPlan
-from dynid.experiment.run import RunResult, run
-from dynid.recording.record import RecordMetadata
-from dynid.recording.segments import partial_path
-from dynid.recording.writer import RecordWriter
-from dynid.simulation.library import simulated_arm
-from dynid.simulation.payload import with_payload
-from dynid.workflow.run_files import LoadedDesign, load_design, mark_aborted, write_truth
-from dynid.workflow.run_ready import Confirm, made_ready
-from dynid.workflow.run_settings import RunSettings
+from dynid.core import InputError, JobError, Progress
+from dynid.drivers import Abort, Driver, SimulatedDriver, UrDriver, inspect
+from dynid.experiment import ExperimentPlan, RunResult, run
+from dynid.recording import ExperimentRecord, RecordMetadata, RecordWriter, partial_path
+from dynid.robot import RobotModel
+from dynid.simulation import SimulatedRun, Thermal, simulate, simulated_arm, with_payload
+from dynid.trajectory import Trajectory
+from dynid.workflow.run_settings import (
+    Confirm,
+    LoadedDesign,
+    RunSettings,
+    load_design,
+    made_ready,
+    mark_aborted,
+    write_truth,
+)
+
+
+def simulate_recording(
+    robot: RobotModel,
+    trajectory: Trajectory,
+    *,
+    rate_hz: float = 125.0,
+    periods: int = 1,
+    thermal: Thermal = "cold",
+    seed: int = 0,
+) -> ExperimentRecord:
+    """Run a trajectory on the simulated arm of a robot; MuJoCo moves it, not our regressor.
+
+    Args:
+        robot: The robot; the UR5, or any with known masses.
+        trajectory: What to command.
+        rate_hz: Control cycles, and samples, a second.
+        periods: How many times the trajectory's duration.
+        thermal: `cold`, `warm`, one temperature or one a joint [degC], at the start.
+        seed: Seed of the measurement noise.
+
+    Raises:
+        InputError: A robot that cannot be simulated, or a trajectory that does not fit it.
+        JobError: The simulated arm ran away.
+        MissingExtraError: MuJoCo is not installed.
+    """
+    run = simulate(
+        simulated_arm(robot),
+        trajectory,
+        rate_hz=rate_hz,
+        periods=periods,
+        thermal=thermal,
+        seed=seed,
+    )
+    record = record_of(run)
+    return replace(record, metadata=replace(record.metadata, joint_names=robot.joint_names))
+
+
+def record_of(run: SimulatedRun) -> ExperimentRecord:
+    """What a recorder would have seen of a simulated run: no truth in it."""
+    return ExperimentRecord(
+        t=run.t,
+        signals={
+            "q": run.q_measured,
+            "qd": run.qd_measured,
+            "current": run.current,
+            "target_q": run.target_q,
+            "target_qd": run.target_qd,
+            "target_qdd": run.target_qdd,
+            "target_current": run.target_current,
+            "target_moment": run.target_moment,
+            "temperature": run.temperature,
+        },
+        metadata=RecordMetadata(
+            robot=run.robot,
+            origin=f"simulated {run.robot}, seed {run.seed}",
+            format="simulation",
+            extra={
+                "seed": str(run.seed),
+                "start_degC": json.dumps([round(value, 2) for value in run.thermal]),
+            },
+        ),
+    )
+
 
 SIMULATED = "sim"
 RATE_HZ = 125.0
@@ -130,7 +197,7 @@ def run_design(
     )
     plan = made_ready(plan, state, judge, confirm)
     if asked.method == "servoj":
-        from dynid.drivers.ur.servoj import ServojDriver
+        from dynid.drivers import ServojDriver
 
         return _finished(
             _execute(plan, ServojDriver(state), loaded, asked, path, cancel, progress), path
@@ -168,7 +235,7 @@ def _simulated(loaded: LoadedDesign, asked: RunSettings) -> SimulatedDriver:
     thermal = asked.thermal
     if asked.warm_up_s > 0:
         # Heat flows far more slowly than the arm moves: no need to simulate every second.
-        from dynid.simulation.warm_up import warm_up
+        from dynid.simulation import warm_up
 
         thermal = warm_up(arm, loaded.trajectory, asked.warm_up_s, thermal=thermal)
     return SimulatedDriver(arm, thermal=thermal, seed=asked.seed)

@@ -9,28 +9,23 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core.errors import InputError
-from dynid.core.progress import Progress
-from dynid.core.provenance import provenance
-from dynid.identification.estimate import Estimate
-from dynid.identification.least_squares import PRIOR_GAIN
-from dynid.identification.loading import with_load
-from dynid.identification.problem import IdentificationProblem
-from dynid.identification.shared import SharedProblem
-from dynid.identification.shared_estimates import shared_estimates
-from dynid.identification.shared_fit import SharedFit, fit_shared
-from dynid.recording.identity import identity
-from dynid.recording.record import ExperimentRecord
-from dynid.reduction.base import reduce_model
-from dynid.regressor.model import InverseDynamicModel
-from dynid.regressor.terms import FrictionTerms
-from dynid.robot.load import load_robot
-from dynid.robot.model import RobotModel
-from dynid.signals.process import process
-from dynid.signals.samples import ProcessingSettings
-from dynid.workflow.choosing import choose
-from dynid.workflow.identify import LONG_RECORD
-from dynid.workflow.identify_settings import IdentifySettings
+from dynid.core import InputError, Progress, provenance
+from dynid.identification import (
+    PRIOR_GAIN,
+    Estimate,
+    IdentificationProblem,
+    SharedFit,
+    SharedProblem,
+    fit_shared,
+    shared_estimates,
+    with_load,
+)
+from dynid.recording import ExperimentRecord, identity
+from dynid.reduction import reduce_model
+from dynid.regressor import FrictionTerms, InverseDynamicModel
+from dynid.robot import RobotModel, load_robot
+from dynid.signals import ProcessingSettings, process
+from dynid.workflow.identify import LONG_RECORD, IdentifySettings, choose
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,12 +1,93 @@
-"""`dynid validate`: an estimate against a recording, from their files."""
+"""`dynid validate`: an estimate against a recording, from their files.
+
+`dynid identify`: from the files of recordings to an estimate in a file.
+
+`dynid compare`: two estimates, from their files.
+
+Can a result be trusted? One word and the reasons, from its warnings and errors.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from dynid.validation.prediction import ValidationResult, validate
-from dynid.workflow.recordings import open_record
-from dynid.workflow.temperature_file import estimate_at
+import numpy as np
+
+from dynid.core import InputError, Progress
+from dynid.identification import DO_NOT_USE, read_estimate, write_estimate
+from dynid.recording import UNWRAPPED, ExperimentRecord
+from dynid.signals import window
+from dynid.validation import (
+    DISTURBED,
+    SAME_RECORD,
+    ParameterComparison,
+    ValidationResult,
+    compare,
+    validate,
+)
+from dynid.workflow.identify import Identification, IdentifySettings, identify
+from dynid.workflow.recordings import open_record, open_records
+from dynid.workflow.temperature import estimate_at
+
+
+def identify_files(
+    recordings: Sequence[str | Path],
+    output: str | Path | None = None,
+    *,
+    robot: str | Path | None = None,
+    settings: IdentifySettings | None = None,
+    validation: str | Path | None = None,
+    validation_start_s: float | None = None,
+    validation_stop_s: float | None = None,
+    progress: Progress | None = None,
+) -> Identification:
+    """Identify from recordings, validate if asked to, write the estimate if told where.
+
+    Args:
+        recordings: Recordings of one robot, ours or foreign.
+        output: The estimate's JSON file; it appears whole or not at all.
+        robot: Built-in name, URDF or robot file; None to take what the recordings say.
+        settings: What to do.
+        validation: Another recording to predict. With a window alone, it is the one recording
+            that was given.
+        validation_start_s: Start of its window [s].
+        validation_stop_s: End of its window [s].
+        progress: Told what is being done and how far it is (0 to 1).
+
+    Raises:
+        InputError: Files that cannot be read or do not belong together, unknown settings.
+        JobError: A singular problem.
+    """
+    records, model = open_records(recordings, robot)
+    other: ExperimentRecord | None = None
+    if validation is not None:
+        other = open_record(validation, model)
+    elif validation_start_s is not None or validation_stop_s is not None:
+        if len(records) > 1:
+            raise InputError(
+                "a validation window of which recording?",
+                value=f"{len(records)} recordings",
+                next_step="Name it with --validate RECORD.",
+            )
+        other = records[0]
+    if other is not None:
+        # A wrong window must not cost the time of an identification first.
+        window(other.t, validation_start_s, validation_stop_s)
+    result = identify(
+        records,
+        model,
+        settings,
+        validation=other,
+        validation_start_s=validation_start_s,
+        validation_stop_s=validation_stop_s,
+        progress=progress,
+    )
+    if output is not None:
+        write_estimate(result.estimate, output)
+    return result
 
 
 def validate_files(
@@ -32,3 +113,118 @@ def validate_files(
     known = estimate_at(estimate, at_degC)
     record = open_record(recording, known.model.robot)
     return validate(known, record, start_s=start_s, stop_s=stop_s)
+
+
+def compare_files(a: str | Path, b: str | Path) -> ParameterComparison:
+    """Compare two estimates.
+
+    Args:
+        a: The first estimate's JSON file, such as the cold robot's.
+        b: The second one's, such as the warm robot's.
+
+    Raises:
+        InputError: Files that cannot be read, or estimates that cannot be compared.
+    """
+    return compare(read_estimate(a), read_estimate(b))
+
+
+CARE = frozenset({"not_physical", "over_fitted", "saturated", "unit_suspect", "clock_mismatch"})
+"""Codes that ask for a look before the result is used."""
+INPUTS = frozenset({"clock_mismatch", "unit_suspect"})
+"""Codes that name a wrong input; some of these forbid the result by themselves."""
+UNEXPLAINED = 40.0
+"""[%] of the torque of moving joints that the fit to its own record may leave."""
+POOR_PREDICTION = 15.0
+"""[%] of the torque of moving joints; good identifications predict to 5 %."""
+
+HEADLINES = {
+    "usable": "This result can be used",
+    "care": "Use this result with care",
+    "do_not_use": "This result must not be used",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What a person has to know first."""
+
+    level: str
+    """`usable`, `care` or `do_not_use`."""
+    reasons: tuple[str, ...]
+    """Why, in words."""
+
+    @property
+    def headline(self) -> str:
+        """The verdict in one sentence."""
+        return f"{HEADLINES[self.level]}: {'; '.join(self.reasons)}."
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object."""
+        return {"level": self.level, "reasons": list(self.reasons)}
+
+
+def _unexplained(fit: float, wrong: bool) -> list[str]:
+    reasons = (
+        []
+        if fit <= UNEXPLAINED
+        else [
+            f"the model leaves {fit:.0f} % of the torques of its own record unexplained: check the "
+            "robot, the order of the joints, units and signs"
+        ]
+    )
+    return [*reasons, *(["the sign of the torques looks reversed (not_physical)"] * wrong)]
+
+
+def _unlike(error: float, codes: set[str]) -> str:
+    known = [code for code in ("unit_suspect", "not_physical", "over_fitted") if code in codes]
+    return (
+        f"it predicts another motion's torques to {error:.0f} % only (moving joints): check "
+        "mounting, drive gains and the order of the joints"
+        + (f"; see {', '.join(known)}" if known else "")
+    )
+
+
+def verdict(result: Identification) -> Verdict:
+    """Judge an identification."""
+    codes = {n.code for n in result.warnings if not n.message.endswith(UNWRAPPED)}
+    fit = result.training.moving.relative_error_overall_percent
+    wrong = any(n.code == "not_physical" and DO_NOT_USE in n.message for n in result.warnings)
+    found_out = [
+        n.message.split(":")[0].removesuffix(f", and {DO_NOT_USE}")
+        for n in result.warnings
+        if n.code in INPUTS and DO_NOT_USE in n.message
+    ]
+    if found_out:
+        return Verdict(level="do_not_use", reasons=tuple(found_out))
+    if wrong or not fit <= UNEXPLAINED:
+        return Verdict(level="do_not_use", reasons=tuple(_unexplained(fit, wrong)))
+    # A mounting that was set straight is called ill_conditioned as well, and forbids nothing.
+    ill = any(n.code == "ill_conditioned" and DO_NOT_USE in n.message for n in result.warnings)
+    error = np.inf
+    if result.validation is not None:
+        error = result.validation.moving.relative_error_overall_percent
+    seen = any(SAME_RECORD in notice.message for notice in result.warnings)
+    what = "reproduces its own record's" if seen else "predicts another motion's"
+    predicts = f"it {what} torques to {error:.1f} % (moving joints)"
+    if "low_excitation" in codes or (ill and not error <= POOR_PREDICTION):
+        poor = ["the motion does not tell its parameters apart (ill_conditioned)"] if ill else []
+        if "low_excitation" in codes:
+            poor.append("the motion excites too little (low_excitation)")
+        return Verdict(level="do_not_use", reasons=tuple(poor))
+    if result.validation is not None and not seen and error > UNEXPLAINED:
+        return Verdict(level="do_not_use", reasons=(_unlike(error, codes),))
+    doubts = ["only for motions like these: single values mean nothing (ill_conditioned)"] * ill
+    found = sorted(codes & CARE)
+    if not error <= POOR_PREDICTION and "extrapolated" in codes:
+        # Beyond the known motion a good prediction says more, a poor one less.
+        found.append("extrapolated")
+    if found:
+        doubts.append(f"see the warning{'s' * (len(found) > 1)} {', '.join(found)}")
+    if any(DISTURBED in notice.message for notice in result.warnings):
+        doubts.append("something touched the arm while it was recorded (corrupt_rows)")
+    if result.validation is None or seen:
+        doubts.append("no other motion has confirmed it yet (--validate)")
+        return Verdict(level="care", reasons=tuple(doubts))
+    if doubts or not error <= POOR_PREDICTION:
+        return Verdict(level="care", reasons=(predicts, *doubts))
+    return Verdict(level="usable", reasons=(predicts, "the motion tells its parameters apart"))

@@ -2,10 +2,9 @@
 
 import pytest
 
-from dynid.robot.load import load_robot
+from dynid.robot import load_robot
+from dynid.simulation import controller_process, simulated_arm
 from dynid.simulation.controller.machine import ControllerMachine
-from dynid.simulation.controller.process import controller_process
-from dynid.simulation.library import simulated_arm
 
 
 @pytest.fixture

@@ -3,9 +3,7 @@
 import socket
 import time
 
-from dynid.protocol import rtde
-from dynid.protocol.framing import Framer, Kind
-from dynid.protocol.recipe import Recipe
+from dynid.protocol import Framer, Kind, Recipe, rtde
 
 TIMEOUT_S = 20.0
 """A wait that ends here has failed."""

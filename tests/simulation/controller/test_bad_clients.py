@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from rtde_client import TIMEOUT_S, RtdeClient, ask_dashboard, send_script, wait_for
 
-from dynid.protocol import rtde
-from dynid.protocol.framing import Kind, frame
+from dynid.protocol import Kind, rtde
+from dynid.protocol.rtde import frame
+from dynid.simulation import controller_process
 from dynid.simulation.controller.doors import CLIENTS, PORTS
-from dynid.simulation.controller.process import controller_process
 
 pytestmark = pytest.mark.realtime
 

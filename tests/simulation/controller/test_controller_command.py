@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from rtde_client import RtdeClient, ask_dashboard, wait_for
 
-from dynid.core.errors import JobError
-from dynid.robot.load import load_robot
-from dynid.simulation.controller.process import controller_process, own_address
-from dynid.simulation.library import simulated_arm
+from dynid.core import JobError
+from dynid.robot import load_robot
+from dynid.simulation import controller_process, simulated_arm
+from dynid.simulation.controller.process import own_address
 
 pytestmark = pytest.mark.realtime
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from dynid.core.errors import InputError
+from dynid.core import InputError
 from dynid.protocol import dashboard as words
 from dynid.simulation.controller.dashboard import LONGEST_LINE, DashboardSession
 from dynid.simulation.controller.program_files import program_folder

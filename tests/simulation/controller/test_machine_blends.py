@@ -6,10 +6,10 @@ from robots_for_simulation import HOME
 from scripts import said, ticks
 from test_machine_motion import recorded
 
-from dynid.core.arrays import Array
+from dynid.core import Array
+from dynid.simulation import SimulatedArm
 from dynid.simulation.controller.machine import ControllerMachine
 from dynid.simulation.controller.motion_circle import arc_through
-from dynid.simulation.truth import SimulatedArm
 
 START = HOME.tolist()
 ON_THE_WAY = 2e-4

@@ -5,9 +5,9 @@ import pytest
 from robots_for_simulation import HOME
 from scripts import said, ticks
 
+from dynid.simulation import SimulatedArm
 from dynid.simulation.controller.machine import ControllerMachine
 from dynid.simulation.controller.primary_messages import packets
-from dynid.simulation.truth import SimulatedArm
 
 ASIDE = 2e-4
 """How far the tool may leave the axis that gives way [m]."""

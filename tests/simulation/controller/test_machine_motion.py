@@ -10,15 +10,14 @@ from hypothesis import strategies as st
 from robots_for_simulation import HOME, pinocchio_model
 from scripts import finish, said, ticks
 
-from dynid.core.arrays import Array
+from dynid.core import Array
+from dynid.simulation import SimulatedArm
 from dynid.simulation.controller.machine import ControllerMachine
 from dynid.simulation.controller.machine_kinematics import ToolKinematics
 from dynid.simulation.controller.machine_safety import SafetyLimits
 from dynid.simulation.controller.motion_poses import to_matrix, to_pose
 from dynid.simulation.controller.motion_profile import trapezoid
-from dynid.simulation.truth import SimulatedArm
-from dynid.trajectory.fourier import FourierSeries
-from dynid.trajectory.urscript import UrProgramOptions, ur_program
+from dynid.trajectory import FourierSeries, UrProgramOptions, ur_program
 
 START = HOME.tolist()
 RESTING = 1e-4

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from dynid.robot.load import load_robot
+from dynid.robot import load_robot
+from dynid.simulation import simulated_arm
 from dynid.simulation.controller.machine import ControllerMachine
-from dynid.simulation.library import simulated_arm
 
 PROGRAM = "def wait():\n  while True:\n    sync()\n  end\nend\n"
 CYCLES = 5

@@ -5,13 +5,12 @@ import pytest
 from robots_for_simulation import HOME
 from scripts import finish, ticks
 
-from dynid.core.errors import InputError
-from dynid.protocol.fields import INPUTS, OUTPUTS, DataType
-from dynid.robot.load import load_robot
+from dynid.core import InputError
+from dynid.protocol import INPUTS, OUTPUTS, DataType
+from dynid.robot import load_robot
+from dynid.simulation import SimulatedArm, simulated_arm
 from dynid.simulation.controller.machine import ControllerMachine
 from dynid.simulation.controller.machine_core import MESSAGES_KEPT
-from dynid.simulation.library import simulated_arm
-from dynid.simulation.truth import SimulatedArm
 
 START = HOME.tolist()
 WHOLE = {

@@ -7,10 +7,10 @@ import pytest
 from robots_for_simulation import HOME
 from scripts import said, ticks
 
-from dynid.core.errors import InputError, JobError
+from dynid.core import InputError, JobError
+from dynid.simulation import SimulatedArm
 from dynid.simulation.controller.machine import ControllerMachine
 from dynid.simulation.controller.machine_safety import SafetyLimits
-from dynid.simulation.truth import SimulatedArm
 
 START = HOME.tolist()
 STOP_WITHIN = 0.1

@@ -5,9 +5,9 @@ import pytest
 import script_client
 from scripts import said, ticks
 
+from dynid.simulation import SimulatedArm
 from dynid.simulation.controller.machine import ControllerMachine
 from dynid.simulation.controller.machine_safety import SafetyLimits
-from dynid.simulation.truth import SimulatedArm
 
 READY, DONE = 1, 2
 GOAL = [0.3, -1.4, 1.2, -1.3, -1.2, 0.3]

@@ -17,8 +17,8 @@ import pytest
 from rtde_client import TIMEOUT_S, RtdeClient, send_script
 from scripts import finish, said
 
+from dynid.simulation import controller_process
 from dynid.simulation.controller.machine_network import on_this_machine
-from dynid.simulation.controller.process import controller_process
 
 SCALE = 1_000_000
 DRIVER = """def driver():

@@ -5,16 +5,14 @@ import struct
 import numpy as np
 import pytest
 
-from dynid.protocol import rtde
-from dynid.protocol.fields import INPUTS, OUTPUTS
-from dynid.protocol.framing import Framer, Kind, ProtocolError, frame
-from dynid.protocol.recipe import Recipe
-from dynid.robot.load import load_robot
+from dynid.protocol import INPUTS, OUTPUTS, Framer, Kind, ProtocolError, Recipe, rtde
+from dynid.protocol.rtde import frame
+from dynid.robot import load_robot
+from dynid.simulation import simulated_arm
 from dynid.simulation.controller.input_queue import LONGEST
 from dynid.simulation.controller.machine import ControllerMachine
 from dynid.simulation.controller.packages import Packer
 from dynid.simulation.controller.rtde import Owners, RtdeSession
-from dynid.simulation.library import simulated_arm
 
 
 @pytest.fixture

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from rtde_client import TIMEOUT_S, RtdeClient, send_script
 
-from dynid.protocol.modes import RobotMode, RuntimeState
-from dynid.robot.load import load_robot
+from dynid.protocol import RobotMode, RuntimeState
+from dynid.robot import load_robot
+from dynid.simulation import simulated_arm
 from dynid.simulation.controller.machine import ControllerMachine
 from dynid.simulation.controller.primary import robot_state
 from dynid.simulation.controller.primary_messages import packets, version_message
 from dynid.simulation.controller.realtime import realtime_state
-from dynid.simulation.library import simulated_arm
 
 HEAD = struct.Struct(">iB")
 # A robot state of software 5.8, recorded by UR: Universal_Robots_Client_Library,

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from rtde_client import RtdeClient, ask_dashboard, send_script, wait_for
 
-from dynid.protocol import rtde
-from dynid.protocol.framing import Kind
-from dynid.simulation.controller.process import controller_process
+from dynid.protocol import Kind, rtde
+from dynid.simulation import controller_process
 
 pytestmark = pytest.mark.realtime
 

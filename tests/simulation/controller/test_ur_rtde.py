@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rtde_client import ask_dashboard, wait_for
 
-from dynid.simulation.controller.process import controller_process
+from dynid.simulation import controller_process
 
 pytestmark = pytest.mark.realtime
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from scripts import value
 
-from dynid.core.arrays import Array
+from dynid.core import Array
 
 EXACT = 1e-12
 part = st.floats(-3.0, 3.0)

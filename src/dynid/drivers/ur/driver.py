@@ -1,33 +1,40 @@
-"""UR robots: the controller evaluates the motion, every package is recorded."""
+"""UR robots: the controller evaluates the motion, or follows streamed set points."""
 
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from contextlib import suppress
+from typing import Any
 
-from dynid.core.errors import InputError, JobError
-from dynid.core.progress import Progress
-from dynid.drivers.driver import Driver, Execution, Outcome, Recorder, Source
-from dynid.drivers.ur.commands import STOP_PROGRAM, Dashboard, ScriptPort
-from dynid.drivers.ur.intake import Intake
-from dynid.drivers.ur.layout import (
+from dynid.core import Array, InputError, JobError, Progress, require
+from dynid.drivers.driver import (
+    INTERRUPTED,
+    Abort,
+    Cycle,
+    Driver,
+    Execution,
+    Outcome,
+    Recorder,
+    Source,
+    Watchdog,
+)
+from dynid.drivers.ur.link import STOP_DECELERATION, STOP_PROGRAM, Dashboard, RtdeLink, ScriptPort
+from dynid.drivers.ur.pump import Intake, Pump, Refused
+from dynid.drivers.ur.state import (
     APPROACHING,
     DONE,
     FEED,
     INDEX,
     SIGNALS,
     STATE,
+    ControllerState,
     Layout,
     recorded,
     recorded_names,
 )
-from dynid.drivers.ur.link import RtdeLink
-from dynid.drivers.ur.pump import Pump
-from dynid.drivers.ur.state import ControllerState
-from dynid.drivers.watchdog import Cycle, Watchdog
-from dynid.protocol.modes import RuntimeState
-from dynid.protocol.recipe import Numbers, Recipe
-from dynid.trajectory.urscript import UrProgramOptions, ur_program
+from dynid.protocol import Numbers, Recipe, RuntimeState
+from dynid.trajectory import UrProgramOptions, ur_program
 
 WATCHDOG_HZ = 10.0
 """How often the program must be fed; without it the controller stops after 0.1 s."""
@@ -166,3 +173,151 @@ def halt(port: ScriptPort) -> None:
                 board.ask("stop")
             finally:
                 board.close()
+
+
+LOOKAHEAD_S, GAIN = 0.03, 500.0
+"""Of `servoj`."""
+APPROACH = 0.5
+"""Joint speed [rad/s] and acceleration [rad/s^2] of the way to the start."""
+SLACK = 5
+"""Cycles by which the stream may be late before the robot is stopped."""
+_HOLD_S = 0.2
+"""How long the last set point is sent on, for the arm to arrive [s]."""
+_LOOK_S = 0.01
+"""How often the way to the start is looked at [s]."""
+
+
+class ServojDriver(Driver):
+    """Streams set points with ur_rtde; records and watches every cycle as the other way does.
+
+    Args:
+        state: The controller, as `inspect` found it.
+
+    Raises:
+        MissingExtraError: ur_rtde is not installed.
+    """
+
+    def __init__(self, state: ControllerState) -> None:
+        self.state = state
+        self._rtde: Any = require("rtde_control", "ur")
+
+    @property
+    def source(self) -> Source:
+        """See `Driver.source`."""
+        return source_of(self.state, FEED)
+
+    def execute(
+        self,
+        execution: Execution,
+        recorder: Recorder | None,
+        *,
+        cancel: threading.Event | None = None,
+        progress: Progress | None = None,
+    ) -> Outcome:
+        """See `Driver.execute`."""
+        check_rate(execution, self.state)
+        setpoints, wish = execution.setpoints(), cancel or threading.Event()
+        if wish.is_set():
+            return Outcome(samples=0, periods=0, gaps=0, abort=INTERRUPTED)
+        control = self._control(self.state.host)
+        try:
+            abort = approach(control, (*execution.via, setpoints[0]), wish)
+            if abort is not None:
+                return Outcome(samples=0, periods=0, gaps=0, abort=abort)
+            control.setWatchdog(WATCHDOG_HZ)
+            outcome = self._stream(execution, control, recorder, wish, progress)
+            if outcome.abort is None:
+                control.servoStop()
+                control.stopScript()
+            return outcome
+        finally:
+            control.disconnect()
+
+    def _stream(
+        self,
+        execution: Execution,
+        control: Any,
+        recorder: Recorder | None,
+        cancel: threading.Event,
+        progress: Progress | None,
+    ) -> Outcome:
+        host = self.state.host
+        with RtdeLink(host) as link:
+            layout = Layout.of(link.ask_outputs(recorded_names(link.version[:3], FEED)))
+            feed = link.ask_inputs([FEED])
+            port = ScriptPort(host)
+            try:
+                link.write(feed.packet([-1]))
+                link.start()
+                pump = Pump(
+                    link,
+                    layout,
+                    Watchdog(execution.limits, execution.rate_hz, execution.total, slack=SLACK),
+                    _Stream(control, feed, execution),
+                    halt=lambda: halt(port),
+                    cancel=cancel,
+                )
+                pump.start()
+                return Intake(execution, layout, recorder, progress).take(pump)
+            finally:
+                port.close()
+
+    def _control(self, host: str) -> Any:
+        try:
+            return self._rtde.RTDEControlInterface(host)
+        except RuntimeError as error:
+            raise JobError("ur_rtde cannot control the robot", where=host, value=error) from error
+
+
+class _Stream:
+    """The conversation: each package that arrives lets one set point go."""
+
+    def __init__(self, control: Any, feed: Recipe, execution: Execution) -> None:
+        self._control, self._feed, self._execution = control, feed, execution
+        self._setpoints = execution.setpoints().tolist()
+        self._next = 0
+        self._cycle = 1.0 / execution.rate_hz
+        self._hold = round(_HOLD_S * execution.rate_hz)
+
+    def answer(self, numbers: Numbers) -> bytes | None:
+        """Send the next set point, and its number."""
+        k, last = self._next, self._execution.total - 1
+        self._next += 1
+        q = self._setpoints[min(k, last) % self._execution.cycles]
+        try:
+            sent = self._control.servoJ(q, 0.0, 0.0, self._cycle, LOOKAHEAD_S, GAIN)
+        except RuntimeError as error:
+            raise Refused("ur_rtde cannot go on", value=error) from error
+        if not sent:
+            raise Refused("ur_rtde has lost its program on the controller")
+        return self._feed.packet([min(k, last + 1)])
+
+    def begun(self, cycle: Cycle, numbers: Numbers) -> bool:
+        """Whether ur_rtde's program runs and our number has arrived."""
+        return cycle.runtime_state == RuntimeState.PLAYING and cycle.index <= 0
+
+    def over(self, cycle: Cycle, numbers: Numbers) -> bool:
+        """Whether the arm has had the time to arrive at the last set point."""
+        return self._next > self._execution.total + self._hold
+
+
+def approach(control: Any, poses: Sequence[Array], cancel: threading.Event) -> Abort | None:
+    """Move from pose to pose, resting at each.
+
+    Args:
+        control: ur_rtde's control interface.
+        poses: Way points, then the start, each (n) [rad].
+        cancel: Stops the robot when it is set.
+
+    Returns:
+        Why that was ended early; None if it was not.
+    """
+    for pose in poses:
+        control.moveJ(pose.tolist(), APPROACH, APPROACH, True)
+        while control.getAsyncOperationProgress() >= 0:
+            if cancel.wait(_LOOK_S):
+                control.stopJ(STOP_DECELERATION)
+                return INTERRUPTED
+            if not control.isProgramRunning():
+                return Abort("program", "the program of ur_rtde ended on the way to the start")
+    return None

@@ -1,15 +1,127 @@
-"""What a UR controller says of itself before anything moves."""
+"""Which variables are recorded of a UR controller, and what it reports before a run."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dynid.core.arrays import Array, frozen
-from dynid.core.errors import JobError
-from dynid.drivers.ur.commands import Dashboard
-from dynid.drivers.ur.link import RtdeLink
-from dynid.protocol.dashboard import value
-from dynid.protocol.fields import OUTPUTS
+import numpy as np
+
+from dynid.core import Array, JobError, frozen
+from dynid.drivers.driver import Cycle
+from dynid.drivers.ur.link import Dashboard, RtdeLink
+from dynid.protocol import OUTPUTS, Numbers, Recipe, Version, value
+
+INDEX, STATE = "output_int_register_24", "output_int_register_25"
+"""Where our program writes the number of the sample, and what it is doing."""
+FEED = "input_int_register_24"
+"""What keeps our program alive."""
+APPROACHING, MOVING, DONE = 0, 1, 2
+"""Values of `STATE`."""
+SIGNALS = {
+    "q": "actual_q",
+    "qd": "actual_qd",
+    "current": "actual_current",
+    "target_q": "target_q",
+    "target_qd": "target_qd",
+    "target_qdd": "target_qdd",
+    "target_current": "target_current",
+    "target_moment": "target_moment",
+    "temperature": "joint_temperatures",
+}
+"""Signals of a recording and the variables that they are."""
+_CHANNELS = (
+    "timestamp",
+    INDEX,
+    STATE,
+    "robot_mode",
+    "safety_mode",
+    "runtime_state",
+    "robot_status_bits",
+    "safety_status_bits",
+    "speed_scaling",
+    "target_speed_fraction",
+    "joint_control_output",
+    "joint_mode",
+    "actual_momentum",
+    "actual_main_voltage",
+    "actual_robot_current",
+    "actual_execution_time",
+    "payload",
+    "payload_cog",
+)
+_NAMES = {INDEX: "index", FEED: "index", STATE: "program_state"}
+
+
+def recorded_names(version: Version, index: str = INDEX) -> tuple[str, ...]:
+    """The variables to ask a controller for: all of ours that its software has.
+
+    Args:
+        version: The controller's software.
+        index: Where the number of the sample is found: `INDEX`, or `FEED` where it is streamed.
+    """
+    names = (*SIGNALS.values(), *(index if name == INDEX else name for name in _CHANNELS))
+    return tuple(name for name in names if OUTPUTS[name].exists_in(version))
+
+
+def recorded(version: Version, index: str = INDEX) -> Layout:
+    """The layout of `recorded_names`, without asking the controller."""
+    names = recorded_names(version, index)
+    return Layout.of(Recipe(names, tuple(OUTPUTS[name].type for name in names)))
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where the numbers of a package stand."""
+
+    signals: tuple[tuple[str, slice], ...]
+    """Signal of the recording and its numbers."""
+    channels: tuple[tuple[str, int], ...]
+    """Channel of the recording and its number."""
+    places: dict[str, slice]
+    """Variable and its numbers."""
+    index: str
+    """The variable with the number of the sample."""
+
+    @classmethod
+    def of(cls, recipe: Recipe) -> Layout:
+        """The layout of a recipe made from `recorded_names`."""
+        places: dict[str, slice] = {}
+        start = 0
+        for name, kind in zip(recipe.names, recipe.types, strict=True):
+            places[name] = slice(start, start + kind.count)
+            start += kind.count
+        channels: list[tuple[str, int]] = []
+        vectors = set(SIGNALS.values())
+        for name in (name for name in places if name not in vectors):
+            place, label = places[name], _NAMES.get(name, name)
+            several = place.stop - place.start > 1
+            channels += [
+                (f"{label}_{k + 1}" if several else label, place.start + k)
+                for k in range(place.stop - place.start)
+            ]
+        signals = tuple((name, places[variable]) for name, variable in SIGNALS.items())
+        return cls(signals, tuple(channels), places, INDEX if INDEX in places else FEED)
+
+    def number(self, numbers: Numbers, name: str) -> float:
+        """The number of a scalar variable."""
+        start: int = self.places[name].start
+        return float(numbers[start])
+
+    def cycle(self, numbers: Numbers) -> Cycle:
+        """What the watchdog looks at."""
+        return Cycle(
+            timestamp=self.number(numbers, "timestamp"),
+            index=int(self.number(numbers, self.index)),
+            q=np.array(numbers[self.places["actual_q"]]),
+            qd=np.array(numbers[self.places["actual_qd"]]),
+            target_q=np.array(numbers[self.places["target_q"]]),
+            robot_mode=int(self.number(numbers, "robot_mode")),
+            safety_mode=int(self.number(numbers, "safety_mode")),
+            runtime_state=int(self.number(numbers, "runtime_state")),
+            speed_scaling=self.number(numbers, "speed_scaling"),
+            speed_fraction=self.number(numbers, "target_speed_fraction"),
+        )
+
 
 _ASKED = (
     "actual_q",

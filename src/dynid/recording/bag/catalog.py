@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from dynid.core.notices import Notice
+from dynid.core import Notice
 
 JOINT_STATE_TYPES = frozenset({"sensor_msgs/msg/JointState", "sensor_msgs/JointState"})
 Message = tuple[str, int, bytes]

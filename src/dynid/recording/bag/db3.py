@@ -14,7 +14,7 @@ from collections.abc import Generator, Iterator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
 from dynid.recording.bag.catalog import Catalog, Message, Topic
 
 _MOST_RESUMES = 60

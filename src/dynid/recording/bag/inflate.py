@@ -6,8 +6,7 @@ import importlib
 from types import ModuleType
 from typing import Any
 
-from dynid.core.errors import MissingExtraError
-from dynid.core.optional import require
+from dynid.core import MissingExtraError, require
 
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 MAX_BYTES = 1 << 28

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynid.core.arrays import Array
+from dynid.core import Array
 from dynid.recording.bag.cdr import CdrError, JointState, JointStateDecoder
 from dynid.recording.bag.inflate import ZSTD_MAGIC, InflateError, inflate
 from dynid.recording.bag.ros1 import Ros1Decoder

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
 from dynid.recording.bag.jointstates import Collector
 from dynid.recording.vocabulary import TARGET
 

@@ -6,10 +6,9 @@ import math
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import RecordError
+from dynid.core import Array, RecordError
 from dynid.recording.table import ANGLES, Mask, RawTable
-from dynid.robot.model import RobotModel
+from dynid.robot import RobotModel
 
 _TURN = 2 * math.pi
 _USE_DEGREES = "If they are degrees, pass --degrees."

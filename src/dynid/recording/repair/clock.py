@@ -7,8 +7,7 @@ from decimal import Decimal
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import RecordError
+from dynid.core import Array, RecordError
 from dynid.recording.families import by_rows
 from dynid.recording.repair.velocities import DEGREE, RPM, common_slope, velocity_slopes
 from dynid.recording.table import RawTable

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dynid.core.arrays import Array
+from dynid.core import Array
 from dynid.recording.table import Mask, RawTable, rows_with
-from dynid.robot.model import RobotModel
+from dynid.robot import RobotModel
 
 _LONG_REST = 1.0
 """Standstill at an end that is worth a word [s]."""

@@ -6,12 +6,12 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
 from dynid.recording.families import spelled
 from dynid.recording.jointnames import places_of, plainly
 from dynid.recording.table import RawTable, plain
 from dynid.recording.vocabulary import UR_JOINTS
-from dynid.robot.model import RobotModel
+from dynid.robot import RobotModel
 
 
 def settle_joints(

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
 from dynid.recording.chosen import NOT_TAKEN
 from dynid.recording.families import by_rows
 from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, Mask, RawTable, rows_with

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
 from dynid.recording.record import ExperimentRecord, RecordMetadata
 from dynid.recording.repair.angles import (
     convert_degrees,
@@ -14,11 +14,7 @@ from dynid.recording.repair.angles import (
     shift_turns,
     unwrap_turns,
 )
-from dynid.recording.repair.bursts import (
-    check_counted_rows,
-    drop_bursts,
-    drop_zero_positions,
-)
+from dynid.recording.repair.bursts import check_counted_rows, drop_bursts, drop_zero_positions
 from dynid.recording.repair.clock import report_clock, settle_unit
 from dynid.recording.repair.findings import report_odd_torques, report_rest, report_saturation
 from dynid.recording.repair.frozen import drop_frozen
@@ -34,7 +30,7 @@ from dynid.recording.repair.tails import drop_broken_ends
 from dynid.recording.repair.topics import lay_together
 from dynid.recording.repair.velocities import check_velocities
 from dynid.recording.table import RawTable
-from dynid.robot.model import RobotModel
+from dynid.robot import RobotModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

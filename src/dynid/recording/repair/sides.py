@@ -6,9 +6,9 @@ import re
 
 import numpy as np
 
-from dynid.core.arrays import Array
+from dynid.core import Array
 from dynid.recording.table import ANGLES, RawTable
-from dynid.robot.model import RobotModel
+from dynid.robot import RobotModel
 
 
 def to_joint_side(table: RawTable, robot: RobotModel | None) -> RawTable:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dynid.core.arrays import Array
+from dynid.core import Array
 from dynid.recording.table import TORQUE_SOURCES, RawTable, Rows, rows_with
 
 _SHARE = 0.05

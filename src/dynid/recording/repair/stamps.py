@@ -6,8 +6,7 @@ from bisect import bisect_left
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import RecordError
+from dynid.core import Array, RecordError
 from dynid.recording.families import by_rows
 from dynid.recording.table import Mask, RawTable, Rows
 

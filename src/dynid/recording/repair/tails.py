@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dynid.core.arrays import Array
+from dynid.core import Array
 from dynid.recording.table import Mask, RawTable, Rows
 
 _MOST = 50

@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
 from dynid.recording.text.cells import count, is_name, is_number, split
 from dynid.recording.text.lines import SNIFFED, encoding_of, first_lines
 from dynid.recording.text.lists import (

@@ -7,9 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import RecordError
-from dynid.core.notices import Notice
+from dynid.core import Array, Notice, RecordError
 from dynid.recording.table import Mask, Rows, plain
 from dynid.recording.text.cells import number, split
 from dynid.recording.text.dialect import COMMENT, Dialect

@@ -6,7 +6,7 @@ import codecs
 from collections.abc import Iterator
 from pathlib import Path
 
-from dynid.core.errors import RecordError
+from dynid.core import RecordError
 from dynid.recording.opening import unreadable
 
 MAX_LINE = 1 << 20

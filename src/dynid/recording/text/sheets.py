@@ -6,9 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import RecordError
-from dynid.core.notices import Notice
+from dynid.core import Array, Notice, RecordError
 from dynid.recording.table import Mask, Rows, rows_with
 from dynid.recording.text.dialect import Dialect
 from dynid.recording.text.grid import Grid, read_grid

@@ -7,7 +7,7 @@ from datetime import date
 
 import numpy as np
 
-from dynid.core.arrays import Array
+from dynid.core import Array
 
 _CLOCK = r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,:]\d+)?))?"
 _TIME = re.compile(_CLOCK)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
-from dynid.core.errors import DynidError
+from dynid.core import DynidError
 from dynid.protocol import dashboard
 from dynid.simulation.controller.connection import LEFT, Connection
 from dynid.simulation.controller.dashboard import DashboardSession

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dynid.core.errors import JobError
+from dynid.core import JobError
 from dynid.simulation.controller.clients import Client
 from dynid.simulation.controller.connection import Connection
 from dynid.simulation.controller.machine_interpreter import Interpreter

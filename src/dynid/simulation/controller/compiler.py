@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from dynid.core.errors import DynidError
+from dynid.core import DynidError
 from dynid.simulation.controller.urscript.errors import ScriptError
 from dynid.simulation.controller.urscript.program import Program
 

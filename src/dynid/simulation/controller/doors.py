@@ -6,7 +6,7 @@ import socket
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from dynid.core.errors import JobError
+from dynid.core import JobError
 from dynid.protocol import dashboard, rtde
 from dynid.simulation.controller.clients import Client
 

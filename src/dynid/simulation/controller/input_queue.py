@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping
 
-from dynid.protocol.recipe import Value
+from dynid.protocol import Value
 
 LONGEST = 64
 """Packages that may wait; of a client that writes more than one a cycle the oldest act at once."""

@@ -6,8 +6,8 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
-from dynid.core.errors import InputError, JobError
-from dynid.protocol.modes import RobotMode, SafetyMode
+from dynid.core import InputError, JobError
+from dynid.protocol import RobotMode, SafetyMode
 from dynid.simulation.controller.machine_arm import ControlledArm
 from dynid.simulation.controller.machine_core import Core, Watchdog
 from dynid.simulation.controller.machine_guard import watch
@@ -19,7 +19,7 @@ from dynid.simulation.controller.machine_program import Programs, compile_progra
 from dynid.simulation.controller.machine_safety import Safety, SafetyLimits
 from dynid.simulation.controller.urscript.errors import ScriptError
 from dynid.simulation.controller.urscript.program import Program
-from dynid.simulation.thermal import Thermal
+from dynid.simulation.friction import Thermal
 from dynid.simulation.truth import SimulatedArm
 
 Version = tuple[int, int, int, int]

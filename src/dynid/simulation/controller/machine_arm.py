@@ -7,12 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import InputError
+from dynid.core import Array, InputError
 from dynid.simulation.controller.machine_kinematics import ToolKinematics
+from dynid.simulation.friction import Thermal
 from dynid.simulation.plant import Plant
-from dynid.simulation.state import PlantState
-from dynid.simulation.thermal import Thermal
+from dynid.simulation.servo import PlantState
 from dynid.simulation.truth import SimulatedArm
 
 PROGRAM_STOP = 80.0

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core.arrays import Array
+from dynid.core import Array
 from dynid.simulation.controller.machine_core import Core
 from dynid.simulation.controller.urscript.builtin import Builtin, Kind, builtin
 from dynid.simulation.controller.urscript.pose_functions import matrix_of, numbers

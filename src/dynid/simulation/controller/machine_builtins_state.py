@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import JobError
+from dynid.core import Array, JobError
 from dynid.simulation.controller.machine_core import Core, Payload
 from dynid.simulation.controller.machine_outputs import READERS
 from dynid.simulation.controller.urscript.builtin import Builtin, Kind, builtin

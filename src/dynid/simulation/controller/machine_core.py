@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.protocol.modes import RobotMode
+from dynid.core import Array
+from dynid.protocol import RobotMode
 from dynid.simulation.controller.machine_arm import PROGRAM_STOP, PROTECTIVE_STOP, ControlledArm
 from dynid.simulation.controller.machine_interpreter import Interpreter
 from dynid.simulation.controller.machine_messages import Message, MessageKind

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from dynid.protocol.modes import RobotMode
+from dynid.protocol import RobotMode
 from dynid.simulation.controller.machine_core import Core
 
 _AT_REST = 1e-4

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-from dynid.core.errors import InputError
+from dynid.core import InputError
 from dynid.simulation.controller.machine_core import Core
 from dynid.simulation.controller.machine_registers import BITS, COUNT
 

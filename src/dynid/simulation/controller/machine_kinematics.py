@@ -7,9 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import JobError
-from dynid.robot.model import RobotModel
+from dynid.core import Array, JobError
+from dynid.robot import RobotModel
 from dynid.simulation.controller.motion_chain import chain
 from dynid.simulation.controller.motion_poses import rotation_vector, to_pose
 

@@ -10,12 +10,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.protocol.modes import JointMode, RobotMode, RobotStatus, RuntimeState
+from dynid.core import Array
+from dynid.protocol import JointMode, RobotMode, RobotStatus, RuntimeState
 from dynid.simulation.controller.machine_core import Core
 from dynid.simulation.controller.machine_registers import BITS, COUNT
 from dynid.simulation.controller.motion_poses import to_pose
-from dynid.simulation.state import PlantState, Target
+from dynid.simulation.servo import PlantState, Target
 
 OutputValue = bool | int | float | list[int] | list[float]
 _Reader = Callable[[Core], OutputValue]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dynid.protocol.modes import RobotMode, SafetyMode
+from dynid.protocol import RobotMode, SafetyMode
 from dynid.simulation.controller.machine_core import Core
 
 _BOOT_S, _RELEASE_S = 1.0, 0.5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from dynid.protocol.modes import RobotMode
+from dynid.protocol import RobotMode
 from dynid.simulation.controller.machine_builtins import BUILTINS
 from dynid.simulation.controller.machine_core import Core
 from dynid.simulation.controller.machine_messages import (

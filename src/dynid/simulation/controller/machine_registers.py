@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dynid.core.errors import InputError
+from dynid.core import InputError
 
 COUNT = 48
 """Integer and double registers in each direction."""

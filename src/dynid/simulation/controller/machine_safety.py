@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dynid.core.errors import InputError
-from dynid.protocol.modes import SafetyMode, SafetyStatus
+from dynid.core import InputError
+from dynid.protocol import SafetyMode, SafetyStatus
 
 _EMERGENCY = SafetyStatus.EMERGENCY_STOPPED
 _BITS = {

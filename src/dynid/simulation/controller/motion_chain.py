@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from dynid.core.arrays import Array
+from dynid.core import Array
 
 
 @njit(cache=True)

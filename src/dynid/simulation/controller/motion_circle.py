@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.core.errors import InputError
+from dynid.core import Array, InputError
 from dynid.simulation.controller.machine_core import Core
 from dynid.simulation.controller.motion_joint import Motion, follow, six
 from dynid.simulation.controller.motion_poses import rotation_matrix, rotation_vector, to_matrix

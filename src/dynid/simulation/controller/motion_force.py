@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core.arrays import Array
+from dynid.core import Array
 from dynid.simulation.controller.machine_arm import ControlledArm
 from dynid.simulation.controller.motion_poses import rotation_matrix, to_matrix
 

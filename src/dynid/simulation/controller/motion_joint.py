@@ -7,7 +7,7 @@ from collections.abc import Callable, Generator, Sequence
 
 import numpy as np
 
-from dynid.core.errors import InputError
+from dynid.core import InputError
 from dynid.simulation.controller.machine_core import Core
 from dynid.simulation.controller.motion_blend import Rest, hands_over
 from dynid.simulation.controller.motion_profile import Trapezoid, trapezoid

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dynid.core.arrays import Array
+from dynid.core import Array
 
 _SMALL = 1e-12
 _PI_ZONE = 1e-4

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from dynid.core.errors import InputError
+from dynid.core import InputError
 
 
 @dataclass(frozen=True, slots=True)

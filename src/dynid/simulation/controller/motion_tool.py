@@ -7,16 +7,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from dynid.core.arrays import Array
+from dynid.core import Array
 from dynid.simulation.controller.machine_core import Core
-from dynid.simulation.controller.motion_joint import (
-    Motion,
-    ahead,
-    brake,
-    follow,
-    settle,
-    six,
-)
+from dynid.simulation.controller.motion_joint import Motion, ahead, brake, follow, settle, six
 from dynid.simulation.controller.motion_poses import rotation_matrix, rotation_vector, to_matrix
 from dynid.simulation.controller.motion_profile import Trapezoid, trapezoid
 from dynid.simulation.controller.urscript.values import Pose

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dynid.protocol.fields import DataType
-from dynid.protocol.recipe import Recipe
+from dynid.protocol import DataType, Recipe
 from dynid.simulation.controller.machine import ControllerMachine
 
 _Layout = tuple[tuple[str, ...], tuple[DataType, ...], int | None]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import struct
 
-from dynid.protocol.modes import RobotMode, SafetyMode
+from dynid.protocol import RobotMode, SafetyMode
 from dynid.simulation.controller.machine import ControllerMachine
 from dynid.simulation.controller.state_identity import configuration_data, kinematics_info
 from dynid.simulation.controller.state_values import scalar, since, vector

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import struct
 
-from dynid.protocol.modes import SafetyMode
+from dynid.protocol import SafetyMode
 from dynid.simulation.controller.machine_core import Message, MessageKind
 
 _ROBOT_MESSAGE = 20

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
-from dynid.core.errors import JobError
+from dynid.core import JobError
 
 READY_S = 60.0
 """How long a controller may take until clients can connect [s]."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 
-from dynid.core.errors import InputError
+from dynid.core import InputError
 from dynid.simulation.controller.urscript.tokens import MAX_CHARACTERS
 
 FindProgram = Callable[[str], str | None]

@@ -6,11 +6,22 @@ import math
 import time
 from collections.abc import Iterable, Mapping
 
-from dynid.core.errors import DynidError
-from dynid.protocol import rtde
-from dynid.protocol.fields import IN_USE, INPUTS, NOT_FOUND, OUTPUTS, Field, Version
-from dynid.protocol.framing import Framer, Kind, Packet, ProtocolError
-from dynid.protocol.recipe import Recipe, Value
+from dynid.core import DynidError
+from dynid.protocol import (
+    IN_USE,
+    INPUTS,
+    NOT_FOUND,
+    OUTPUTS,
+    Field,
+    Framer,
+    Kind,
+    Packet,
+    ProtocolError,
+    Recipe,
+    Value,
+    Version,
+    rtde,
+)
 from dynid.simulation.controller.input_queue import InputQueue
 from dynid.simulation.controller.machine import ControllerMachine
 

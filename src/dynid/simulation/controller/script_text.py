@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from dynid.core.errors import JobError
+from dynid.core import JobError
 
 LARGEST_SCRIPT = 2_000_000
 """The longest program taken [bytes]."""

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
 
-from dynid.core.errors import InputError
-from dynid.core.files import write_json
+from dynid.core import InputError, write_json
 from dynid.protocol import dashboard, rtde
-from dynid.robot.load import load_robot
+from dynid.robot import load_robot
 from dynid.simulation.controller.doors import INTERPRETER, PRIMARY, REALTIME, SECONDARY
 from dynid.simulation.controller.log import Log
 from dynid.simulation.controller.machine import ControllerMachine
@@ -21,8 +20,8 @@ from dynid.simulation.controller.priority import keep_time
 from dynid.simulation.controller.program_files import no_programs, program_folder
 from dynid.simulation.controller.reception import ServerSettings
 from dynid.simulation.controller.server import ControllerServer
+from dynid.simulation.friction import Thermal
 from dynid.simulation.library import simulated_arm
-from dynid.simulation.thermal import Thermal
 
 CB_HZ, E_SERIES_HZ = 125.0, 500.0
 _CB, _E_SERIES = (3, 15, 8, 106339), (5, 12, 0, 1101319)

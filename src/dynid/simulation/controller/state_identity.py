@@ -12,8 +12,8 @@ import struct
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.robot.model import RobotModel
+from dynid.core import Array
+from dynid.robot import RobotModel
 from dynid.simulation.controller.machine import ControllerMachine
 
 _NOT_CALIBRATED = (0xFFFFFFFF,) * 6

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from dynid.protocol.framing import HEADER
+from dynid.protocol import HEADER
 from dynid.simulation.controller.clients import RtdeClient
 from dynid.simulation.controller.machine import ControllerMachine
 from dynid.simulation.controller.unread import UnreadBytes

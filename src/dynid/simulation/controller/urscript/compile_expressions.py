@@ -32,13 +32,7 @@ from dynid.simulation.controller.urscript.syntax import (
     Run,
     Unary,
 )
-from dynid.simulation.controller.urscript.values import (
-    MAX_LENGTH,
-    SIGNS,
-    Struct,
-    Value,
-    copied,
-)
+from dynid.simulation.controller.urscript.values import MAX_LENGTH, SIGNS, Struct, Value, copied
 
 _CALL_WEIGHT = 12
 _STRUCT = "struct"

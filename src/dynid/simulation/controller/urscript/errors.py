@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dynid.core.errors import InputError, JobError
+from dynid.core import InputError, JobError
 
 UNKNOWN_NAME, UNKNOWN_FUNCTION, UNKNOWN_THREAD = (
     "unknown name",

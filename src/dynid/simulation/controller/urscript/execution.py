@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from dynid.core.errors import DynidError
+from dynid.core import DynidError
 from dynid.simulation.controller.urscript.errors import ScriptFault, ScriptHalt
 from dynid.simulation.controller.urscript.threads import (
     BACK,

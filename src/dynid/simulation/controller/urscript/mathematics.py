@@ -7,13 +7,7 @@ from typing import Any, cast
 
 from dynid.simulation.controller.urscript.builtin import Builtin, Kind, builtin
 from dynid.simulation.controller.urscript.errors import ScriptFault
-from dynid.simulation.controller.urscript.values import (
-    MAX_LENGTH,
-    Value,
-    number,
-    shown,
-    truth,
-)
+from dynid.simulation.controller.urscript.values import MAX_LENGTH, Value, number, shown, truth
 
 
 def _floor(f: Value) -> int:

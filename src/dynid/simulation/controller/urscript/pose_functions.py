@@ -7,8 +7,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from dynid.core.arrays import Array
-from dynid.robot.transforms import from_xyz_rpy, inverse
+from dynid.core import Array
+from dynid.robot import from_xyz_rpy, inverse
 from dynid.simulation.controller.motion_poses import (
     rotation_matrix,
     rotation_vector,

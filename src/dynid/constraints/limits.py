@@ -1,0 +1,328 @@
+"""How much of every limit a motion uses: joints, speeds of points, momentum."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+from dynid.constraints.arm import ArmGeometry, arm_geometry, place_joints, place_point, samples_of
+from dynid.constraints.scene import ConstraintSettings
+from dynid.core import Array, Indices, Mask, read_only
+from dynid.robot import RobotModel
+from dynid.trajectory import MotionBounds
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MovingPoints:
+    """Points on links whose weighted velocities are summed.
+
+    One point of weight 1 gives its velocity; the centres of mass, weighted with the masses,
+    give the momentum.
+    """
+
+    arm: ArmGeometry
+    link: Indices
+    """(M) the link of each point."""
+    points: Array
+    """(M, 3) in the links' joint frames [m]."""
+    weights: Array
+    """(M)"""
+
+    def norms(self, q: Array, dq: Array) -> Array:
+        """Length (N) of the sum at q, dq (N, n) [m/s or kg.m/s]."""
+        found = np.empty(len(q))
+        slopes = np.zeros((2, 1, 1))
+        _norms(*self._arrays(), samples_of(q), samples_of(dq), -1.0, found, slopes)
+        return found
+
+    def violation(self, q: Array, dq: Array, limit: float) -> tuple[float, Array, Array]:
+        """Sum over samples of (length / limit - 1)^2 where that is positive.
+
+        Returns:
+            The sum and its derivatives (N, n) with respect to q and dq.
+        """
+        found = np.empty(len(q))
+        slopes = np.zeros((2, *q.shape))
+        total = _norms(*self._arrays(), samples_of(q), samples_of(dq), limit, found, slopes)
+        return float(total), slopes[0], slopes[1]
+
+    def reach(self, travel: Array) -> Array:
+        """(n) bounds of |d sum / d dq_k|; see `ArmGeometry.reach`."""
+        total = np.zeros(self.arm.count)
+        for link, point, weight in zip(self.link, self.points, self.weights, strict=True):
+            total += abs(float(weight)) * self.arm.reach(int(link), point, travel)
+        return total
+
+    def _arrays(self) -> tuple[Array, Indices, Indices, Array, Array]:
+        arm = self.arm
+        return arm.joints, arm.prismatic, self.link, self.points, self.weights
+
+
+@njit(cache=True, error_model="numpy")
+def _norms(
+    joints: Array,
+    prismatic: Indices,
+    link: Indices,
+    points: Array,
+    weights: Array,
+    q: Array,
+    dq: Array,
+    limit: float,
+    found: Array,
+    slopes: Array,
+) -> float:
+    n = q.shape[1]
+    turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
+    column, before = np.empty((n, len(link), 3)), np.empty((n + 1, len(link), 3))
+    place, spin, whole = np.empty(3), np.empty((n + 1, 3)), np.empty(3)
+    total = 0.0
+    for k in range(len(q)):
+        place_joints(joints, q[k], turn, origin, axis)
+        spin[0] = 0.0
+        for i in range(n):
+            turns = 0.0 if prismatic[i] else dq[k, i]
+            for r in range(3):
+                spin[i + 1, r] = spin[i, r] + turns * axis[i, r]
+        whole[:] = 0.0
+        for m in range(len(link)):
+            place_point(turn[link[m]], origin[link[m]], points[m], place)
+            before[0, m] = 0.0
+            for i in range(link[m]):
+                if prismatic[i]:
+                    column[i, m] = axis[i]
+                else:
+                    x = place[0] - origin[i + 1, 0]
+                    y = place[1] - origin[i + 1, 1]
+                    z = place[2] - origin[i + 1, 2]
+                    column[i, m, 0] = axis[i, 1] * z - axis[i, 2] * y
+                    column[i, m, 1] = axis[i, 2] * x - axis[i, 0] * z
+                    column[i, m, 2] = axis[i, 0] * y - axis[i, 1] * x
+                for r in range(3):
+                    before[i + 1, m, r] = before[i, m, r] + dq[k, i] * column[i, m, r]
+            for r in range(3):
+                whole[r] += weights[m] * before[link[m], m, r]
+        size = math.sqrt(whole[0] ** 2 + whole[1] ** 2 + whole[2] ** 2)
+        found[k] = size
+        if limit <= 0.0 or size <= limit:
+            continue
+        over = size / limit - 1.0
+        total += over * over
+        scale = 2.0 * over / limit / size
+        for m in range(len(link)):
+            by = scale * weights[m]
+            speed = before[link[m], m]
+            for i in range(link[m]):
+                c = column[i, m]
+                # The column turns with the joints before it; those after it turn with joint i.
+                d0 = spin[i, 1] * c[2] - spin[i, 2] * c[1]
+                d1 = spin[i, 2] * c[0] - spin[i, 0] * c[2]
+                d2 = spin[i, 0] * c[1] - spin[i, 1] * c[0]
+                if not prismatic[i]:
+                    v0 = speed[0] - before[i, m, 0]
+                    v1 = speed[1] - before[i, m, 1]
+                    v2 = speed[2] - before[i, m, 2]
+                    d0 += axis[i, 1] * v2 - axis[i, 2] * v1
+                    d1 += axis[i, 2] * v0 - axis[i, 0] * v2
+                    d2 += axis[i, 0] * v1 - axis[i, 1] * v0
+                slopes[0, k, i] += by * (whole[0] * d0 + whole[1] * d1 + whole[2] * d2)
+                slopes[1, k, i] += by * (whole[0] * c[0] + whole[1] * c[1] + whole[2] * c[2])
+    return total
+
+
+def judged_points(
+    robot: RobotModel, settings: ConstraintSettings, notes: list[str]
+) -> dict[str, tuple[MovingPoints, float]]:
+    """Kind to its points and its limit [m/s or kg.m/s], for the kinds that are held."""
+    arm, safety = arm_geometry(robot), robot.safety
+    found: dict[str, tuple[MovingPoints, float]] = {}
+    if settings.tcp_speed and not math.isnan(safety.tcp_speed):
+        tool = robot.flange[:3, :3] @ settings.tcp + robot.flange[:3, 3]
+        found["tcp_speed"] = (
+            MovingPoints(
+                arm=arm,
+                link=np.array([robot.joints], dtype=np.intp),
+                points=read_only(tool[None].copy()),
+                weights=read_only(np.ones(1)),
+            ),
+            safety.tcp_speed,
+        )
+    if settings.elbow_speed and not math.isnan(safety.elbow_speed) and safety.elbow:
+        place = robot.parameter_frames["urdf"][safety.elbow - 1, :3, 3]
+        found["elbow_speed"] = (
+            MovingPoints(
+                arm=arm,
+                link=np.array([safety.elbow], dtype=np.intp),
+                points=read_only(place[None].copy()),
+                weights=read_only(np.ones(1)),
+            ),
+            safety.elbow_speed,
+        )
+    if settings.momentum and not math.isnan(safety.momentum):
+        known = robot.inertias[:, :4]
+        if np.isnan(known).any():
+            notes.append("momentum is not judged: a mass or centre of mass is unknown")
+            return found
+        heavy = np.flatnonzero(known[:, 0] > 0)
+        if len(heavy):
+            found["momentum"] = (
+                MovingPoints(
+                    arm=arm,
+                    link=heavy + 1,
+                    points=read_only(known[heavy, 1:] / known[heavy, :1]),
+                    weights=read_only(known[heavy, 0].copy()),
+                ),
+                safety.momentum,
+            )
+    return found
+
+
+RATIOS = (
+    "position", "velocity", "acceleration", "torque",
+    "tcp_speed", "elbow_speed", "momentum", "power",
+)  # fmt: skip
+"""Kinds whose margin is the share of the limit that is left."""
+DISTANCES = ("self_collision", "environment")
+"""Kinds whose margin is a signed distance."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Worst:
+    """Where a limit is nearest to being broken."""
+
+    margin: float
+    """Share of the limit that is left, or signed distance [m]; NaN where not judged."""
+    t: float | None = None
+    """When [s], or the sample's number where no times are known."""
+    what: str = ""
+    """The joint or the two bodies."""
+    value: float = math.nan
+    """The quantity itself [SI]."""
+    limit: float = math.nan
+    """Its limit [SI]."""
+    distance: bool = False
+    """Whether it is a distance, which must not fall below its limit."""
+
+    @property
+    def room(self) -> float:
+        """What is left: the margin, less the clearance of a distance; infinite if not judged."""
+        if math.isnan(self.margin):
+            return math.inf
+        return self.margin - self.limit if self.distance else self.margin
+
+    def to_json(self) -> dict[str, Any]:
+        """The form that `--json` prints."""
+        key = "bodies" if self.distance else "joint"
+        return {
+            "t": self.t,
+            **({key: self.what} if self.what else {}),
+            "value": _known(self.value),
+            "limit": _known(self.limit),
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Usage:
+    """The worst of every kind over samples of a motion."""
+
+    worst: dict[str, Worst]
+    """Kind (`RATIOS`, `DISTANCES`) to its worst; kinds that are not judged have margin NaN."""
+
+    @property
+    def feasible(self) -> bool:
+        """Whether no judged limit is broken at any sample."""
+        return all(item.room >= 0 for item in self.worst.values())
+
+    def ratio(self, kind: str) -> float:
+        """Value over limit of one of `RATIOS`; NaN where not judged."""
+        return 1.0 - self.worst[kind].margin
+
+    def distance(self, kind: str) -> float:
+        """Smallest signed distance of one of `DISTANCES` [m]; NaN where not judged."""
+        return self.worst[kind].margin
+
+    @property
+    def margins(self) -> dict[str, float | None]:
+        """The margins as `--json` prints them; null where not judged."""
+        return margins_of(self.worst)
+
+
+def margins_of(worst: dict[str, Worst]) -> dict[str, float | None]:
+    """Kind, with its unit where it is a distance, to margin; None where not judged."""
+    return {
+        f"{kind}_m" if kind in DISTANCES else kind: _known(item.margin)
+        for kind, item in worst.items()
+    }
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def bound_ratios(bounds: MotionBounds, q: Array, dq: Array, ddq: Array) -> tuple[Array, ...]:
+    """What each bound is used, three (N, n) arrays; 1 is the bound.
+
+    Positions count from the middle of their range; a bound that is infinite is used 0.
+    """
+    middle, half = _range(bounds)
+    return (
+        np.abs(q - middle) / half,
+        np.abs(dq) / bounds.velocity,
+        np.abs(ddq) / bounds.acceleration,
+    )
+
+
+def bound_violation(
+    bounds: MotionBounds, q: Array, dq: Array, ddq: Array, share: float
+) -> tuple[float, Array, Array, Array]:
+    """Sum of squared excesses over `share` of each bound, and its derivatives (N, n)."""
+    middle, half = _range(bounds)
+    total = 0.0
+    slopes: list[Array] = []
+    for value, limit in (
+        (q - middle, share * half),
+        (dq, share * bounds.velocity),
+        (ddq, share * bounds.acceleration),
+    ):
+        over = np.maximum(np.abs(value) / limit - 1.0, 0.0)
+        total += float(np.vdot(over, over))
+        slopes.append(2.0 * over * np.sign(value) / limit)
+    return total, slopes[0], slopes[1], slopes[2]
+
+
+def bound_notes(robot: RobotModel, bounds: MotionBounds) -> list[str]:
+    """What the robot does not say of its bounds, in words: what is unknown does not bind."""
+    notes: list[str] = []
+    unknown = np.isnan(robot.limits.lower) | np.isnan(robot.limits.upper)
+    taken = unknown & np.isfinite(bounds.lower) & np.isfinite(bounds.upper)
+    if taken.any():
+        low, high = float(bounds.lower[taken].min()), float(bounds.upper[taken].max())
+        notes.append(
+            f"no position limits are known of {_joints(robot, taken)}: taken as {low:.4g} to"
+            f" {high:.4g}"
+        )
+    for name, values in (("velocity", bounds.velocity), ("acceleration", bounds.acceleration)):
+        free = np.isinf(values)
+        if free.any():
+            notes.append(
+                f"{name} is not judged of {_joints(robot, free)}: no limit is known ([limits] in a"
+                " robot file)"
+            )
+    return notes
+
+
+def _joints(robot: RobotModel, which: Mask) -> str:
+    if which.all():
+        return "any joint"
+    return ", ".join(name for name, one in zip(robot.joint_names, which, strict=True) if one)
+
+
+def _range(bounds: MotionBounds) -> tuple[Array, Array]:
+    if np.isinf(bounds.lower).any() or np.isinf(bounds.upper).any():
+        lower = np.where(np.isinf(bounds.lower), -1e300, bounds.lower)
+        upper = np.where(np.isinf(bounds.upper), 1e300, bounds.upper)
+        return lower / 2 + upper / 2, upper / 2 - lower / 2
+    return (bounds.lower + bounds.upper) / 2, (bounds.upper - bounds.lower) / 2

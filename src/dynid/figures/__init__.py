@@ -1,1 +1,0 @@
-"""Pictures of designs, recordings and results, for the screen and for a paper."""

@@ -1,0 +1,372 @@
+"""Least squares over physically consistent parameters as a cone program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import sparse  # pyright: ignore[reportMissingTypeStubs]
+
+from dynid.core import Array, JobError, read_only, require, upper_triangle
+from dynid.identification.bayesian import NOT_NEGATIVE, InertialPrior, symbol_of
+from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
+from dynid.regressor import InverseDynamicModel
+from dynid.robot import frame_map, from_pseudo_inertia, to_pseudo_inertia
+
+BOUNDED_BY = {"Fca": "Fc", "Fva": "Fv", "Fs": "Fc"}
+"""Added friction that must not outweigh its term: friction opposes motion both ways."""
+
+MASS_FACTOR = 3.0
+"""A published mass is right to this factor."""
+CENTRE_MARGIN = 0.25
+"""How far beside its link a centre of mass may lie, over the arm's reach."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConsistentProblem:
+    """Minimise ||A p - y||^2 / 2 + gamma sum_i D(J_i || J0_i) with C p >= d and J_i > 0.
+
+    D is the log-det (entropic) divergence tr(J0^-1 J) - log det(J0^-1 J) - 4 of Lee, Wensing and
+    Park (2020): zero at the prior, infinite at bodies that cannot exist, the same in all frames
+    and units.
+    """
+
+    matrix: Array
+    """A (m, p), the triangular root of the weighted data in standard parameters."""
+    target: Array
+    """y (m)."""
+    prior: Array
+    """(n, 10) inertial parameters of bodies that exist; p starts with the 10 n of them."""
+    constraints: Array
+    """C (k, p)."""
+    floor: Array
+    """d (k)."""
+
+    @property
+    def links(self) -> int:
+        """Number of links n."""
+        return len(self.prior)
+
+    def pseudo_inertias(self, parameters: Array) -> Array:
+        """(n, 4, 4) of parameters (p)."""
+        return to_pseudo_inertia(parameters[: 10 * self.links].reshape(-1, 10))
+
+    def misfit(self, parameters: Array) -> float:
+        """||A p - y||^2."""
+        return float(np.square(self.matrix @ parameters - self.target).sum())
+
+    def divergence(self, parameters: Array) -> float:
+        """The sum of D over the links; infinite outside the bodies that exist."""
+        bodies, prior = self.pseudo_inertias(parameters), to_pseudo_inertia(self.prior)
+        try:
+            # Not by the determinant: two negative eigenvalues make a positive one.
+            roots = np.linalg.cholesky(bodies)
+        except np.linalg.LinAlgError:
+            return float("inf")
+        size = 2.0 * np.log(np.diagonal(roots, axis1=1, axis2=2)).sum()
+        known = np.linalg.slogdet(prior)[1].sum()
+        trace = np.trace(np.linalg.solve(prior, bodies), axis1=1, axis2=2).sum()
+        return float(trace - size + known - 4.0 * self.links)
+
+
+def reduced_problem(
+    problem: IdentificationProblem, factors: Array, weights: Array, prior: InertialPrior
+) -> tuple[ConsistentProblem, float]:
+    """The reduced problem, and the residual sum that no parameters can go below.
+
+    Args:
+        problem: The problem.
+        factors: (n, r + 1, r + 1) from `joint_factors`.
+        weights: (n) weight of each joint [1/(N.m)].
+        prior: Inertias in the model's parameter frames.
+    """
+    rank = problem.base.rank
+    upper = upper_triangle((factors * weights[:, None, None]).reshape(-1, rank + 1))
+    signs = sign_constraints(problem.base.model)
+    bodies, floors = body_constraints(problem.base.model)
+    return (
+        ConsistentProblem(
+            matrix=upper[:rank, :rank] @ base_mapping(problem.base),
+            target=upper[:rank, rank],
+            prior=prior.parameters,
+            constraints=np.vstack([signs, bodies]),
+            floor=np.concatenate([np.zeros(len(signs)), floors]),
+        ),
+        float(upper[rank, rank] ** 2),
+    )
+
+
+def sign_constraints(model: InverseDynamicModel) -> Array:
+    """C (k, p) with C p >= 0: friction opposes motion, motor inertia is not negative."""
+    names = model.names
+    place = {name: k for k, name in enumerate(names)}
+    rows: list[Array] = []
+    for name, k in place.items():
+        symbol = symbol_of(name)
+        if symbol in NOT_NEGATIVE:
+            rows.append(_row(len(names), k))
+        base = BOUNDED_BY.get(symbol)
+        if base is None:
+            continue
+        other = place.get(base + name[len(symbol) :])
+        for sign in (1.0,) if symbol == "Fs" else (1.0, -1.0):
+            row = sign * _row(len(names), k)
+            if other is not None:
+                row[other] += 1.0
+            rows.append(row)
+    return np.array(rows).reshape(-1, len(names))
+
+
+def body_constraints(model: InverseDynamicModel) -> tuple[Array, Array]:
+    """C (k, p) and d (k) with C p >= d: masses and centres of mass where they can be.
+
+    A published mass is right to `MASS_FACTOR`; the last link may carry a tool besides. A centre
+    of mass lies in the box of its link's joint and the next, wider by `CENTRE_MARGIN`.
+    """
+    robot, width = model.robot, len(model.columns)
+    ends = [*robot.placements[1:, :3, 3], robot.flange[:3, 3]]
+    margin = CENTRE_MARGIN * float(sum(np.linalg.norm(end) for end in ends))
+    rows: list[Array] = []
+    floors: list[float] = []
+    for i, end in enumerate(ends):
+        known = robot.inertias[i]
+        here = slice(10 * i, 10 * i + 10)
+        if known[0] > 0:
+            rows.append(_row(width, 10 * i))
+            floors.append(float(known[0]) / MASS_FACTOR)
+            if i < robot.joints - 1:
+                rows.append(-_row(width, 10 * i))
+                floors.append(-float(known[0]) * MASS_FACTOR)
+        published = known[1:4] / known[0] if known[0] > 0 else np.zeros(3)
+        corners = np.array([np.zeros(3), end, np.nan_to_num(published)])
+        lower, upper = corners.min(axis=0) - margin, corners.max(axis=0) + margin
+        first = frame_map(robot.parameter_frames[model.frames][i])[:4]
+        for axis in range(3):
+            for sign, bound in ((1.0, lower[axis]), (-1.0, upper[axis])):
+                row = np.zeros(width)
+                row[here] = sign * (first[1 + axis] - bound * first[0])
+                rows.append(row)
+                floors.append(0.0)
+    return np.array(rows), np.array(floors)
+
+
+def _row(width: int, place: int) -> Array:
+    row = np.zeros(width)
+    row[place] = 1.0
+    return row
+
+
+TRIANGLE = tuple((a, b) for a in range(4) for b in range(a + 1))
+"""Entries of the lower triangle Z."""
+EXTRA = 14
+"""Variables a link besides its parameters: the ten of Z and four logarithms."""
+TOLERANCE = 1e-10
+"""Of gaps and residuals."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConsistentSolution:
+    """A minimiser."""
+
+    values: Array
+    """(p) standard parameters."""
+    multipliers: Array
+    """(k) of the bounds, zero where they do not bind."""
+
+
+def solve_conic(
+    problem: ConsistentProblem, gamma: float, tolerance: float = TOLERANCE
+) -> ConsistentSolution:
+    """The minimiser by an interior-point method.
+
+    Args:
+        problem: The problem.
+        gamma: Weight of the prior, positive.
+        tolerance: Of gaps and residuals.
+
+    Raises:
+        MissingExtraError: Clarabel is not installed.
+        JobError: The solver does not find a solution.
+    """
+    clarabel: Any = require("clarabel", "sdp")
+    width, columns = problem.matrix.shape[1], problem.matrix.shape[1] + EXTRA * problem.links
+    units = _units(problem)
+    matrix, bounds = problem.matrix @ units, problem.constraints @ units
+    sizes = np.linalg.norm(bounds, axis=1)
+    quadratic = np.zeros((columns, columns))
+    quadratic[:width, :width] = matrix.T @ matrix
+    linear = np.zeros(columns)
+    linear[:width] = -matrix.T @ problem.target
+    # Clarabel: minimise x'Px/2 + q'x with A x + s = b, s in cones.
+    padding = np.zeros((len(sizes), columns - width))
+    rows = [np.hstack([-bounds / sizes[:, None], padding])]
+    right = [-problem.floor / sizes]
+    cones: list[Any] = [clarabel.NonnegativeConeT(len(sizes))]
+    for i in range(problem.links):
+        first = width + EXTRA * i
+        linear[10 * i : 10 * i + 10] += gamma * np.trace(_BASIS, axis1=1, axis2=2)
+        linear[first + 10 : first + EXTRA] = -gamma
+        added = _link_rows(_BASIS, 10 * i, first, columns)
+        rows += added
+        right += [np.zeros(36), *[np.array([0.0, 1.0, 0.0])] * 4]
+        cones += [clarabel.PSDTriangleConeT(8), *[clarabel.ExponentialConeT()] * 4]
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
+    settings.max_iter = 400
+    solver = clarabel.DefaultSolver(
+        sparse.csc_matrix(np.triu(quadratic)),
+        linear,
+        sparse.csc_matrix(np.vstack(rows)),
+        np.concatenate(right),
+        cones,
+        settings,
+    )
+    solution = solver.solve()
+    if str(solution.status) not in ("Solved", "AlmostSolved"):
+        raise JobError("the conic solver found no solution", value=str(solution.status))
+    multipliers = np.array(solution.z[: len(sizes)], dtype=np.float64) / sizes
+    return ConsistentSolution(
+        values=units @ np.array(solution.x[:width], dtype=np.float64),
+        multipliers=np.maximum(multipliers, 0.0),
+    )
+
+
+def _units(problem: ConsistentProblem) -> Array:
+    """(p, p) parameters in which the solver works: bodies in those of the prior, columns of one.
+
+    Friction in N.m beside inertias of a wrist would stop the solver short of its tolerance.
+    """
+    units = np.eye(problem.matrix.shape[1])
+    for i, root in enumerate(np.linalg.cholesky(to_pseudo_inertia(problem.prior))):
+        here = slice(10 * i, 10 * i + 10)
+        units[here, here] = from_pseudo_inertia(root @ _BASIS @ root.T).T
+    norms = np.linalg.norm(problem.matrix[:, 10 * problem.links :], axis=0)
+    for k, norm in enumerate(norms, start=10 * problem.links):
+        units[k, k] = 1.0 / norm if norm > 0 else 1.0
+    return units
+
+
+def _link_rows(white: Array, here: int, first: int, columns: int) -> list[Array]:
+    """Rows of one link: its 8x8 matrix, then the cone of each logarithm."""
+    block = np.zeros((columns, 8, 8))
+    block[here : here + 10, :4, :4] = white
+    for k, (a, b) in enumerate(TRIANGLE):
+        block[first + k, a, 4 + b] = block[first + k, 4 + b, a] = 1.0
+        if a == b:
+            block[first + k, 4 + a, 4 + a] = 1.0
+    rows = [-_upper_triangles(block).T]
+    for a in range(4):
+        cone = np.zeros((3, columns))
+        cone[0, first + 10 + a] = -1.0
+        cone[2, first + TRIANGLE.index((a, a))] = -1.0
+        rows.append(cone)
+    return rows
+
+
+def _upper_triangles(matrices: Array) -> Array:
+    """(..., k (k + 1) / 2) upper triangles by columns, off-diagonal entries times sqrt(2)."""
+    size = matrices.shape[-1]
+    entries = [
+        matrices[..., a, b] * (1.0 if a == b else np.sqrt(2.0))
+        for b in range(size)
+        for a in range(b + 1)
+    ]
+    return np.stack(entries, axis=-1)
+
+
+_BASIS = to_pseudo_inertia(np.eye(10))
+
+
+AXES = 3
+"""Principal axes of the poses whose two ends are left out in turn."""
+END = 0.25
+"""Share of the rows at one end."""
+POWERS = tuple(k / 2 for k in range(-12, 1))
+"""Decimal powers of the weights that are tried, over the weighted residual sum."""
+WEIGHT_TOLERANCE = 1e-8
+"""Of the solver while weights are compared."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldOutWeight:
+    """A weight, and what spoke for it."""
+
+    gamma: float
+    scores: Array
+    """(folds, weights) sum over joints of log RMS on the region left out [log N.m]."""
+    regions: int
+
+
+def pose_regions(q: Array) -> Array:
+    """(k, N) marks of the rows at each end of the principal axes of poses.
+
+    Args:
+        q: (N, n) positions.
+    """
+    spread = q.std(axis=0)
+    moving = spread > 1e-9
+    centred = (q - q.mean(axis=0))[:, moving] / spread[moving]
+    axes = np.linalg.svd(centred, full_matrices=False)[2][:AXES]
+    along = axes @ centred.T
+    low, high = np.quantile(along, [END, 1 - END], axis=1)
+    return np.concatenate([along > high[:, None], along < low[:, None]])
+
+
+def held_out_weight(
+    problem: IdentificationProblem, weights: Array, prior: InertialPrior
+) -> HeldOutWeight:
+    """The largest weight that predicts unseen regions as well as the best, to its own doubt.
+
+    Each end of the motion's principal axes is left out in turn. Of all weights whose mean score
+    lies within one standard error of the best, the largest is taken (Breiman, Friedman, Olshen
+    and Stone 1984): what the record cannot tell, the prior says.
+
+    Args:
+        problem: The problem.
+        weights: (n) weight of each joint, in units of the plain residual sum.
+        prior: Inertias in the model's parameter frames.
+
+    Raises:
+        JobError: The solver finds no solution for any weight.
+    """
+    used = problem.samples.q[problem.samples.rows]
+    poses = used[:: problem.samples.block][: problem.blocks]
+    marks = pose_regions(poses)
+    mapping = base_mapping(problem.base)
+    scores = np.full((len(marks), len(POWERS)), np.inf)
+    for k, mark in enumerate(marks):
+        left, stay = (
+            joint_factors(problem, np.broadcast_to(rows, (problem.samples.joints, len(rows))))
+            for rows in (mark.astype(np.float64), (~mark).astype(np.float64))
+        )
+        # Fewer rows, same meaning of the weight: the residual sum of all rows is one.
+        share = float(np.sqrt(len(mark) / (~mark).sum()))
+        reduced, _ = reduced_problem(problem, stay, weights * share, prior)
+        for i, power in enumerate(POWERS):
+            try:
+                found = solve_conic(reduced, 10.0**power, WEIGHT_TOLERANCE)
+            except JobError:
+                continue
+            error = np.linalg.norm(left @ np.append(mapping @ found.values, -1.0), axis=1)
+            scores[k, i] = np.log(np.maximum(error / np.sqrt(mark.sum()), 1e-12)).sum()
+    chosen = one_standard_error(scores)
+    return HeldOutWeight(gamma=10.0 ** POWERS[chosen], scores=read_only(scores), regions=len(marks))
+
+
+def one_standard_error(scores: Array) -> int:
+    """The last column whose mean lies within one standard error of the best column's.
+
+    Args:
+        scores: (folds, candidates), smaller is better, the candidates from weak to strong.
+
+    Raises:
+        JobError: No candidate has a score in all folds.
+    """
+    mean = scores.mean(axis=0)
+    best = int(np.argmin(mean))
+    if not np.isfinite(mean[best]):
+        raise JobError("no weight of the prior has a solution on every part of the record")
+    error = scores[:, best].std(ddof=1) / np.sqrt(len(scores))
+    return int(np.flatnonzero(mean <= mean[best] + error)[-1])
