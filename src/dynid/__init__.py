@@ -7,6 +7,7 @@ The verbs of the command line, in the order of a job; robots are names, files or
     design, check               an excitation trajectory, and its certificate
     run_design                  execute it: simulated, or on a UR robot
     simulate_recording          a recording of the simulated arm, in memory
+    fit                         logs at hand to verdict, models and report
     import_recording            a foreign recording becomes ours
     identify, verdict           parameters with uncertainty, and whether to use them
     validate, compare           errors on another recording; what moved between two estimates
@@ -56,7 +57,12 @@ if TYPE_CHECKING:
     from dynid.regressor import FrictionTerms, InverseDynamicModel, parse_terms
     from dynid.robot import RobotModel, load_robot, robots
     from dynid.signals import ProcessingSettings, Samples, process
-    from dynid.trajectory import FourierSeries, random_excitation, read_trajectory, write_trajectory
+    from dynid.trajectory import (
+        FourierSeries,
+        random_excitation,
+        read_trajectory,
+        write_trajectory,
+    )
     from dynid.validation import (
         MomentumObserver,
         ParameterComparison,
@@ -69,6 +75,7 @@ if TYPE_CHECKING:
         Analysis,
         Check,
         DesignSettings,
+        Fit,
         Identification,
         IdentifySettings,
         ImportOptions,
@@ -81,6 +88,7 @@ if TYPE_CHECKING:
         analyze,
         check,
         design,
+        fit,
         identify,
         identify_gains,
         identify_gains_from_payload,
@@ -108,6 +116,7 @@ __all__ = [
     "ExcitationDesign",
     "ExperimentRecord",
     "ExportedFile",
+    "Fit",
     "FourierSeries",
     "FrictionTerms",
     "Identification",
@@ -141,6 +150,7 @@ __all__ = [
     "compare",
     "contact_thresholds",
     "design",
+    "fit",
     "identify",
     "identify_gains",
     "identify_gains_from_payload",
@@ -239,6 +249,7 @@ _HOME = {
         "Analysis",
         "Check",
         "DesignSettings",
+        "Fit",
         "Identification",
         "IdentifySettings",
         "ImportOptions",
@@ -251,6 +262,7 @@ _HOME = {
         "analyze",
         "check",
         "design",
+        "fit",
         "identify",
         "identify_gains",
         "identify_gains_from_payload",

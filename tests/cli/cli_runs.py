@@ -15,6 +15,7 @@ import dynid
 COMMANDS = (
     "robots",
     "analyze",
+    "fit",
     "design",
     "check",
     "controller",

@@ -11,7 +11,7 @@ import pytest
 from cli_runs import Outcome, Recordings, Run
 
 import dynid
-from dynid.cli.metrics_table import print_metrics
+from dynid.cli.estimate_commands import print_metrics
 from dynid.cli.output import console
 from dynid.core import provenance
 from dynid.export import write_model

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 from chains_for_constraints import random_arm
 
-from dynid.constraints import BOX, HALF_SPACE, ConstraintSettings, safe_constraints, scene_from_json
+from dynid.constraints import (
+    BOX,
+    HALF_SPACE,
+    ConstraintSettings,
+    safe_constraints,
+    scene_from_json,
+)
 from dynid.constraints.scene import read_scene
 from dynid.core import InputError, JsonFields
 from dynid.robot import Capsule, load_robot

@@ -13,7 +13,14 @@ from dynid.core import InputError
 from dynid.experiment import ExperimentPlan
 from dynid.experiment.plan import Slowed, slowed, whole_cycles_share
 from dynid.robot import load_robot
-from dynid.trajectory import BSpline, FourierSeries, MotionSequence, Quintic, Repetition, Trajectory
+from dynid.trajectory import (
+    BSpline,
+    FourierSeries,
+    MotionSequence,
+    Quintic,
+    Repetition,
+    Trajectory,
+)
 from dynid.trajectory.fourier import rest_series
 
 UR5 = load_robot("ur5")

@@ -14,24 +14,12 @@ from hypothesis import strategies as st
 
 import dynid
 from dynid.report import Canvas, joint_unit
-from dynid.report import (
-    figures as friction,
-)
-from dynid.report import (
-    figures as parameters,
-)
-from dynid.report import (
-    figures as signals,
-)
-from dynid.report import (
-    figures as structure,
-)
-from dynid.report import (
-    time_figures as motion,
-)
-from dynid.report import (
-    time_figures as torque,
-)
+from dynid.report import figures as friction
+from dynid.report import figures as parameters
+from dynid.report import figures as signals
+from dynid.report import figures as structure
+from dynid.report import time_figures as motion
+from dynid.report import time_figures as torque
 from dynid.report.theme import (
     POINTS,
     TITLE_WIDTH,

@@ -11,7 +11,8 @@ import typer
 from typer.testing import CliRunner
 
 import dynid
-from dynid.cli import gains, payload
+from dynid.cli import load_commands as gains
+from dynid.cli import load_commands as payload
 from dynid.core import InputError
 from dynid.simulation import simulate, simulated_arm, with_payload
 from dynid.simulation.truth import cylinder

@@ -9,26 +9,24 @@ from typing import Annotated
 import typer
 
 from dynid import __version__
-from dynid.cli import (
-    analyze,
-    bench,
-    check,
-    compare,
-    controller,
-    demo,
-    design,
-    export,
-    gains,
-    identify,
-    importing,
-    payload,
-    report,
-    robots,
-    run,
-    studio,
-    validate,
+from dynid.cli.design_commands import register_check, register_design
+from dynid.cli.estimate_commands import (
+    register_compare,
+    register_fit,
+    register_identify,
+    register_validate,
 )
-from dynid.cli.failures import exit_code_of, guard_streams
+from dynid.cli.load_commands import register_gains, register_payload
+from dynid.cli.options import exit_code_of, guard_streams
+from dynid.cli.record_commands import register_controller, register_import, register_run
+from dynid.cli.result_commands import (
+    register_bench,
+    register_demo,
+    register_export,
+    register_report,
+    register_studio,
+)
+from dynid.cli.robot_commands import register_analyze, register_robots
 
 SUMMARY = "Identify the dynamics of a robot arm: inertias, friction, motor inertia, uncertainty."
 
@@ -65,26 +63,27 @@ def build() -> typer.Typer:
         epilog="\b\nExample:\n  dynid analyze ur5\n  dynid demo -o runs/demo",
     )
     app.callback()(_root)
-    for module in (
-        robots,
-        analyze,
-        design,
-        check,
-        controller,
-        run,
-        importing,
-        identify,
-        validate,
-        compare,
-        gains,
-        payload,
-        bench,
-        export,
-        report,
-        studio,
-        demo,
+    for register in (
+        register_robots,
+        register_analyze,
+        register_fit,
+        register_design,
+        register_check,
+        register_controller,
+        register_run,
+        register_import,
+        register_identify,
+        register_validate,
+        register_compare,
+        register_gains,
+        register_payload,
+        register_export,
+        register_report,
+        register_studio,
+        register_demo,
+        register_bench,
     ):
-        module.register(app)
+        register(app)
     return app
 
 

@@ -1,10 +1,20 @@
-"""Options that several commands share, each defined once."""
+"""Options that several commands share, and errors as one line and an exit code."""
 
 from __future__ import annotations
 
-from typing import Annotated
+import io
+import os
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable
+from types import FrameType
+from typing import Annotated, Any
 
 import typer
+
+from dynid.core import DynidError, InputError
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 RobotOption = Annotated[
@@ -25,6 +35,14 @@ StopOption = Annotated[
 SeedOption = Annotated[
     int, typer.Option("--seed", metavar="N", min=0, help="Seed of the random numbers.")
 ]
+GainsOption = Annotated[
+    str | None,
+    typer.Option(
+        "--gains",
+        metavar="g1,..,gn",
+        help="Drive gains [N.m/A], one a joint; default: those of the recording or the robot.",
+    ),
+]
 TemperatureOption = Annotated[
     float | None,
     typer.Option(
@@ -33,6 +51,99 @@ TemperatureOption = Annotated[
 ]
 
 
+def parse_gains(text: str | None) -> tuple[float, ...] | None:
+    """Drive gains from `13.6,13.7,...`.
+
+    Raises:
+        InputError: Not numbers with commas between.
+    """
+    if text is None:
+        return None
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError as error:
+        raise InputError(
+            "must be numbers with commas between", where="--gains", value=text
+        ) from error
+
+
 def examples(*lines: str) -> str:
     """The end of a help page: command lines to copy."""
     return "\b\nExample:\n" + "\n".join(f"  {line}" for line in lines)
+
+
+TRACEBACK = "DYNID_TRACEBACK"
+"""Set in the environment, this shows the traceback of any error."""
+BAD_INPUT, JOB_FAILED, INTERRUPTED, BROKEN_PIPE = 2, 1, 130, 1
+
+
+class Interrupted(DynidError):
+    """Ctrl-C ended a job that keeps what it has."""
+
+    exit_code = INTERRUPTED
+
+
+def exit_code_of(job: Callable[[], int]) -> int:
+    """Run a job; whatever it raises becomes one line on stderr and an exit code."""
+    try:
+        code = job()
+    except DynidError as error:
+        return _say(str(error), error.exit_code)
+    except typer.TyperException as error:
+        return _say(_usage(error), BAD_INPUT)
+    except (KeyboardInterrupt, typer.Abort):
+        code = INTERRUPTED
+    except BrokenPipeError:
+        # Whoever read our output has left: nothing to say, and nobody to say it to.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+    except OSError as error:
+        # A full disk, a vanished folder: the machine's fault, not a bug.
+        place = f": {error.filename}" if error.filename else ""
+        return _say(f"{error.strerror or error}{place}", JOB_FAILED)
+    except MemoryError:
+        return _say("not enough memory for this job; use a shorter record", JOB_FAILED)
+    except Exception as error:
+        # The last resort: a person must never meet a bare traceback. Every error that is
+        # foreseen is a DynidError; what arrives here is a bug and is called one.
+        return _say(
+            f"internal error, a bug in dynid: {type(error).__name__}: {error}. "
+            f"Run again with {TRACEBACK}=1 to see the traceback, and report it",
+            JOB_FAILED,
+        )
+    # typer turns Ctrl-C into this code.
+    if code == INTERRUPTED:
+        return _say("interrupted; no file was left half-written", INTERRUPTED)
+    return code
+
+
+def guard_streams() -> None:
+    """Make streams take any text, and SIGTERM clean up as Ctrl-C does."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, _terminate)
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    raise SystemExit(128 + number)
+
+
+def _usage(error: typer.TyperException) -> str:
+    """What was wrong with the command line, and where its help is."""
+    context = getattr(error, "ctx", None)
+    command = getattr(context, "command_path", "dynid")
+    text = error.format_message().strip()
+    if isinstance(error.__cause__, ValueError) and "value for" in text:
+        found: list[Any] = getattr(error.__cause__, "errors", list)()
+        text += "".join(f"; got {fault['input']}" for fault in found[:1])
+    return f"{text if text.endswith(('.', '?')) else text + '.'} See: {command} --help"
+
+
+def _say(message: str, code: int) -> int:
+    if os.environ.get(TRACEBACK):
+        traceback.print_exc()
+    line = " ".join(part.strip() for part in message.splitlines() if part.strip())
+    print(f"dynid: {line}", file=sys.stderr)
+    return code

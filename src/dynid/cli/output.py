@@ -1,4 +1,4 @@
-"""What goes to stdout: one JSON object, or text and tables that read well in 80 columns."""
+"""What goes to stdout, and progress on stderr."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -15,6 +16,7 @@ from dynid.core import InputError
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Column
+
 
 WIDTH = 80
 LONGEST_WORD = 20
@@ -178,3 +180,40 @@ def _takes_files(directory: Path) -> bool:
             return True
     except OSError:
         return False
+
+
+@contextmanager
+def progress_bar(title: str) -> Generator[Callable[[str, float], None] | None]:
+    """Show how far a job is.
+
+    Args:
+        title: What is being done.
+
+    Yields:
+        To be told what is being done and how far it is (0 to 1); None where stderr is no
+        terminal, and nothing is shown.
+    """
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(bar_width=None),
+        TaskProgressColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console(stderr=True), transient=True) as progress:
+        task = progress.add_task(title, total=1.0)
+
+        def tell(what: str, share: float) -> None:
+            progress.update(task, description=f"{title}: {what}", completed=share)
+
+        yield tell

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import linalg  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core.errors import InputError
 
@@ -54,6 +53,9 @@ def read_only(array: Array) -> Array:
 
 def upper_triangle(matrix: Array) -> Array:
     """The square upper triangle R of a QR of (M, k), zero rows added where M < k."""
+    # SciPy is loaded here, since every command imports this module before it does anything.
+    from scipy import linalg  # pyright: ignore[reportMissingTypeStubs]
+
     width = matrix.shape[1]
     factor: tuple[Array] = linalg.qr(matrix, mode="r", check_finite=False)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType, reportAssignmentType]
     upper = np.asarray(factor[0], dtype=np.float64)[:width]
@@ -62,6 +64,8 @@ def upper_triangle(matrix: Array) -> Array:
 
 def solve_upper(upper: Array, right: Array) -> Array:
     """Solve R x = b for upper triangular R (k, k) and b (k) or (k, m)."""
+    from scipy import linalg  # pyright: ignore[reportMissingTypeStubs]
+
     solution: Array = linalg.solve_triangular(upper, right)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
     return np.asarray(solution, dtype=np.float64)
 

@@ -17,7 +17,14 @@ from dynid.core import Array, InputError, RobotError
 from dynid.robot import library
 from dynid.robot.capsules import with_collision_geometry
 from dynid.robot.kinematics import with_mount
-from dynid.robot.model import Capsule, Counterbalance, Drives, JointLimits, RobotModel, SafetyLimits
+from dynid.robot.model import (
+    Capsule,
+    Counterbalance,
+    Drives,
+    JointLimits,
+    RobotModel,
+    SafetyLimits,
+)
 from dynid.robot.robotfile import MAX_BYTES as MAX_TOML
 from dynid.robot.robotfile import robot_from_toml
 from dynid.robot.tables import is_there, read_limited, shown, shown_path

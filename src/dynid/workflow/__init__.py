@@ -12,6 +12,7 @@ from dynid.workflow.design_files import (
 )
 from dynid.workflow.designing import DEFAULT_CRITERION, DesignSettings, design
 from dynid.workflow.exporting import check_suffix, export_file
+from dynid.workflow.fitting import Fit, fit
 from dynid.workflow.identify import Identification, IdentifySettings, identify
 from dynid.workflow.payload import identify_gains, identify_gains_from_payload, identify_payload
 from dynid.workflow.recordings import ImportOptions, import_recording, open_records
@@ -41,6 +42,7 @@ __all__ = [
     "Check",
     "DesignLimits",
     "DesignSettings",
+    "Fit",
     "Identification",
     "IdentifySettings",
     "ImportOptions",
@@ -58,6 +60,7 @@ __all__ = [
     "estimate_at",
     "export_file",
     "export_motion",
+    "fit",
     "identify",
     "identify_files",
     "identify_gains",

@@ -5,13 +5,16 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from dynid.core import InputError, RecordError
+import numpy as np
+
+from dynid.core import InputError, JobError, RecordError
 from dynid.recording import (
     ExperimentRecord,
     content_kind,
@@ -20,8 +23,10 @@ from dynid.recording import (
     write_record,
 )
 from dynid.robot import RobotModel, load_robot, robots
+from dynid.workflow.payload import identify_gains
 
 _HEAD = 400
+_TEXT_SUFFIXES = (".csv", ".tsv", ".txt")
 _RESULTS = {
     b'"kind": "dynid.': "a design or another motion",
     b'"format": "dynid-estimate"': "an estimate",
@@ -38,30 +43,114 @@ def robot_reference(name_or_path: str | Path) -> str:
     return str(Path(text).expanduser().resolve())
 
 
-def open_record(path: str | Path, robot: RobotModel) -> ExperimentRecord:
-    """A recording of a robot: our own Parquet, or any file that can be read without options.
+def open_record(
+    path: str | Path, robot: RobotModel, gains: Sequence[float] | None = None
+) -> ExperimentRecord:
+    """A recording of a robot: our own Parquet, or anything else that can be read without options.
 
     Args:
-        path: The recording.
+        path: The recording, or a folder with the text files of one run.
         robot: The robot it was made on.
+        gains: (n) drive gains [N.m/A]; they override those of the recording and of the robot.
 
     Raises:
         RecordError: Not a recording, or not one of this robot.
+        InputError: Gains that do not fit the robot.
     """
     if _was_cut_off(path):
-        return read_record(path)
-    _refuse_results(Path(path))
-    return read_recording(path, robot=robot)
+        record = read_record(path)
+    else:
+        _refuse_results(Path(path))
+        record = read_recording(_files_of(Path(path)), robot=robot)
+    return record if gains is None else with_gains(record, robot, gains)
+
+
+def with_gains(
+    record: ExperimentRecord, robot: RobotModel, gains: Sequence[float]
+) -> ExperimentRecord:
+    """The recording with drive gains of its own.
+
+    Args:
+        record: The recording.
+        robot: Its robot.
+        gains: (n) drive gains [N.m/A].
+
+    Raises:
+        InputError: Not one finite gain a joint, other than zero.
+    """
+    values = tuple(float(gain) for gain in gains)
+    if len(values) != robot.joints or not all(math.isfinite(gain) and gain for gain in values):
+        raise InputError(
+            "one drive gain a joint is needed, finite and not zero [N.m/A]",
+            where="--gains",
+            value=",".join(f"{gain:g}" for gain in values),
+            limit=f"{robot.joints} joints",
+        )
+    return replace(record, metadata=replace(record.metadata, drive_gains=values))
+
+
+def known_gains(record: ExperimentRecord, robot: RobotModel) -> tuple[ExperimentRecord, str]:
+    """The recording with the drive gains that its torque needs, and where they come from.
+
+    Where neither the recording nor the robot has gains, they are found in the recording itself:
+    from the target currents and target moments of the controller.
+
+    Args:
+        record: The recording.
+        robot: Its robot.
+
+    Returns:
+        The recording, and `effort` (no gains needed), `recording`, `robot` or `targets`.
+
+    Raises:
+        InputError: No gains, and no targets to find them in.
+        JobError: Targets that do not show the gain of every joint.
+    """
+    if "effort" in record.signals:
+        return record, "effort"
+    if record.metadata.drive_gains is not None:
+        return record, "recording"
+    if np.isfinite(robot.drives.gain).all():
+        return record, "robot"
+    needed = ("target_current", "target_moment")
+    if "current" not in record.signals or any(name not in record.signals for name in needed):
+        raise InputError(
+            "torque from current needs drive gains [N.m/A], and neither the robot nor the"
+            " recording has them",
+            where=robot.name,
+            next_step="Pass --gains g1,..,gn, or record target_current and target_moment too.",
+        )
+    found = identify_gains(record, robot)
+    missing = [robot.joint_names[j] for j in np.flatnonzero(~np.isfinite(found.gain))]
+    if missing:
+        raise JobError(
+            "the targets do not show the drive gain of every joint",
+            where=robot.name,
+            value=", ".join(missing),
+            next_step="Pass --gains g1,..,gn, or record a motion that loads every joint.",
+        )
+    return with_gains(record, robot, found.gain.tolist()), "targets"
+
+
+def _files_of(path: Path) -> list[Path] | Path:
+    """The text files in a folder of one run; any other path as it is."""
+    if not path.is_dir():
+        return path
+    files = sorted(item for item in path.iterdir() if item.suffix.lower() in _TEXT_SUFFIXES)
+    return files or path
 
 
 def open_records(
-    paths: Sequence[str | Path], robot: str | Path | None = None
+    paths: Sequence[str | Path],
+    robot: str | Path | None = None,
+    gains: Sequence[float] | None = None,
 ) -> tuple[list[ExperimentRecord], RobotModel]:
     """Recordings of one robot, and the robot.
 
     Args:
         paths: The recordings.
         robot: Built-in name, URDF or robot file; None to take what the recordings say.
+        gains: (n) drive gains [N.m/A]; they override those of the recordings and of the robot.
 
     Raises:
         InputError: No recordings, a robot that is not known, or recordings that do not fit it.
@@ -69,7 +158,7 @@ def open_records(
     if not paths:
         raise InputError("needs at least one recording")
     model = load_robot(stored_robot(paths) if robot is None else robot)
-    return [open_record(path, model) for path in paths], model
+    return [open_record(path, model, gains) for path in paths], model
 
 
 def stored_robot(paths: Sequence[str | Path]) -> str:

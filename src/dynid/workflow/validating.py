@@ -42,6 +42,7 @@ def identify_files(
     validation: str | Path | None = None,
     validation_start_s: float | None = None,
     validation_stop_s: float | None = None,
+    gains: Sequence[float] | None = None,
     progress: Progress | None = None,
 ) -> Identification:
     """Identify from recordings, validate if asked to, write the estimate if told where.
@@ -55,16 +56,17 @@ def identify_files(
             that was given.
         validation_start_s: Start of its window [s].
         validation_stop_s: End of its window [s].
+        gains: (n) drive gains [N.m/A]; they override those of the recordings and of the robot.
         progress: Told what is being done and how far it is (0 to 1).
 
     Raises:
         InputError: Files that cannot be read or do not belong together, unknown settings.
         JobError: A singular problem.
     """
-    records, model = open_records(recordings, robot)
+    records, model = open_records(recordings, robot, gains)
     other: ExperimentRecord | None = None
     if validation is not None:
-        other = open_record(validation, model)
+        other = open_record(validation, model, gains)
     elif validation_start_s is not None or validation_stop_s is not None:
         if len(records) > 1:
             raise InputError(
@@ -97,6 +99,7 @@ def validate_files(
     start_s: float | None = None,
     stop_s: float | None = None,
     at_degC: float | None = None,
+    gains: Sequence[float] | None = None,
 ) -> ValidationResult:
     """Predict the torques of a recording and measure the error.
 
@@ -106,12 +109,13 @@ def validate_files(
         start_s: Start of the window [s].
         stop_s: End of the window [s].
         at_degC: Temperature of all joints, where the file holds temperature laws [degC].
+        gains: (n) drive gains of the recording [N.m/A]; they override its own and the robot's.
 
     Raises:
         InputError: Files that cannot be read, or do not belong together.
     """
     known = estimate_at(estimate, at_degC)
-    record = open_record(recording, known.model.robot)
+    record = open_record(recording, known.model.robot, gains)
     return validate(known, record, start_s=start_s, stop_s=stop_s)
 
 

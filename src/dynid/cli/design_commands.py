@@ -1,4 +1,4 @@
-"""`dynid design`."""
+"""Commands about motions: `dynid design`, `dynid check`."""
 
 from __future__ import annotations
 
@@ -6,17 +6,59 @@ import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dynid.cli.failures import Interrupted
-from dynid.cli.options import JsonFlag, SeedOption, examples
+from dynid.cli.options import Interrupted, JsonFlag, SeedOption, examples
+from dynid.cli.output import number, print_table
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from dynid.workflow import Check
+
+
+def print_certificate(screen: Console, data: Mapping[str, Any]) -> None:
+    """Print margins and where each is smallest.
+
+    Args:
+        screen: Where to.
+        data: With the keys `margins`, `worst`, `proven` and `notes` of a certificate.
+    """
+    rows: list[tuple[str, ...]] = []
+    for key, margin in data["margins"].items():
+        kind = key.removesuffix("_m")
+        worst = data["worst"].get(kind)
+        if worst is None:
+            rows.append((kind.replace("_", " "), "not judged", "-", "-", ""))
+            continue
+        left = f"{1000 * margin:.1f} mm apart" if key.endswith("_m") else f"{100 * margin:.1f} %"
+        time = worst["t"]
+        rows.append(
+            (
+                kind.replace("_", " "),
+                left,
+                number(worst["limit"]),
+                "-" if time is None else f"{time:.2f}",
+                str(worst.get("joint") or worst.get("bodies") or ""),
+            )
+        )
+    print_table(
+        screen,
+        "What is left of each limit",
+        ("limit", "left", "limit [SI]", "at [s]", "where"),
+        rows,
+        words=(0, 4),
+    )
+    for note in data["notes"]:
+        screen.print(f"- {note}.")
+
 
 JOBS = 2
 
 
-def register(app: typer.Typer) -> None:
+def register_design(app: typer.Typer) -> None:
     """Add the command."""
     app.command(
         "design",
@@ -114,8 +156,7 @@ def _design(
     json: JsonFlag = False,
 ) -> int:
     """Optimal excitation trajectory, certified (paper 2.2)."""
-    from dynid.cli.output import check_output, print_json
-    from dynid.cli.progress import progress_bar
+    from dynid.cli.output import check_output, print_json, progress_bar
     from dynid.workflow import DEFAULT_CRITERION, DesignSettings, design, export_motion
 
     inputs = [path for path in (scene, *(previous or ())) if path is not None]
@@ -196,7 +237,6 @@ def _numbers(text: str | None, where: str) -> tuple[float, ...] | None:
 
 
 def _show(data: Mapping[str, Any], output: Path) -> None:
-    from dynid.cli.certificate_table import print_certificate
     from dynid.cli.output import console, count, number
 
     screen = console()
@@ -223,3 +263,66 @@ def _show(data: Mapping[str, Any], output: Path) -> None:
     screen.print()
     again = shlex.quote(str(output))
     screen.print(f"written to {output}; look at it again with: dynid check {again}", soft_wrap=True)
+
+
+def register_check(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command(
+        "check",
+        epilog=examples(
+            "dynid check design.json",
+            "dynid check design.json --scene cell.json --json",
+        ),
+    )(_check)
+
+
+def _check(
+    design: Annotated[Path, typer.Argument(metavar="DESIGN.json", help="A design or trajectory.")],
+    limits: Annotated[
+        str,
+        typer.Option(
+            metavar="safe|paper", help="safe: all that is known; paper: q, dq and ddq alone."
+        ),
+    ] = "safe",
+    scene: Annotated[
+        Path | None,
+        typer.Option(metavar="SCENE.json", help="What stands around; default: the design's scene."),
+    ] = None,
+    no_collision: Annotated[
+        bool, typer.Option("--no-collision", help="Do not look at collisions.")
+    ] = False,
+    robot: Annotated[
+        str | None, typer.Option(metavar="ROBOT", help="If the design's robot file has moved.")
+    ] = None,
+    mount: Annotated[
+        str | None,
+        typer.Option(
+            metavar="floor|wall|ceiling|tilt:DEG", help="Mounting; default: the design's."
+        ),
+    ] = None,
+    json: JsonFlag = False,
+) -> int:
+    """Certify limits and collisions, between samples too."""
+    from dynid.cli.output import print_json
+    from dynid.workflow import check
+
+    result = check(
+        design, limits=limits, scene=scene, collision=not no_collision, robot=robot, mount=mount
+    )
+    if json:
+        print_json(result.to_json())
+    else:
+        _check_show(result)
+    return 0 if result.feasible else 1
+
+
+def _check_show(result: Check) -> None:
+    from dynid.cli.output import console
+
+    data = result.to_json()
+    screen = console()
+    verdict = "feasible" if result.feasible else f"NOT feasible: {', '.join(data['broken'])}"
+    screen.print(f"{data['robot']}, {data['duration_s']:g} s: {verdict}", style="bold")
+    if data["designed_for"] not in (None, data["limits"]):
+        screen.print(f"designed with --limits {data['designed_for']}, held to {data['limits']}")
+    print_certificate(screen, data)

@@ -1,0 +1,428 @@
+"""Commands about estimates: `dynid fit`, `dynid identify`, `dynid validate`, `dynid compare`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dynid.cli.options import (
+    GainsOption,
+    JsonFlag,
+    RobotOption,
+    StartOption,
+    StopOption,
+    TemperatureOption,
+    examples,
+    parse_gains,
+)
+from dynid.cli.output import number, print_notices, print_table
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from dynid.validation import ParameterComparison, ValidationResult
+    from dynid.workflow import Fit, Identification
+
+
+COLUMNS = ("joint", "RMS", "moving", "at rest", "rel. %", "moving %", "R2")
+
+
+def print_metrics(
+    screen: Console, title: str, result: ValidationResult, prismatic: Sequence[bool]
+) -> None:
+    """Print the errors of a prediction, joint by joint and overall.
+
+    Args:
+        screen: Where to.
+        title: What was predicted.
+        result: The prediction and its errors.
+        prismatic: (n) which joints slide.
+    """
+    from dynid.report import joint_unit
+
+    unit = joint_unit("N.m", prismatic)
+    whole, moving, rest = result.metrics, result.moving, result.at_rest
+    rows = [
+        (
+            str(j + 1),
+            number(float(whole.rmse[j]), 3),
+            number(float(moving.rmse[j]), 3),
+            number(float(rest.rmse[j]), 3),
+            number(float(whole.relative_error_percent[j]), 3),
+            number(float(moving.relative_error_percent[j]), 3),
+            number(float(whole.r2[j]), 3),
+        )
+        for j in range(len(whole.rmse))
+    ]
+    print_table(screen, f"{title}: RMS errors in {unit}", COLUMNS, rows)
+    screen.print(
+        f"all joints: {number(whole.relative_error_overall_percent, 3)} % of the torque, "
+        f"{number(moving.relative_error_overall_percent, 3)} % while moving; "
+        f"e_N {number(whole.normalized_error, 3)} {unit} with N = {whole.samples}"
+    )
+
+
+COLOURS = {"usable": "bold green", "care": "bold yellow", "do_not_use": "bold red"}
+
+
+def print_identification(screen: Console, result: Identification, *, everything: bool) -> None:
+    """Print an identification: the verdict, its errors and its findings.
+
+    Args:
+        screen: Where to.
+        result: The identification.
+        everything: Print all parameters and choices too.
+    """
+    from dynid.workflow import verdict
+
+    estimate, judged = result.estimate, verdict(result)
+    screen.print(judged.headline, style=COLOURS[judged.level])
+    screen.print()
+    screen.print(
+        f"{estimate.model.robot.name}: {len(estimate.values)} base parameters from "
+        f"{estimate.samples} samples, estimator {estimate.estimator}, preset {estimate.preset}, "
+        f"{estimate.model.frames} frames"
+    )
+    screen.print(
+        f"condition number {number(estimate.condition_number, 3)}; of the motion alone, columns "
+        f"scaled, {number(estimate.motion_condition_number, 3)} (good: below 50)"
+    )
+    if everything:
+        for choice in estimate.choices:
+            screen.print(f"- {choice}")
+        _print_parameters(screen, result)
+        _print_standard(screen, result)
+    slides = estimate.model.robot.prismatic
+    print_metrics(screen, "Training", result.training, slides)
+    if result.validation is not None:
+        print_metrics(screen, "Validation", result.validation, slides)
+    print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
+    if not everything:
+        screen.print()
+        screen.print("--all also prints the parameters with their deviations, and what was chosen")
+
+
+def _print_parameters(screen: Console, result: Identification) -> None:
+    rows = [
+        (
+            row["name"],
+            number(row["value"]),
+            number(row["std"], 2),
+            number(row["relative_std_percent"], 3),
+            row["unit"],
+            "" if row["essential"] else "weak",
+        )
+        for row in result.estimate.parameter_table()
+    ]
+    print_table(
+        screen,
+        "Base parameters (weak: the data hardly speak about it)",
+        ("name", "value", "std", "std %", "unit", ""),
+        rows,
+        words=(0, 4, 5),
+    )
+
+
+def _print_standard(screen: Console, result: Identification) -> None:
+    """Consistent standard parameters, where the estimator finds them."""
+    table = result.estimate.standard_table()
+    if table is None:
+        return
+    rows = [
+        (
+            row["name"],
+            number(row["value"]),
+            number(row["std"], 2) if row["from"] == "data" else "",
+            "" if row["prior"] is None else number(row["prior"]),
+            row["unit"],
+            row["from"],
+        )
+        for row in table
+    ]
+    print_table(
+        screen,
+        "Standard parameters of bodies that can exist (from: the data's word or the prior's)",
+        ("name", "value", "std", "prior", "unit", "from"),
+        rows,
+        words=(0, 4, 5),
+    )
+
+
+AllFlag = Annotated[
+    bool, typer.Option("--all", help="Print all parameters and everything that was chosen.")
+]
+
+
+def register_fit(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command(
+        "fit",
+        epilog=examples(
+            "dynid fit arm.urdf log.csv -o fitted",
+            "dynid fit ur5 monday.csv tuesday.csv --validate wednesday.csv -o fitted",
+            "dynid fit ur10e log.csv --gains 11.2,11.4,9.8,10.1,10.2,9.9 -o fitted --json",
+        ),
+    )(_fit)
+
+
+def _fit(
+    robot: Annotated[
+        str, typer.Argument(metavar="ROBOT", help="Built-in name, URDF or robot file.")
+    ],
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG...", help="Recordings of any format, or folders with the files of one run."
+        ),
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for all results.")
+    ],
+    validation: Annotated[
+        Path | None, typer.Option("--validate", metavar="LOG", help="Another log to predict.")
+    ] = None,
+    gains: GainsOption = None,
+    preset: Annotated[
+        str, typer.Option(metavar="paper|best", help="How to identify; see dynid identify.")
+    ] = "best",
+    everything: AllFlag = False,
+    json: JsonFlag = False,
+) -> None:
+    """Logs at hand to verdict, models and report in one command."""
+    from dynid.cli.output import console, print_json, progress_bar
+    from dynid.workflow import IdentifySettings, fit
+
+    with progress_bar("fit") as progress:
+        result = fit(
+            robot,
+            logs,
+            output,
+            validation=validation,
+            gains=parse_gains(gains),
+            settings=IdentifySettings(preset=preset),
+            progress=progress,
+        )
+    if json:
+        print_json(result.to_json())
+        return
+    screen = console()
+    print_identification(screen, result.identification, everything=everything)
+    _print_files(screen, result)
+
+
+def _print_files(screen: Console, result: Fit) -> None:
+    """Which files were written, and what to do with them."""
+    screen.print()
+    if "targets" in result.gains_from:
+        screen.print("Drive gains were found from the target currents and moments in the log.")
+    for export in result.models:
+        screen.print(f"{export.to}: {export.written.path}", soft_wrap=True)
+    for to, reason in result.not_exported:
+        screen.print(f"{to}: not written: {reason}", soft_wrap=True)
+    screen.print(f"estimate: {result.estimate}", soft_wrap=True)
+    screen.print(f"Next: open {result.report}", soft_wrap=True)
+
+
+def register_identify(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command(
+        "identify",
+        epilog=examples(
+            "dynid identify run.parquet -o ur5.json --validate other.parquet",
+            "dynid identify run.parquet -o ur5.json --to 14 --validate-from 14",
+            "dynid identify run.parquet -o paper.json --preset paper --json",
+        ),
+    )(_identify)
+
+
+def _identify(
+    records: Annotated[
+        list[Path], typer.Argument(metavar="RECORD", help="Recordings of one robot.")
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="ESTIMATE.json", help="Where the estimate goes."),
+    ] = None,
+    robot: RobotOption = None,
+    estimator: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ols|wls|irls|tls|iv|ml|didim|sdp|bayes|rls",
+            help="Default: as the preset says. sdp: bodies that can exist.",
+        ),
+    ] = None,
+    terms: Annotated[
+        str | None,
+        typer.Option(
+            metavar="fc,fv,im[,..]",
+            help="Friction terms, each for all joints or for some; default: as the preset says.",
+        ),
+    ] = None,
+    preset: Annotated[
+        str,
+        typer.Option(
+            metavar="paper|best",
+            help="paper: to the letter; best: choose by cross-validation inside the record.",
+        ),
+    ] = "best",
+    cutoff: Annotated[
+        float | None, typer.Option(metavar="HZ", help="Low-pass cut-off; default: from the data.")
+    ] = None,
+    weighting: Annotated[
+        str,
+        typer.Option(metavar="joint|size", help="One noise a joint, or one for joints of a size."),
+    ] = "joint",
+    start: StartOption = None,
+    stop: StopOption = None,
+    validation: Annotated[
+        Path | None, typer.Option("--validate", metavar="RECORD", help="Another record to predict.")
+    ] = None,
+    validation_start: Annotated[
+        float | None, typer.Option("--validate-from", metavar="S", help="Start of its window.")
+    ] = None,
+    validation_stop: Annotated[
+        float | None, typer.Option("--validate-to", metavar="S", help="End of its window.")
+    ] = None,
+    gains: GainsOption = None,
+    everything: AllFlag = False,
+    json: JsonFlag = False,
+) -> None:
+    """Parameters from recordings, with uncertainty (paper 3)."""
+    from dynid.cli.output import check_output, console, print_json, progress_bar
+    from dynid.regressor import parse_terms
+    from dynid.workflow import IdentifySettings, identify_files, verdict
+
+    settings = IdentifySettings(
+        preset=preset,
+        estimator=estimator,
+        terms=None if terms is None else parse_terms(terms),
+        cutoff_hz=cutoff,
+        start_s=start,
+        stop_s=stop,
+        weighting=weighting,
+    )
+    if output is not None:
+        inputs = [*records, *([] if validation is None else [validation])]
+        check_output(output, inputs=inputs, suffix=".json")
+    with progress_bar("identify") as progress:
+        result = identify_files(
+            records,
+            output,
+            robot=robot,
+            settings=settings,
+            validation=validation,
+            validation_start_s=validation_start,
+            validation_stop_s=validation_stop,
+            gains=parse_gains(gains),
+            progress=progress,
+        )
+    if json:
+        written = None if output is None else str(output)
+        print_json({**result.to_json(), "verdict": verdict(result).to_json(), "estimate": written})
+    else:
+        screen = console()
+        print_identification(screen, result, everything=everything)
+        if output is None:
+            screen.print("Nothing was written; keep the estimate with -o ESTIMATE.json")
+        else:
+            screen.print(f"Estimate written to {output}", soft_wrap=True)
+
+
+def register_validate(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command(
+        "validate",
+        epilog=examples(
+            "dynid validate ur5.json other_motion.parquet",
+            "dynid validate ur5.json run.parquet --from 10 --to 20 --json",
+        ),
+    )(_validate)
+
+
+def _validate(
+    estimate: Annotated[
+        Path, typer.Argument(metavar="ESTIMATE.json", help="What dynid identify wrote.")
+    ],
+    record: Annotated[
+        Path, typer.Argument(metavar="RECORD", help="A recording that was not identified from.")
+    ],
+    start: StartOption = None,
+    stop: StopOption = None,
+    at: TemperatureOption = None,
+    gains: GainsOption = None,
+    json: JsonFlag = False,
+) -> None:
+    """Prediction error on another recording (paper 3.1)."""
+    from dynid.cli.output import console, print_json, print_notices
+    from dynid.workflow import estimate_at, validate_files
+
+    result = validate_files(
+        estimate, record, start_s=start, stop_s=stop, at_degC=at, gains=parse_gains(gains)
+    )
+    if json:
+        print_json(result.to_json())
+        return
+    screen = console()
+    slides = estimate_at(estimate, at).model.robot.prismatic
+    print_metrics(screen, "Prediction", result, slides)
+    print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
+
+
+def register_compare(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command(
+        "compare",
+        epilog=examples("dynid compare cold.json warm.json", "dynid compare a.json b.json --json"),
+    )(_compare)
+
+
+def _compare(
+    a: Annotated[Path, typer.Argument(metavar="A.json", help="An estimate, such as the cold.")],
+    b: Annotated[Path, typer.Argument(metavar="B.json", help="Another, such as the warm.")],
+    json: JsonFlag = False,
+) -> None:
+    """Which parameters moved between two estimates (paper 3.2)."""
+    from dynid.cli.output import console, print_json
+    from dynid.workflow import compare_files
+
+    comparison = compare_files(a, b)
+    if json:
+        print_json(comparison.to_json())
+    else:
+        _print(console(), comparison)
+
+
+def _print(screen: Console, comparison: ParameterComparison) -> None:
+    from dynid.cli.output import number, print_notices, print_table
+
+    rows = [
+        (
+            comparison.names[k],
+            comparison.units[k],
+            number(float(comparison.a[k])),
+            number(float(comparison.b[k])),
+            number(float(comparison.change_percent[k]), 3),
+            number(float(comparison.z[k]), 3),
+        )
+        for k in range(len(comparison.names))
+    ]
+    columns = ("parameter", "unit", "A", "B", "change %", "z")
+    print_table(screen, "Base parameters, z = change in sigmas", columns, rows, words=(0, 1))
+    groups = [
+        (
+            group.name,
+            "moved" if group.moved else "did not move",
+            str(len(group.members)),
+            number(group.median_change_percent, 3),
+            "-" if group.largest is None else comparison.names[group.largest],
+            number(group.largest_z, 3),
+            number(group.limit_z, 3),
+        )
+        for group in comparison.groups
+    ]
+    columns = ("group", "", "number", "median %", "largest", "|z|", "limit")
+    print_table(screen, "Groups", columns, groups, words=(0, 1, 4))
+    print_notices(screen, "Warnings", [notice.to_json() for notice in comparison.warnings])

@@ -1,0 +1,410 @@
+"""Commands about recordings: `dynid run`, `dynid import`, `dynid controller`."""
+
+from __future__ import annotations
+
+import ipaddress
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from dynid.cli.options import GainsOption, JsonFlag, SeedOption, examples, parse_gains
+from dynid.core import InputError
+
+if TYPE_CHECKING:
+    from dynid.workflow import Run
+
+
+def register_run(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command(
+        "run",
+        epilog=examples(
+            "dynid run design.json --on sim -o run.parquet",
+            "dynid run design.json --on sim -o warm.parquet --thermal warm --seed 1",
+            "dynid run design.json --on ur://192.168.0.10 -o run.parquet --slow 0.2",
+        ),
+    )(_run)
+
+
+def _run(
+    design: Annotated[Path, typer.Argument(metavar="DESIGN.json", help="A design or trajectory.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="RECORD.parquet", help="The recording.")
+    ],
+    on: Annotated[str, typer.Option(metavar="sim|ur://HOST", help="What moves.")] = "sim",
+    repeat: Annotated[int, typer.Option(metavar="N", min=1, help="Periods to record.")] = 3,
+    thermal: Annotated[
+        str, typer.Option(metavar="cold|warm|DEGC", help="Set if simulated, else noted down.")
+    ] = "cold",
+    yes: Annotated[bool, typer.Option("--yes", help="Move without asking.")] = False,
+    slow: Annotated[
+        float | None,
+        typer.Option(metavar="SHARE", help="First pass at a share of the speed, as 0.2."),
+    ] = None,
+    settle: Annotated[
+        bool, typer.Option("--settle", help="Move one period first that is not recorded.")
+    ] = False,
+    warm_up: Annotated[
+        float, typer.Option(metavar="SECONDS", min=0.0, help="Repeat the motion first.")
+    ] = 0.0,
+    method: Annotated[
+        str,
+        typer.Option(metavar="program|servoj", help="With ur://: on the controller, or streamed."),
+    ] = "program",
+    robot: Annotated[
+        str | None, typer.Option(metavar="ROBOT", help="If the design's robot file has moved.")
+    ] = None,
+    mount: Annotated[
+        str | None, typer.Option(metavar="floor|wall|ceiling|tilt:DEG", help="If not the design's.")
+    ] = None,
+    scene: Annotated[
+        str | None, typer.Option(metavar="SCENE.json", help="Surroundings, if not the design's.")
+    ] = None,
+    payload: Annotated[
+        str | None, typer.Option(metavar="KG[,X,Y,Z]", help="Mass [kg] and its centre [m].")
+    ] = None,
+    seed: SeedOption = 0,
+    json: JsonFlag = False,
+) -> None:
+    """Execute a design and record it (paper 2.2, 3)."""
+    from dynid.cli.output import check_output, print_json, progress_bar
+    from dynid.experiment import stop_on_signals
+    from dynid.workflow import RunSettings, parse_payload, parse_thermal, run_design
+
+    settings = RunSettings(
+        repeat=repeat,
+        settle=settle,
+        slow=slow,
+        warm_up_s=warm_up,
+        thermal=parse_thermal(thermal),
+        seed=seed,
+        method=method,
+        robot=robot,
+        mount=mount,
+        scene=scene,
+        payload=parse_payload(payload),
+    )
+    check_output(output, inputs=[design], suffix=".parquet")
+    with stop_on_signals() as cancel, progress_bar("run") as progress:
+        result = run_design(
+            design,
+            output,
+            on=on,
+            settings=settings,
+            confirm=None if yes else _ask,
+            cancel=cancel,
+            progress=progress,
+        )
+    if json:
+        print_json(result.to_json())
+    elif result.abort is None:
+        _print(result)
+    result.raise_if_aborted()
+
+
+def _ask(what: str, word: str) -> None:
+    """Let a person type a word before anything moves.
+
+    Raises:
+        InputError: Nobody is there to ask, or another word was typed.
+    """
+    from dynid.cli.output import console
+    from dynid.core import InputError
+    from dynid.experiment import interruptible
+
+    if not sys.stdin.isatty():
+        raise InputError("nobody is there to confirm the motion", next_step="Pass --yes.")
+    console(stderr=True).print(what)
+    with interruptible():
+        typed = typer.prompt(f"Type {word} to move the robot", default="", err=True)
+    if typed.strip() != word:
+        raise InputError("the motion was not confirmed", value=typed.strip(), limit=word)
+
+
+def _print(result: Run) -> None:
+    from dynid.cli.output import console, count
+
+    outcome = result.result.outcome
+    parts = ((outcome.samples, "sample"), (outcome.periods, "whole period"), (outcome.gaps, "gap"))
+    console().print(", ".join(count(number, noun) for number, noun in parts))
+    console().print(f"Recording: {result.record}", soft_wrap=True)
+
+
+FORMATS = "auto|ur-csv|ur-rtde-csv|csv|rosbag|mcap|mat|npz|hdf5|json|parquet"
+
+
+def register_import(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command(
+        "import",
+        epilog=examples(
+            "dynid import run.csv --robot ur5 -o run.parquet",
+            "dynid import log.txt --columns t=0,q=1:7,current=7:13 --robot ur5 -o log.parquet",
+            "dynid import bag.db3 --robot ur10 -o bag.parquet",
+        ),
+    )(_import)
+
+
+def _import(
+    files: Annotated[
+        list[Path],
+        typer.Argument(metavar="FILE", help="One recording, or text files side by side."),
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="RECORD.parquet", help="What to write.")
+    ],
+    robot: Annotated[
+        str | None,
+        typer.Option(metavar="ROBOT", help="Built-in name, URDF or robot file."),
+    ] = None,
+    format: Annotated[
+        str, typer.Option(metavar=FORMATS, help="What the file is; auto goes by its content.")
+    ] = "auto",
+    columns: Annotated[
+        str | None,
+        typer.Option(
+            metavar="t=0,q=1:7,...",
+            help="Columns from 0, ranges exclude their end; header names; .mat paths (q=rec.pos).",
+        ),
+    ] = None,
+    no_header: Annotated[
+        bool, typer.Option("--no-header", help="The first line is numbers.")
+    ] = False,
+    delimiter: Annotated[
+        str | None, typer.Option(metavar=",", help="A character, or comma, semicolon, tab, space.")
+    ] = None,
+    gains: GainsOption = None,
+    rate: Annotated[
+        float | None, typer.Option(metavar="HZ", help="The clock of a file without time stamps.")
+    ] = None,
+    degrees: Annotated[
+        bool, typer.Option("--degrees", help="Angles are in degrees, where the file does not say.")
+    ] = False,
+    joint_order: Annotated[
+        str | None,
+        typer.Option(metavar="0,2,1,...", help="The file's joints base to tip: numbers or names."),
+    ] = None,
+    topic: Annotated[
+        str | None, typer.Option(metavar="NAME", help="The bag's topic, of any type.")
+    ] = None,
+    json: JsonFlag = False,
+) -> None:
+    """A foreign recording becomes ours: checked and repaired."""
+    from dynid.cli.output import check_output, print_json
+    from dynid.workflow import ImportOptions, import_recording
+
+    check_output(output, inputs=files, suffix=".parquet")
+    imported = import_recording(
+        files,
+        output,
+        robot=robot,
+        options=ImportOptions(
+            format=format,
+            columns=columns,
+            header=False if no_header else None,
+            delimiter=delimiter,
+            gains=parse_gains(gains),
+            rate_hz=rate,
+            degrees=degrees,
+            joint_order=None if joint_order is None else tuple(joint_order.split(",")),
+            topic=topic,
+        ),
+    )
+    if json:
+        print_json(imported.to_json())
+    else:
+        _show(imported.to_json())
+
+
+def _show(data: Mapping[str, Any]) -> None:
+    from dynid.cli.output import console, number, print_notices
+
+    screen = console()
+    screen.print(f"{data['record']}: {data['samples']} samples", style="bold")
+    screen.print(
+        f"{number(data['duration_s'])} s at {number(data['rate_hz'])} Hz, {data['joints']} joints, "
+        f"read as {data['format']}, robot {data['robot'] or 'not given'}"
+    )
+    screen.print(f"signals: {', '.join(data['signals'])}")
+    if data["dropped_rows"]:
+        screen.print(f"dropped rows: {data['dropped_rows']}")
+    if data["notes"]:
+        screen.print(f"notes: {data['notes']}")
+    print_notices(screen, "Problems found", data["problems"])
+    if not data["problems"]:
+        screen.print("no problems found")
+
+
+_FOREIGN = "--expose"
+
+
+def register_controller(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command(
+        "controller",
+        epilog=examples(
+            "dynid controller --robot ur5",
+            "dynid controller --robot ur5e --host 127.0.0.2 --thermal warm",
+            "dynid controller --robot ur5 --virtual-time --json",
+        ),
+    )(_controller)
+
+
+def _controller(
+    robot: Annotated[
+        str, typer.Option("--robot", metavar="ROBOT", help="Built-in name, URDF or robot file.")
+    ] = "ur5",
+    host: Annotated[
+        str,
+        typer.Option(
+            "--host",
+            metavar="ADDRESS",
+            help="Where to listen; each controller needs an address of its own, "
+            "127.0.0.1 to 127.255.255.254.",
+        ),
+    ] = "127.0.0.1",
+    thermal: Annotated[
+        str,
+        typer.Option(
+            "--thermal", metavar="STATE", help="cold, warm, or joint temperatures in degC."
+        ),
+    ] = "cold",
+    virtual_time: Annotated[
+        bool, typer.Option("--virtual-time", help="Time goes as fast as the clients read.")
+    ] = False,
+    hold: Annotated[
+        bool,
+        typer.Option("--hold", help="Time stands still until the first client has started RTDE."),
+    ] = False,
+    seed: SeedOption = 0,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            "--rate",
+            metavar="HZ",
+            help="125 (CB-Series) or 500 (e-Series). [default: by the robot's name]",
+        ),
+    ] = None,
+    software: Annotated[
+        str | None,
+        typer.Option(
+            "--software", metavar="VERSION", help="Version to announce, like 3.15.8 or 5.12.0."
+        ),
+    ] = None,
+    programs: Annotated[
+        Path | None,
+        typer.Option(
+            "--programs",
+            metavar="DIR",
+            help="Programs for the dashboard's load: work.script for `load work.urp`.",
+        ),
+    ] = None,
+    truth: Annotated[
+        Path | None,
+        typer.Option("--truth", metavar="FILE", help="Write the simulated arm's true parameters."),
+    ] = None,
+    report: Annotated[
+        Path | None,
+        typer.Option("--report", metavar="FILE", help="Write, at the end, how time was kept."),
+    ] = None,
+    expose: Annotated[
+        bool,
+        typer.Option(_FOREIGN, help="Allow a --host that other machines can reach."),
+    ] = False,
+    parent: Annotated[int | None, typer.Option("--parent", hidden=True)] = None,
+    json: JsonFlag = False,
+) -> None:
+    """A simulated UR controller: RTDE, script ports, dashboard.
+
+    It has a real arm's dynamics behind it and listens on UR's own ports 29999 and 30001 to 30004
+    until Ctrl-C. With --json, one object on stdout tells when clients can connect.
+    """
+    address = _address(host, expose=expose)
+    announced = None if software is None else _version(software)
+
+    from dynid.cli.output import check_output, print_json
+    from dynid.workflow import parse_thermal
+
+    state = parse_thermal(thermal)
+    for where, path in (("--truth", truth), ("--report", report)):
+        if path is not None:
+            check_output(path, where=where)
+
+    from dynid.simulation import ControllerOptions, serve
+
+    options = ControllerOptions(
+        robot=robot,
+        host=address,
+        thermal=state,
+        virtual_time=virtual_time,
+        hold=hold,
+        seed=seed,
+        rate_hz=rate,
+        version=announced,
+        programs=programs,
+        truth=truth,
+        report=report,
+        parent=parent,
+    )
+
+    def ready(about: dict[str, Any]) -> None:
+        if json:
+            print_json(about)
+            sys.stdout.flush()
+        pace = "virtual time" if virtual_time else "real time"
+        ports = ", ".join(f"{name} {port}" for name, port in about["ports"].items())
+        print(
+            f"dynid controller: {about['robot']}, software {about['version']}, "
+            f"{about['rate_hz']:g} Hz, {pace}, at {address}: {ports}. Ctrl-C ends it.",
+            file=sys.stderr,
+            flush=True,
+        )
+
+    serve(options, sys.stderr, ready)
+
+
+def _address(host: str, *, expose: bool) -> str:
+    """The address to listen on.
+
+    Raises:
+        InputError: It is no IPv4 address, or other machines can reach it.
+    """
+    try:
+        address = ipaddress.IPv4Address("127.0.0.1" if host == "localhost" else host)
+    except ValueError as error:
+        raise InputError(
+            "this is no IPv4 address", where="--host", value=host, limit="for example 127.0.0.2"
+        ) from error
+    if not address.is_loopback:
+        if not expose:
+            raise InputError(
+                "other machines could reach the simulated controller there, and anybody could "
+                "send it programs",
+                where="--host",
+                value=host,
+                next_step=f"Use 127.0.0.x, or add {_FOREIGN} if you mean it",
+            )
+        print(
+            f"dynid controller: warning: {address} can be reached from other machines; "
+            "the protocols know no password",
+            file=sys.stderr,
+        )
+    return str(address)
+
+
+def _version(text: str) -> tuple[int, int, int]:
+    """The numbers of a version.
+
+    Raises:
+        InputError: It is none.
+    """
+    parts = text.split(".")
+    if not 2 <= len(parts) <= 3 or not all(part.isdigit() and len(part) < 4 for part in parts):
+        raise InputError(
+            "this is no software version", where="--software", value=text, limit="like 3.15.8"
+        )
+    major, minor, bugfix, *_ = (*map(int, parts), 0)
+    return major, minor, bugfix

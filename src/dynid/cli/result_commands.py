@@ -1,0 +1,302 @@
+"""Commands that show and hand over results: export, report, studio, bench, demo."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dynid.cli.options import JsonFlag, TemperatureOption, examples
+
+if TYPE_CHECKING:
+    from dynid.studio import Served
+
+
+def register_export(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command(
+        "export",
+        epilog=examples(
+            "dynid export ur5.json --to urdf -o ur5.urdf",
+            "dynid export ur5.json --to c -o ur5_dynamics.h --json",
+        ),
+    )(_export)
+
+
+def _export(
+    estimate: Annotated[
+        Path, typer.Argument(metavar="ESTIMATE.json", help="What dynid identify wrote.")
+    ],
+    to: Annotated[
+        str,
+        typer.Option(
+            metavar="urdf|mjcf|json|c|python",
+            help="c: one C99 header; python: one file that needs NumPy alone.",
+        ),
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE", help="Where the model goes.")
+    ],
+    at: TemperatureOption = None,
+    json: JsonFlag = False,
+) -> None:
+    """A model that other programs load, checked by loading it."""
+    from dynid.cli.output import check_output, console, number, print_json, print_notices
+    from dynid.workflow import check_suffix, export_file
+
+    check_output(output, [estimate])
+    check_suffix(to, output)
+    result = export_file(estimate, to, output, at_degC=at)
+    if json:
+        print_json(result.to_json())
+        return
+    screen, verified = console(), result.written.verified
+    screen.print(f"{to} model written to {output}", soft_wrap=True)
+    if verified.max_torque_difference is None:
+        screen.print(f"Not verified: {verified.loaded_with}.")
+    else:
+        screen.print(
+            f"Verified with {verified.loaded_with}: torques differ by "
+            f"{number(verified.max_torque_difference)} at most in {verified.states} random states."
+        )
+    screen.print(f"Standard parameters: {result.written.model.origin}.")
+    if result.written.left_out:
+        screen.print(f"Without a place in {to}: {', '.join(result.written.left_out)}.")
+    print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
+
+
+def register_report(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("report", epilog=examples("dynid report runs/demo -o report.html"))(_report)
+
+
+def _report(
+    directory: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Estimates, recordings and designs.")
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE.html", help="The page to write.")
+    ] = Path("report.html"),
+    json: JsonFlag = False,
+) -> None:
+    """One self-contained page, with the verdict first."""
+    from dynid.cli.output import check_output, console, print_json, progress_bar
+    from dynid.workflow import report
+
+    check_output(output, suffix=".html")
+    with progress_bar("report") as progress:
+        path, contents = report(directory, output, progress=progress)
+    if json:
+        print_json(
+            {
+                "file": str(path),
+                "bytes": path.stat().st_size,
+                "estimates": [item.name for item in contents.estimates],
+                "skipped": [list(pair) for pair in contents.skipped],
+            }
+        )
+        return
+    screen = console()
+    for item in contents.estimates:
+        screen.print(f"{item.name}: {item.headline}", style="bold")
+    for name, why in contents.skipped:
+        screen.print(f"- left out: {name} ({why})", soft_wrap=True)
+    screen.print(f"Written: {path}", soft_wrap=True)
+
+
+def register_studio(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command(
+        "studio",
+        epilog=examples(
+            "dynid studio runs/demo",
+            "dynid studio design.json",
+            "dynid studio ur5e --port 8123",
+            "dynid studio runs/demo --host 0.0.0.0",
+        ),
+    )(_studio)
+
+
+def _studio(
+    path: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="PATH", help="Directory, design, recording, or robot; default: here."
+        ),
+    ] = None,
+    robot: Annotated[
+        str | None, typer.Option(metavar="ROBOT", help="If the files do not say or it has moved.")
+    ] = None,
+    host: Annotated[
+        str,
+        typer.Option(metavar="ADDRESS", help="Where to listen; a token guards all but 127.x."),
+    ] = "127.0.0.1",
+    port: Annotated[
+        int | None,
+        typer.Option(metavar="PORT", min=0, max=65535, help="0 for any. [default: 8080 or next]"),
+    ] = None,
+    token: Annotated[
+        str | None,
+        typer.Option(metavar="TEXT", help="Visitors must know it; made up where one is needed."),
+    ] = None,
+    json: JsonFlag = False,
+) -> None:
+    """A local page: the arm in 3D, design, live run, results.
+
+    It serves until Ctrl-C. With --json, one object on stdout tells when it can be opened.
+    """
+    from dynid.cli.output import print_json
+    from dynid.experiment import stop_on_signals
+    from dynid.studio import StudioOptions, serve
+
+    options = StudioOptions(path=path, robot=robot, host=host, token=token, port=port)
+
+    def ready(served: Served) -> None:
+        if json:
+            print_json(
+                {
+                    "url": served.url,
+                    "host": served.host,
+                    "port": served.port,
+                    "robot": served.robot,
+                    "local": served.local,
+                }
+            )
+            sys.stdout.flush()
+        print(f"dynid studio: open {served.url} - Ctrl-C ends it.", file=sys.stderr, flush=True)
+        if not served.local:
+            print(
+                "dynid studio: warning: other machines can reach the page; what it sends is not "
+                "encrypted, its token neither",
+                file=sys.stderr,
+                flush=True,
+            )
+
+    with stop_on_signals() as stop:
+        serve(options, ready, stop)
+
+
+def register_bench(app: typer.Typer) -> None:
+    """Add the command group."""
+    group = typer.Typer(help="Methods side by side, on arms whose truth is known.")
+    group.callback()(_root)
+    group.command(
+        "estimators",
+        epilog=examples(
+            "dynid bench estimators", "dynid bench estimators --only ols,iv,didim --seeds 5 --json"
+        ),
+    )(_estimators)
+    app.add_typer(group, name="bench", rich_help_panel=None)
+
+
+def _root() -> None:
+    """Methods side by side, on arms whose truth is known."""
+
+
+def _estimators(
+    only: Annotated[
+        str | None, typer.Option(metavar="WORD,..", help="Some of the words of --estimator.")
+    ] = None,
+    seeds: Annotated[int, typer.Option(metavar="N", min=1, help="Trajectories and noises.")] = 3,
+    json: JsonFlag = False,
+) -> None:
+    """Every estimator, by noise and seed: BIRDy's figures."""
+    from dynid.bench import compare_estimators, summary, to_json
+    from dynid.cli.output import console, count, number, print_json, print_table, progress_bar
+    from dynid.identification import ESTIMATORS
+
+    words = ESTIMATORS if only is None else tuple(word.strip() for word in only.split(","))
+    with progress_bar("bench") as progress:
+        trials = compare_estimators(words, range(seeds), progress=progress)
+    if json:
+        print_json(to_json(trials))
+        return
+    rows = [
+        (
+            row["scenario"],
+            row["estimator"],
+            number(row["d_beta"], 3),
+            number(row["d_tau_percent"], 3),
+            number(row["d_q_percent"], 3),
+            number(row["seconds"], 2),
+            str(row["failures"] or ""),
+        )
+        for row in sorted(summary(trials), key=lambda row: row["scenario"])
+    ]
+    print_table(
+        console(),
+        f"Means over {count(seeds, 'seed')} (d_beta: 0 to 2; errors on another motion)",
+        ("scenario", "estimator", "d_beta", "d_tau %", "d_q %", "s", "failed"),
+        rows,
+        words=(0, 1),
+    )
+
+
+def register_demo(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command(
+        "demo", epilog=examples("dynid demo -o runs/demo", "dynid demo -o runs/demo --quick --json")
+    )(_demo)
+
+
+def _demo(
+    output: Annotated[
+        str, typer.Option("-o", "--output", metavar="DIR", help="Where the files go.")
+    ] = "runs/demo",
+    quick: Annotated[
+        bool,
+        typer.Option(
+            "--quick",
+            help="One repetition of each motion, not three, and a shorter search for them.",
+        ),
+    ] = False,
+    json: JsonFlag = False,
+) -> None:
+    """The whole paper on the simulated UR5, cold and warm."""
+    from dynid.cli.output import (
+        console,
+        number,
+        print_json,
+        print_notices,
+        print_table,
+        progress_bar,
+    )
+    from dynid.workflow import run_demo, verdict
+
+    with progress_bar("demo") as progress:
+        demo = run_demo(output, quick=quick, progress=progress)
+    if json:
+        print_json(demo.to_json())
+        return
+    screen = console()
+    screen.print(verdict(demo.best).headline, style="bold")
+    print_table(
+        screen,
+        "The paper's UR5 beside the simulated UR5",
+        ("quantity", "unit", "paper", "preset paper", "preset best"),
+        [
+            (
+                row.quantity,
+                row.unit,
+                number(row.paper),
+                number(row.preset_paper),
+                number(row.preset_best),
+            )
+            for row in demo.table
+        ],
+        words=(0, 1),
+    )
+    for row in demo.table:
+        if row.note:
+            screen.print(f"- {row.quantity}: {row.note}")
+    screen.print("\nChoices of preset best", style="bold")
+    for choice in demo.best.estimate.choices:
+        screen.print(f"- {choice}")
+    print_notices(
+        screen, "Warnings of preset best", [notice.to_json() for notice in demo.best.warnings]
+    )
+    screen.print(f"\nFiles, after {demo.wall_s:.0f} s", style="bold")
+    for path in demo.files:
+        screen.print(f"- {path}", soft_wrap=True)

@@ -1,0 +1,165 @@
+"""`dynid fit`: the whole job on logs at hand, from recordings to models and a report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dynid.core import DynidError, InputError, Progress, silent
+from dynid.identification import write_estimate
+from dynid.recording import ExperimentRecord, write_record
+from dynid.robot import RobotModel, load_robot
+from dynid.workflow.exporting import Export, export_file
+from dynid.workflow.identify import Identification, IdentifySettings, identify
+from dynid.workflow.recordings import known_gains, open_record, robot_reference
+from dynid.workflow.reporting import report
+from dynid.workflow.validating import Verdict, verdict
+
+MODELS = {"urdf": "model.urdf", "mjcf": "model.xml", "c": "model.h"}
+"""The models that are written, by format."""
+ESTIMATE = "estimate.json"
+REPORT = "report.html"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """What was identified from logs, and the files that hold it."""
+
+    identification: Identification
+    verdict: Verdict
+    gains_from: tuple[str, ...]
+    """Where the drive gains of each log come from: `effort` (none needed), `recording`, `robot`,
+    `targets` (found in the log) or `given`."""
+    records: tuple[Path, ...]
+    """The logs as recordings of dynid; the last one is the validation log, where there is one."""
+    estimate: Path
+    models: tuple[Export, ...]
+    not_exported: tuple[tuple[str, str], ...]
+    """Formats that cannot hold this model, each with the reason."""
+    report: Path
+
+    def to_json(self) -> dict[str, Any]:
+        """The object that `--json` prints: the keys of `identify`, the verdict and the files."""
+        return {
+            **self.identification.to_json(),
+            "verdict": self.verdict.to_json(),
+            "gains_from": list(self.gains_from),
+            "records": [str(path) for path in self.records],
+            "estimate": str(self.estimate),
+            "models": [export.to_json() for export in self.models],
+            "not_exported": dict(self.not_exported),
+            "report": str(self.report),
+        }
+
+
+def fit(
+    robot: str | Path | RobotModel,
+    logs: Sequence[str | Path] | str | Path,
+    output: str | Path,
+    *,
+    validation: str | Path | None = None,
+    gains: Sequence[float] | None = None,
+    settings: IdentifySettings | None = None,
+    progress: Progress | None = None,
+) -> Fit:
+    """Identify a robot from logs at hand: import, identify, validate, export and report.
+
+    Args:
+        robot: Built-in name, URDF file, robot file or model.
+        logs: Recordings in any format that `dynid import` reads without options, or folders with
+            the text files of one run.
+        output: Folder for recordings, estimate, models and report; made if it is missing.
+        validation: Another log, which the identified model has to predict.
+        gains: (n) drive gains [N.m/A]; None: those of the recording or of the robot, or else from
+            the target currents and moments in the log.
+        settings: How to identify; None: preset best.
+        progress: Told what is being done and how far it is (0 to 1).
+
+    Raises:
+        InputError: A robot or logs that cannot be read, no drive gains, or a folder that cannot
+            be written.
+        JobError: A singular problem, or a full disk.
+    """
+    tell = progress or silent
+    files = [logs] if isinstance(logs, str | Path) else list(logs)
+    if not files:
+        raise InputError("needs at least one log")
+    model = robot if isinstance(robot, RobotModel) else load_robot(robot)
+    folder = _folder(output)
+    records: list[ExperimentRecord] = []
+    sources: list[str] = []
+    paths: list[Path] = []
+    for k, file in enumerate([*files, *([] if validation is None else [validation])]):
+        tell(f"read {Path(file).name}", 0.1 * k / (len(files) + 1))
+        record = open_record(file, model, gains)
+        record, source = known_gains(record, model)
+        records.append(record)
+        sources.append("given" if gains is not None and source == "recording" else source)
+        paths.append(folder / f"{_stem(file, k, len(files))}.parquet")
+    other = None if validation is None else records[-1]
+    result = identify(
+        records[: len(files)],
+        model,
+        settings,
+        validation=other,
+        progress=lambda what, share: tell(what, 0.1 + 0.6 * share),
+    )
+    for record, path in zip(records, paths, strict=True):
+        write_record(_named(record, robot), path)
+    write_estimate(result.estimate, folder / ESTIMATE)
+    exports: list[Export] = []
+    failed: list[tuple[str, str]] = []
+    for k, (to, name) in enumerate(MODELS.items()):
+        tell(f"write {name}", 0.7 + 0.05 * k)
+        try:
+            exports.append(export_file(folder / ESTIMATE, to, folder / name))
+        except DynidError as error:
+            failed.append((to, str(error)))
+    page, _ = report(
+        folder, folder / REPORT, progress=lambda what, share: tell(what, 0.85 + 0.15 * share)
+    )
+    return Fit(
+        identification=result,
+        verdict=verdict(result),
+        gains_from=tuple(sources),
+        records=tuple(paths),
+        estimate=folder / ESTIMATE,
+        models=tuple(exports),
+        not_exported=tuple(failed),
+        report=page,
+    )
+
+
+def _folder(output: str | Path) -> Path:
+    folder = Path(output)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            "the folder for the results cannot be made", where="-o", value=str(output)
+        ) from error
+    taken = [name for name in (ESTIMATE, REPORT, *MODELS.values()) if (folder / name).exists()]
+    if taken:
+        raise InputError(
+            "the folder already holds results, and nothing is replaced",
+            where="-o",
+            value=f"{folder}: {', '.join(taken)}",
+            next_step="Name another folder, or move these files away.",
+        )
+    return folder
+
+
+def _stem(file: str | Path, k: int, count: int) -> str:
+    kind = "validation" if k >= count else f"log{k + 1}" if count > 1 else "log"
+    return f"{kind}_{Path(file).stem}"
+
+
+def _named(record: ExperimentRecord, robot: str | Path | RobotModel) -> ExperimentRecord:
+    """The recording, which remembers the robot by name or file."""
+    from dataclasses import replace
+
+    if isinstance(robot, RobotModel):
+        return record
+    return replace(record, metadata=replace(record.metadata, robot=robot_reference(robot)))
