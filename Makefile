@@ -16,8 +16,8 @@ $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "dynid needs Python 3.11 or 3.12; name one: make PYTHON=/path/to/python" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
-$(STAMP): pyproject.toml | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[all,dev]'
+$(STAMP): pyproject.toml urtwin/pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[all,dev]' -e ./urtwin
 	@# Numba compiles once a machine: better now than in somebody's first design.
 	-@$(BIN)/dynid design ur5 -o $(VENV)/first.json --starts 1 --jobs 1 >/dev/null 2>&1
 	@touch $@
@@ -37,7 +37,7 @@ chromium:
 lint: install
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
-	$(BIN)/codespell src tests docs benchmarks examples README.md CHANGELOG.md CONTRIBUTING.md
+	$(BIN)/codespell src tests urtwin docs benchmarks examples README.md CHANGELOG.md CONTRIBUTING.md
 
 types: install
 	$(BIN)/pyright --warnings

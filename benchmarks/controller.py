@@ -17,8 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from dynid.protocol import Framer, Kind, Recipe, rtde
-from dynid.simulation import controller_process
-from dynid.simulation.controller.process import RunningController
+from urtwin import RunningController, controller_process
 
 SECONDS = 60.0
 ASKED_SPEED_UP = 5.0

@@ -15,7 +15,7 @@ import numpy as np
 
 from dynid.robot import load_robot
 from dynid.simulation import Plant, simulated_arm
-from dynid.simulation.controller.machine import ControllerMachine
+from urtwin import ControllerMachine
 
 ROUNDS, CYCLES = 10, 100
 ASKED_TIMES_REAL_TIME = 5.0

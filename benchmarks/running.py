@@ -22,8 +22,9 @@ from dynid.drivers import SimulatedDriver, UrDriver, inspect
 from dynid.experiment import ExperimentPlan
 from dynid.recording import ExperimentRecord, RecordMetadata, RecordWriter, read_record
 from dynid.robot import load_robot
-from dynid.simulation import controller_process, simulated_arm
+from dynid.simulation import simulated_arm
 from dynid.trajectory.fourier import rest_series
+from urtwin import controller_process
 
 HOST = "127.0.1.77"
 

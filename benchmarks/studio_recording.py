@@ -19,8 +19,6 @@ import numpy as np
 from dynid.core import provenance
 from dynid.recording import read_record
 from dynid.robot import load_robot
-from dynid.simulation import controller_process
-from dynid.simulation.controller.process import own_address
 from dynid.studio.jobs import Job, Supervisor
 from dynid.studio.opening import open_path
 from dynid.studio.page import Page
@@ -29,6 +27,7 @@ from dynid.studio.session import Session
 from dynid.studio.solids import arm_meshes
 from dynid.trajectory import write_trajectory
 from dynid.trajectory.fourier import rest_series
+from urtwin import controller_process, own_address
 
 PERIOD = 5.0
 SOFTWARE = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"]

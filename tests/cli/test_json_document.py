@@ -11,8 +11,9 @@ from cli_runs import LISTED, Recordings, Run
 
 import dynid
 from dynid.core import provenance
-from dynid.simulation import controller_process, simulated_arm
+from dynid.simulation import simulated_arm
 from dynid.trajectory import write_trajectory
+from urtwin import controller_process
 
 POINTS = 5.0
 """Percentage points by which a change of viscous friction may be missed."""

@@ -21,8 +21,7 @@ from gentle_motion import write_gentle
 
 from dynid.drivers.ur.driver import WATCHDOG_HZ
 from dynid.recording import read_record
-from dynid.simulation import controller_process
-from dynid.simulation.controller.process import RunningController, own_address
+from urtwin import RunningController, controller_process, own_address
 
 pytestmark = pytest.mark.realtime
 

@@ -13,12 +13,10 @@ from dynid.constraints import safe_constraints
 from dynid.core import JobError
 from dynid.drivers.ur.state import APPROACHING, DONE, MOVING, STATE
 from dynid.robot import load_robot
-from dynid.simulation import controller_process
-from dynid.simulation.controller.machine import UPRIGHT
-from dynid.simulation.controller.process import own_address
 from dynid.trajectory import read_trajectory
 from dynid.workflow import DesignSettings, RunSettings, design, run_design
 from dynid.workflow.run_settings import load_design
+from urtwin import UPRIGHT, controller_process, own_address
 
 JUDGE = safe_constraints(load_robot("ur5"))
 PERIOD_S, HARMONICS, CYCLES = 6.0, 4, 750

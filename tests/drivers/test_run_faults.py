@@ -25,9 +25,7 @@ from gentle_motion import CYCLES, write_gentle
 from dynid.cli.app import main
 from dynid.drivers.ur.link import Dashboard, RtdeLink, ScriptPort
 from dynid.recording import ExperimentRecord, read_record
-from dynid.simulation import controller_process
-from dynid.simulation.controller.process import RunningController, own_address
-from dynid.simulation.controller.virtual import LEAD_S
+from urtwin import LEAD_S, RunningController, controller_process, own_address
 
 STOP_S = 0.1
 """Controller time within which the robot must stop [s]."""

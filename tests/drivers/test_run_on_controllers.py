@@ -14,10 +14,10 @@ from dynid.cli.app import main
 from dynid.core import provenance
 from dynid.recording import read_record
 from dynid.robot import load_robot
-from dynid.simulation import controller_process, simulate, simulated_arm
-from dynid.simulation.controller.process import own_address
+from dynid.simulation import simulate, simulated_arm
 from dynid.trajectory import write_trajectory
 from dynid.workflow import RunSettings, run_design
+from urtwin import controller_process, own_address
 
 SAME_PATH = 2e-3
 """Distance between the simulated arm under the controller and in this process [rad]."""

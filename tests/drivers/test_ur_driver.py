@@ -15,8 +15,7 @@ from dynid.core import InputError, JobError
 from dynid.drivers import Outcome, ServojDriver, UrDriver, inspect
 from dynid.drivers.ur.driver import SLACK, approach
 from dynid.drivers.ur.link import RtdeLink
-from dynid.simulation import controller_process
-from dynid.simulation.controller.process import RunningController, own_address
+from urtwin import RunningController, controller_process, own_address
 
 SAME = 1e-12
 """Between periods [rad]."""

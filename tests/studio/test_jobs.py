@@ -14,11 +14,10 @@ from gentle import CYCLES, write_motion
 
 from dynid.core import InputError
 from dynid.recording import ExperimentRecord, read_record
-from dynid.simulation import controller_process
-from dynid.simulation.controller.process import own_address
 from dynid.studio.jobs import Job, JobState, Supervisor, criterion_in, job_from_line, job_to_line
 from dynid.studio.live import TailReader, tail_of
 from dynid.workflow import check
+from urtwin import controller_process, own_address
 
 PATIENCE = 60.0
 """What nobody waits for unless something is broken [s]."""

@@ -16,13 +16,12 @@ from gentle import CYCLES, write_motion
 
 from dynid.recording import read_record
 from dynid.robot import joint_poses
-from dynid.simulation import controller_process
-from dynid.simulation.controller.process import own_address
 from dynid.studio.opening import open_path
 from dynid.studio.page import Page
 from dynid.studio.server import make_door, open_server
 from dynid.studio.session import Session
 from dynid.studio.solids import arm_meshes
+from urtwin import controller_process, own_address
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium (make test installs it)")

@@ -3,8 +3,6 @@ import pytest
 from urscript_player import play
 
 from dynid.core import InputError
-from dynid.simulation.controller.machine_builtins import BUILTINS
-from dynid.simulation.controller.urscript.program import compile_script
 from dynid.trajectory import (
     FAMILY_NAMES,
     FourierQuintic,
@@ -20,6 +18,7 @@ from dynid.trajectory import (
     ur_program,
 )
 from dynid.trajectory.fourier import rest_series
+from urtwin import BUILTINS, compile_script
 
 # Targets on the controller against `evaluate` [rad].
 SAME = 1e-12

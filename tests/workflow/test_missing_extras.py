@@ -79,6 +79,20 @@ def test_a_job_says_which_extra_it_needs_and_leaves_nothing(
     assert sorted(item.name for item in tmp_path.iterdir()) == before
 
 
+def test_without_urtwin_the_command_says_how_to_install_it(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT, '["urtwin"]', "controller", "--robot", "ur5"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.count("\n") == 1
+    assert "pip install ./urtwin" in done.stderr
+
+
 def test_the_core_dependencies_are_enough_to_analyze(tmp_path: Path) -> None:
     done = without_extras(tmp_path, "analyze", "ur5", "--json")
     assert done.returncode == 0, done.stderr

@@ -8,6 +8,8 @@ The demo's designs and recordings: through the simulated controller, in virtual 
 from __future__ import annotations
 
 import time
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +21,6 @@ from dynid.excitation import ExcitationDesign
 from dynid.identification import write_estimate
 from dynid.recording import ExperimentRecord, read_record
 from dynid.robot import load_robot
-from dynid.simulation import controller_process
 from dynid.validation import ParameterComparison, compare
 from dynid.workflow.analyze import Analysis, analyze
 from dynid.workflow.designing import DesignSettings, design
@@ -232,16 +233,15 @@ def make_recordings(robot: str, folder: Path, quick: bool, tell: Progress) -> Re
         # One controller a thermal state and motion: each recording starts at that temperature.
         for name, seed in PURPOSES:
             what = "identification" if name == "design" else "validation"
-            tell(f"run on the simulated controller: {thermal}, {what}", 0.5 + k / 4)
+            tell(f"run on the simulated robot: {thermal}, {what}", 0.5 + k / 4)
             path = folder / f"{thermal}_{what}.parquet"
-            with controller_process(
-                robot, thermal=thermal, virtual_time=True, seed=10 * seed + k
-            ) as controller:
+            noise = 10 * seed + k
+            with _simulated_robot(robot, thermal, noise) as on:
                 run_design(
                     folder / f"{name}.json",
                     path,
-                    on=f"ur://{controller.host}",
-                    settings=RunSettings(repeat=repetitions, thermal=thermal),
+                    on=on,
+                    settings=RunSettings(repeat=repetitions, thermal=thermal, seed=noise),
                 ).raise_if_aborted()
             recorded[name][thermal] = read_record(path)
             files.append(path)
@@ -251,6 +251,18 @@ def make_recordings(robot: str, folder: Path, quick: bool, tell: Progress) -> Re
         validation=recorded["validation_design"],
         files=tuple(files),
     )
+
+
+@contextmanager
+def _simulated_robot(robot: str, thermal: str, seed: int) -> Generator[str]:
+    """Where to run: on urtwin's controller, or where that is missing on the arm in this process."""
+    try:
+        from urtwin import controller_process
+    except ImportError:
+        yield "sim"
+        return
+    with controller_process(robot, thermal=thermal, virtual_time=True, seed=seed) as controller:
+        yield f"ur://{controller.host}"
 
 
 ROBOT = "ur5"

@@ -1,1 +1,0 @@
-"""A simulated UR controller: real protocols in front of the simulated arm."""

@@ -1,1 +1,0 @@
-"""URScript: from text to a program that runs one control cycle at a time."""

@@ -1,0 +1,353 @@
+"""What the parts of the controller share: registers, signals, messages, payload, watchdogs."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+
+from dynid.core import Array, InputError
+from dynid.protocol import RobotMode
+from dynid.simulation import Servo
+from urtwin.arm import PROGRAM_STOP, PROTECTIVE_STOP, ControlledArm, ForceMode, Rest
+from urtwin.interpreter import Interpreter
+from urtwin.kinematics import to_matrix
+from urtwin.network import Network, on_this_machine
+from urtwin.safety import Safety
+from urtwin.urscript import ScriptFault
+
+COUNT = 48
+"""Integer and double registers in each direction."""
+BITS = 128
+"""Boolean registers in each direction."""
+FLAGS = 32
+"""Flags that programs set and read, nobody else."""
+_INT_MIN, _INT_MAX = -(2**31), 2**31 - 1
+
+
+class Registers:
+    """Registers of one direction, as scripts and RTDE see them."""
+
+    def __init__(self) -> None:
+        self.integers: list[int] = [0] * COUNT
+        self.doubles: list[float] = [0.0] * COUNT
+        self.bits: list[bool] = [False] * BITS
+
+    def write(self, kind: str, index: int, value: float) -> None:
+        """Store a value.
+
+        Args:
+            kind: `int`, `double` or `bit`.
+            index: Which register, from zero.
+            value: Integers are cut to 32 bits.
+
+        Raises:
+            InputError: No such register.
+        """
+        _check(kind, index)
+        if kind == "int":
+            self.integers[index] = min(max(int(value), _INT_MIN), _INT_MAX)
+        elif kind == "double":
+            self.doubles[index] = float(value)
+        else:
+            self.bits[index] = bool(value)
+
+    def read(self, kind: str, index: int) -> int | float | bool:
+        """The value of a register.
+
+        Args:
+            kind: `int`, `double` or `bit`.
+            index: Which register, from zero.
+
+        Raises:
+            InputError: No such register.
+        """
+        _check(kind, index)
+        if kind == "int":
+            return self.integers[index]
+        return self.doubles[index] if kind == "double" else self.bits[index]
+
+    def word(self, first: int) -> int:
+        """Thirty-two boolean registers from `first` on, as one number."""
+        return sum(1 << k for k in range(32) if self.bits[first + k])
+
+    def set_word(self, first: int, value: int) -> None:
+        """Thirty-two boolean registers from `first` on."""
+        for k in range(32):
+            self.bits[first + k] = bool(value >> k & 1)
+
+
+class Signals:
+    """Digital and analog signals; bits: 8 standard, 8 configurable, 2 of the tool."""
+
+    def __init__(self) -> None:
+        self.digital_in = 0
+        self.digital_out = 0
+        self.analog_in: list[float] = [0.0, 0.0]
+        self.analog_out: list[float] = [0.0, 0.0]
+        """Share of the range, 0 to 1."""
+        self.analog_types = 0
+        self.tool_voltage = 0
+        self.flags = [False] * FLAGS
+        """What programs remember between runs."""
+
+    def set_digital_out(self, bit: int, on: bool) -> None:
+        """Switch one of the 18 digital outputs.
+
+        Raises:
+            InputError: No such output.
+        """
+        if not 0 <= bit < 18:
+            raise InputError("digital output", value=bit, limit=(0, 17))
+        self.digital_out = self.digital_out | 1 << bit if on else self.digital_out & ~(1 << bit)
+
+    def masked(self, mask: int, value: int, shift: int) -> None:
+        """Set the outputs that a mask names.
+
+        Args:
+            mask: Which outputs change.
+            value: Their new states.
+            shift: Bit of the first output.
+        """
+        keep = self.digital_out & ~(mask << shift)
+        self.digital_out = keep | (value & mask) << shift
+
+
+def _check(kind: str, index: int) -> None:
+    limit = BITS if kind == "bit" else COUNT
+    if not 0 <= index < limit:
+        raise InputError(f"{kind} register", value=index, limit=(0, limit - 1))
+
+
+PROGRAM_STARTED, PROGRAM_STOPPED = "PROGRAM_XXX_STARTED", "PROGRAM_XXX_STOPPED"
+"""Titles by which clients know that a program began or ended."""
+
+
+class MessageKind(Enum):
+    """What sort of message it is."""
+
+    TEXT = "a text"
+    KEY = "the beginning or the end of a program; the title tells which"
+    POPUP = "a window on the screen"
+    EXCEPTION = "what is wrong with a script; the title is UR's name for it"
+    STOP = "a stop by the safety system"
+    NOTE = "what a real controller would not say; for people beside the simulated one"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Message:
+    """Something for the screen or the log of the controller."""
+
+    text: str
+    source: str
+    """`program`, `safety` or `controller`."""
+    level: int
+    """As in RTDE: 0 exception, 1 error, 2 warning, 3 information."""
+    timestamp: float
+    """Controller time [s]."""
+    kind: MessageKind = MessageKind.TEXT
+    title: str = ""
+    """What stands above the text."""
+    line: int = 0
+    """Of an exception: the line of the script, from one; 0 where it has none."""
+    blocking: bool = False
+    """Of a window: whether the program waits until it is closed."""
+
+    @property
+    def words(self) -> str:
+        """All of it in one line, for people."""
+        return f"{self.title}: {self.text}" if self.title and not self.line else self.text
+
+
+MESSAGES_KEPT = 1000
+START_CYCLES_S = 60
+"""Controller time at the start [s]: clients take less than 40 s for a robot that just booted."""
+_HISTORY_S = 1.0
+_LONGEST = 2_000
+_SCALING_RATE = 4.0
+
+
+@dataclass(slots=True)
+class Payload:
+    """What the controller believes the tool carries."""
+
+    mass: float = 0.0
+    """[kg]"""
+    cog: list[float] = field(default_factory=lambda: [0.0] * 3)
+    """(3) centre of gravity in the flange [m]."""
+    inertia: list[float] = field(default_factory=lambda: [0.0] * 6)
+    """(6) Ixx, Iyy, Izz, Ixy, Ixz, Iyz [kg.m^2]."""
+
+
+@dataclass(slots=True)
+class Watchdog:
+    """An input that a client must keep writing."""
+
+    variable: str
+    period: float
+    """Longest silence [s]; infinite for none."""
+    action: str
+    """`ignore`, `pause` or `stop`."""
+    fed: float
+    """Controller time of the last write [s]."""
+
+
+class Core:
+    """The state of a controller: arm, registers, signals, safety, tool and messages.
+
+    Args:
+        arm: The arm under it.
+        safety: Its safety system.
+        rate_hz: Control cycles a second.
+        version: Software version.
+    """
+
+    def __init__(
+        self, arm: ControlledArm, safety: Safety, rate_hz: float, version: tuple[int, int, int, int]
+    ) -> None:
+        self.arm, self.safety, self.rate_hz, self.version = arm, safety, rate_hz, version
+        self.cycles = 0
+        self.inputs, self.outputs, self.signals = Registers(), Registers(), Signals()
+        self.mode = RobotMode.RUNNING
+        self.messages: deque[Message] = deque(maxlen=MESSAGES_KEPT)
+        self.network = Network(on_this_machine)
+        self.interpreter = Interpreter()
+        self.payload = Payload()
+        self.tcp = [0.0] * 6
+        self.tcp_matrix: Array = np.eye(4)
+        self.gravity: list[float] = (-arm.plant.arm.robot.gravity).tolist()
+        """(3) as in `set_gravity`: the acceleration that keeps the base from falling."""
+        self.external_wrench: Sequence[float] = [0.0] * 6
+        self.speed_fraction = 1.0
+        """The speed slider."""
+        self.scaling = 1.0
+        """Share of the trajectory time that passes: follows the slider. `servoj` ignores it."""
+        self.lacking: set[str] = set()
+        self.random = np.random.default_rng(0)
+        self._mover: object = None
+        self._tuning = (arm.servo.lookahead, arm.servo.gain)
+        self.watchdogs: dict[str, Watchdog] = {}
+        self.paused = False
+        self.playing = False
+        self.teaching = False
+        self.blocking_popup = False
+        self.force: ForceMode | None = None
+        """The force mode that is on."""
+        self.force_gain = 1.0
+        """How much the tool gives way in the next one."""
+        self.rest: Rest | None = None
+        """What a move has left to the next one, in a blend."""
+        self.history: deque[list[float]] = deque(maxlen=round(_HISTORY_S * rate_hz))
+        """Joint positions of the last second, newest first."""
+
+    @property
+    def now(self) -> float:
+        """Controller time [s]."""
+        return (START_CYCLES_S * self.rate_hz + self.cycles) / self.rate_hz
+
+    def scale(self) -> None:
+        """Let the speed scaling follow the slider, without a jump."""
+        wanted = 0.0 if self.safety.stopped else self.speed_fraction
+        most = _SCALING_RATE * self.arm.cycle
+        self.scaling += min(max(wanted - self.scaling, -most), most)
+
+    def move(self, q: list[float], mover: object) -> None:
+        """Send the arm to joint positions (6) in this cycle [rad].
+
+        Args:
+            q: The set point.
+            mover: Who sends it.
+
+        Raises:
+            ScriptFault: Somebody else moves the arm in the same cycle.
+        """
+        if self.arm.commanded and self._mover is not mover:
+            raise ScriptFault("another thread moves the robot in the same cycle")
+        self._mover, self.rest = mover, None
+        self.arm.command(q)
+
+    def tune(self, lookahead: float, gain: float) -> None:
+        """The servo's lookahead [s] and gain from now on.
+
+        Raises:
+            InputError: Outside what `servoj` allows.
+        """
+        if (lookahead, gain) != self._tuning:
+            self.arm.plant.tune(Servo(lookahead=lookahead, gain=gain))
+            self._tuning = (lookahead, gain)
+
+    def untune(self) -> None:
+        """Back to the servo's own lookahead and gain."""
+        self.tune(self.arm.servo.lookahead, self.arm.servo.gain)
+
+    def believe(self) -> None:
+        """Tell the controller's model of the payload and the mounting."""
+        payload, flange = self.payload, self.arm.plant.arm.robot.flange
+        cog = flange[:3, :3] @ np.array(payload.cog) + flange[:3, 3]
+        gravity = -np.array(self.gravity)
+        self.arm.plant.tracker.believe(payload.mass, cog, gravity)
+
+    def lacks(self, what: str) -> None:
+        """Say, once a program, that something is not simulated."""
+        if what not in self.lacking:
+            self.lacking.add(what)
+            words = f"{what} is not simulated: it does nothing"
+            self.say(words, level=2, kind=MessageKind.NOTE)
+
+    def say(
+        self,
+        text: str,
+        source: str = "program",
+        level: int = 3,
+        kind: MessageKind = MessageKind.TEXT,
+        *,
+        title: str = "",
+        line: int = 0,
+        blocking: bool = False,
+    ) -> None:
+        """Put a message out; the oldest is dropped when nobody takes them."""
+        message = Message(
+            text=text[:_LONGEST],
+            source=source,
+            level=level,
+            timestamp=self.now,
+            kind=kind,
+            title=title[:_LONGEST],
+            line=line,
+            blocking=blocking,
+        )
+        self.messages.append(message)
+
+    def protective_stop(self, reason: str) -> None:
+        """Stop the arm hard and lock it; the program ends."""
+        if self.safety.stopped:
+            return
+        self.safety.stop(reason, self.now)
+        self.arm.refuse()
+        self.arm.braking = PROTECTIVE_STOP
+        self.say(reason, "safety", 1, MessageKind.STOP)
+
+    def rest_brake(self) -> None:
+        """Brake as at the end of a program."""
+        self.arm.braking = PROGRAM_STOP
+
+    def set_tcp(self, pose: Sequence[float]) -> None:
+        """The tool in the flange: x, y, z, rx, ry, rz [m, rad]."""
+        self.tcp = [float(value) for value in pose]
+        self.tcp_matrix = to_matrix(self.tcp)
+
+    def feed(self, variable: str) -> None:
+        """An input was written."""
+        watchdog = self.watchdogs.get(variable)
+        if watchdog is not None:
+            watchdog.fed = self.now
+
+    def starved(self) -> Watchdog | None:
+        """The first watchdog that has waited too long."""
+        for watchdog in self.watchdogs.values():
+            if watchdog.action != "ignore" and self.now - watchdog.fed > watchdog.period + 1e-9:
+                return watchdog
+        return None

@@ -1,0 +1,284 @@
+"""The dashboard server, the programs that it can load, and the command lines of pendants.
+
+PolyScope saves `work.urp` together with `work.script`, which is what runs: `load work.urp` takes
+`work.script` of the folder, with or without a file `work.urp` beside it. UR's own client library
+switches the robot on by lines on the script ports (src/primary/primary_client.cpp): software 10 has
+no dashboard server.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path, PurePosixPath
+
+from dynid.core import InputError
+from dynid.protocol import dashboard as words
+from urtwin.machine import ControllerMachine
+from urtwin.urscript import MAX_CHARACTERS
+
+FindProgram = Callable[[str], str | None]
+"""The text of a program, or None if there is none of that name."""
+_ON_THE_ROBOT = "programs"
+_SUFFIXES = (".urp", ".script")
+
+
+def no_programs(name: str) -> str | None:
+    """A controller without files."""
+    return None
+
+
+def program_folder(folder: Path) -> FindProgram:
+    """Finds the programs of a folder; each is read when it is loaded.
+
+    Args:
+        folder: Stands for the robot's `/programs`.
+
+    Raises:
+        InputError: It is no folder.
+    """
+    if not folder.is_dir():
+        raise InputError("there is no such folder of programs", where=str(folder))
+    root = folder.resolve()
+
+    def find(name: str) -> str | None:
+        parts = PurePosixPath(name).parts
+        if parts[:1] == ("/",):
+            parts = parts[2:] if parts[1:2] == (_ON_THE_ROBOT,) else parts[1:]
+        path = root.joinpath(*parts).with_suffix(".script") if _is_program(parts) else root
+        try:
+            path = path.resolve(strict=True)
+            if not path.is_relative_to(root) or path.stat().st_size > MAX_CHARACTERS:
+                return None
+            return path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError):
+            return None
+
+    return find
+
+
+def _is_program(parts: tuple[str, ...]) -> bool:
+    return bool(parts) and PurePosixPath(parts[-1]).suffix in _SUFFIXES
+
+
+LONGEST_LINE = 4096
+"""The longest command taken [bytes]."""
+
+
+class DashboardSession:
+    """What the dashboard knows of one client.
+
+    Programs cannot be uploaded to the dashboard: `load` takes those that `programs` finds.
+
+    Args:
+        machine: The controller behind.
+        model: The robot's model as the pendant shows it, `UR5`.
+        serial: Its serial number.
+        programs: Finds the text of a program.
+    """
+
+    def __init__(
+        self, machine: ControllerMachine, model: str, serial: str, programs: FindProgram
+    ) -> None:
+        self._machine, self._programs = machine, programs
+        self._rest = b""
+        self._role = self._mode = "NONE"
+        self.over = False
+        """Whether the client said goodbye."""
+        fixed = {
+            "is in remote control": "true",
+            "get serial number": serial,
+            "get robot model": model,
+            "version": _dotted(machine),
+            "polyscopeversion": f"URSoftware {_dotted(machine)} (simulated by dynid)",
+        }
+        self._answers: dict[str, Callable[[], str]] = {
+            command: lambda reply=reply: reply for command, reply in fixed.items()
+        }
+        self._answers |= {
+            "play": lambda: self._try("play", machine.play(), words.STARTING),
+            "stop": self._stop,
+            "pause": lambda: self._try("pause", machine.pause(), words.PAUSING),
+            "running": lambda: f"Program running: {str(machine.program_running).lower()}",
+            "robotmode": lambda: f"Robotmode: {machine.robot_mode.name}",
+            "safetymode": lambda: f"Safetymode: {machine.safety_mode.name}",
+            "safetystatus": lambda: f"Safetystatus: {machine.safety_mode.name}",
+            "programstate": lambda: f"{machine.program_state} {machine.program_name or 'null'}",
+            "get loaded program": self._loaded,
+            "isprogramsaved": lambda: f"true {machine.program_name or 'null'}",
+            "power on": lambda: self._try("power on", machine.power_on(), words.POWERING_ON),
+            "power off": lambda: self._try("power off", machine.power_off(), words.POWERING_OFF),
+            "brake release": lambda: self._try(
+                "brake release", machine.brake_release(), words.RELEASING
+            ),
+            "unlock protective stop": self._unlock,
+            "close popup": self._close_popup,
+            "close safety popup": self._close_safety_popup,
+            "getuserrole": lambda: self._role,
+            "get operational mode": lambda: self._mode,
+            "clear operational mode": self._clear_mode,
+            "restart safety": self._restart_safety,
+            "savelog": lambda: words.LOG_SAVED,
+            "shutdown": self._shut_down,
+            "quit": self._quit,
+        }
+        self._with_text: dict[str, Callable[[str], str]] = {
+            "load installation": lambda name: f"Loading installation: {name}",
+            "load": self._load,
+            "popup": lambda _: "showing popup",
+            "addtolog": lambda text: "Added log message" if text else "No log message to add",
+            "setuserrole": self._set_role,
+            "set operational mode": self._set_mode,
+            "generate flight report": lambda _: words.NO_REPORT,
+            "generate support file": lambda _: words.NO_SUPPORT_FILE,
+        }
+
+    def receive(self, data: bytes) -> list[str]:
+        """Take what the client sent; return one reply for each whole line."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        replies: list[str] = []
+        for line in lines:
+            if self.over:
+                break
+            replies.append(self.answer(line.decode(errors="replace").strip()))
+        if len(self._rest) > LONGEST_LINE:
+            self.over = True
+            replies.append(f"no command is longer than {LONGEST_LINE} bytes")
+        return replies
+
+    def answer(self, line: str) -> str:
+        """The reply to one command."""
+        command = " ".join(line.split()).lower()
+        version = self._machine.core.version[:2]
+        plain = self._answers.get(command)
+        if plain is not None and words.known_to(command, version):
+            return plain()
+        for start, answer in self._with_text.items():
+            if command == start or command.startswith(start + " "):
+                if not words.known_to(start, version):
+                    break
+                return answer(" ".join(line.split())[len(start) :].strip())
+        return words.not_understood(line[:200])
+
+    def _try(self, command: str, done: bool, reply: str) -> str:
+        return reply if done else words.failed(command)
+
+    def _stop(self) -> str:
+        # Stopping what stands still succeeds on the real pendant too.
+        self._machine.stop()
+        return words.STOPPED
+
+    def _unlock(self) -> str:
+        if self._machine.unlock_protective_stop():
+            return words.UNLOCKING
+        if self._machine.core.safety.stopped:
+            return words.UNLOCK_TOO_EARLY
+        return words.UNLOCKING
+
+    def _close_popup(self) -> str:
+        self._machine.close_popup()
+        return "closing popup"
+
+    def _close_safety_popup(self) -> str:
+        self._machine.close_safety_popup()
+        return "closing safety popup"
+
+    def _loaded(self) -> str:
+        name = self._machine.program_name
+        return f"Loaded program: {name}" if name else words.NO_PROGRAM
+
+    def _load(self, name: str) -> str:
+        text = self._programs(name)
+        if text is None:
+            return f"File not found: {name}"
+        if not self._machine.load(name, text):
+            return f"Error while loading program: {name}"
+        return f"Loading program: {name}"
+
+    def _set_role(self, role: str) -> str:
+        known = ("programmer", "operator", "none", "locked", "restricted")
+        if role.lower() not in known:
+            return f"Failed setting user role: {role}"
+        self._role = role.upper()
+        return f"Setting user role: {role}"
+
+    def _set_mode(self, mode: str) -> str:
+        if mode.lower() not in ("manual", "automatic"):
+            return f"Failed setting operational mode: {mode}"
+        self._mode = mode.upper()
+        return f"Operational mode '{self._mode}' is set"
+
+    def _clear_mode(self) -> str:
+        self._mode = "NONE"
+        return (
+            f"No longer controlling the operational mode. Current operational mode: '{self._mode}'."
+        )
+
+    def _restart_safety(self) -> str:
+        self._machine.power_off()
+        self._machine.restart_safety()
+        return "Restarting safety"
+
+    def _shut_down(self) -> str:
+        self._machine.power_off()
+        self.over = True
+        return words.SHUTTING_DOWN
+
+    def _quit(self) -> str:
+        self.over = True
+        return words.DISCONNECTED
+
+
+def _dotted(machine: ControllerMachine) -> str:
+    return ".".join(str(number) for number in machine.core.version)
+
+
+_SPEED = re.compile(r"set speed (\d+(?:\.\d*)?|\.\d+)")
+_LONGEST = 60
+
+
+def _unlock(machine: ControllerMachine) -> None:
+    machine.unlock_protective_stop()
+
+
+def _nothing(machine: ControllerMachine) -> None:
+    """The simulated arm is the real one here."""
+
+
+_COMMANDS: dict[str, Callable[[ControllerMachine], object]] = {
+    "power on": ControllerMachine.power_on,
+    "power off": ControllerMachine.power_off,
+    "set robotmode run": ControllerMachine.brake_release,
+    "set unlock protective stop": _unlock,
+    "stop program": ControllerMachine.stop,
+    "pause program": ControllerMachine.pause,
+    "resume program": ControllerMachine.play,
+    "run program": ControllerMachine.play,
+    "set real": _nothing,
+    "set sim": _nothing,
+}
+
+
+def obey(text: str, machine: ControllerMachine) -> bool:
+    """Do what a line says, if it is such a command.
+
+    Args:
+        text: What came on a script port.
+        machine: The controller.
+
+    Returns:
+        Whether it was one; else it is a program.
+    """
+    if len(text) > _LONGEST:
+        return False
+    line = " ".join(text.split()).lower()
+    command = _COMMANDS.get(line)
+    if command is not None:
+        command(machine)
+        return True
+    speed = _SPEED.fullmatch(line)
+    if speed is None:
+        return False
+    machine.set_input("speed_slider_mask", 1)
+    machine.set_input("speed_slider_fraction", float(speed.group(1)))
+    return True

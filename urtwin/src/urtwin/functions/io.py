@@ -1,0 +1,239 @@
+"""Built-ins for registers, signals, messages and watchdogs, and those that are not simulated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator
+from typing import Any
+
+from urtwin.core import FLAGS, Core, MessageKind, Registers, Watchdog
+from urtwin.urscript import Builtin, Kind, ScriptFault, Value, builtin, number, shown, truth
+
+_MESSAGE_WEIGHT = 100
+_ACTIONS = ("ignore", "pause", "stop")
+
+
+def _index(address: Value) -> int:
+    if address.__class__ is not int:
+        raise ScriptFault("an address must be a whole number", value=shown(address))
+    return address
+
+
+def _reader(kind: str, bank: Callable[[Core], Registers]) -> Any:
+    def read(core: Core, address: Value) -> Value:
+        return bank(core).read(kind, _index(address))
+
+    return read
+
+
+def _writer(kind: str) -> Any:
+    def write(core: Core, address: Value, value: Value) -> None:
+        stored = truth(value) if kind == "bit" else number(value)
+        if kind == "int" and not math.isfinite(stored):
+            raise ScriptFault("an integer register takes whole numbers", value=stored)
+        core.outputs.write(kind, _index(address), stored)
+
+    return write
+
+
+def _textmsg(core: Core, s1: Value, s2: Value = "") -> None:
+    core.say(shown(s1) + shown(s2))
+
+
+def _popup(
+    core: Core,
+    s: Value,
+    title: Value = "Popup",
+    warning: Value = False,
+    error: Value = False,
+    blocking: Value = False,
+) -> Generator[None, None, None]:
+    level = 1 if truth(error) else 2 if truth(warning) else 3
+    waits = truth(blocking)
+    core.say(shown(s), "program", level, MessageKind.POPUP, title=shown(title), blocking=waits)
+    if waits:
+        core.blocking_popup = True
+        while core.blocking_popup:
+            yield
+
+
+def _rtde_set_watchdog(
+    core: Core, variable_name: Value, min_frequency: Value, action: Value = "pause"
+) -> None:
+    name, wanted = shown(variable_name), shown(action).lower()
+    if not name.startswith(("input_", "speed_slider", "standard_", "configurable_", "tool_")):
+        raise ScriptFault("a watchdog needs an RTDE input", value=name)
+    if wanted not in _ACTIONS:
+        raise ScriptFault("action of a watchdog", value=wanted, limit=_ACTIONS)
+    rate = number(min_frequency)
+    if not 0.0 <= rate <= core.rate_hz:
+        raise ScriptFault("frequency of a watchdog", value=rate, limit=(0, core.rate_hz))
+    period = 1.0 / rate if rate > 0.0 else math.inf
+    core.watchdogs[name] = Watchdog(name, period, wanted, core.now)
+
+
+def _digital_out(shift: int, count: int) -> Any:
+    def set_out(core: Core, n: Value, b: Value) -> None:
+        bit = _index(n)
+        if not 0 <= bit < count:
+            raise ScriptFault("digital output", value=bit, limit=(0, count - 1))
+        core.signals.set_digital_out(shift + bit, truth(b))
+
+    return set_out
+
+
+def _digital(shift: int, count: int, inputs: bool) -> Any:
+    def get(core: Core, n: Value) -> bool:
+        bit = _index(n)
+        if not 0 <= bit < count:
+            raise ScriptFault("digital signal", value=bit, limit=(0, count - 1))
+        bits = core.signals.digital_in if inputs else core.signals.digital_out
+        return bool(bits >> (shift + bit) & 1)
+
+    return get
+
+
+def _pair(n: Value) -> int:
+    if _index(n) not in (0, 1):
+        raise ScriptFault("analog signal", value=n, limit=(0, 1))
+    return n
+
+
+def _get_analog_in(core: Core, n: Value) -> float:
+    return core.signals.analog_in[_pair(n)]
+
+
+def _get_analog_out(core: Core, n: Value) -> float:
+    return core.signals.analog_out[_pair(n)]
+
+
+def _set_analog_out(core: Core, n: Value, f: Value) -> None:
+    core.signals.analog_out[_pair(n)] = min(max(float(number(f)), 0.0), 1.0)
+
+
+def _flag(n: Value) -> int:
+    if not 0 <= _index(n) < FLAGS:
+        raise ScriptFault("flag", value=n, limit=(0, FLAGS - 1))
+    return n
+
+
+def _get_flag(core: Core, n: Value) -> bool:
+    return core.signals.flags[_flag(n)]
+
+
+def _set_flag(core: Core, n: Value, b: Value) -> None:
+    core.signals.flags[_flag(n)] = truth(b)
+
+
+def _get_tool_analog_in(core: Core, n: Value) -> float:
+    _pair(n)
+    return 0.0
+
+
+def _set_tool_voltage(core: Core, voltage: Value) -> None:
+    core.signals.tool_voltage = int(number(voltage))
+
+
+_KINDS = {"integer": "int", "float": "double", "boolean": "bit"}
+_INSTANT: dict[str, Any] = {
+    "rtde_set_watchdog": _rtde_set_watchdog,
+    "get_standard_analog_in": _get_analog_in,
+    "get_analog_in": _get_analog_in,
+    "get_standard_analog_out": _get_analog_out,
+    "get_analog_out": _get_analog_out,
+    "set_standard_analog_out": _set_analog_out,
+    "set_analog_out": _set_analog_out,
+    "set_tool_voltage": _set_tool_voltage,
+    "get_tool_analog_in": _get_tool_analog_in,
+    "get_flag": _get_flag,
+    "set_flag": _set_flag,
+}
+for _word, _kind in _KINDS.items():
+    _INSTANT[f"read_input_{_word}_register"] = _reader(_kind, lambda core: core.inputs)
+    _INSTANT[f"read_output_{_word}_register"] = _reader(_kind, lambda core: core.outputs)
+    _INSTANT[f"write_output_{_word}_register"] = _writer(_kind)
+for _group, _shift, _count in (
+    ("", 0, 18),
+    ("standard_", 0, 8),
+    ("configurable_", 8, 8),
+    ("tool_", 16, 2),
+):
+    _INSTANT[f"set_{_group}digital_out"] = _digital_out(_shift, _count)
+    _INSTANT[f"get_{_group}digital_out"] = _digital(_shift, _count, inputs=False)
+    _INSTANT[f"get_{_group}digital_in"] = _digital(_shift, _count, inputs=True)
+
+IO: list[Builtin] = [
+    *(builtin(function, Kind.INSTANT, name=name) for name, function in _INSTANT.items()),
+    builtin(_textmsg, Kind.INSTANT, name="textmsg", weight=_MESSAGE_WEIGHT),
+    builtin(_popup, Kind.BLOCKING, name="popup", weight=_MESSAGE_WEIGHT),
+]
+"""Built-ins that read and write what RTDE shows."""
+
+
+_WEIGHT = 20
+_YES: dict[int, str] = {
+    0: """end_screw_driving stop_conveyor_tracking set_input_actions_to_default powerdown
+        high_holding_torque_disable high_holding_torque_enable""",
+    1: """set_tool_output_mode
+        set_runstate_outputs set_safety_mode_transition_hardness reset_revolution_counter set_pos
+        encoder_set_tick_count encoder_enable_set_tick_count path_offset_disable
+        path_offset_set_alpha_filter pause_on_error_code""",
+    2: """set_conveyor_tick_count set_standard_analog_input_domain
+        set_analog_outputdomain set_analog_inputrange set_tool_analog_input_domain
+        position_deviation_warning set_tool_digital_output_mode
+        set_standard_digital_input_action set_configurable_digital_input_action
+        set_tool_digital_input_action set_gp_boolean_input_action
+        set_runstate_standard_digital_output_to_value
+        set_runstate_configurable_digital_output_to_value
+        set_runstate_tool_digital_output_to_value set_runstate_gp_boolean_output_to_value
+        set_runstate_standard_analog_output_to_value set_euromap_output
+        set_euromap_runstate_dependent_choice write_port_bit write_port_register screw_driving
+        path_offset_enable path_offset_set""",
+    3: """track_conveyor_linear modbus_set_digital_input_action path_offset_set_max_offset""",
+    4: """ft_rtde_input_enable enable_external_ft_sensor track_conveyor_circular
+        conveyor_pulse_decode encoder_enable_pulse_decode""",
+    6: "set_tool_communication",
+}
+_NOUGHT: dict[int, str] = {
+    0: "get_conveyor_tick_count get_tool_current",
+    1: """encoder_get_tick_count get_euromap_input get_euromap_output read_port_bit
+        read_port_register""",
+    2: "encoder_unwind_delta_tick_count",
+}
+_BY_NAME: dict[str, tuple[bool | int, str]] = {
+    "modbus_add_signal": (
+        True,
+        "IP slave_number signal_address signal_type signal_name sequential_mode",
+    ),
+    "modbus_delete_signal": (True, "signal_name"),
+    "modbus_get_signal_status": (0, "signal_name is_secondary_program"),
+    "modbus_send_custom_command": (True, "IP slave_number function_code data"),
+    "modbus_set_output_register": (True, "signal_name register_value is_secondary_program"),
+    "modbus_set_output_signal": (True, "signal_name digital_value is_secondary_program"),
+    "modbus_set_signal_update_frequency": (True, "signal_name update_frequency"),
+}
+"""Those whose arguments programs name: the answer, and the names."""
+
+
+def _absent(name: str, answer: bool | int, names: tuple[str, ...]) -> Builtin:
+    def say(core: Core, *_: Value) -> Value:
+        core.lacks(name)
+        return answer
+
+    return Builtin(name, say, Kind.INSTANT, names, (0,) * len(names), _WEIGHT)
+
+
+def _all(answer: bool | int, table: dict[int, str]) -> list[Any]:
+    return [
+        _absent(name, answer, tuple(f"argument{k + 1}" for k in range(count)))
+        for count, names in table.items()
+        for name in names.split()
+    ]
+
+
+ABSENT: list[Builtin] = [
+    *_all(True, _YES),
+    *_all(0, _NOUGHT),
+    *(_absent(name, answer, tuple(names.split())) for name, (answer, names) in _BY_NAME.items()),
+]
+"""Built-ins that do nothing."""

@@ -1,0 +1,218 @@
+"""Built-ins for sockets: a program talks to the machine of a driver.
+
+What is not there within the time asked for is answered as the script manual says: an empty
+text, or zero as the count. Other threads run while one waits, also when that one is in a
+critical section: UR's drivers count on it (their servo thread goes on between two commands).
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Generator
+from typing import Any, TypeVar
+
+from urtwin.core import Core
+from urtwin.network import Link
+from urtwin.urscript import (
+    BACK,
+    LISTENING,
+    MAX_LENGTH,
+    Builtin,
+    Kind,
+    ScriptFault,
+    Value,
+    builtin,
+    number,
+    shown,
+)
+
+T = TypeVar("T")
+Waiting = Generator[str | None, None, T]
+_NAME, _TIMEOUT_S, _CONNECT_S = "socket_0", 2.0, 2.0
+_WEIGHT, _MOST = 100, 255
+_INT = 4
+
+
+def _open(core: Core, address: Value, port: Value, socket_name: Value = _NAME) -> Waiting[bool]:
+    link = core.network.open(shown(socket_name), shown(address), int(number(port)))
+    if not isinstance(link, Link):
+        core.say(f"socket_open: {link}", level=2)
+        yield LISTENING
+        yield BACK
+        return False
+    name = shown(socket_name)
+    done = yield from _until(core, name, _CONNECT_S, lambda found: found.open or None)
+    if done is None:
+        core.network.close(name)
+    return done is not None
+
+
+def _until(
+    core: Core, name: str, timeout: float, take: Callable[[Link], T | None]
+) -> Waiting[T | None]:
+    """What a socket gives, once it does; None when the time is over or the socket closed."""
+    cycles = timeout / core.arm.cycle if timeout > 0 else math.inf
+    waited = 0
+    while True:
+        link = core.network.link(name)
+        found = None if link is None else take(link)
+        over = link is None or not (link.open or link.opening) or waited >= cycles
+        if found is not None or (over and waited):
+            break
+        waited += 1
+        core.network.listening = True
+        yield LISTENING
+    if waited:
+        yield BACK
+    return found
+
+
+def _count(value: Value) -> int:
+    if value.__class__ is not int or not 0 < value <= _MOST:
+        raise ScriptFault("how many to read", value=shown(value), limit=(1, _MOST))
+    return value
+
+
+def _read_binary_integer(
+    core: Core, number: Value, socket_name: Value = _NAME, timeout: Value = _TIMEOUT_S
+) -> Waiting[Value]:
+    count = _count(number)
+    raw = yield from _bytes(core, count * _INT, socket_name, timeout)
+    if raw is None:
+        return [0] + [math.nan] * count
+    return [count, *struct.unpack(f">{count}i", raw)]
+
+
+def _read_byte_list(
+    core: Core, number: Value, socket_name: Value = _NAME, timeout: Value = _TIMEOUT_S
+) -> Waiting[Value]:
+    count = _count(number)
+    raw = yield from _bytes(core, count, socket_name, timeout)
+    return [0] + [math.nan] * count if raw is None else [count, *raw]
+
+
+def _bytes(core: Core, count: int, name: Value, timeout: Value) -> Waiting[bytes | None]:
+    wait = number(timeout)
+    return (yield from _until(core, shown(name), wait, lambda link: link.take(count)))
+
+
+def _read_ascii_float(
+    core: Core, number: Value, socket_name: Value = _NAME, timeout: Value = _TIMEOUT_S
+) -> Waiting[Value]:
+    count = _count(number)
+
+    def take(link: Link) -> list[Value] | None:
+        end = link.data.find(b")")
+        if end < 0:
+            return None
+        text = bytes(link.data[:end]).rpartition(b"(")[2]
+        del link.data[: end + 1]
+        try:
+            found = [float(part) for part in text.split(b",")]
+        except ValueError:
+            found = []
+        return [len(found), *found] if len(found) == count else [0] + [math.nan] * count
+
+    found = yield from _until(core, shown(socket_name), _seconds(timeout), take)
+    return [0] + [math.nan] * count if found is None else found
+
+
+def _seconds(timeout: Value) -> float:
+    return number(timeout)
+
+
+def _read_string(
+    core: Core,
+    socket_name: Value = _NAME,
+    prefix: Value = "",
+    suffix: Value = "",
+    interpret_escape: Value = False,
+    timeout: Value = _TIMEOUT_S,
+) -> Waiting[str]:
+    begin, end = shown(prefix).encode(), shown(suffix).encode()
+
+    def take(link: Link) -> str | None:
+        data = link.data
+        start = data.find(begin)
+        stop = data.find(end, start + len(begin)) if end else len(data)
+        if start < 0 or stop < 0 or not data:
+            return None
+        text = data[start + len(begin) : stop][:MAX_LENGTH].decode("latin-1")
+        del data[: stop + len(end)]
+        return text
+
+    found = yield from _until(core, shown(socket_name), _seconds(timeout), take)
+    return found or ""
+
+
+def _read_line(core: Core, socket_name: Value = _NAME, timeout: Value = _TIMEOUT_S) -> Waiting[str]:
+    def take(link: Link) -> str | None:
+        line, end, rest = link.data.partition(b"\n")
+        if not end:
+            return None
+        link.data[:] = rest
+        return line[:MAX_LENGTH].decode("latin-1").rstrip("\r")
+
+    found = yield from _until(core, shown(socket_name), _seconds(timeout), take)
+    return found or ""
+
+
+def _get_var(core: Core, name: Value, socket_name: Value = _NAME) -> Waiting[int]:
+    _send(core, f"GET {shown(name)}\n".encode(), socket_name)
+    answer = yield from _read_line(core, socket_name)
+    value = answer.rpartition(" ")[2]
+    return int(value) if value.lstrip("-").isdigit() else 0
+
+
+def _send(core: Core, data: bytes, name: Value) -> bool:
+    link = core.network.link(shown(name))
+    return link is not None and link.send(data)
+
+
+def _send_int(core: Core, value: Value, socket_name: Value = _NAME) -> bool:
+    return _send(core, struct.pack(">I", int(number(value)) & 0xFFFFFFFF), socket_name)
+
+
+def _send_byte(core: Core, value: Value, socket_name: Value = _NAME) -> bool:
+    return _send(core, bytes((int(number(value)) & 0xFF,)), socket_name)
+
+
+def _send_string(core: Core, str: Value, socket_name: Value = _NAME) -> bool:
+    return _send(core, shown(str).encode(), socket_name)
+
+
+def _send_line(core: Core, str: Value, socket_name: Value = _NAME) -> bool:
+    return _send(core, shown(str).encode() + b"\n", socket_name)
+
+
+def _set_var(core: Core, name: Value, value: Value, socket_name: Value = _NAME) -> None:
+    _send(core, f"SET {shown(name)} {shown(value)}\n".encode(), socket_name)
+
+
+def _close(core: Core, socket_name: Value = _NAME) -> bool:
+    return core.network.close(shown(socket_name))
+
+
+_WAITING: dict[str, Any] = {
+    "socket_open": _open,
+    "socket_read_binary_integer": _read_binary_integer,
+    "socket_read_byte_list": _read_byte_list,
+    "socket_read_ascii_float": _read_ascii_float,
+    "socket_read_string": _read_string,
+    "socket_read_line": _read_line,
+    "socket_get_var": _get_var,
+}
+_AT_ONCE: dict[str, Any] = {
+    "socket_send_int": _send_int,
+    "socket_send_byte": _send_byte,
+    "socket_send_string": _send_string,
+    "socket_send_line": _send_line,
+    "socket_set_var": _set_var,
+    "socket_close": _close,
+}
+SOCKETS: list[Builtin] = [
+    *(builtin(f, Kind.BLOCKING, name=name, weight=_WEIGHT) for name, f in _WAITING.items()),
+    *(builtin(f, Kind.INSTANT, name=name, weight=_WEIGHT) for name, f in _AT_ONCE.items()),
+]
+"""Built-ins that talk to other machines."""

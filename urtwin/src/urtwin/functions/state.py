@@ -1,0 +1,350 @@
+"""Built-ins for the state and the model of the arm, force mode and freedrive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from dynid.core import Array, JobError
+from urtwin.arm import ForceMode
+from urtwin.core import Core, Payload
+from urtwin.urscript import (
+    Builtin,
+    Kind,
+    Pose,
+    ScriptFault,
+    Value,
+    builtin,
+    matrix_of,
+    number,
+    numbers,
+    pose_of,
+)
+from urtwin.variables import READERS
+
+_KINEMATICS_WEIGHT, _INVERSE_WEIGHT = 400, 4_000
+_STEADY_S, _STANDSTILL = 0.5, 1e-3
+_MAX_PAYLOAD_KG = 50.0
+
+
+def _forward(core: Core, q: Value = None, tcp: Value = None) -> Pose:
+    joints = core.arm.state.q.tolist() if q is None else numbers(q, 6, "joint positions")
+    tool = core.tcp_matrix if tcp is None else matrix_of(tcp)
+    return pose_of(core.arm.kinematics.forward(joints, tool))
+
+
+def _inverse(
+    core: Core,
+    x: Value,
+    qnear: Value = None,
+    maxPositionError: Value = 1e-10,
+    maxOrientationError: Value = 1e-10,
+    tcp: Value = None,
+) -> Value:
+    near = core.arm.setpoint if qnear is None else numbers(qnear, 6, "joint positions")
+    found = core.arm.kinematics.inverse(
+        matrix_of(x),
+        near,
+        core.tcp_matrix if tcp is None else matrix_of(tcp),
+        position_error=max(number(maxPositionError), 1e-10),
+        orientation_error=max(number(maxOrientationError), 1e-10),
+    )
+    return found.tolist()
+
+
+def _has_solution(
+    core: Core,
+    x: Value,
+    qnear: Value = None,
+    maxPositionError: Value = 1e-10,
+    maxOrientationError: Value = 1e-10,
+    tcp: Value = None,
+) -> bool:
+    try:
+        _inverse(core, x, qnear, maxPositionError, maxOrientationError, tcp)
+    except ScriptFault:
+        raise
+    except JobError:
+        return False
+    return True
+
+
+def _within_limits(core: Core, pose: Value) -> bool:
+    if isinstance(pose, Pose):
+        return _has_solution(core, pose)
+    joints = numbers(pose, 6, "joint positions")
+    arm = core.arm
+    return all(low <= q <= high for low, q, high in zip(arm.lower, joints, arm.upper, strict=True))
+
+
+def _tool_speed(core: Core, q: Array, dq: Array) -> Value:
+    return (core.arm.kinematics.jacobian(q.tolist(), core.tcp_matrix)[1] @ dq).tolist()
+
+
+def _history(core: Core, steps: Value = 0) -> Value:
+    if steps.__class__ is not int or not 0 <= steps < len(core.history):
+        raise ScriptFault("steps of the history", value=steps, limit=(0, len(core.history) - 1))
+    return list(core.history[int(steps)])
+
+
+def _joint_torques(core: Core) -> Value:
+    """What is left of the torque after the controller's own model of the arm."""
+    state = core.arm.state
+    return (state.torque - state.target.feedforward).tolist()
+
+
+def _is_steady(core: Core) -> bool:
+    arm = core.arm
+    speed = float(np.max(np.abs(arm.state.target.dq)))
+    return arm.still * arm.cycle >= _STEADY_S - 1e-9 and speed < _STANDSTILL
+
+
+def _set_payload(core: Core, m: Value, cog: Value = None, inertia: Value = None) -> None:
+    mass = number(m)
+    if not 0.0 <= mass <= _MAX_PAYLOAD_KG:
+        raise ScriptFault("payload [kg]", value=mass, limit=(0, _MAX_PAYLOAD_KG))
+    center = core.tcp[:3] if cog is None else numbers(cog, 3, "a centre of gravity")
+    moments = [0.0] * 6 if inertia is None else numbers(inertia, 6, "inertias")
+    core.payload = Payload(float(mass), list(center), moments)
+    core.believe()
+
+
+def _set_target_payload(
+    core: Core, m: Value, cog: Value, inertia: Value = None, transition_time: Value = 0
+) -> None:
+    _set_payload(core, m, cog, inertia)
+
+
+def _set_payload_mass(core: Core, m: Value) -> None:
+    _set_payload(core, m, core.payload.cog)
+
+
+def _set_payload_cog(core: Core, CoG: Value) -> None:
+    _set_payload(core, core.payload.mass, CoG)
+
+
+def _set_tcp(core: Core, pose: Value, tcp_name: Value = "") -> None:
+    core.set_tcp(numbers(pose, 6, "a pose"))
+
+
+def _set_gravity(core: Core, d: Value) -> None:
+    core.gravity = numbers(d, 3, "gravity")
+    core.believe()
+
+
+def _joint_temperature(core: Core, j: Value) -> float:
+    if not isinstance(j, int) or not 0 <= j < 6:
+        raise ScriptFault("joint", value=j, limit=(0, 5))
+    return core.arm.measured("temperature")[j]
+
+
+def _random(core: Core) -> float:
+    return float(core.random.random())
+
+
+def _protective_stop(core: Core) -> None:
+    core.protective_stop("Protective stop asked for by the program")
+
+
+_ASK: dict[str, Callable[[Core], Value]] = {
+    "get_joint_positions": lambda core: core.arm.measured("position"),
+    "get_actual_joint_positions": lambda core: core.arm.measured("position"),
+    "get_actual_joint_speeds": lambda core: core.arm.measured("velocity"),
+    "get_target_joint_positions": lambda core: core.arm.state.target.q.tolist(),
+    "get_target_joint_speeds": lambda core: core.arm.state.target.dq.tolist(),
+    "get_target_joint_accelerations": lambda core: core.arm.state.target.ddq.tolist(),
+    "get_joint_torques": _joint_torques,
+    "get_controller_temp": lambda core: 25.0,
+    "get_steptime": lambda core: core.arm.cycle,
+    "get_gravity": lambda core: list(core.gravity),
+    "get_tcp_offset": lambda core: Pose(core.tcp),
+    "get_target_payload": lambda core: core.payload.mass,
+    "get_target_payload_cog": lambda core: list(core.payload.cog),
+    "get_target_payload_inertia": lambda core: list(core.payload.inertia),
+    "get_tool_accelerometer_reading": READERS["actual_tool_accelerometer"],
+    "get_tcp_force": lambda core: [0.0] * 6,
+    "force": lambda core: 0.0,
+    "is_steady": _is_steady,
+    "random": _random,
+    "protective_stop": _protective_stop,
+}
+_KINEMATICS: dict[str, Callable[[Core], Value]] = {
+    "get_actual_tcp_pose": lambda core: _forward(core),
+    "get_target_tcp_pose": lambda core: _forward(core, core.arm.state.target.q.tolist()),
+    # No path offset and no conveyor moves the arm beside its path.
+    "get_target_tcp_pose_along_path": lambda core: _forward(core, core.arm.state.target.q.tolist()),
+    "get_target_tcp_speed_along_path": lambda core: _tool_speed(
+        core, core.arm.state.target.q, core.arm.state.target.dq
+    ),
+    "get_target_waypoint": lambda core: _forward(core, core.arm.setpoint),
+    "get_actual_tool_flange_pose": lambda core: _forward(core, None, Pose([0.0] * 6)),
+    "get_actual_tcp_speed": lambda core: _tool_speed(core, core.arm.state.q, core.arm.state.dq),
+    "get_target_tcp_speed": lambda core: _tool_speed(
+        core, core.arm.state.target.q, core.arm.state.target.dq
+    ),
+}
+_WITH_ARGUMENTS: dict[str, Any] = {
+    "get_actual_joint_positions_history": _history,
+    "get_joint_temp": _joint_temperature,
+    "set_payload": _set_payload,
+    "set_payload_mass": _set_payload_mass,
+    "set_payload_cog": _set_payload_cog,
+    "set_target_payload": _set_target_payload,
+    "set_gravity": _set_gravity,
+    "get_forward_kin": _forward,
+    "set_tcp": _set_tcp,
+}
+_SOLVE: dict[str, Any] = {
+    "get_inverse_kin": _inverse,
+    "get_inverse_kin_has_solution": _has_solution,
+    "is_within_safety_limits": _within_limits,
+}
+STATE: list[Builtin] = [
+    builtin(function, Kind.INSTANT, name=name, weight=weight)
+    for group, weight in (
+        (_ASK, 50),
+        (_KINEMATICS, _KINEMATICS_WEIGHT),
+        (_WITH_ARGUMENTS, _KINEMATICS_WEIGHT),
+        (_SOLVE, _INVERSE_WEIGHT),
+    )
+    for name, function in group.items()
+]
+"""Built-ins about the arm's state."""
+
+
+_WEIGHT = 1_500
+
+
+def _joints(core: Core, q: Value) -> Array:
+    actual = core.arm.state.q
+    return actual if q is None else np.array(numbers(q, 6, "joint positions"))
+
+
+def _speeds(core: Core, qd: Value) -> Array:
+    actual = core.arm.state.dq
+    return actual if qd is None else np.array(numbers(qd, 6, "joint speeds"))
+
+
+def _mass_matrix(core: Core, q: Value = None, include_rotors_inertia: Value = False) -> Value:
+    return core.arm.plant.tracker.mass_matrix(_joints(core, q)).tolist()
+
+
+def _coriolis(core: Core, q: Value = None, qd: Value = None) -> Value:
+    return core.arm.plant.tracker.coriolis(_joints(core, q), _speeds(core, qd)).tolist()
+
+
+def _jacobian(core: Core, q: Value = None, tcp: Value = None) -> Value:
+    tool = core.tcp_matrix if tcp is None else matrix_of(tcp)
+    return core.arm.kinematics.jacobian(_joints(core, q).tolist(), tool)[1].tolist()
+
+
+def _jacobian_rate(core: Core, q: Value = None, qd: Value = None, tcp: Value = None) -> Value:
+    tool = core.tcp_matrix if tcp is None else matrix_of(tcp)
+    joints, speeds = _joints(core, q).tolist(), _speeds(core, qd)
+    return core.arm.kinematics.jacobian_rate(joints, speeds, tool).tolist()
+
+
+_TABLE: dict[str, Any] = {
+    "get_mass_matrix": _mass_matrix,
+    "get_coriolis_and_centrifugal_torques": _coriolis,
+    "get_jacobian": _jacobian,
+    "get_jacobian_time_derivative": _jacobian_rate,
+}
+MODEL: list[Builtin] = [
+    builtin(function, Kind.INSTANT, name=name, weight=_WEIGHT) for name, function in _TABLE.items()
+]
+"""Built-ins about the controller's model."""
+
+
+_FORCE_WEIGHT = 50
+_MOST_DAMPING, _MOST_GAIN = 1.0, 2.0
+_TYPES = (1, 2, 3)
+_ALL_FREE = (1, 1, 1, 1, 1, 1)
+
+
+def _force_mode(
+    core: Core,
+    task_frame: Value,
+    selection_vector: Value,
+    wrench: Value,
+    type: Value,
+    limits: Value,
+) -> None:
+    kind = int(number(type))
+    if kind not in _TYPES:
+        raise ScriptFault("type of force mode", value=kind, limit=_TYPES)
+    core.force = ForceMode(
+        frame=numbers(task_frame, 6, "a pose"),
+        compliant=[value != 0 for value in numbers(selection_vector, 6, "a selection")],
+        wrench=numbers(wrench, 6, "a wrench"),
+        kind=kind,
+        limits=numbers(limits, 6, "limits"),
+        gain=core.force_gain,
+    )
+
+
+def _end_force_mode(core: Core) -> None:
+    core.force = None
+
+
+def _set_damping(core: Core, damping: Value) -> None:
+    _between("damping of force mode", damping, _MOST_DAMPING)
+
+
+def _set_gain(core: Core, scaling: Value) -> None:
+    core.force_gain = _between("gain of force mode", scaling, _MOST_GAIN)
+
+
+def _between(what: str, value: Value, most: float) -> float:
+    found = float(number(value))
+    if not 0.0 <= found <= most:
+        raise ScriptFault(what, value=found, limit=(0, most))
+    return found
+
+
+def _zero_sensor(core: Core) -> None:
+    """The force at the tool is zero already."""
+
+
+def _teach(core: Core) -> None:
+    core.teaching = True
+
+
+def _end_teach(core: Core) -> None:
+    core.teaching = False
+
+
+def _freedrive(core: Core, freeAxes: Value = _ALL_FREE, feature: Value = 0) -> None:
+    core.teaching = True
+
+
+def _freedrive_status(core: Core) -> int:
+    """0: no joint is near its limit, as nobody pushes the arm there."""
+    return 0
+
+
+def _tool_contact(core: Core, direction: Value = 0) -> int:
+    """0: the tool touches nothing."""
+    return 0
+
+
+_FORCE_TABLE: dict[str, Any] = {
+    "force_mode": _force_mode,
+    "end_force_mode": _end_force_mode,
+    "force_mode_set_damping": _set_damping,
+    "force_mode_set_gain_scaling": _set_gain,
+    "zero_ftsensor": _zero_sensor,
+    "teach_mode": _teach,
+    "end_teach_mode": _end_teach,
+    "freedrive_mode": _freedrive,
+    "end_freedrive_mode": _end_teach,
+    "get_freedrive_status": _freedrive_status,
+    "tool_contact": _tool_contact,
+}
+FORCE: list[Builtin] = [
+    builtin(function, Kind.INSTANT, name=name, weight=_FORCE_WEIGHT)
+    for name, function in _FORCE_TABLE.items()
+]
+"""Built-ins about the force at the tool."""

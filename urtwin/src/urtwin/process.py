@@ -1,0 +1,172 @@
+"""A simulated controller as a process of its own, for tests, demos and drivers.
+
+ur_rtde's constructors hold Python's global lock, so the controller cannot live in the process of
+its client.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from dynid.core import JobError
+
+READY_S = 60.0
+"""How long a controller may take until clients can connect [s]."""
+_END_S = 5.0
+_COUNT = itertools.count()
+
+
+@dataclass(frozen=True, slots=True)
+class RunningController:
+    """A controller that clients can connect to."""
+
+    host: str
+    """Its address."""
+    ports: Mapping[str, int]
+    """`dashboard`, `primary`, `secondary`, `realtime`, `rtde`."""
+    rate_hz: float
+    """Control cycles a second."""
+    version: str
+    """Software version, dotted."""
+    process: subprocess.Popen[bytes]
+    """The process."""
+    log: Path
+    """What it tells people; gone when the context ends."""
+
+    def said(self) -> str:
+        """What it has told people so far."""
+        return self.log.read_text(errors="replace")
+
+    def end(self) -> int:
+        """Ask it to stop, as Ctrl-C does; its exit code."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        try:
+            return self.process.wait(_END_S)
+        except subprocess.TimeoutExpired:
+            return self.kill()
+
+    def kill(self) -> int:
+        """End it without asking, as a power cut does; its exit code."""
+        self.process.kill()
+        return self.process.wait()
+
+
+def own_address() -> str:
+    """A loopback address for one more controller of this process: UR's ports cannot be moved."""
+    pid, count = os.getpid(), next(_COUNT)
+    return f"127.{1 + (pid >> 8) % 250}.{pid % 256}.{1 + count % 250}"
+
+
+@contextmanager
+def controller_process(
+    robot: str | Path = "ur5",
+    *,
+    host: str | None = None,
+    thermal: str | float = "cold",
+    virtual_time: bool = False,
+    hold: bool = False,
+    seed: int = 0,
+    rate_hz: float | None = None,
+    software: str | None = None,
+    programs: Path | None = None,
+    truth: Path | None = None,
+    report: Path | None = None,
+) -> Generator[RunningController]:
+    """Start a controller, wait until clients can connect, and end it with the context.
+
+    It also ends when this process does, however that happens.
+
+    Args:
+        robot: Built-in name, URDF or robot file.
+        host: Loopback address; None: one that no other process of this kind uses.
+        thermal: `cold`, `warm` or the joint temperatures at the start [degC].
+        virtual_time: Whether time goes as fast as the clients read.
+        hold: Whether time stands still until the first client has started RTDE.
+        seed: Seed of the measurement noise.
+        rate_hz: 125 or 500 control cycles a second; None: by the robot's name.
+        software: Version to announce; None: the one usual for the rate.
+        programs: Folder of the programs that the dashboard can load.
+        truth: Where to write the simulated arm's true parameters.
+        report: Where to write, at the end, how time was kept.
+
+    Raises:
+        JobError: It did not start; the message is its own.
+    """
+    options: dict[str, object | None] = {
+        "--robot": robot,
+        "--host": own_address() if host is None else host,
+        "--thermal": thermal,
+        "--seed": seed,
+        "--rate": rate_hz,
+        "--software": software,
+        "--programs": programs,
+        "--truth": truth,
+        "--report": report,
+        "--parent": os.getpid(),
+    }
+    words = [f"{name}={value}" for name, value in options.items() if value is not None]
+    words += [flag for flag, on in (("--virtual-time", virtual_time), ("--hold", hold)) if on]
+    with tempfile.NamedTemporaryFile(prefix="urtwin-", suffix=".log") as log:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "urtwin", "--json", *words],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=log,
+        )
+        try:
+            about = _ready(process, Path(log.name))
+            running = RunningController(
+                host=about["host"],
+                ports=about["ports"],
+                rate_hz=about["rate_hz"],
+                version=about["version"],
+                process=process,
+                log=Path(log.name),
+            )
+            yield running
+            running.end()
+        finally:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+            if process.stdout is not None:
+                process.stdout.close()
+
+
+def _ready(process: subprocess.Popen[bytes], log: Path) -> dict[str, Any]:
+    """The line that a controller prints when it listens.
+
+    Raises:
+        JobError: It ended, or took too long.
+    """
+    stream = process.stdout
+    line = b""
+    until = time.monotonic() + READY_S
+    while stream is not None and not line.endswith(b"\n"):
+        left = until - time.monotonic()
+        if left <= 0 or not select.select([stream], [], [], left)[0]:
+            break
+        piece = os.read(stream.fileno(), 65536)
+        if not piece:
+            break
+        line += piece
+    if not line.endswith(b"\n"):
+        raise JobError(
+            "the simulated controller did not start",
+            value=log.read_text(errors="replace").strip() or f"nothing within {READY_S:g} s",
+        )
+    return cast("dict[str, Any]", json.loads(line))

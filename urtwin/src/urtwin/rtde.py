@@ -1,0 +1,349 @@
+"""The controller's side of RTDE: sessions, data packages, inputs that have not acted yet."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
+
+from dynid.core import DynidError
+from dynid.protocol import (
+    IN_USE,
+    INPUTS,
+    NOT_FOUND,
+    OUTPUTS,
+    DataType,
+    Field,
+    Framer,
+    Kind,
+    Packet,
+    ProtocolError,
+    Recipe,
+    Value,
+    Version,
+    rtde,
+)
+from urtwin.machine import ControllerMachine
+
+LONGEST = 64
+"""Packages that may wait; of a client that writes more than one a cycle the oldest act at once."""
+PATIENCE_S = 0.2
+"""How long virtual time waits for the next set point of a client that streams them [s]."""
+MEMORY_S = 2.0
+"""How long what clients write keeps its order after numbers that may be set points [s]."""
+_SETPOINTS, _STREAM = "input_double_register", 3
+
+
+class InputQueue:
+    """Lets one package of each recipe act in each cycle while set points are streamed.
+
+    Packages act in the order in which they came; without a stream all act at once.
+
+    Args:
+        write: Writes an input.
+    """
+
+    def __init__(self, write: Callable[[str, Value], None]) -> None:
+        self._write = write
+        self._waiting: deque[tuple[int, Mapping[str, Value]]] = deque()
+        self._last = -PATIENCE_S
+        self._streak = 0
+        self._steered = -MEMORY_S
+        self.asked = False
+        """Whether the client was sent a package since it wrote."""
+
+    def put(self, recipe: int, values: Mapping[str, Value], now: float) -> None:
+        """Take what the client wrote.
+
+        Args:
+            recipe: The number of the recipe.
+            values: Its inputs.
+            now: The monotonic clock [s].
+        """
+        self._waiting.append((recipe, values))
+        self._last, self.asked = now, False
+        # Commands that are answered, such as ur_rtde's moveJ, are followed by one without numbers.
+        steers = any(name.startswith(_SETPOINTS) for name in values)
+        self._streak = self._streak + 1 if steers else 0
+        if steers:
+            self._steered = now
+        while len(self._waiting) > LONGEST:
+            self._act()
+
+    def apply_all(self) -> None:
+        """Let everything act."""
+        while self._waiting:
+            self._act()
+
+    def apply_next(self, guided: bool) -> None:
+        """Let act what belongs to this cycle.
+
+        Args:
+            guided: Whether any client writes set points: what others say belongs to one of them.
+                Otherwise all acts, a wish to stop not behind signs of life in a bunch.
+        """
+        if not guided:
+            self.apply_all()
+            return
+        seen: set[int] = set()
+        while self._waiting and self._waiting[0][0] not in seen:
+            seen.add(self._waiting[0][0])
+            self._act()
+
+    def guided(self, now: float) -> bool:
+        """Whether the client wrote numbers that may be set points not long ago."""
+        return now - self._steered < MEMORY_S
+
+    def steers(self, now: float) -> bool:
+        """Whether the client streams numbers that may be set points."""
+        return self._streak >= _STREAM and now - self._last < PATIENCE_S
+
+    def awaited(self, now: float) -> bool:
+        """Whether the client, which wrote a moment ago, owes an answer to its last package."""
+        return self.asked and not self._waiting and now - self._last < PATIENCE_S
+
+    def _act(self) -> None:
+        _, values = self._waiting.popleft()
+        for name, value in values.items():
+            self._write(name, value)
+
+
+_Layout = tuple[tuple[str, ...], tuple[DataType, ...], int | None]
+
+
+class Packer:
+    """Packs the machine's outputs; clients with the same recipe share the work.
+
+    Args:
+        machine: The controller behind.
+    """
+
+    def __init__(self, machine: ControllerMachine) -> None:
+        self._machine = machine
+        self._packed: dict[_Layout, bytes] = {}
+
+    def next_cycle(self) -> None:
+        """Forget what was packed: the machine has moved on."""
+        self._packed.clear()
+
+    def package(self, recipe: Recipe) -> bytes:
+        """The data package of a recipe in this cycle, with its header."""
+        key = (recipe.names, recipe.types, recipe.number)
+        packed = self._packed.get(key)
+        if packed is None:
+            packed = self._packed[key] = recipe.packet(self._numbers(recipe))
+        return packed
+
+    def _numbers(self, recipe: Recipe) -> list[float | int | bool]:
+        numbers: list[float | int | bool] = []
+        output = self._machine.output
+        for name, kind in zip(recipe.names, recipe.types, strict=True):
+            value = output(name)
+            if isinstance(value, (bool, int, float)):
+                numbers.append(value)
+            else:
+                numbers.extend(value[: kind.count])
+        return numbers
+
+
+LARGEST_REQUEST = 12_300
+"""The largest packet of a client [bytes]; inputs need less than 3000."""
+_RECIPES = 255
+_FIRST_PROTOCOL_HZ = 125.0
+_COMPLAINTS = 100
+
+
+class Owners:
+    """Who writes which input: one client each."""
+
+    def __init__(self) -> None:
+        self._owner: dict[str, object] = {}
+
+    def claim(self, names: Iterable[str], client: object, version: Version) -> list[str]:
+        """The types of inputs; a client gets all of them or none.
+
+        A client may name a variable again in another recipe.
+        """
+        names = list(names)
+        types = [self._type(name, client, version) for name in names]
+        if not {NOT_FOUND, IN_USE}.intersection(types):
+            self._owner.update(dict.fromkeys(names, client))
+        return types
+
+    def release(self, client: object) -> None:
+        """Free the inputs of a client that has left."""
+        self._owner = {name: owner for name, owner in self._owner.items() if owner is not client}
+
+    def _type(self, name: str, client: object, version: Version) -> str:
+        kind = type_of(INPUTS, name, version)
+        if kind != NOT_FOUND and self._owner.get(name, client) is not client:
+            return IN_USE
+        return kind
+
+
+def type_of(table: Mapping[str, Field], name: str, version: Version) -> str:
+    """The type of a variable as the controller answers it."""
+    field = table.get(name)
+    return field.type.name if field is not None and field.exists_in(version) else NOT_FOUND
+
+
+class RtdeSession:
+    """What the controller knows of one client.
+
+    Args:
+        machine: The controller behind.
+        owners: Who writes which input, shared by all sessions.
+        orderly: Whether inputs act one after another, a cycle each, however they arrive: in
+            virtual time many may come between two cycles. Else the newest acts.
+    """
+
+    def __init__(
+        self, machine: ControllerMachine, owners: Owners, *, orderly: bool = False
+    ) -> None:
+        self._machine, self._owners, self._orderly = machine, owners, orderly
+        self.queue = InputQueue(machine.set_input)
+        self._version: Version = machine.core.version[:3]
+        self._framer = Framer(LARGEST_REQUEST)
+        self._inputs: list[Recipe] = []
+        self._written: dict[int, float] = {}
+        self._complaints = 0
+        self.protocol = 1
+        self.outputs: Recipe | None = None
+        """What the client asked for; None before it did, or when it was refused."""
+        self.every = 1
+        """Cycles from one package to the next."""
+        self.started = False
+        """Whether it wants packages."""
+
+    def receive(self, data: bytes) -> bytes:
+        """Take what the client sent; return the answers.
+
+        Raises:
+            ProtocolError: What it sent is no RTDE: close the connection.
+        """
+        return b"".join([self._answer(packet) for packet in self._framer.feed(data)])
+
+    @property
+    def streaming(self) -> bool:
+        """Whether the client gets packages."""
+        return self.started and self.outputs is not None
+
+    def text(self, words: str, source: str = "controller", level: int = rtde.Level.ERROR) -> bytes:
+        """A text message for the client."""
+        message = rtde.TextMessage(words, source, rtde.Level(level))
+        return rtde.text_message(message, self.protocol)
+
+    def wrote(self, name: str) -> float:
+        """When it last wrote an input, by the monotonic clock [s]; minus infinity for never."""
+        times = (
+            self._written.get(number, -math.inf)
+            for number, recipe in enumerate(self._inputs, start=1)
+            if name in recipe.names
+        )
+        return max(times, default=-math.inf)
+
+    def close(self) -> None:
+        """The client has left: what it wrote still acts, and others may write its inputs."""
+        self.queue.apply_all()
+        self._owners.release(self)
+
+    def _answer(self, packet: Packet) -> bytes:
+        kind, payload = packet
+        match kind:
+            case Kind.DATA_PACKAGE:
+                return self._write(payload)
+            case Kind.REQUEST_PROTOCOL_VERSION:
+                return self._choose_protocol(rtde.read_protocol_request(payload))
+            case Kind.GET_URCONTROL_VERSION:
+                return rtde.answer_software_version(*self._machine.core.version)
+            case Kind.SETUP_OUTPUTS:
+                return self._set_up_outputs(rtde.read_output_setup(payload, self.protocol))
+            case Kind.SETUP_INPUTS:
+                return self._set_up_inputs(rtde.read_names(payload))
+            case Kind.START | Kind.PAUSE:
+                self.started = kind is Kind.START
+                return rtde.answer(kind, True)
+            case Kind.TEXT_MESSAGE:
+                rtde.read_text_message(payload, self.protocol, from_client=True)
+                return b""
+
+    def _choose_protocol(self, version: int) -> bytes:
+        accepted = version in rtde.PROTOCOLS
+        if accepted:
+            self.protocol = version
+        return rtde.answer(Kind.REQUEST_PROTOCOL_VERSION, accepted)
+
+    def _set_up_outputs(self, setup: rtde.OutputSetup) -> bytes:
+        _check_length(setup.names)
+        types = [type_of(OUTPUTS, name, self._version) for name in setup.names]
+        rate = 1.0 / self._machine.cycle
+        frequency = _FIRST_PROTOCOL_HZ if setup.frequency is None else setup.frequency
+        number = None if self.protocol == 1 else 1
+        self.outputs = None
+        complaint = b""
+        if not (math.isfinite(frequency) and frequency > 0):
+            complaint = self._complain(f"{frequency} is no frequency; allowed: 1 to {rate:g} Hz")
+        elif types and NOT_FOUND not in types:
+            self.outputs = Recipe.of(setup.names, types, number)
+            self.every = max(1, math.floor(rate / max(frequency, 1.0) + 1e-9))
+        accepted = number if self.outputs is not None or number is None else 0
+        return complaint + rtde.answer_setup(Kind.SETUP_OUTPUTS, types, accepted)
+
+    def _set_up_inputs(self, names: tuple[str, ...]) -> bytes:
+        _check_length(names)
+        if len(self._inputs) == _RECIPES:
+            refused = self._complain(f"no more than {_RECIPES} input recipes")
+            return refused + rtde.answer_setup(Kind.SETUP_INPUTS, [NOT_FOUND] * len(names), 0)
+        types = self._owners.claim(names, self, self._version)
+        if not types or {NOT_FOUND, IN_USE}.intersection(types):
+            return rtde.answer_setup(Kind.SETUP_INPUTS, types, 0)
+        number = len(self._inputs) + 1
+        self._inputs.append(Recipe.of(names, types, number))
+        return rtde.answer_setup(Kind.SETUP_INPUTS, types, number)
+
+    def _write(self, payload: bytes) -> bytes:
+        number = payload[0] if payload else 0
+        if not 1 <= number <= len(self._inputs):
+            return self._complain(f"there is no input recipe {number}")
+        recipe = self._inputs[number - 1]
+        values: dict[str, Value] = {}
+        try:
+            # More than the recipe is no mistake: ur_rtde's getForwardKinematics(q, tcp) does so.
+            for name, value in recipe.unpack(payload[: recipe.size]).items():
+                # A register may hold what a program wants; a speed slider may not.
+                if value != value and "register" not in name:
+                    return self._complain(f"{name} is not a number")
+                values[name] = value
+            self._take(number, values)
+        except DynidError as error:
+            return self._complain(str(error))
+        return b""
+
+    def _take(self, number: int, values: dict[str, Value]) -> None:
+        """Inputs as a client wrote them."""
+        now = self._written[number] = time.monotonic()
+        self.queue.put(number, values, now)
+        if not self._orderly:
+            self.queue.apply_all()
+
+    def _complain(self, words: str) -> bytes:
+        """Tell the client what is wrong; give up on one that never learns.
+
+        Raises:
+            ProtocolError: A hundred complaints were not enough.
+        """
+        self._complaints += 1
+        if self._complaints > _COMPLAINTS:
+            raise ProtocolError(f"too many mistakes, the last: {words}")
+        return self.text(words)
+
+
+def _check_length(names: tuple[str, ...]) -> None:
+    size = sum(len(name) + 1 for name in names) - 1
+    if size > rtde.NAMES_LIMIT:
+        raise ProtocolError(
+            "the list of names is too long",
+            value=f"{size} bytes",
+            limit=f"{rtde.NAMES_LIMIT} bytes",
+        )

@@ -1,0 +1,6 @@
+"""The server: sockets, clients and clocks around one machine."""
+
+from urtwin.server.clock import LEAD_S
+from urtwin.server.serve import ControllerSettings, serve
+
+__all__ = ["LEAD_S", "ControllerSettings", "serve"]

@@ -1,0 +1,387 @@
+"""The clients of the controller: what each does with the bytes that it sends."""
+
+from __future__ import annotations
+
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+
+from dynid.core import DynidError, JobError
+from dynid.protocol import dashboard
+from urtwin.dashboard import DashboardSession
+from urtwin.interpreter import Interpreter
+from urtwin.rtde import RtdeSession
+from urtwin.server.connection import LEFT, Connection, question
+
+LARGEST_SCRIPT = 2_000_000
+"""The longest program taken [bytes]."""
+POOL = 8_000_000
+"""Unfinished programs of all clients together [bytes]."""
+_TOKEN = re.compile(rb"[A-Za-z0-9_]+|[#\"'\n]")
+_OPENERS = frozenset((b"def", b"sec", b"thread", b"if", b"while"))
+_LONGEST_KEYWORD = 8
+_NEWLINE, _COMMENT = b"\n", b"#"
+_END_OF_COMMENT = re.compile(rb"\n")
+_END_OF_STRING = {quote: re.compile(rb"[\n" + quote + rb"]") for quote in (b'"', b"'")}
+
+
+class ScriptRefused(JobError):
+    """A client sent text that can be no program; the connection is to be closed."""
+
+
+class Pool:
+    """Memory that all clients share for programs that are not complete.
+
+    Args:
+        size: How much there is [bytes].
+    """
+
+    def __init__(self, size: int = POOL) -> None:
+        self.size, self.taken = size, 0
+
+    def take(self, count: int) -> None:
+        """Take room for `count` bytes; a negative count gives it back.
+
+        Raises:
+            ScriptRefused: There is none left.
+        """
+        if self.taken + count > self.size:
+            raise ScriptRefused(
+                "too many unfinished programs at once", limit=f"{self.size} bytes together"
+            )
+        self.taken += count
+
+
+class ScriptReader:
+    """Collects text until its blocks are closed.
+
+    A program is `def` to its `end`, or a single line of code. Line ends matter nowhere else.
+    Every byte is looked at once, however the text is cut.
+
+    Args:
+        pool: Memory shared with the other clients.
+        largest: The longest program to take [bytes].
+    """
+
+    def __init__(self, pool: Pool, largest: int = LARGEST_SCRIPT) -> None:
+        self._pool, self._largest = pool, largest
+        self._text = bytearray()
+        self._seen: int = 0
+        self._forget()
+
+    def feed(self, data: bytes) -> list[str]:
+        """Take text; return the programs that it completes.
+
+        Raises:
+            ScriptRefused: The text is too long, or no text.
+        """
+        self._pool.take(len(data))
+        self._text += data
+        programs: list[str] = []
+        while (end := self._scan()) is not None:
+            program = bytes(self._text[:end])
+            worth, code = self._has_code, self._text[end:]
+            self._pool.take(-end)
+            self._text, self._seen = code, 0
+            self._forget()
+            if worth:
+                programs.append(_decoded(program))
+        if len(self._text) > self._largest:
+            raise ScriptRefused(
+                "the program is too long; its blocks are not closed yet",
+                value=f"{len(self._text)} bytes",
+                limit=f"{self._largest} bytes",
+            )
+        return programs
+
+    def finish(self) -> list[str]:
+        """The client has left: what it sent last needs no line end."""
+        return self.feed(b"\n")
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether there is code that is no whole program yet."""
+        return self._has_code
+
+    def close(self) -> None:
+        """Give the memory back."""
+        self._pool.take(-len(self._text))
+        self._text = bytearray()
+
+    def _forget(self) -> None:
+        self._depth = 0
+        self._has_code = False
+        self._inside = b""
+
+    def _scan(self) -> int | None:
+        """Look at the new text; the end of the first whole program, if there is one."""
+        text = self._text
+        while True:
+            if self._inside and not self._skip():
+                return None
+            match = _TOKEN.search(text, self._seen)
+            if match is None:
+                self._seen = len(text)
+                return None
+            token = match.group()
+            if match.end() == len(text) and token not in (b'"', b"'", _COMMENT, _NEWLINE):
+                # The word may go on in the next piece; of a long one only the end is kept.
+                self._seen = max(match.start(), len(text) - 2 * _LONGEST_KEYWORD)
+                return None
+            self._seen = match.end()
+            if token == _NEWLINE:
+                if self._depth <= 0:
+                    return self._seen
+            elif token in (b'"', b"'", _COMMENT):
+                self._inside = token
+                self._has_code |= token != _COMMENT
+            else:
+                self._has_code = True
+                self._depth += (token in _OPENERS) - (token == b"end")
+
+    def _skip(self) -> bool:
+        """Pass over a comment or a string; whether its end has come."""
+        ending = _END_OF_COMMENT if self._inside == _COMMENT else _END_OF_STRING[self._inside]
+        match = ending.search(self._text, self._seen)
+        if match is None:
+            self._seen = len(self._text)
+            return False
+        # A string that its line does not close ends there; the compiler will say so.
+        self._inside = b""
+        self._seen = match.start() if match.group() == _NEWLINE else match.end()
+        return True
+
+
+def _decoded(program: bytes) -> str:
+    try:
+        return program.decode()
+    except UnicodeDecodeError as error:
+        raise ScriptRefused(
+            "this is no program: it is not UTF-8 text", value=program[:40]
+        ) from error
+
+
+class Client(ABC):
+    """One connected client.
+
+    Args:
+        connection: Its socket.
+        port: The port that it came to.
+    """
+
+    read_size = 1024
+    """Bytes taken at once: little, so that no client delays a cycle."""
+
+    def __init__(self, connection: Connection, port: int) -> None:
+        self.connection, self.port = connection, port
+        self.regret = ""
+        """What went wrong for it though nobody sent it away."""
+
+    @property
+    def greeting(self) -> bytes:
+        """What it reads first."""
+        return b""
+
+    def readable(self) -> None:
+        """The socket has something."""
+        data = self.connection.receive(self.read_size)
+        if not data:
+            return
+        try:
+            self.take(data)
+        except DynidError as error:
+            self.refuse(str(error))
+
+    @abstractmethod
+    def take(self, data: bytes) -> None:
+        """Do what the client asks for.
+
+        Raises:
+            DynidError: It asks for what nobody can give: it is refused and closed.
+        """
+
+    def refuse(self, words: str) -> None:
+        """Tell the client why it is closed, and close it."""
+        self.connection.send(self.in_words(words))
+        self.connection.lost = self.connection.lost or words
+
+    def in_words(self, words: str) -> bytes:
+        """A text in the client's protocol; empty where that knows none."""
+        return b""
+
+    def left(self) -> None:
+        """The client is gone: free what it held."""
+        self.connection.silent = False
+
+
+class RtdeClient(Client):
+    """A client of port 30004.
+
+    Args:
+        connection: Its socket.
+        port: The port that it came to.
+        session: Its session.
+    """
+
+    def __init__(self, connection: Connection, port: int, session: RtdeSession) -> None:
+        super().__init__(connection, port)
+        self.session = session
+        self.question = question(connection.socket)
+
+    def take(self, data: bytes) -> None:
+        """Answer requests, write inputs."""
+        self.connection.send(self.session.receive(data))
+
+    def in_words(self, words: str) -> bytes:
+        """An RTDE text message."""
+        return self.session.text(words)
+
+    def left(self) -> None:
+        """Others may write its inputs."""
+        self.session.close()
+
+
+class DashboardClient(Client):
+    """A client of port 29999.
+
+    Args:
+        connection: Its socket.
+        port: The port that it came to.
+        session: Its session.
+    """
+
+    def __init__(self, connection: Connection, port: int, session: DashboardSession) -> None:
+        super().__init__(connection, port)
+        self.session = session
+
+    @property
+    def greeting(self) -> bytes:
+        """The line that ur_rtde waits for."""
+        return self.in_words(dashboard.GREETING)
+
+    def take(self, data: bytes) -> None:
+        """Answer each line."""
+        for reply in self.session.receive(data):
+            self.connection.send(self.in_words(reply))
+        if self.session.over:
+            self.connection.lost = self.connection.lost or "the client said goodbye"
+
+    def in_words(self, words: str) -> bytes:
+        """A line."""
+        return words.encode() + b"\n"
+
+
+class WatchingClient(Client):
+    """A client of port 30011, 30012 or 30013: it reads states; what it sends is not looked at."""
+
+    introduced = False
+    """Whether it was told of the arm itself."""
+
+    def take(self, data: bytes) -> None:
+        """Throw it away."""
+
+
+class ScriptClient(WatchingClient):
+    """A client of port 30001, 30002 or 30003: it reads states and may send programs.
+
+    Args:
+        connection: Its socket.
+        port: The port that it came to.
+        reader: Finds programs in what it sends.
+        submit: Takes a whole program.
+    """
+
+    read_size = 8192
+
+    def __init__(
+        self,
+        connection: Connection,
+        port: int,
+        reader: ScriptReader,
+        submit: Callable[[str], None],
+    ) -> None:
+        super().__init__(connection, port)
+        self._reader, self._submit = reader, submit
+
+    def readable(self) -> None:
+        """The socket has something; what was sent before the end of the connection counts."""
+        super().readable()
+        if self.connection.lost == LEFT:
+            try:
+                self._run(self._reader.finish())
+            except DynidError as error:
+                self.regret = str(error)
+        if self.connection.gone and self._reader.unfinished:
+            # Closing a socket with something to read in it breaks the connection: what was
+            # sent and not yet read is lost.
+            self.regret = f"{self.connection.lost} in the middle of a program; it is not run"
+
+    def take(self, data: bytes) -> None:
+        """Collect text, and run what is whole."""
+        self._run(self._reader.feed(data))
+
+    def left(self) -> None:
+        """Give the memory of an unfinished program back."""
+        self._reader.close()
+
+    def _run(self, programs: list[str]) -> None:
+        for program in programs:
+            self._submit(program)
+
+
+class LeavingClient(Client):
+    """One that was sent away: what it still sends is thrown away until it hangs up.
+
+    To close at once would take the words from it that say why.
+
+    Args:
+        connection: Its socket.
+        port: The port that it came to.
+        until: When it is closed even if it stays [s].
+    """
+
+    read_size = 1 << 16
+
+    def __init__(self, connection: Connection, port: int, until: float) -> None:
+        super().__init__(connection, port)
+        self.until = until
+        connection.farewell()
+
+    def take(self, data: bytes) -> None:
+        """Throw it away."""
+
+
+LONGEST_LINE = 65_536
+"""The longest line taken [bytes]."""
+
+
+class InterpreterClient(Client):
+    """One connected client.
+
+    Args:
+        connection: Its socket.
+        port: The port that it came to.
+        interpreter: Takes its lines.
+    """
+
+    def __init__(self, connection: Connection, port: int, interpreter: Interpreter) -> None:
+        super().__init__(connection, port)
+        self._interpreter = interpreter
+        self._rest = b""
+
+    def take(self, data: bytes) -> None:
+        """Hand on whole lines; a line that is empty asks for nothing."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if len(self._rest) > LONGEST_LINE:
+            raise JobError("no statement is that long", limit=f"{LONGEST_LINE} bytes")
+        for line in lines:
+            text = line.decode(errors="replace").strip()
+            if text:
+                self._interpreter.receive(text, self._answer)
+
+    def in_words(self, words: str) -> bytes:
+        """A line."""
+        return words.encode() + b"\n"
+
+    def _answer(self, words: str) -> None:
+        self.connection.send(self.in_words(words))

@@ -1,0 +1,157 @@
+"""When the next control cycle is due: by the wall clock, or in virtual time.
+
+Virtual time never looks at the wall clock; it goes as fast as the clients read:
+
+- a cycle begins once every client that has started RTDE has read what it was sent but for the
+  last 24 ms, so that nobody misses a package or sees the robot late;
+- while a script is being compiled, time stands still;
+- what clients write acts in the order in which it came, one package of each recipe a cycle; while
+  one of them streams set points (double registers), the next cycle waits for those who have
+  written until just now, so that no set point is skipped or used twice;
+- an RTDE watchdog of a script starves when its time is over by both clocks: a client that
+  writes often enough in real time is never too slow for virtual time;
+- without a client that has started RTDE, and while a program waits for a socket, time goes at the
+  pace of the wall clock.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+
+from dynid.protocol import HEADER
+from urtwin.machine import ControllerMachine
+from urtwin.server.clients import RtdeClient
+from urtwin.server.connection import UnreadBytes
+
+CATCH_UP_S = 0.1
+"""How far behind the wall clock the controller may run before it gives the time up [s]."""
+_KEPT = 1 << 20
+
+
+class Pace:
+    """The rhythm of the control cycles, from wall times that it is told.
+
+    In real time cycle k is due at start + k dt. A late cycle is run at once and the next ones
+    keep their times, so no cycle is lost; after a longer standstill than `CATCH_UP_S` (a
+    suspended computer) the rhythm starts anew and the controller's time has simply stood still.
+
+    Args:
+        cycle: Length of a cycle [s].
+        now: The wall clock [s].
+    """
+
+    def __init__(self, cycle: float, now: float) -> None:
+        self._cycle = cycle
+        self._start, self._cycles = now, 0
+        self.slips = 0
+        """How often time was given up."""
+        self._late = array("f")
+
+    def wait(self, now: float) -> float:
+        """Seconds until the next cycle is due; not positive when it is."""
+        return self._start + (self._cycles + 1) * self._cycle - now
+
+    def advance(self, now: float) -> None:
+        """A cycle begins."""
+        late = -self.wait(now)
+        self._cycles += 1
+        if len(self._late) < _KEPT:
+            self._late.append(late)
+        if late > CATCH_UP_S:
+            self.slips += 1
+            self.restart(now)
+
+    def restart(self, now: float) -> None:
+        """Begin the rhythm anew."""
+        self._start, self._cycles = now, 0
+
+    def lateness_us(self, *percentiles: float) -> list[float]:
+        """How late cycles began [us], at percentiles from 0 to 100."""
+        if not self._late:
+            return [0.0] * len(percentiles)
+        ordered = sorted(self._late)
+        last = len(ordered) - 1
+        return [1e6 * ordered[round(last * share / 100)] for share in percentiles]
+
+
+STALLED_S = 10.0
+"""How long a client may read nothing before it is given up [s]."""
+LEAD_S = 0.024
+"""How far the controller may be ahead of its slowest client [s of controller time]."""
+TOGETHER_S = 0.012
+"""Packages of this much controller time are sent at once [s]."""
+_ROUNDING = 1e-9
+_SOON, _LATER, _PATIENCE = 50e-6, 1e-3, 20
+
+
+class VirtualPace:
+    """Decides when the next cycle begins.
+
+    Args:
+        machine: The controller.
+    """
+
+    def __init__(self, machine: ControllerMachine) -> None:
+        self._machine = machine
+        self._unread = UnreadBytes()
+        self._asked = 0
+        self._stuck: dict[RtdeClient, tuple[int, float]] = {}
+
+    def wait(self, clients: Sequence[RtdeClient], now: float) -> float:
+        """Seconds after which to ask again; nought when the next cycle may begin.
+
+        Args:
+            clients: Those who have started, at least one.
+            now: The monotonic clock [s].
+        """
+        if any(self._behind(client, now) for client in clients):
+            self._asked += 1
+            return _SOON if self._asked < _PATIENCE else _LATER
+        queues = [client.session.queue for client in clients]
+        if any(queue.steers(now) for queue in queues) and any(
+            queue.awaited(now) for queue in queues
+        ):
+            return _SOON
+        self._asked = 0
+        self._stuck.clear()
+        return self._watchdogs(clients, now)
+
+    def close(self) -> None:
+        """Let the kernel go."""
+        self._unread.close()
+
+    def _behind(self, client: RtdeClient, now: float) -> bool:
+        """Whether a client has too much left to read; one that never reads is given up."""
+        connection, unread = client.connection, self._unread.of(client.question)
+        if not connection.still_full() and unread <= self._allowed(client):
+            return False
+        known, since = self._stuck.get(client, (-1, now))
+        self._stuck[client] = (unread, since if unread == known else now)
+        if unread == known and now - since > STALLED_S:
+            connection.lost = f"the client has read nothing for {STALLED_S:g} s"
+        return not connection.lost
+
+    def _allowed(self, client: RtdeClient) -> int:
+        """Bytes that a client may have left to read when the next cycle begins."""
+        recipe = client.session.outputs
+        if recipe is None:
+            return 0
+        ahead = LEAD_S - TOGETHER_S
+        packages = round(ahead / (self._machine.cycle * client.session.every))
+        return max(1, packages) * (HEADER.size + recipe.size)
+
+    def _watchdogs(self, clients: Sequence[RtdeClient], now: float) -> float:
+        """Seconds of real time that a watchdog still has, when its virtual time is over."""
+        core = self._machine.core
+        if not core.playing:
+            return 0.0
+        wait = 0.0
+        for watchdog in core.watchdogs.values():
+            if core.now + self._machine.cycle - watchdog.fed <= watchdog.period + _ROUNDING:
+                continue
+            written = max((c.session.wrote(watchdog.variable) for c in clients), default=now)
+            left = written + watchdog.period - now
+            if 0.0 < left <= watchdog.period:
+                wait = max(wait, min(left, _LATER))
+        return wait

@@ -1,0 +1,438 @@
+"""The loop of the controller: sockets, compiling and broadcasts around the machine's cycles."""
+
+from __future__ import annotations
+
+import queue
+import select
+import socket
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TextIO
+
+from dynid.core import DynidError
+from dynid.protocol import rtde
+from urtwin.core import Message
+from urtwin.dashboard import obey
+from urtwin.machine import ControllerMachine
+from urtwin.network import Network, on_this_machine
+from urtwin.primary import packets, realtime_state, robot_state, version_message
+from urtwin.rtde import Packer
+from urtwin.server.clients import Client, LeavingClient, RtdeClient, WatchingClient
+from urtwin.server.clock import TOGETHER_S, Pace, VirtualPace
+from urtwin.server.connection import Connection
+from urtwin.server.listeners import (
+    PRIMARY,
+    READ_ONLY,
+    REALTIME,
+    Door,
+    Reception,
+    ServerSettings,
+    open_doors,
+    place_for_another,
+)
+from urtwin.urscript import Program, ScriptError
+
+_PER_SECOND = 100
+_SAME_PER_SECOND = 3
+
+
+class Log:
+    """Writes lines; what comes too fast, or again and again, is counted, not written.
+
+    Args:
+        stream: Where the lines go.
+        name: What each line begins with.
+    """
+
+    def __init__(self, stream: TextIO, name: str) -> None:
+        self._stream, self._name = stream, name
+        self._second, self._dropped = 0, 0
+        self._written: Counter[str] = Counter()
+
+    def say(self, words: str) -> None:
+        """Write a line."""
+        second = int(time.monotonic())
+        if second != self._second:
+            if self._dropped:
+                self._write(f"{self._dropped} more lines were not printed")
+            self._second, self._dropped = second, 0
+            self._written.clear()
+        if self._written[words] >= _SAME_PER_SECOND or self._written.total() >= _PER_SECOND:
+            self._dropped += 1
+            return
+        self._written[words] += 1
+        self._write(words)
+
+    def _write(self, words: str) -> None:
+        line = " ".join(words.split())
+        clean = "".join(c if c.isprintable() else "?" for c in line)[:500]
+        try:
+            print(f"{self._name}: {clean}", file=self._stream, flush=True)
+        except OSError:
+            # Nobody reads any more; the robot does not stop for that.
+            self._second = int(time.monotonic())
+
+
+WAITING = 8
+"""Programs that may wait to be compiled."""
+
+
+@dataclass(frozen=True, slots=True)
+class Compiled:
+    """What came of a script."""
+
+    program: Program | None
+    """The program; None when it does not compile."""
+    problem: ScriptError | None = None
+    """What is wrong with it."""
+
+
+class ScriptCompiler:
+    """A thread that compiles, and a socket that becomes readable when it has.
+
+    Compiling takes tens of milliseconds, many control cycles.
+
+    Args:
+        compile_: Turns text into a program; called in the thread.
+    """
+
+    def __init__(self, compile_: Callable[[str], Program]) -> None:
+        self._compile = compile_
+        self._scripts: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._finished: queue.SimpleQueue[Compiled] = queue.SimpleQueue()
+        self._pending = 0
+        self.signal, self._wake = socket.socketpair()
+        self.signal.setblocking(False)
+        self._thread = threading.Thread(target=self._work, name="urscript", daemon=True)
+        self._thread.start()
+
+    @property
+    def busy(self) -> bool:
+        """Whether a script has been taken that did not come back yet."""
+        return self._pending > 0
+
+    def submit(self, text: str) -> bool:
+        """Take a script; whether there was room for it."""
+        if self._pending >= WAITING:
+            return False
+        self._pending += 1
+        self._scripts.put(text)
+        return True
+
+    def take(self) -> list[Compiled]:
+        """What has been compiled since the last call, oldest first."""
+        try:
+            self.signal.recv(WAITING)
+        except BlockingIOError:
+            return []
+        found: list[Compiled] = []
+        while not self._finished.empty():
+            found.append(self._finished.get())
+        self._pending -= len(found)
+        return found
+
+    def close(self) -> None:
+        """End the thread; what it compiles just now is thrown away."""
+        self._scripts.put(None)
+        self._thread.join(timeout=1.0)
+        if not self._thread.is_alive():
+            self.signal.close()
+            self._wake.close()
+
+    def _work(self) -> None:
+        while (text := self._scripts.get()) is not None:
+            self._finished.put(self._one(text))
+            self._wake.send(b"!")
+
+    def _one(self, text: str) -> Compiled:
+        try:
+            return Compiled(self._compile(text))
+        except ScriptError as error:
+            return Compiled(None, error)
+        except DynidError as error:
+            return Compiled(None, ScriptError(str(error), 1))
+        except RecursionError:
+            return Compiled(None, ScriptError("nested too deeply to compile", 1))
+        except MemoryError:
+            return Compiled(None, ScriptError("the script needs more memory than there is", 1))
+
+
+_STATES_HZ = 10
+
+
+class Broadcast:
+    """Sends data packages, states and messages; who is too slow for one misses it.
+
+    Args:
+        machine: The controller behind.
+        together_s: Data packages of this much controller time leave at once [s]; in virtual
+            time, to wake a client for each costs more than to simulate it.
+    """
+
+    def __init__(self, machine: ControllerMachine, together_s: float = 0.0) -> None:
+        self._machine, self._packer = machine, Packer(machine)
+        self._together = together_s / machine.cycle
+        self._states = 0
+
+    def greet(self, client: Client) -> None:
+        """What a client reads before it says anything."""
+        if isinstance(client, WatchingClient) and _stream(client) != REALTIME:
+            core = self._machine.core
+            client.connection.send(version_message(core.version, core.now))
+        else:
+            client.connection.send(client.greeting)
+
+    def cycle(self, clients: Iterable[Client], messages: Sequence[Message]) -> None:
+        """After a control cycle.
+
+        Args:
+            clients: Everybody.
+            messages: What the machine has said in it.
+        """
+        machine = self._machine
+        self._packer.next_cycle()
+        # Ten states a second, also where 10 Hz is no whole number of cycles.
+        states = int(machine.core.cycles * machine.cycle * _STATES_HZ + 1e-9)
+        due, self._states = states != self._states, states
+        states_due = _States(machine)
+        news = b"".join(packets(message) for message in messages) if messages else b""
+        for client in clients:
+            if isinstance(client, RtdeClient):
+                self._tell(client, messages)
+            elif isinstance(client, WatchingClient):
+                stream = _stream(client)
+                if stream == PRIMARY and news:
+                    client.connection.offer(news)
+                # Whoever never reads this port (ur_rtde does not) costs nothing.
+                if (due or stream == REALTIME) and not client.connection.still_full():
+                    first = not client.introduced
+                    if client.connection.offer(states_due.of(stream, first=first)):
+                        client.introduced = True
+
+    def _tell(self, client: RtdeClient, messages: Sequence[Message]) -> None:
+        session = client.session
+        if not session.streaming:
+            return
+        for message in messages:
+            if message.level < rtde.Level.WARNING:
+                client.connection.offer(session.text(message.words, message.source, message.level))
+        recipe = session.outputs
+        if recipe is not None and self._machine.core.cycles % session.every == 0:
+            together = int(self._together / session.every + 1e-9)
+            client.connection.offer(self._packer.package(recipe), together)
+            session.queue.asked = True
+
+
+class _States:
+    """The states of one cycle, each packed once."""
+
+    def __init__(self, machine: ControllerMachine) -> None:
+        self._machine = machine
+        self._packed: dict[tuple[bool, bool], bytes] = {}
+
+    def of(self, stream: int, *, first: bool) -> bytes:
+        """What a port sends in this cycle."""
+        realtime = stream == REALTIME
+        key = (realtime, first and not realtime)
+        packed = self._packed.get(key)
+        if packed is None:
+            state = realtime_state if realtime else partial(robot_state, first=first)
+            packed = self._packed[key] = state(self._machine)
+        return packed
+
+
+def _stream(client: Client) -> int:
+    """The port whose packets a client gets."""
+    return READ_ONLY.get(client.port, client.port)
+
+
+_EVENTS = 4
+_IDLE_S = 0.5
+STALLED_S = 2.0
+"""How long a client may read nothing before it is given up, in real time [s]."""
+_FAREWELL_S = 1.0
+
+
+class ControllerServer:
+    """Listens on the ports of a UR controller and serves its clients.
+
+    Args:
+        machine: The controller.
+        settings: How it shows itself.
+        log: Where to say what happens.
+
+    Raises:
+        JobError: A port is taken.
+    """
+
+    def __init__(self, machine: ControllerMachine, settings: ServerSettings, log: Log) -> None:
+        self._machine, self._log = machine, log
+        # A socket of the loop's waits in this one: its time-outs are not rounded up to 1 ms.
+        self._epoll = select.epoll()
+        self._doors = {door.socket.fileno(): door for door in open_doors(settings.host)}
+        self._clients: dict[int, Client] = {}
+        self._rtde: list[RtdeClient] = []
+        self._reception = Reception(machine, settings, self._submit)
+        self._compiler = ScriptCompiler(machine.compile)
+        self._broadcast = Broadcast(machine, TOGETHER_S if settings.virtual else 0.0)
+        if not on_this_machine(settings.host):
+            machine.core.network = Network(lambda _: True)
+        self._virtual = VirtualPace(machine) if settings.virtual else None
+        self._held = settings.hold
+        for fd in (*self._doors, self._compiler.signal.fileno()):
+            self._epoll.register(fd, select.EPOLLIN)
+        self.pace = Pace(machine.cycle, time.monotonic())
+
+    def run(self, stop: Callable[[], bool]) -> None:
+        """Serve until told to stop.
+
+        Args:
+            stop: Asked twice a second or more often.
+        """
+        self.pace.restart(time.monotonic())
+        while not stop():
+            now = time.monotonic()
+            wait = self._wait(now)
+            if wait > 0:
+                for client in self._rtde:
+                    client.connection.release()
+                select.select([self._epoll], [], [], min(wait, _IDLE_S))
+            self._serve()
+            if wait <= 0:
+                self._cycle(now)
+            self._sweep(now)
+
+    def close(self) -> None:
+        """Hang up on everybody and free the ports."""
+        for client in list(self._clients.values()):
+            self._close(client)
+        for door in self._doors.values():
+            door.socket.close()
+        self._compiler.close()
+        if self._virtual is not None:
+            self._virtual.close()
+        self._epoll.close()
+
+    def _wait(self, now: float) -> float:
+        """Seconds until the next cycle; not positive when it is due."""
+        started = self._started()
+        if self._held:
+            if not started:
+                return _IDLE_S
+            self._held = False
+            self.pace.restart(now)
+        if self._virtual is None:
+            return self.pace.wait(now)
+        if self._compiler.busy:
+            return _IDLE_S
+        paced = self.pace.wait(now) if self._machine.core.network.listening else 0.0
+        return max(paced, self._virtual.wait(started, now)) if started else self.pace.wait(now)
+
+    def _started(self) -> Sequence[RtdeClient]:
+        return [client for client in self._rtde if client.session.streaming]
+
+    def _serve(self) -> None:
+        for fd, _ in self._epoll.poll(0, _EVENTS):
+            if fd in self._doors:
+                self._welcome(self._doors[fd])
+            elif fd in self._clients:
+                self._clients[fd].readable()
+            else:
+                self._run_compiled()
+
+    def _cycle(self, now: float) -> None:
+        if self._virtual is None or not self._started():
+            self.pace.advance(now)
+        else:
+            self.pace.restart(now)
+        guided = any(client.session.queue.guided(now) for client in self._rtde)
+        for client in self._rtde:
+            client.session.queue.apply_next(guided)
+        self._machine.tick()
+        self._broadcast.cycle(self._clients.values(), self._news())
+
+    def _news(self) -> list[Message]:
+        """What the machine has said; people read it too."""
+        messages: list[Message] = []
+        while self._machine.messages:
+            message = self._machine.messages.popleft()
+            messages.append(message)
+            self._log.say(f"{message.source}: {message.words}")
+        return messages
+
+    def _sweep(self, now: float) -> None:
+        """Part with everybody whose connection is over."""
+        for client in list(self._clients.values()):
+            connection = client.connection
+            if connection.full and isinstance(client, RtdeClient) and self._virtual is None:
+                connection.flush()
+                if connection.full_for(now) > STALLED_S:
+                    connection.lost = f"the client has read nothing for {STALLED_S:g} s"
+            if isinstance(client, LeavingClient) and now > client.until:
+                connection.lost = "time is up"
+            if connection.lost:
+                self._part(client, now)
+
+    def _run_compiled(self) -> None:
+        for compiled in self._compiler.take():
+            if compiled.program is not None:
+                self._machine.run_program(compiled.program)
+            elif compiled.problem is not None:
+                self._machine.refuse(compiled.problem)
+
+    def _submit(self, text: str) -> None:
+        if obey(text, self._machine):
+            return
+        if not self._compiler.submit(text):
+            words = "a program was refused: too many are waiting to be compiled"
+            self._machine.core.say(words, "controller", rtde.Level.ERROR)
+
+    def _welcome(self, door: Door) -> None:
+        accepted = door.accept()
+        if accepted is None:
+            return
+        now = time.monotonic()
+        connection = Connection(*accepted)
+        client = self._reception.client(connection, door.port)
+        others = [c for c in self._clients.values() if c.port == door.port]
+        free, leaver = place_for_another(others, now)
+        if leaver is not None:
+            leaver.refuse("another client needs this place: you have been silent")
+            self._part(leaver, now)
+        if not free:
+            client.refuse("too many clients on this port")
+            self._log.say(f"{connection.peer} refused: too many clients on port {door.port}")
+            connection.close()
+            return
+        self._clients[connection.socket.fileno()] = client
+        if isinstance(client, RtdeClient):
+            self._rtde.append(client)
+        self._epoll.register(connection.socket.fileno(), select.EPOLLIN)
+        self._broadcast.greet(client)
+
+    def _part(self, client: Client, now: float) -> None:
+        """Say goodbye: at once to who has left, politely to who is sent away."""
+        connection = client.connection
+        client.left()
+        if isinstance(client, RtdeClient):
+            self._rtde.remove(client)
+        if connection.skipped and client.port == rtde.PORT:
+            self._log.say(f"{connection.peer} was too slow for {connection.skipped} packages")
+        if client.regret:
+            self._log.say(f"{connection.peer} on port {client.port}: {client.regret}")
+        if connection.gone or isinstance(client, LeavingClient):
+            self._close(client)
+            return
+        self._log.say(f"{connection.peer} on port {client.port} sent away: {connection.lost}")
+        leaving = LeavingClient(connection, client.port, now + _FAREWELL_S)
+        self._clients[connection.socket.fileno()] = leaving
+
+    def _close(self, client: Client) -> None:
+        fd = client.connection.socket.fileno()
+        self._epoll.unregister(fd)
+        del self._clients[fd]
+        client.connection.close()

@@ -1,0 +1,222 @@
+"""One simulated controller in this process, from its robot's name to the end of its loop."""
+
+from __future__ import annotations
+
+import gc
+import os
+import resource
+import signal
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TextIO
+
+from dynid.core import InputError, write_json
+from dynid.protocol import dashboard, rtde
+from dynid.robot import load_robot
+from dynid.simulation import Thermal, simulated_arm
+from urtwin.dashboard import no_programs, program_folder
+from urtwin.machine import ControllerMachine
+from urtwin.server.listeners import INTERPRETER, PRIMARY, REALTIME, SECONDARY, ServerSettings
+from urtwin.server.loop import ControllerServer, Log
+
+_SWITCH_S = 0.0005
+_PRIORITY = 10
+_FILES = 4096
+_YOUNG, _OLD, _OLDEST = 20_000, 20, 50
+
+
+def keep_time(*, real_time: bool) -> bool:
+    """Prepare the process for a loop of control cycles; whether it got a real-time priority.
+
+    Other threads of the process (the compiler) hand over within half a millisecond, the garbage
+    collector forgets what will live for ever, and SCHED_FIFO is asked for: without it a loaded
+    machine delays cycles by tens of milliseconds, with it by a tenth of one.
+
+    Args:
+        real_time: Whether to ask for the priority; in virtual time nobody is to be hurried.
+    """
+    sys.setswitchinterval(_SWITCH_S)
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(_YOUNG, _OLD, _OLDEST)
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = _FILES if hard == resource.RLIM_INFINITY else min(_FILES, hard)
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+    return real_time and _first_in_first_out()
+
+
+def _first_in_first_out() -> bool:
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(_PRIORITY))
+    except OSError:
+        return False
+    return True
+
+
+CB_HZ, E_SERIES_HZ = 125.0, 500.0
+_CB, _E_SERIES = (3, 15, 8, 106339), (5, 12, 0, 1101319)
+_PORT_NAMES = {
+    "dashboard": dashboard.PORT,
+    "primary": PRIMARY,
+    "secondary": SECONDARY,
+    "realtime": REALTIME,
+    "rtde": rtde.PORT,
+    "interpreter": INTERPRETER,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ControllerSettings:
+    """What to simulate, and where.
+
+    Raises:
+        InputError: A control rate that no UR controller has.
+    """
+
+    robot: str = "ur5"
+    """Built-in name, URDF or robot file."""
+    host: str = "127.0.0.1"
+    """Address to listen on."""
+    thermal: Thermal = "cold"
+    """Temperatures at the start."""
+    virtual_time: bool = False
+    """Whether time goes as fast as the clients read."""
+    hold: bool = False
+    """Whether time stands still until the first client has started RTDE."""
+    seed: int = 0
+    """Seed of the measurement noise."""
+    rate_hz: float | None = None
+    """Control cycles a second; None: 500 for robots whose name ends in `e`, else 125."""
+    version: tuple[int, int, int] | None = None
+    """Software version; None: the one usual for the rate."""
+    truth: Path | None = None
+    """Where to write the truth behind the measurements."""
+    report: Path | None = None
+    """Where to write, at the end, how well time was kept."""
+    programs: Path | None = None
+    """Folder of the programs that the dashboard can load."""
+    parent: int | None = None
+    """The process without which the controller ends; None: it stays."""
+
+    def __post_init__(self) -> None:
+        if self.rate_hz is not None and self.rate_hz not in (CB_HZ, E_SERIES_HZ):
+            raise InputError(
+                "no UR controller has this control rate",
+                value=f"{self.rate_hz:g} Hz",
+                limit=f"{CB_HZ:g} Hz (CB-Series) or {E_SERIES_HZ:g} Hz (e-Series)",
+            )
+
+
+def serve(
+    settings: ControllerSettings,
+    stream: TextIO,
+    ready: Callable[[dict[str, Any]], None],
+) -> None:
+    """Simulate a controller until Ctrl-C, SIGTERM, or the end of the parent process.
+
+    Args:
+        settings: What to simulate, and where.
+        stream: Where to tell people what happens.
+        ready: Called once, when clients can connect, with what they need to know.
+
+    Raises:
+        InputError: A robot that cannot be simulated, an address that is none, or no such folder.
+        JobError: A port is taken.
+        MissingExtraError: MuJoCo is not installed.
+    """
+    log = Log(stream, "urtwin")
+    robot = load_robot(settings.robot)
+    rate = settings.rate_hz or (E_SERIES_HZ if robot.name.endswith("e") else CB_HZ)
+    version = _CB if rate == CB_HZ else _E_SERIES
+    if settings.version is not None:
+        version = (*settings.version, version[3])
+    arm = simulated_arm(robot)
+    machine = ControllerMachine(
+        arm, rate_hz=rate, thermal=settings.thermal, seed=settings.seed, version=version
+    )
+    server_settings = ServerSettings(
+        host=settings.host,
+        virtual=settings.virtual_time,
+        hold=settings.hold,
+        model=robot.name.removesuffix("e").upper(),
+        programs=no_programs if settings.programs is None else program_folder(settings.programs),
+    )
+    server = ControllerServer(machine, server_settings, log)
+    try:
+        fast = keep_time(real_time=not settings.virtual_time)
+        stopped = _Stop(settings.parent)
+        about = {
+            "robot": robot.name,
+            "host": settings.host,
+            "ports": _PORT_NAMES,
+            "rate_hz": rate,
+            "version": ".".join(map(str, version)),
+            "virtual_time": settings.virtual_time,
+            "seed": settings.seed,
+            "real_time_priority": fast,
+            "pid": os.getpid(),
+        }
+        start = machine.output("joint_temperatures")
+        if settings.truth is not None:
+            write_json(settings.truth, _truth(machine, about) | {"start_degC": start})
+        ready(about)
+        begun, worked = time.monotonic(), time.process_time()
+        server.run(stopped)
+        if settings.report is not None:
+            spent = {"wall_s": time.monotonic() - begun, "cpu_s": time.process_time() - worked}
+            write_json(settings.report, _report(server, machine) | spent)
+        log.say(f"stopped by {stopped.why} after {machine.core.cycles} cycles")
+    finally:
+        server.close()
+
+
+class _Stop:
+    """Whether it is time to stop: a signal came, or the parent process is gone."""
+
+    def __init__(self, parent: int | None) -> None:
+        self._parent = parent
+        self.why = ""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._hear)
+
+    def __call__(self) -> bool:
+        if self._parent is not None and os.getppid() != self._parent:
+            self.why = self.why or "the end of its parent process"
+        return bool(self.why)
+
+    def _hear(self, number: int, frame: object) -> None:
+        self.why = signal.Signals(number).name
+
+
+def _truth(machine: ControllerMachine, about: dict[str, Any]) -> dict[str, Any]:
+    truth = machine.core.arm.truth
+    return {
+        "robot": about["robot"],
+        "label": truth.label,
+        "seed": about["seed"],
+        "rate_hz": about["rate_hz"],
+        "parameters": [
+            *("m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy"),
+            *("Fc", "Fv", "Im"),
+        ],
+        "frame": "joint frames, tensors about their origins; Fc and Fv at reference_degC",
+        "reference_degC": truth.friction.reference_degC,
+        "links": truth.standard_parameters.tolist(),
+        "drive_gain": truth.gain.tolist(),
+    }
+
+
+def _report(server: ControllerServer, machine: ControllerMachine) -> dict[str, Any]:
+    cycles = machine.core.cycles
+    shares = (50.0, 99.0, 99.9, 100.0)
+    late = server.pace.lateness_us(*shares)
+    return {
+        "cycles": cycles,
+        "controller_s": cycles * machine.cycle,
+        "late_us": {f"p{share:g}": value for share, value in zip(shares, late, strict=True)},
+        "slips": server.pace.slips,
+    }

@@ -1,0 +1,69 @@
+"""URScript: from text to a program that runs one control cycle at a time."""
+
+from urtwin.urscript.execution import (
+    BACK,
+    LISTENING,
+    Execution,
+    Routine,
+)
+from urtwin.urscript.library import (
+    MATHEMATICS,
+    MATRICES,
+    POSES,
+    matrix_of,
+    numbers,
+    pose_of,
+)
+from urtwin.urscript.program import (
+    Addition,
+    Context,
+    Program,
+    compile_addition,
+    compile_script,
+)
+from urtwin.urscript.syntax import MAX_CHARACTERS
+from urtwin.urscript.values import (
+    MAX_LENGTH,
+    Builtin,
+    Kind,
+    Pose,
+    ScriptError,
+    ScriptFault,
+    Value,
+    builtin,
+    number,
+    shown,
+    table,
+    truth,
+)
+
+__all__ = [
+    "BACK",
+    "LISTENING",
+    "MATHEMATICS",
+    "MATRICES",
+    "MAX_CHARACTERS",
+    "MAX_LENGTH",
+    "POSES",
+    "Addition",
+    "Builtin",
+    "Context",
+    "Execution",
+    "Kind",
+    "Pose",
+    "Program",
+    "Routine",
+    "ScriptError",
+    "ScriptFault",
+    "Value",
+    "builtin",
+    "compile_addition",
+    "compile_script",
+    "matrix_of",
+    "number",
+    "numbers",
+    "pose_of",
+    "shown",
+    "table",
+    "truth",
+]

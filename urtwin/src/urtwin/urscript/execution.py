@@ -1,0 +1,309 @@
+"""A running program: its threads, its memory and how much it may still do this cycle."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Generator
+from typing import Any
+
+from dynid.core import DynidError
+from urtwin.urscript.values import ScriptFault, ScriptHalt, Value, size
+
+ENTERING, LISTENING, BACK = "entering", "listening", "back"
+"""What a thread may say when it waits: for the critical section; for the network or the end of
+another, who may have the section meanwhile; for what it had before. None: for the next cycle."""
+
+Frame = list[Value]
+Routine = Generator[str | None, None, Any]
+
+
+class ThreadEnd(Exception):
+    """A thread killed itself."""
+
+
+class Thread:
+    """One thread of a program."""
+
+    __slots__ = ("alive", "depth", "frames", "function", "handle", "routine", "waits")
+
+    def __init__(self, handle: int) -> None:
+        self.handle = handle
+        self.alive = True
+        self.frames: list[Frame] = []
+        self.function: object = None
+        """Which of the script's threads it runs."""
+        self.routine: Routine | None = None
+        self.waits: str | None = None
+        """What it waits for, besides the next cycle."""
+        self.depth = 0
+        """How deep it was in the critical section when it began to listen."""
+
+
+class CriticalSection:
+    """Who is in it keeps all others from running; who wants in gets in by turns."""
+
+    __slots__ = ("_depth", "_line", "holder", "passed")
+
+    def __init__(self) -> None:
+        self.holder: Thread | None = None
+        self.passed = False
+        """Whether it has kept somebody from running who is to run before it is entered again."""
+        self._depth = 0
+        self._line: deque[Thread] = deque()
+
+    def open_to(self, thread: Thread) -> bool:
+        """Whether a thread can enter at once."""
+        return self.holder is thread or not (self.holder or self._line or self.passed)
+
+    def enter(self, thread: Thread) -> None:
+        """The thread is in, once more."""
+        self.holder = thread
+        self._depth += 1
+
+    def leave(self) -> None:
+        """The thread leaves once."""
+        self._depth = max(self._depth - 1, 0)
+        if self._depth == 0:
+            self.holder = None
+
+    def stops(self, thread: Thread) -> bool:
+        """Whether it keeps a thread from running now."""
+        waits = thread.waits
+        if waits is None:
+            return self.holder is not None and self.holder is not thread
+        if waits is LISTENING or (waits is BACK and not thread.depth):
+            return False
+        return self.holder is not None or self._line[0] is not thread
+
+    def wait(self, thread: Thread, waits: str) -> None:
+        """A thread waits for more than the next cycle."""
+        thread.waits = waits
+        if waits is ENTERING or (waits is BACK and thread.depth):
+            self._line.append(thread)
+        elif waits is LISTENING and self.holder is thread:
+            thread.depth, self._depth, self.holder = self._depth, 0, None
+
+    def go(self, thread: Thread) -> None:
+        """A thread's wait is over."""
+        if self._line and self._line[0] is thread:
+            self._line.popleft()
+            self.holder, self._depth, thread.depth = thread, thread.depth or 1, 0
+        thread.waits = None
+
+    def forget(self, thread: Thread) -> None:
+        """A thread has ended."""
+        if self.holder is thread:
+            self.holder, self._depth = None, 0
+        if thread in self._line:
+            self._line.remove(thread)
+
+
+MAX_THREADS = 50
+"""Most threads at a time."""
+MAX_DEPTH = 40
+"""Deepest calls of one's own functions within each other."""
+MAX_SLOTS = 20_000
+"""Most variables alive at a time, over all calls and threads."""
+MAX_MEMORY = 2_000_000
+"""Most numbers and characters in all variables."""
+OPERATIONS_PER_SECOND = 6_000_000
+"""Operations that a script may do, spread over the control cycles."""
+
+
+class Execution:
+    """The state that compiled code works on.
+
+    Args:
+        port: The controller, handed to built-ins.
+        slots: Number of program variables.
+        cycle: Length of a control cycle [s].
+    """
+
+    __slots__ = (
+        "_handles",
+        "_slots",
+        "budget",
+        "copied",
+        "fault",
+        "finished",
+        "left",
+        "port",
+        "section",
+        "shared",
+        "thread",
+        "threads",
+    )
+
+    def __init__(self, port: Any, slots: int, cycle: float) -> None:
+        self.port = port
+        self.shared: Frame = [None] * slots
+        self.budget = round(OPERATIONS_PER_SECOND * cycle)
+        self.left = self.budget
+        self.copied = 0
+        self.threads: list[Thread] = []
+        self.thread = Thread(0)
+        self.finished = False
+        self.fault: str | None = None
+        """Why it stopped, if it did not stop by itself."""
+        self.section = CriticalSection()
+        self._slots = slots
+        self._handles = 0
+
+    def start(self, thread: Thread, routine: Routine) -> None:
+        """Add a thread; it runs for the first time in this cycle.
+
+        Raises:
+            ScriptFault: Too many threads.
+        """
+        if len(self.threads) >= MAX_THREADS:
+            raise ScriptFault("too many threads", limit=MAX_THREADS)
+        thread.routine = routine
+        self.threads.append(thread)
+
+    def new_thread(self) -> Thread:
+        """A thread with a new handle, not yet started."""
+        self._handles += 1
+        return Thread(self._handles)
+
+    def step(self) -> None:
+        """One control cycle: every thread runs up to its next wait.
+
+        Who stands before a critical section runs as soon as it is free, in the same cycle,
+        those who came first before the others.
+        """
+        self.left = self.budget
+        section = self.section
+        pending, progress = self.threads, True
+        while pending and progress:
+            again: list[Thread] = []
+            progress = section.passed = False
+            for thread in pending:
+                if (section.holder or thread.waits) and section.stops(thread):
+                    section.passed = section.passed or thread.waits is None
+                    again.append(thread)
+                    continue
+                progress = True
+                self._resume(thread)
+                if self.finished:
+                    return
+                if thread.alive and (thread.waits is ENTERING or thread.waits is BACK):
+                    again.append(thread)
+            pending = again
+        self.threads = [thread for thread in self.threads if thread.alive]
+
+    def stop(self) -> None:
+        """End the program, wherever it is."""
+        self.finished = True
+        for thread in self.threads:
+            self._drop(thread)
+        self.threads = []
+
+    def enter(self, frame: Frame) -> None:
+        """A call begins.
+
+        Raises:
+            ScriptFault: Too deep, or too many variables.
+        """
+        frames = self.thread.frames
+        self._slots += len(frame)
+        if len(frames) >= MAX_DEPTH:
+            raise ScriptFault("calls are nested too deeply", limit=MAX_DEPTH)
+        if self._slots > MAX_SLOTS:
+            raise ScriptFault("out of memory: too many variables", limit=MAX_SLOTS)
+        frames.append(frame)
+
+    def leave(self) -> None:
+        """A call ends."""
+        self._slots -= len(self.thread.frames.pop())
+
+    def exhausted(self) -> None:
+        """The operations of this cycle are used up.
+
+        Raises:
+            ScriptFault: Always.
+        """
+        raise ScriptFault(
+            "endless loop: the program does too much without waiting",
+            limit=f"{self.budget} operations in a control cycle",
+            next_step="Call sync() in the loop.",
+        )
+
+    def charge(self, value: Value) -> None:
+        """Account for a copy of a value.
+
+        Raises:
+            ScriptFault: The program holds too much, or does too much in this cycle.
+        """
+        amount = size(value)
+        self.left -= amount >> 3
+        self.copied += amount
+        if self.left < 0:
+            self.exhausted()
+        if self.copied > MAX_MEMORY // 4:
+            self.copied = 0
+            frames = [self.shared, *(frame for each in self.threads for frame in each.frames)]
+            held = sum(size(item) for frame in frames for item in frame)
+            if held > MAX_MEMORY:
+                raise ScriptFault("out of memory", value=held, limit=MAX_MEMORY)
+
+    def kill(self, handle: Value) -> None:
+        """End a thread; a handle of none does nothing, as on the robot.
+
+        Raises:
+            ScriptFault: Not a handle.
+        """
+        if handle.__class__ is not int:
+            raise ScriptFault("a thread handle expected", value=handle)
+        for thread in self.threads:
+            if thread.handle == handle and thread.alive:
+                if thread is self.thread:
+                    raise ThreadEnd
+                self._drop(thread)
+
+    def lives(self, handle: Value) -> bool:
+        """Whether a thread still runs."""
+        return any(thread.alive and thread.handle == handle for thread in self.threads)
+
+    def hold(self) -> None:
+        """Keep the other threads from running."""
+        self.section.enter(self.thread)
+
+    def let_go(self) -> None:
+        """Let the other threads run again."""
+        self.section.leave()
+
+    def _resume(self, thread: Thread) -> None:
+        if not thread.alive or thread.routine is None:
+            return
+        self.thread = thread
+        if thread.waits is not None:
+            self.section.go(thread)
+        try:
+            waits = next(thread.routine)
+            if waits is not None:
+                self.section.wait(thread, waits)
+            return
+        except (StopIteration, ThreadEnd):
+            pass
+        except ScriptHalt:
+            self.stop()
+        except RecursionError:
+            self._fail("calls are nested too deeply")
+        except DynidError as error:
+            self._fail(str(error))
+        if self.threads and thread is self.threads[0] and not self.finished:
+            # The program ends with its main thread.
+            self.stop()
+        self._drop(thread)
+
+    def _fail(self, reason: str) -> None:
+        self.fault = reason
+        self.stop()
+
+    def _drop(self, thread: Thread) -> None:
+        thread.alive = False
+        self._slots -= sum(len(frame) for frame in thread.frames)
+        thread.frames.clear()
+        self.section.forget(thread)
+        if thread.routine is not None and thread is not self.thread:
+            thread.routine.close()

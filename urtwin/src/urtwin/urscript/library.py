@@ -1,0 +1,335 @@
+"""Built-in functions without a robot: mathematics, poses, matrices.
+
+The products of two matrices and of a matrix with a list are those of algebra; all else goes
+element by element (script manual, "Matrix and Array Expressions").
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, cast
+
+import numpy as np
+
+from dynid.core import Array
+from dynid.robot import from_xyz_rpy, inverse
+from urtwin.kinematics import rotation_matrix, rotation_vector, to_matrix, to_pose
+from urtwin.urscript.values import (
+    MAX_LENGTH,
+    Builtin,
+    Kind,
+    Pose,
+    ScriptFault,
+    Value,
+    builtin,
+    described,
+    is_matrix,
+    number,
+    shown,
+    truth,
+)
+
+
+def _floor(f: Value) -> int:
+    return math.floor(number(f))
+
+
+def _ceil(f: Value) -> int:
+    return math.ceil(number(f))
+
+
+def _log(b: Value, f: Value) -> float:
+    return math.log(number(f), number(b))
+
+
+def _pow(base: Value, exponent: Value) -> float:
+    return math.pow(number(base), number(exponent))
+
+
+def _norm(a: Value) -> float:
+    if isinstance(a, list):
+        return math.sqrt(sum(number(item) ** 2 for item in cast("list[Any]", a)))
+    return abs(number(a))
+
+
+def _length(v: Value) -> int:
+    if isinstance(v, list | str):
+        return len(cast("list[Any]", v))
+    raise ScriptFault("length needs a list or a string")
+
+
+def _normalize(a: Value) -> list[float]:
+    scale = _norm(a)
+    return [number(item) / scale for item in a]
+
+
+def _make_list(length: Value, initial_value: Value, capacity: Value = 0) -> list[Value]:
+    if not 0 <= _whole(length) <= MAX_LENGTH:
+        raise ScriptFault("length of a list", value=length, limit=(0, MAX_LENGTH))
+    return [initial_value] * length
+
+
+def _whole(value: Value) -> int:
+    if value.__class__ is not int:
+        raise ScriptFault("a whole number expected", value=value)
+    return value
+
+
+def _integer_to_binary_list(x: Value) -> Value:
+    return [bool(_whole(x) >> k & 1) for k in range(32)]
+
+
+def _binary_list_to_integer(l: Value) -> int:  # noqa: E741 - its name in URScript
+    bits = sum(1 << k for k, bit in enumerate(l[:32]) if truth(bit))
+    return bits - 2**32 if bits >= 2**31 else bits
+
+
+def _text(value: Value) -> str:
+    if value.__class__ is not str:
+        raise ScriptFault("a string expected", value=value)
+    return value
+
+
+def _to_str(val: Value) -> str:
+    text = shown(val)
+    if len(text) > MAX_LENGTH:
+        raise ScriptFault("the string is too long", value=len(text), limit=MAX_LENGTH)
+    return text
+
+
+def _to_num(str: Value) -> Value:
+    text = _text(str).strip()
+    return int(text) if text.lstrip("+-").isdigit() and len(text) < 10 else float(text)
+
+
+def _str_at(src: Value, index: Value) -> str:
+    text, place = _text(src), _whole(index)
+    if not 0 <= place < len(text):
+        raise ScriptFault("no such character", value=place, limit=(0, len(text) - 1))
+    return text[place]
+
+
+def _str_cat(op1: Value, op2: Value) -> str:
+    return _to_str(shown(op1) + shown(op2))
+
+
+def _str_find(src: Value, target: Value, start_from: Value = 0) -> int:
+    return _text(src).find(_text(target), max(_whole(start_from), 0))
+
+
+def _str_sub(src: Value, index: Value, len: Value = -1) -> str:
+    text, place, count = _text(src), _whole(index), _whole(len)
+    return text[place:] if count < 0 else text[place : place + count]
+
+
+def _real(function: Any) -> Any:
+    def apply(f: Value) -> float:
+        return function(number(f))
+
+    return apply
+
+
+def _atan2(x: Value, y: Value) -> float:
+    # Named as in URScript's manual, where the first argument is the ordinate.
+    return math.atan2(number(x), number(y))
+
+
+def _str_empty(str: Value) -> bool:
+    return _text(str) == ""
+
+
+def _str_len(str: Value) -> int:
+    return len(_text(str))
+
+
+_TABLE: dict[str, Any] = {
+    "acos": _real(math.acos),
+    "asin": _real(math.asin),
+    "atan": _real(math.atan),
+    "atan2": _atan2,
+    "ceil": _ceil,
+    "cos": _real(math.cos),
+    "d2r": _real(math.radians),
+    "floor": _floor,
+    "length": _length,
+    "get_list_length": _length,
+    "log": _log,
+    "make_list": _make_list,
+    "norm": _norm,
+    "normalize": _normalize,
+    "size": _length,
+    "pow": _pow,
+    "r2d": _real(math.degrees),
+    "sin": _real(math.sin),
+    "sqrt": _real(math.sqrt),
+    "tan": _real(math.tan),
+    "integer_to_binary_list": _integer_to_binary_list,
+    "binary_list_to_integer": _binary_list_to_integer,
+    "str_at": _str_at,
+    "str_cat": _str_cat,
+    "str_empty": _str_empty,
+    "str_find": _str_find,
+    "str_len": _str_len,
+    "str_sub": _str_sub,
+}
+MATHEMATICS: list[Builtin] = [
+    *(builtin(function, Kind.PURE, name=name) for name, function in _TABLE.items()),
+    builtin(_to_str, Kind.PURE, name="to_str", weight=200),
+    builtin(_to_num, Kind.PURE, name="to_num"),
+]
+"""Built-ins that only compute."""
+
+
+_WEIGHT = 400
+
+
+def matrix_of(pose: Value) -> Array:
+    """(4, 4) the transform of a script's pose.
+
+    Raises:
+        ScriptFault: No pose.
+    """
+    return to_matrix(numbers(pose, 6, "a pose"))
+
+
+def numbers(value: Value, count: int, what: str) -> list[float]:
+    """A list of so many numbers.
+
+    Raises:
+        ScriptFault: It is none.
+    """
+    items = cast("list[Any]", value) if isinstance(value, list) else []
+    if len(items) != count:
+        raise ScriptFault(f"{what} of {count} numbers expected", value=described(value))
+    return [float(number(item)) for item in items]
+
+
+def pose_of(matrix: Array) -> Pose:
+    """The script's pose of a transform (4, 4)."""
+    return Pose(to_pose(matrix))
+
+
+def _pose_trans(p_from: Value, p_from_to: Value) -> Pose:
+    return pose_of(matrix_of(p_from) @ matrix_of(p_from_to))
+
+
+def inverse_pose(p_from: Value) -> Pose:
+    """The way back.
+
+    Raises:
+        ScriptFault: No pose.
+    """
+    return pose_of(inverse(matrix_of(p_from)))
+
+
+def _pose_add(p_1: Value, p_2: Value) -> Pose:
+    first, second = matrix_of(p_1), matrix_of(p_2)
+    return _apart(first[:3, 3] + second[:3, 3], first[:3, :3] @ second[:3, :3])
+
+
+def _pose_sub(p_to: Value, p_from: Value) -> Pose:
+    goal, start = matrix_of(p_to), matrix_of(p_from)
+    return _apart(goal[:3, 3] - start[:3, 3], goal[:3, :3] @ start[:3, :3].T)
+
+
+def _pose_dist(p_from: Value, p_to: Value) -> float:
+    return math.sqrt(sum(value * value for value in _pose_sub(p_to, p_from)))
+
+
+def _point_dist(p_from: Value, p_to: Value) -> float:
+    return math.dist(numbers(p_from, 6, "a pose")[:3], numbers(p_to, 6, "a pose")[:3])
+
+
+def _interpolate_pose(p_from: Value, p_to: Value, alpha: Value) -> Pose:
+    start, goal, share = matrix_of(p_from), matrix_of(p_to), number(alpha)
+    turn = share * rotation_vector(goal[:3, :3] @ start[:3, :3].T)
+    place = start[:3, 3] + share * (goal[:3, 3] - start[:3, 3])
+    return _apart(place, rotation_matrix(turn.tolist()) @ start[:3, :3])
+
+
+def _rpy2rotvec(rpy_vector: Value) -> Value:
+    turned = from_xyz_rpy((0.0, 0.0, 0.0), numbers(rpy_vector, 3, "angles"))
+    return rotation_vector(turned[:3, :3]).tolist()
+
+
+def _rotvec2rpy(rotation_vector: Value) -> Value:
+    matrix = rotation_matrix(numbers(rotation_vector, 3, "a rotation vector"))
+    level = math.hypot(matrix[0, 0], matrix[1, 0])
+    if level < 1e-9:
+        # Roll and yaw turn about the same axis: all of it is called roll.
+        turn = math.atan2(-matrix[1, 2], matrix[1, 1])
+        return [turn, math.atan2(-matrix[2, 0], level), 0.0]
+    return [
+        math.atan2(matrix[2, 1], matrix[2, 2]),
+        math.atan2(-matrix[2, 0], level),
+        math.atan2(matrix[1, 0], matrix[0, 0]),
+    ]
+
+
+def _apart(place: Array, rotation: Array) -> Pose:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation, place
+    return pose_of(matrix)
+
+
+_POSE_TABLE: dict[str, Any] = {
+    "pose_trans": _pose_trans,
+    "pose_inv": inverse_pose,
+    "pose_add": _pose_add,
+    "pose_sub": _pose_sub,
+    "pose_dist": _pose_dist,
+    "point_dist": _point_dist,
+    "interpolate_pose": _interpolate_pose,
+    "rpy2rotvec": _rpy2rotvec,
+    "rotvec2rpy": _rotvec2rpy,
+}
+POSES: list[Builtin] = [
+    builtin(function, Kind.PURE, name=name, weight=_WEIGHT)
+    for name, function in _POSE_TABLE.items()
+]
+"""Built-ins for poses."""
+
+
+def rows_of(value: Value) -> list[list[Any]]:
+    """The rows of a matrix.
+
+    Raises:
+        ScriptFault: No matrix.
+    """
+    if not is_matrix(value):
+        raise ScriptFault("a matrix expected", value=described(value))
+    return cast("list[list[Any]]", value)
+
+
+def _transpose(m: Value) -> Value:
+    return [list(column) for column in zip(*rows_of(m), strict=True)]
+
+
+def _inv(m: Value) -> Value:
+    if isinstance(m, Pose):
+        return inverse_pose(m)
+    rows = rows_of(m)
+    square = [numbers(row, len(rows), "a row of a square matrix") for row in rows]
+    try:
+        return np.linalg.inv(np.array(square, dtype=np.float64)).tolist()
+    except np.linalg.LinAlgError as error:
+        raise ScriptFault("a singular matrix has no inverse") from error
+
+
+def _wrench_trans(T_from_to: Value, w_from: Value) -> Value:
+    """A wrench in another frame: the force turned, the torque about the other origin."""
+    frame, wrench = matrix_of(T_from_to), np.array(numbers(w_from, 6, "a wrench"))
+    force = frame[:3, :3].T @ wrench[:3]
+    moment = frame[:3, :3].T @ (wrench[3:] - np.cross(frame[:3, 3], wrench[:3]))
+    return [*force.tolist(), *moment.tolist()]
+
+
+MATRICES: list[Builtin] = [
+    builtin(function, Kind.PURE, name=name, weight=_WEIGHT)
+    for name, function in (
+        ("transpose", _transpose),
+        ("inv", _inv),
+        ("wrench_trans", _wrench_trans),
+    )
+]
+"""Built-ins for matrices, and for poses and wrenches as such."""

@@ -1,0 +1,390 @@
+"""From tokens to the syntax tree: expressions and statements."""
+
+from __future__ import annotations
+
+from urtwin.urscript.syntax import (
+    Assign,
+    Call,
+    Chain,
+    Constant,
+    Definition,
+    Do,
+    Expression,
+    If,
+    Index,
+    ListOf,
+    Method,
+    Name,
+    OnThread,
+    Return,
+    Run,
+    Script,
+    Signal,
+    Simple,
+    Statement,
+    Token,
+    Unary,
+    While,
+    number_of,
+    tokenize,
+)
+from urtwin.urscript.values import ScriptError
+
+MAX_NESTING = 40
+"""Deepest nesting of brackets, signs and blocks."""
+_RANKS: tuple[tuple[str, ...], ...] = (
+    ("or", "xor"),
+    ("and",),
+    ("==", "!=", "<", ">", "<=", ">="),
+    ("+", "-"),
+    ("*", "/", "%"),
+)
+_POSE = 6
+SIGNALS = ("digital_in", "digital_out", "analog_in", "analog_out")
+"""Names that stand for the signals of the controller where they have an index."""
+
+
+class ExpressionParser:
+    """Reads expressions, one word of look-ahead; two where a name may be an argument's.
+
+    Args:
+        tokens: The words.
+    """
+
+    def __init__(self, tokens: list[Token]) -> None:
+        self._tokens, self._place, self._depth = tokens, 0, 0
+
+    @property
+    def token(self) -> Token:
+        """The next word."""
+        return self._tokens[self._place]
+
+    def peek(self) -> Token:
+        """The word after the next."""
+        return self._tokens[min(self._place + 1, len(self._tokens) - 1)]
+
+    def take(self) -> Token:
+        """The next word, taken."""
+        token = self._tokens[self._place]
+        if self._place < len(self._tokens) - 1:
+            self._place += 1
+        return token
+
+    def at(self, *texts: str) -> bool:
+        """Whether the next word is one of these signs or keywords."""
+        token = self.token
+        return token.kind in ("sign", "keyword") and token.text in texts
+
+    def accept(self, text: str) -> bool:
+        """Take the next word if it is this one."""
+        if self.at(text):
+            self.take()
+            return True
+        return False
+
+    def expect(self, text: str) -> Token:
+        """Take this very word.
+
+        Raises:
+            ScriptError: The next word is another.
+        """
+        if not self.at(text):
+            raise self.wrong(f"'{text}' expected")
+        return self.take()
+
+    def name(self) -> str:
+        """Take a name.
+
+        Raises:
+            ScriptError: The next word is none.
+        """
+        if self.token.kind != "name":
+            raise self.wrong("a name expected")
+        return self.take().text
+
+    def wrong(self, what: str) -> ScriptError:
+        """An error at the next word."""
+        token = self.token
+        return ScriptError(what, token.line, value=token.text or token.kind)
+
+    def deeper(self) -> None:
+        """One level down.
+
+        Raises:
+            ScriptError: Too deep.
+        """
+        self._depth += 1
+        if self._depth > MAX_NESTING:
+            raise ScriptError("nested too deeply", self.token.line, limit=MAX_NESTING)
+
+    def higher(self) -> None:
+        """One level up."""
+        self._depth -= 1
+
+    def expression(self) -> Expression:
+        """Read an expression.
+
+        Raises:
+            ScriptError: There is none, or it is nested too deeply.
+        """
+        self.deeper()
+        found = self._rank(0)
+        self.higher()
+        return found
+
+    def call(self) -> Call:
+        """Read a call.
+
+        Raises:
+            ScriptError: There is none.
+        """
+        line, name = self.token.line, self.name()
+        self.expect("(")
+        positional: list[Expression] = []
+        named: dict[str, Expression] = {}
+        while not self.accept(")"):
+            if self.token.kind == "name" and self.peek().text == "=" and self.peek().kind == "sign":
+                key = self.name()
+                self.expect("=")
+                if key in named:
+                    raise self.wrong(f"argument '{key}' repeats")
+                named[key] = self.expression()
+            elif named:
+                raise self.wrong("an argument with a name expected")
+            else:
+                positional.append(self.expression())
+            if not self.at(")"):
+                self.expect(",")
+        return Call(line, name, positional, named)
+
+    def indices(self) -> list[Expression]:
+        """Read what stands between square brackets, separated by commas."""
+        self.expect("[")
+        items: list[Expression] = []
+        while not self.accept("]"):
+            items.append(self.expression())
+            if not self.at("]"):
+                self.expect(",")
+        return items
+
+    def _rank(self, rank: int) -> Expression:
+        if rank == len(_RANKS):
+            return self._unary()
+        first = self._negation(rank)
+        rest: list[tuple[str, Expression]] = []
+        while self.at(*_RANKS[rank]):
+            operator = self.take().text
+            rest.append((operator, self._negation(rank)))
+        return Chain(first.line, first, rest) if rest else first
+
+    def _negation(self, rank: int) -> Expression:
+        # `not` binds weaker than comparisons and stronger than `and`.
+        if rank == 1 and self.at("not"):
+            line = self.take().line
+            self.deeper()
+            operand = self._negation(rank)
+            self.higher()
+            return Unary(line, "not", operand)
+        return self._rank(rank + 1)
+
+    def _unary(self) -> Expression:
+        if self.at("-", "+", "not"):
+            token = self.take()
+            self.deeper()
+            operand = self._unary()
+            self.higher()
+            if (
+                token.text == "-"
+                and isinstance(operand, Constant)
+                and isinstance(operand.value, int | float)
+                and not isinstance(operand.value, bool)
+            ):
+                return Constant(token.line, -operand.value)
+            return Unary(token.line, token.text, operand)
+        found = self._atom()
+        depth = 0
+        while self.at("[", "."):
+            depth += 1
+            if depth > MAX_NESTING:
+                raise ScriptError("nested too deeply", self.token.line, limit=MAX_NESTING)
+            if self.at("."):
+                found = self._member(found)
+                continue
+            indices = self.indices()
+            pose_head = isinstance(found, Name) and found.name == "p"
+            if pose_head and len(indices) == _POSE:
+                found = ListOf(found.line, indices, True)
+                continue
+            if not 1 <= len(indices) <= 2:
+                raise self.wrong("one or two indices expected")
+            if isinstance(found, Name) and found.name in SIGNALS:
+                found = Signal(found.line, f"get_{found.name}", indices, {})
+            else:
+                found = Index(found.line, found, indices)
+        return found
+
+    def _member(self, base: Expression) -> Expression:
+        """A member of a struct, or a call of a method."""
+        line = self.expect(".").line
+        if self.peek().kind == "sign" and self.peek().text == "(":
+            call = self.call()
+            if call.named:
+                raise ScriptError("a method takes no names", line, value=call.name)
+            return Method(line, base, call.name, call.positional)
+        return Index(line, base, [Constant(line, self.name())])
+
+    def _atom(self) -> Expression:
+        token = self.token
+        if token.kind == "number":
+            self.take()
+            return Constant(token.line, number_of(token.text))
+        if token.kind == "string":
+            self.take()
+            return Constant(token.line, token.text)
+        if self.at("True", "False"):
+            self.take()
+            return Constant(token.line, token.text == "True")
+        if self.accept("("):
+            inside = self.expression()
+            self.expect(")")
+            return inside
+        if self.at("["):
+            return ListOf(token.line, self.indices(), False)
+        if self.accept("run"):
+            return Run(token.line, self.call())
+        if token.kind == "name":
+            if self.peek().kind == "sign" and self.peek().text == "(":
+                return self.call()
+            self.take()
+            return Name(token.line, token.text)
+        raise self.wrong("an expression expected")
+
+
+_DEFINITIONS = ("def", "thread", "sec")
+_SETTABLE = ("get_digital_out", "get_analog_out")
+_SIMPLE = ("break", "continue", "halt", "enter_critical", "exit_critical")
+
+
+def parse(text: str) -> Script:
+    """The tree of a script.
+
+    Raises:
+        ScriptError: The script breaks the grammar, is too long or nested too deeply.
+    """
+    return _Parser(tokenize(text)).script()
+
+
+class _Parser(ExpressionParser):
+    def script(self) -> Script:
+        definitions: list[Definition] = []
+        statements: list[Statement] = []
+        while self.token.kind != "end of text":
+            if self.at(*_DEFINITIONS):
+                definitions.append(self._definition())
+            else:
+                statements.append(self._statement())
+        return Script(definitions, statements)
+
+    def _definition(self) -> Definition:
+        self.deeper()
+        head = self.take()
+        name = self.name()
+        self.expect("(")
+        parameters: list[str] = []
+        defaults: dict[str, Expression] = {}
+        while not self.accept(")"):
+            parameter = self.name()
+            if parameter in parameters:
+                raise self.wrong(f"parameter '{parameter}' repeats")
+            parameters.append(parameter)
+            if self.accept("="):
+                defaults[parameter] = self.expression()
+            elif defaults:
+                raise self.wrong("a default value expected")
+            if not self.at(")"):
+                self.expect(",")
+        self.expect(":")
+        found = Definition(head.line, head.text, name, parameters, defaults, [])
+        while not self.accept("end"):
+            if self.at(*_DEFINITIONS):
+                found.inner.append(self._definition())
+            else:
+                found.body.append(self._statement())
+        self.higher()
+        return found
+
+    def _block(self, *ends: str) -> list[Statement]:
+        self.deeper()
+        found: list[Statement] = []
+        while not self.at(*ends):
+            found.append(self._statement())
+        self.higher()
+        return found
+
+    def _statement(self) -> Statement:
+        token = self.token
+        if self.accept("if"):
+            return self._if(token.line)
+        if self.accept("while"):
+            condition = self._condition()
+            body = self._block("end")
+            self.expect("end")
+            return While(token.line, condition, body)
+        if self.accept("return"):
+            # Without a value when the line ends here: the only place where a line end counts.
+            bare = self.at("end", "elif", "else") or self.token.line != token.line
+            return Return(token.line, None if bare else self.expression())
+        if self.at(*_SIMPLE):
+            return Simple(token.line, self.take().text)
+        if self.at("kill", "join"):
+            return OnThread(token.line, self.take().text, self.expression())
+        if self.at("global", "local"):
+            scope = self.take().text
+            return self._assignment(Name(self.token.line, self.name()), scope)
+        if self.at(*_DEFINITIONS):
+            raise self.wrong("a definition must not stand inside a block")
+        if self.token.kind == "end of text":
+            raise self.wrong("'end' expected")
+        expression = self.expression()
+        if self.at("="):
+            return self._signal(expression) or self._assignment(expression, "")
+        return Do(token.line, expression)
+
+    def _signal(self, target: Expression) -> Do | None:
+        """`digital_out[2] = True` and its like."""
+        if not isinstance(target, Signal) or target.name not in _SETTABLE:
+            return None
+        self.expect("=")
+        values = [*target.positional, self.expression()]
+        return Do(target.line, Call(target.line, target.name.replace("get", "set"), values, {}))
+
+    def _if(self, line: int) -> If:
+        branches: list[tuple[Expression, list[Statement]]] = []
+        condition = self._condition()
+        branches.append((condition, self._block("elif", "else", "end")))
+        while self.accept("elif"):
+            condition = self._condition()
+            branches.append((condition, self._block("elif", "else", "end")))
+        otherwise: list[Statement] = []
+        if self.accept("else"):
+            self.expect(":")
+            otherwise = self._block("end")
+        self.expect("end")
+        return If(line, branches, otherwise)
+
+    def _condition(self) -> Expression:
+        condition = self.expression()
+        self.expect(":")
+        return condition
+
+    def _assignment(self, target: Expression, scope: str) -> Assign:
+        indices: list[Expression] = []
+        base = target
+        while isinstance(base, Index):
+            indices, base = [*base.indices, *indices], base.base
+        if not isinstance(base, Name):
+            raise self.wrong("only a variable or an element of one can be assigned to")
+        if not self.at("=") and scope:
+            raise ScriptError("'=' expected", target.line, value=base.name)
+        self.expect("=")
+        return Assign(target.line, base.name, indices, self.expression(), scope)

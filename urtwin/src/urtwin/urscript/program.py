@@ -1,0 +1,370 @@
+"""From text to a program that can run, and statements added to it (interpreter mode).
+
+A name belongs to the program if the program's own body assigns it or anyone declares it
+`global`; functions and threads see these. All other names are their function's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from urtwin.urscript.code import Code, Function
+from urtwin.urscript.execution import Execution, Frame, Routine
+from urtwin.urscript.expressions import Scope
+from urtwin.urscript.parser import parse
+from urtwin.urscript.statements import block
+from urtwin.urscript.syntax import (
+    Assign,
+    Call,
+    Chain,
+    Definition,
+    Do,
+    Expression,
+    If,
+    Index,
+    ListOf,
+    Method,
+    OnThread,
+    Return,
+    Run,
+    Simple,
+    Statement,
+    Unary,
+    While,
+)
+from urtwin.urscript.values import Builtin, Kind, ScriptError
+
+MAX_VARIABLES = 2_000
+"""Most variables of a program or a function."""
+
+
+@dataclass(slots=True)
+class Names:
+    """The definitions of one program."""
+
+    own_functions: dict[str, Definition] = field(default_factory=dict[str, Definition])
+    """What it defines itself, in the order of the text."""
+    functions: frozenset[str] = frozenset()
+    """All functions, also those of the program that it is added to."""
+    shared: dict[str, int] = field(default_factory=dict[str, int])
+    """Program variables and their places."""
+    slow: set[str] = field(default_factory=set[str])
+    """Functions that take time."""
+
+
+def names_of(
+    program: Definition, builtins: Mapping[str, Builtin], outer: Names | None = None
+) -> Names:
+    """What a program defines.
+
+    Args:
+        program: The program, or statements that are added to one.
+        builtins: The functions that it may call besides its own.
+        outer: What the program defines to which these statements are added.
+
+    Raises:
+        ScriptError: A name defined twice, or too many variables.
+    """
+    before = outer or Names()
+    names = Names(shared=dict(before.shared))
+    _collect(program, names)
+    names.functions = before.functions | names.own_functions.keys()
+    for statement in walk(program.body):
+        if isinstance(statement, Assign) and statement.scope != "local":
+            names.shared.setdefault(statement.name, len(names.shared))
+    for definition in names.own_functions.values():
+        for statement in walk(definition.body):
+            if isinstance(statement, Assign) and statement.scope == "global":
+                names.shared.setdefault(statement.name, len(names.shared))
+    if len(names.shared) > MAX_VARIABLES:
+        raise ScriptError("too many variables", program.line, limit=MAX_VARIABLES)
+    names.slow = _slow(names, builtins, before.slow - names.own_functions.keys())
+    return names
+
+
+def own_variables(definition: Definition, names: Names) -> dict[str, int]:
+    """Variables of one function and their places, parameters first.
+
+    Raises:
+        ScriptError: Too many variables.
+    """
+    own = {name: place for place, name in enumerate(definition.parameters)}
+    for statement in walk(definition.body):
+        if isinstance(statement, Assign):
+            elsewhere = statement.scope != "local" and statement.name in names.shared
+            if statement.scope != "global" and not elsewhere:
+                own.setdefault(statement.name, len(own))
+    if len(own) > MAX_VARIABLES:
+        raise ScriptError("too many variables", definition.line, limit=MAX_VARIABLES)
+    return own
+
+
+def walk(block: list[Statement]) -> Iterator[Statement]:
+    """All statements of a block, nested ones too."""
+    for statement in block:
+        yield statement
+        if isinstance(statement, If):
+            for _, body in statement.branches:
+                yield from walk(body)
+            yield from walk(statement.otherwise)
+        elif isinstance(statement, While):
+            yield from walk(statement.body)
+
+
+def calls(expression: Expression) -> Iterator[Call]:
+    """All calls in an expression; starting a thread is none."""
+    if isinstance(expression, Call):
+        yield expression
+        parts = [*expression.positional, *expression.named.values()]
+    elif isinstance(expression, Run):
+        parts = [*expression.call.positional, *expression.call.named.values()]
+    elif isinstance(expression, Chain):
+        parts = [expression.first, *(part for _, part in expression.rest)]
+    elif isinstance(expression, Method):
+        parts = [expression.base, *expression.arguments]
+    elif isinstance(expression, Unary):
+        parts = [expression.operand]
+    elif isinstance(expression, ListOf):
+        parts = expression.items
+    elif isinstance(expression, Index):
+        parts = [expression.base, *expression.indices]
+    else:
+        return
+    for part in parts:
+        yield from calls(part)
+
+
+def expressions(statement: Statement) -> list[Expression]:
+    """The expressions of a statement itself, without those of its blocks."""
+    if isinstance(statement, Do):
+        return [statement.expression]
+    if isinstance(statement, Assign):
+        return [*statement.indices, statement.value]
+    if isinstance(statement, If):
+        return [condition for condition, _ in statement.branches]
+    if isinstance(statement, While):
+        return [statement.condition]
+    if isinstance(statement, Return):
+        return [] if statement.value is None else [statement.value]
+    return [statement.handle] if isinstance(statement, OnThread) else []
+
+
+def _collect(definition: Definition, names: Names) -> None:
+    for inner in definition.inner:
+        if inner.name in names.own_functions:
+            raise ScriptError("defined twice", inner.line, value=inner.name)
+        names.own_functions[inner.name] = inner
+        _collect(inner, names)
+
+
+def _slow(names: Names, builtins: Mapping[str, Builtin], known_slow: set[str]) -> set[str]:
+    callers: dict[str, set[str]] = {}
+    found = list(known_slow)
+    for name, definition in names.own_functions.items():
+        for statement in walk(definition.body):
+            waits = (isinstance(statement, OnThread) and statement.word == "join") or (
+                isinstance(statement, Simple) and statement.word == "enter_critical"
+            )
+            for call in (call for part in expressions(statement) for call in calls(part)):
+                callers.setdefault(call.name, set()).add(name)
+                known = None if call.name in names.functions else builtins.get(call.name)
+                waits = waits or (known is not None and known.kind == Kind.BLOCKING)
+            if waits:
+                found.append(name)
+    slow: set[str] = set()
+    while found:
+        name = found.pop()
+        if name not in slow:
+            slow.add(name)
+            found.extend(callers.get(name, ()))
+    return slow
+
+
+UNNAMED = "unnamed"
+"""The name of a program that is a few statements without a `def`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Context:
+    """What a program knows; statements that are added to it while it runs know it too."""
+
+    builtins: Mapping[str, Builtin]
+    names: Names = field(default_factory=Names)
+    functions: Mapping[str, Function] = field(default_factory=dict[str, Function])
+
+    def with_program(self, main: Definition) -> Context:
+        """The context with what a program or an addition to one defines; its functions compiled.
+
+        Raises:
+            ScriptError: An unknown name, one that is defined twice, or too many variables.
+        """
+        names = names_of(main, self.builtins, self.names)
+        functions = dict(self.functions)
+        new: list[Function] = []
+        for name, definition in names.own_functions.items():
+            own = own_variables(definition, names)
+            functions[name] = Function(definition, name in names.slow, own)
+            new.append(functions[name])
+        for function in new:
+            scope = Scope(function.places, names.shared, functions, self.builtins, True)
+            code = block(scope, function.definition.body, in_loop=False)
+            # Whether it waits was worked out before its callers were compiled.
+            function.body = code if code.slow == function.slow else _as_waiting(code)
+        return Context(self.builtins, names, functions)
+
+    def body_of(self, main: Definition) -> tuple[Code, int]:
+        """The compiled body of a program or an addition, and how many `local` variables it has.
+
+        Raises:
+            ScriptError: As `with_program`.
+        """
+        own = own_variables(main, self.names)
+        may_wait = main.kind != "sec"
+        scope = Scope(own, self.names.shared, self.functions, self.builtins, may_wait)
+        return block(scope, main.body, in_loop=False), len(own)
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A compiled script; running it changes nothing in it."""
+
+    name: str
+    secondary: bool
+    """Whether it runs beside the main program, without taking time (`sec`)."""
+    context: Context
+    """What it defines."""
+    locals: int
+    """How many variables of its body are declared `local`."""
+    body: Code
+
+    @property
+    def variables(self) -> Mapping[str, int]:
+        """Program variables and their places."""
+        return self.context.names.shared
+
+    def execution(self, port: Any, cycle: float) -> Execution:
+        """The program, ready for its first cycle.
+
+        Args:
+            port: The controller, handed to the built-ins.
+            cycle: Length of a control cycle [s].
+        """
+        execution = Execution(port, len(self.variables), cycle)
+        execution.start(
+            execution.new_thread(), routine_of(self.body, execution, [None] * self.locals)
+        )
+        return execution
+
+
+def compile_script(text: str, builtins: Mapping[str, Builtin]) -> Program:
+    """Compile a script.
+
+    A lone `def` is the program; of several the last one is. Statements outside any definition
+    are a program of their own, which knows the definitions.
+
+    Args:
+        text: The script.
+        builtins: The functions that it may call besides its own.
+
+    Raises:
+        ScriptError: It breaks the grammar, uses unknown names, or is too big.
+    """
+    script = parse(text)
+    if script.statements:
+        line = script.statements[0].line
+        main = Definition(line, "def", UNNAMED, [], {}, script.statements, script.definitions)
+    elif script.definitions:
+        main = script.definitions[-1]
+        main.inner = [*script.definitions[:-1], *main.inner]
+    else:
+        raise ScriptError("the script is empty", 1)
+    if main.kind == "thread":
+        raise ScriptError("a thread is no program", main.line, value=main.name)
+    if main.parameters:
+        raise ScriptError("a program takes no arguments", main.line, value=main.parameters)
+    context = Context(builtins).with_program(main)
+    body, slots = context.body_of(main)
+    return Program(main.name, main.kind == "sec", context, slots, body)
+
+
+def routine_of(body: Code, execution: Execution, frame: Frame) -> Routine:
+    """What runs a compiled body, with the variables that it declares `local`."""
+    if body.slow:
+        yield from body.wait(execution, frame)
+    else:
+        body.run(execution, frame)
+
+
+def _as_waiting(code: Code) -> Code:
+    def run(x: Execution, v: Frame) -> Any:
+        return code.run(x, v)
+        yield  # makes it a generator function
+
+    return Code(run, True, code.weight)
+
+
+MAX_FUNCTIONS = 2_000
+"""Most functions of a program and of what is added to it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Addition:
+    """Compiled statements, to be run in the thread that interprets them."""
+
+    context: Context
+    """What the program knows with them."""
+    body: Code
+    locals: int
+    """How many variables they declare `local`."""
+    called: frozenset[str]
+    """The functions that they call themselves."""
+
+    def routine(self, execution: Execution) -> Routine:
+        """What runs them."""
+        return routine_of(self.body, execution, [None] * self.locals)
+
+
+def compile_addition(text: str, context: Context) -> Addition:
+    """Compile statements in the scope of a running program.
+
+    Definitions stay for the statements after these; a variable is the interpreter's own where the
+    program has none of its name.
+
+    Args:
+        text: The statements.
+        context: What the program knows so far.
+
+    Raises:
+        ScriptError: They break the grammar, use unknown names, or declare a new global variable.
+    """
+    script = parse(text)
+    if not script.statements and not script.definitions:
+        raise ScriptError("the statement is empty", 1)
+    main = Definition(1, "def", UNNAMED, [], {}, script.statements, script.definitions)
+    _refuse_new_globals(main, context)
+    wider = context.with_program(main)
+    if len(wider.functions) > MAX_FUNCTIONS:
+        raise ScriptError("too many functions; clear_interpreter() forgets them", 1)
+    body, slots = wider.body_of(main)
+    called = frozenset(
+        call.name
+        for statement in walk(main.body)
+        for part in expressions(statement)
+        for call in calls(part)
+    )
+    return Addition(wider, body, slots, called)
+
+
+def _refuse_new_globals(main: Definition, context: Context) -> None:
+    bodies: list[list[Statement]] = [main.body, *(inner.body for inner in main.inner)]
+    for statement in (each for body in bodies for each in walk(body)):
+        if (
+            isinstance(statement, Assign)
+            and statement.scope == "global"
+            and statement.name not in context.names.shared
+        ):
+            raise ScriptError(
+                "no new global variable can be declared here", statement.line, value=statement.name
+            )

@@ -1,0 +1,305 @@
+"""From the syntax tree of statements to code."""
+
+from __future__ import annotations
+
+from itertools import accumulate
+from typing import Any
+
+from dynid.core import DynidError
+from urtwin.urscript.code import Code, Runner, compose
+from urtwin.urscript.execution import BACK, ENTERING, LISTENING, Execution, Frame, Routine
+from urtwin.urscript.expressions import Scope
+from urtwin.urscript.lists import store
+from urtwin.urscript.syntax import Assign, Do, If, OnThread, Return, Simple, Statement, While
+from urtwin.urscript.values import ScriptError, ScriptFault, ScriptHalt, Value, truth
+
+_RAW = (ArithmeticError, TypeError, ValueError, IndexError)
+
+
+def sequence(codes: list[Code], lines: list[int], weight: int) -> Code:
+    """Code that runs statements in order, until one answers with a signal.
+
+    Args:
+        codes: The statements.
+        lines: Their lines.
+        weight: Operations that one pass costs.
+    """
+    slow = any(code.slow for code in codes)
+    return Code((_waiting if slow else _at_once)(codes, lines, weight), slow, 0)
+
+
+def _at_once(codes: list[Code], lines: list[int], weight: int) -> Runner:
+    steps = [code.run for code in codes]
+
+    def run(x: Execution, v: Frame) -> Any:
+        x.left -= weight
+        if x.left < 0:
+            x.exhausted()
+        done = 0
+        try:
+            for step in steps:
+                signal = step(x, v)
+                if signal is not None:
+                    return signal
+                done += 1
+        except _RAW as error:
+            raise _located(error, lines[done]) from error
+        except DynidError as error:
+            if _is_located(error):
+                raise
+            raise _located(error, lines[done]) from error
+        return None
+
+    return run
+
+
+def _waiting(codes: list[Code], lines: list[int], weight: int) -> Runner:
+    steps = [(code.run, code.wait, code.slow) for code in codes]
+
+    def run(x: Execution, v: Frame) -> Routine:
+        x.left -= weight
+        if x.left < 0:
+            x.exhausted()
+        done = 0
+        try:
+            for step, wait, waits in steps:
+                signal = (yield from wait(x, v)) if waits else step(x, v)
+                if signal is not None:
+                    return signal
+                done += 1
+        except _RAW as error:
+            raise _located(error, lines[done]) from error
+        except DynidError as error:
+            if _is_located(error):
+                raise
+            raise _located(error, lines[done]) from error
+        return None
+
+    return run
+
+
+def _is_located(error: DynidError) -> bool:
+    return isinstance(error, ScriptFault) and error.where is not None
+
+
+def _located(error: Exception, line: int) -> ScriptFault:
+    if isinstance(error, DynidError):
+        return ScriptFault(
+            error.what,
+            where=f"line {line}",
+            value=error.value,
+            limit=error.limit,
+            next_step=error.next_step,
+        )
+    text = "division by zero" if isinstance(error, ZeroDivisionError) else str(error)
+    return ScriptFault(text, where=f"line {line}")
+
+
+BREAK, CONTINUE = "break", "continue"
+"""What a block answers when a loop is to end or to go on; a tuple is a return value."""
+
+
+def block(scope: Scope, statements: list[Statement], *, in_loop: bool, extra: int = 0) -> Code:
+    """Compile a block.
+
+    Args:
+        scope: What it can see.
+        statements: The statements.
+        in_loop: Whether `break` and `continue` make sense.
+        extra: Operations to count besides those of the statements.
+
+    Raises:
+        ScriptError: An unknown name, arguments that do not fit, or `break` outside a loop.
+    """
+    codes = [_statement(scope, statement, in_loop) for statement in statements]
+    lines = [statement.line for statement in statements]
+    weight = 1 + extra + sum(code.weight for code in codes)
+    return sequence(codes, lines, weight)
+
+
+def _statement(scope: Scope, statement: Statement, in_loop: bool) -> Code:
+    if isinstance(statement, Do):
+        return _for_effect(scope.expression(statement.expression))
+    if isinstance(statement, Assign):
+        return _assign(scope, statement)
+    if isinstance(statement, If):
+        return _if(scope, statement, in_loop)
+    if isinstance(statement, While):
+        return _while(scope, statement)
+    if isinstance(statement, Return):
+        if statement.value is None:
+            return Code(lambda x, v: (None,), False, 1)
+        return compose([scope.kept(statement.value)], _returned)
+    if isinstance(statement, OnThread):
+        return _on_thread(scope, statement)
+    if isinstance(statement, Simple):
+        return _simple(scope, statement, in_loop)
+    raise TypeError(statement)
+
+
+def _returned(x: Execution, value: Value) -> tuple[Value]:
+    return (value,)
+
+
+def _for_effect(code: Code) -> Code:
+    inner, wait = code.run, code.wait
+    if code.slow:
+
+        def waiting(x: Execution, v: Frame) -> Routine:
+            yield from wait(x, v)
+
+        return Code(waiting, True, code.weight)
+
+    def at_once(x: Execution, v: Frame) -> None:
+        inner(x, v)
+
+    return Code(at_once, False, code.weight)
+
+
+def _assign(scope: Scope, statement: Assign) -> Code:
+    name, value = statement.name, scope.kept(statement.value)
+    local = name in scope.own and statement.scope != "global"
+    place = scope.own[name] if local else scope.shared[name]
+    if statement.indices:
+        base = scope.expression_named(name, statement.line)
+        indices = [scope.expression(index) for index in statement.indices]
+
+        def change(x: Execution, value: Value, base: Value, *indices: Value) -> None:
+            store(base, list(indices), value)
+
+        return compose([value, base, *indices], change)
+    inner, wait = value.run, value.wait
+    if value.slow:
+
+        def waiting(x: Execution, v: Frame) -> Routine:
+            result = yield from wait(x, v)
+            (v if local else x.shared)[place] = _something(result, name)
+
+        return Code(waiting, True, value.weight + 1)
+    if local:
+
+        def own(x: Execution, v: Frame) -> None:
+            result = inner(x, v)
+            v[place] = result if result is not None else _something(result, name)
+
+        return Code(own, False, value.weight + 1)
+
+    def shared(x: Execution, v: Frame) -> None:
+        result = inner(x, v)
+        x.shared[place] = result if result is not None else _something(result, name)
+
+    return Code(shared, False, value.weight + 1)
+
+
+def _something(value: Value, name: str) -> Value:
+    if value is None:
+        raise ScriptFault(f"'{name}' gets no value: the function returns nothing")
+    return value
+
+
+def _if(scope: Scope, statement: If, in_loop: bool) -> Code:
+    branches = [
+        (scope.expression(condition), block(scope, body, in_loop=in_loop))
+        for condition, body in statement.branches
+    ]
+    otherwise = block(scope, statement.otherwise, in_loop=in_loop)
+    # A chain of conditions costs what is looked at, not all of it.
+    costs = list(accumulate(condition.weight for condition, _ in branches))
+    parts = [(cost, ask.run, body.run) for cost, (ask, body) in zip(costs, branches, strict=True)]
+    whole = costs[-1]
+    last = otherwise.run
+    if not otherwise.slow and not any(ask.slow or body.slow for ask, body in branches):
+
+        def at_once(x: Execution, v: Frame) -> Any:
+            for cost, condition, body in parts:
+                if truth(condition(x, v)):
+                    x.left -= cost
+                    return body(x, v)
+            x.left -= whole
+            return last(x, v)
+
+        return Code(at_once, False, 1)
+
+    def waiting(x: Execution, v: Frame) -> Routine:
+        for ask, body in branches:
+            x.left -= ask.weight
+            if truth((yield from ask.wait(x, v)) if ask.slow else ask.run(x, v)):
+                return (yield from body.wait(x, v)) if body.slow else body.run(x, v)
+        return (yield from otherwise.wait(x, v)) if otherwise.slow else last(x, v)
+
+    return Code(waiting, True, 1)
+
+
+def _while(scope: Scope, statement: While) -> Code:
+    condition = scope.expression(statement.condition)
+    body = block(scope, statement.body, in_loop=True, extra=condition.weight)
+    ask, do = condition.run, body.run
+    if not condition.slow and not body.slow:
+
+        def at_once(x: Execution, v: Frame) -> Any:
+            while truth(ask(x, v)):
+                signal = do(x, v)
+                if signal is BREAK:
+                    break
+                if signal is not None and signal is not CONTINUE:
+                    return signal
+            return None
+
+        return Code(at_once, False, condition.weight)
+
+    ask_wait, do_wait, ask_slow, do_slow = condition.wait, body.wait, condition.slow, body.slow
+
+    def waiting(x: Execution, v: Frame) -> Routine:
+        while truth((yield from ask_wait(x, v)) if ask_slow else ask(x, v)):
+            signal = (yield from do_wait(x, v)) if do_slow else do(x, v)
+            if signal is BREAK:
+                break
+            if signal is not None and signal is not CONTINUE:
+                return signal
+        return None
+
+    return Code(waiting, True, condition.weight)
+
+
+def _on_thread(scope: Scope, statement: OnThread) -> Code:
+    handle = scope.expression(statement.handle)
+    if statement.word == "kill":
+        return compose([handle], Execution.kill)
+    if not scope.may_wait:
+        raise ScriptError("a secondary program must not take time", statement.line, value="join")
+
+    def wait(x: Execution, value: Value) -> Routine:
+        # Whoever joins in a critical section lets others have it: they could not end else.
+        waited = False
+        while x.lives(value):
+            waited = True
+            yield LISTENING
+        if waited:
+            yield BACK
+
+    return compose([handle], wait, slow=True)
+
+
+def _simple(scope: Scope, statement: Simple, in_loop: bool) -> Code:
+    word = statement.word
+    if word in (BREAK, CONTINUE):
+        if not in_loop:
+            raise ScriptError(f"'{word}' outside a loop", statement.line)
+        signal = BREAK if word == BREAK else CONTINUE
+        return Code(lambda x, v: signal, False, 1)
+    if word == "halt":
+        return Code(_halt, False, 1)
+    if word == "enter_critical":
+        return Code(_enter, True, 1) if scope.may_wait else Code(lambda x, v: x.hold(), False, 1)
+    return Code(lambda x, v: x.let_go(), False, 1)
+
+
+def _enter(x: Execution, v: Frame) -> Routine:
+    if x.section.open_to(x.thread):
+        x.hold()
+    else:
+        yield ENTERING
+
+
+def _halt(x: Execution, v: Frame) -> None:
+    raise ScriptHalt

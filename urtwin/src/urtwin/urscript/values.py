@@ -1,0 +1,335 @@
+"""Values of a script and their arithmetic, built-in functions, and what can be wrong with a script.
+
+Values are numbers, truth values, strings, lists and poses (lists of six numbers). Integers have
+32 bits and wrap around; `/` always gives a float.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, cast
+
+from dynid.core import InputError, JobError
+
+UNKNOWN_NAME, UNKNOWN_FUNCTION, UNKNOWN_THREAD = (
+    "unknown name",
+    "unknown function",
+    "unknown thread",
+)
+_NAMES = (UNKNOWN_NAME, UNKNOWN_FUNCTION, UNKNOWN_THREAD)
+
+
+class ScriptError(InputError):
+    """A script that does not compile; the program never starts."""
+
+    def __init__(self, what: str, line: int, *, value: object = None, limit: object = None) -> None:
+        super().__init__(what, where=f"line {line}", value=value, limit=limit)
+        self.line = line
+
+    @property
+    def code(self) -> str:
+        """What UR's controller calls it."""
+        if self.what in _NAMES:
+            return f"compile_error_name_not_found:{self.value}:"
+        return (
+            f"syntax_error_on_line:{self.line}:{self.what if self.value is None else self.value}:"
+        )
+
+
+class ScriptFault(JobError):
+    """A script that failed while it ran; the program stops."""
+
+
+class ScriptHalt(Exception):
+    """The program ended itself with `halt`."""
+
+
+MAX_LENGTH = 1_000
+"""Most elements of a list, and characters of a string."""
+Value = Any
+"""float | int | bool | str | list | Pose; None where a function returned nothing."""
+
+
+class Pose(list[float]):
+    """x, y, z [m], rx, ry, rz [rad]."""
+
+    __slots__ = ()
+
+
+class Struct(list[Any]):
+    """Values with names, in their order."""
+
+    __slots__ = ("names",)
+
+    def __init__(self, names: tuple[str, ...], values: Sequence[Any]) -> None:
+        super().__init__(values)
+        self.names = names
+
+
+def copied(value: Value) -> Value:
+    """The value itself, or a copy of it where it could be changed."""
+    kind = value.__class__
+    if kind is list:
+        return [copied(item) for item in value] if _nested(value) else value[:]
+    if kind is Struct:
+        return Struct(value.names, [copied(item) for item in value])
+    return Pose(value) if kind is Pose else value
+
+
+def size(value: Value) -> int:
+    """How many numbers or characters a value holds."""
+    if isinstance(value, list):
+        items = cast("list[Any]", value)
+        return 1 + (sum(size(item) for item in items) if _nested(items) else len(items))
+    return 1 + len(value) if isinstance(value, str) else 1
+
+
+def shown(value: Value) -> str:
+    """A value as `textmsg` and `to_str` write it."""
+    kind = value.__class__
+    if kind is Struct:
+        members = zip(value.names, value, strict=True)
+        return f"struct({', '.join(f'{name}={shown(item)}' for name, item in members)})"
+    if kind is Pose or kind is list:
+        inside = ", ".join(shown(item) for item in value)
+        return f"p[{inside}]" if kind is Pose else f"[{inside}]"
+    if kind is float:
+        return f"{value:.9g}"
+    return str(value)
+
+
+def truth(value: Value) -> bool:
+    """A condition's value.
+
+    Raises:
+        ScriptFault: It is neither a truth value nor a number.
+    """
+    if value is True or value is False:
+        return value
+    return bool(number(value))
+
+
+def number(value: Value) -> float:
+    """A number.
+
+    Raises:
+        ScriptFault: It is none.
+    """
+    if value.__class__ is float or value.__class__ is int:
+        return value
+    raise ScriptFault("a number expected", value=described(value))
+
+
+def is_matrix(value: Value) -> bool:
+    """Whether a value is a list of rows of one length."""
+    rows = cast("list[Any]", value) if value.__class__ is list else []
+    if not rows or any(row.__class__ is not list for row in rows):
+        return False
+    return len(rows[0]) > 0 and all(len(row) == len(rows[0]) for row in rows)
+
+
+def described(value: Value) -> str:
+    """What kind of value this is, in words."""
+    if value is None:
+        return "nothing: the function returns no value"
+    kinds = {
+        bool: "a truth value",
+        str: "a string",
+        list: "a list",
+        Pose: "a pose",
+        Struct: "a struct",
+    }
+    return kinds.get(value.__class__, f"the number {value}")
+
+
+def compared(same: bool) -> Callable[[Value, Value], bool]:
+    """`==` or `!=`."""
+    return (lambda a, b: a == b) if same else (lambda a, b: a != b)
+
+
+def _nested(items: list[Any]) -> bool:
+    return any(isinstance(item, list) for item in items)
+
+
+def _wrapped(value: int) -> int:
+    return (
+        value
+        if -0x80000000 <= value < 0x80000000
+        else (value + 0x80000000) % 0x100000000 - 0x80000000
+    )
+
+
+def _elementwise(operation: Callable[[Value, Value], Value], a: Value, b: Value) -> Value:
+    """Lists with lists of the same length, or with a number."""
+    if a.__class__ is not list:
+        return [operation(a, item) for item in b]
+    if b.__class__ is not list:
+        return [operation(item, b) for item in a]
+    if len(a) != len(b):
+        raise ScriptFault("lists of different length", value=(len(a), len(b)))
+    return [operation(x, y) for x, y in zip(a, b, strict=True)]
+
+
+def _add(a: Value, b: Value) -> Value:
+    if a.__class__ is float and b.__class__ is float:
+        return a + b
+    if a.__class__ is str or b.__class__ is str:
+        if isinstance(a, list) or isinstance(b, list):
+            raise ScriptFault("a list must be turned into text with to_str first")
+        text = shown(a) + shown(b)
+        if len(text) > MAX_LENGTH:
+            raise ScriptFault("the string is too long", value=len(text), limit=MAX_LENGTH)
+        return text
+    if a.__class__ is list or b.__class__ is list:
+        return _elementwise(_add, a, b)
+    return _number_result(number(a) + number(b))
+
+
+def _subtract(a: Value, b: Value) -> Value:
+    if a.__class__ is float and b.__class__ is float:
+        return a - b
+    if a.__class__ is list or b.__class__ is list:
+        return _elementwise(_subtract, a, b)
+    return _number_result(number(a) - number(b))
+
+
+def _multiply(a: Value, b: Value) -> Value:
+    if a.__class__ is float and b.__class__ is float:
+        return a * b
+    if a.__class__ is list or b.__class__ is list:
+        if b.__class__ is list and is_matrix(a):
+            return _product(a, b)
+        return _elementwise(_multiply, a, b)
+    return _number_result(number(a) * number(b))
+
+
+def _product(a: list[Any], b: list[Any]) -> Value:
+    """A matrix times a matrix, or times a list, which gives a list."""
+    columns: list[Any] = list(zip(*b, strict=True)) if is_matrix(b) else [b]
+    if len(a[0]) != len(b):
+        raise ScriptFault("rows and columns that do not fit", value=(len(a[0]), len(b)))
+    work = len(a) * len(b) * len(columns)
+    if work > MAX_LENGTH:
+        raise ScriptFault("the matrices are too big", value=work, limit=MAX_LENGTH)
+    found = [[_dot(row, column) for column in columns] for row in a]
+    return found if is_matrix(b) else [row[0] for row in found]
+
+
+def _dot(row: list[Any], column: list[Any]) -> Value:
+    whole = sum(number(x) * number(y) for x, y in zip(row, column, strict=True))
+    return _number_result(whole)
+
+
+def _divide(a: Value, b: Value) -> Value:
+    if a.__class__ is list or b.__class__ is list:
+        return _elementwise(_divide, a, b)
+    return float(number(a)) / number(b)
+
+
+def _remainder(a: Value, b: Value) -> Value:
+    # Like C: the sign of the dividend.
+    result = math.fmod(number(a), number(b))
+    return int(result) if a.__class__ is int and b.__class__ is int else result
+
+
+def _number_result(value: float) -> Value:
+    return _wrapped(value) if value.__class__ is int else value  # type: ignore[arg-type]
+
+
+OPERATORS: dict[str, Callable[[Value, Value], Value]] = {
+    "+": _add,
+    "-": _subtract,
+    "*": _multiply,
+    "/": _divide,
+    "%": _remainder,
+    "==": compared(True),
+    "!=": compared(False),
+    "<": lambda a, b: number(a) < number(b),
+    ">": lambda a, b: number(a) > number(b),
+    "<=": lambda a, b: number(a) <= number(b),
+    ">=": lambda a, b: number(a) >= number(b),
+    "xor": lambda a, b: truth(a) != truth(b),
+}
+"""Operators of two values; `and` and `or` look at the second only if they must."""
+
+
+def negated(value: Value) -> Value:
+    """`-value`.
+
+    Raises:
+        ScriptFault: It is no number.
+    """
+    if value.__class__ is list:
+        return [negated(item) for item in value]
+    return _number_result(-number(value))
+
+
+def _inverted(value: Value) -> bool:
+    return not truth(value)
+
+
+SIGNS: dict[str, Callable[[Value], Value]] = {"-": negated, "+": number, "not": _inverted}
+"""Operators of one value."""
+
+
+Function = Callable[..., Any]
+
+
+class Kind(Enum):
+    """How a built-in runs."""
+
+    PURE = "arithmetic alone"
+    INSTANT = "asks or changes the controller, within the cycle"
+    BLOCKING = "a generator: one yield a control cycle"
+
+
+@dataclass(frozen=True, slots=True)
+class Builtin:
+    """A function that every script knows."""
+
+    name: str
+    function: Function
+    """Takes the controller first, unless it is pure."""
+    kind: Kind
+    parameters: tuple[str, ...]
+    """Names of its arguments in a script."""
+    defaults: tuple[Any, ...]
+    """Values of the last of them, where they are not given."""
+    weight: int
+    """What a call costs, in operations (about 0.1 us each)."""
+
+    @property
+    def required(self) -> int:
+        """How many arguments it needs."""
+        return len(self.parameters) - len(self.defaults)
+
+
+def builtin(function: Function, kind: Kind, *, name: str | None = None, weight: int = 5) -> Builtin:
+    """A built-in whose arguments are those of a Python function.
+
+    Args:
+        function: The function; instant and blocking ones take the controller first.
+        kind: How it runs.
+        name: Its name in scripts, if it is not the function's.
+        weight: What a call costs, in operations.
+    """
+    parameters = list(inspect.signature(function).parameters.values())
+    own = parameters if kind == Kind.PURE else parameters[1:]
+    empty = inspect.Parameter.empty
+    return Builtin(
+        name=name or function.__name__,
+        function=function,
+        kind=kind,
+        parameters=tuple(item.name for item in own),
+        defaults=tuple(item.default for item in own if item.default is not empty),
+        weight=weight,
+    )
+
+
+def table(*groups: Iterable[Builtin]) -> dict[str, Builtin]:
+    """Built-ins by name."""
+    return {item.name: item for group in groups for item in group}

@@ -1,0 +1,330 @@
+"""The RTDE outputs and inputs of the controller, by name.
+
+Supply voltages, the tool's electronics, Euromap signals and the execution time of the controller
+have no physics here: they are constants. Nothing touches the arm, so forces at the tool are zero.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from dynid.core import Array, InputError
+from dynid.protocol import JointMode, RobotMode, RobotStatus, RuntimeState
+from dynid.simulation import PlantState, Target
+from urtwin.core import BITS, COUNT, Core
+from urtwin.kinematics import to_pose
+
+OutputValue = bool | int | float | list[int] | list[float]
+_Reader = Callable[[Core], OutputValue]
+
+_BUS, _IDLE_CURRENT = 48.0, 0.4
+_JOINT_MODE = {
+    RobotMode.POWER_OFF: JointMode.POWER_OFF,
+    RobotMode.POWER_ON: JointMode.BOOTING,
+    RobotMode.IDLE: JointMode.IDLE,
+}
+_REFERENCE_DEGC = 26.0
+
+
+def _target(name: str) -> _Reader:
+    return lambda core: getattr(core.arm.state.target, name).tolist()
+
+
+def _measured(quantity: str) -> _Reader:
+    return lambda core: core.arm.measured(quantity)
+
+
+def _constant(value: OutputValue) -> _Reader:
+    return lambda _: value
+
+
+def _target_current(core: Core) -> OutputValue:
+    return (core.arm.state.target.feedforward / core.arm.truth.gain).tolist()
+
+
+def _current_as_torque(core: Core) -> OutputValue:
+    return (np.array(core.arm.measured("current")) * core.arm.truth.gain).tolist()
+
+
+def _tool(core: Core, q: Array) -> list[float]:
+    return to_pose(core.arm.kinematics.forward(q.tolist(), core.tcp_matrix))
+
+
+def _tool_speed(core: Core, q: Array, dq: Array) -> list[float]:
+    return (core.arm.kinematics.jacobian(q.tolist(), core.tcp_matrix)[1] @ dq).tolist()
+
+
+def _tool_acceleration(core: Core, motion: PlantState | Target) -> list[float]:
+    """Of the tool in the base frame, linear and angular."""
+    q, dq = motion.q.tolist(), motion.dq
+    kinematics = core.arm.kinematics
+    jacobian = kinematics.jacobian(q, core.tcp_matrix)[1]
+    return (jacobian @ motion.ddq + kinematics.jacobian_rate(q, dq, core.tcp_matrix) @ dq).tolist()
+
+
+def _acceleration(core: Core) -> OutputValue:
+    """What an accelerometer at the tool feels, in the tool's axes, without the rates' terms."""
+    state = core.arm.state
+    tool, jacobian = core.arm.kinematics.jacobian(state.q.tolist(), core.tcp_matrix)
+    felt = jacobian[:3] @ state.ddq - core.arm.plant.arm.robot.gravity
+    return (tool[:3, :3].T @ felt).tolist()
+
+
+def _status(core: Core) -> OutputValue:
+    powered = core.mode not in (RobotMode.POWER_OFF,)
+    bits = (
+        (RobotStatus.POWER_ON, powered),
+        (RobotStatus.PROGRAM_RUNNING, core.playing),
+        (RobotStatus.TEACH_BUTTON, core.teaching),
+    )
+    return sum(bit for bit, on in bits if on)
+
+
+def _runtime(core: Core) -> OutputValue:
+    if not core.playing:
+        return int(RuntimeState.STOPPED)
+    return int(RuntimeState.PAUSED if core.paused else RuntimeState.PLAYING)
+
+
+def _robot_current(core: Core) -> OutputValue:
+    state = core.arm.state
+    power = float(np.sum(np.abs(state.torque * state.dq)))
+    return _IDLE_CURRENT + power / _BUS
+
+
+def _deviation(core: Core) -> OutputValue:
+    state = core.arm.state
+    return float(np.max(np.abs(state.q - state.target.q))) / core.safety.limits.deviation
+
+
+def _elbow(core: Core) -> OutputValue:
+    return core.arm.kinematics.elbow(core.arm.state.q.tolist())[0]
+
+
+def _elbow_speed(core: Core) -> OutputValue:
+    state = core.arm.state
+    jacobian = core.arm.kinematics.elbow(state.q.tolist())[1]
+    return (np.array(jacobian) @ state.dq).tolist()
+
+
+def _joint_modes(core: Core) -> OutputValue:
+    return [int(_JOINT_MODE.get(core.mode, JointMode.RUNNING))] * 6
+
+
+def _tool_mode(core: Core) -> OutputValue:
+    running = core.mode == RobotMode.RUNNING
+    return int(JointMode.RUNNING if running else JointMode.IDLE)
+
+
+def _current_window(core: Core) -> OutputValue:
+    limit = core.arm.limits.torque / np.abs(core.arm.truth.gain)
+    return np.nan_to_num(limit, nan=0.0).tolist()
+
+
+def _registers() -> dict[str, _Reader]:
+    found: dict[str, _Reader] = {}
+
+    def add(side: str) -> None:
+        def bank(core: Core):
+            return core.inputs if side == "input" else core.outputs
+
+        for k in range(COUNT):
+            found[f"{side}_int_register_{k}"] = lambda core, k=k: bank(core).integers[k]
+            found[f"{side}_double_register_{k}"] = lambda core, k=k: bank(core).doubles[k]
+        for k in range(64, BITS):
+            found[f"{side}_bit_register_{k}"] = lambda core, k=k: bank(core).bits[k]
+        found[f"{side}_bit_registers0_to_31"] = lambda core: bank(core).word(0)
+        found[f"{side}_bit_registers32_to_63"] = lambda core: bank(core).word(32)
+
+    add("input")
+    add("output")
+    return found
+
+
+READERS: dict[str, _Reader] = {
+    "timestamp": lambda core: core.now,
+    "target_q": _target("q"),
+    "target_qd": _target("dq"),
+    "target_qdd": _target("ddq"),
+    "target_moment": _target("moment"),
+    "target_current": _target_current,
+    "actual_q": _measured("position"),
+    "actual_qd": _measured("velocity"),
+    "actual_current": _measured("current"),
+    "joint_control_output": _measured("current"),
+    "joint_temperatures": _measured("temperature"),
+    "actual_current_as_torque": _current_as_torque,
+    "actual_current_window": _current_window,
+    "actual_TCP_pose": lambda core: _tool(core, core.arm.state.q),
+    "target_TCP_pose": lambda core: _tool(core, core.arm.state.target.q),
+    "actual_TCP_speed": lambda core: _tool_speed(core, core.arm.state.q, core.arm.state.dq),
+    "target_TCP_speed": lambda core: _tool_speed(
+        core, core.arm.state.target.q, core.arm.state.target.dq
+    ),
+    "actual_TCP_acceleration": lambda core: _tool_acceleration(core, core.arm.state),
+    "target_TCP_acceleration": lambda core: _tool_acceleration(core, core.arm.state.target),
+    "actual_TCP_force": _constant([0.0] * 6),
+    "wrench_calc_from_currents": _constant([0.0] * 6),
+    "target_base_wrench": _constant([0.0] * 6),
+    "target_base_acceleration": _constant([0.0] * 6),
+    "target_gravity": lambda core: core.gravity,
+    "tcp_force_scalar": _constant(0.0),
+    "ft_raw_wrench": _constant([0.0] * 6),
+    "actual_tool_accelerometer": _acceleration,
+    "elbow_position": _elbow,
+    "elbow_velocity": _elbow_speed,
+    "tcp_offset": lambda core: core.tcp,
+    "payload": lambda core: core.payload.mass,
+    "payload_cog": lambda core: core.payload.cog,
+    "payload_inertia": lambda core: core.payload.inertia,
+    "robot_mode": lambda core: int(core.mode),
+    "joint_mode": _joint_modes,
+    "safety_mode": lambda core: int(core.safety.mode),
+    "safety_status": lambda core: int(core.safety.mode),
+    "safety_status_bits": lambda core: core.safety.bits,
+    "robot_status_bits": _status,
+    "runtime_state": _runtime,
+    "speed_scaling": lambda core: 0.0 if core.paused else core.scaling,
+    "target_speed_fraction": lambda core: core.speed_fraction,
+    "actual_momentum": lambda core: core.arm.plant.tracker.momentum(),
+    "joint_position_deviation_ratio": _deviation,
+    "collision_detection_ratio": _constant(0.0),
+    "time_scale_source": lambda core: int(core.playing),
+    "actual_execution_time": _constant(0.1),
+    "target_execution_time": lambda core: 1e3 * core.arm.cycle,
+    "control_step": lambda core: core.cycles,
+    "script_control_line": _constant(0),
+    "actual_main_voltage": _constant(_BUS),
+    "actual_robot_voltage": lambda core: 0.0 if core.mode == RobotMode.POWER_OFF else _BUS,
+    "actual_robot_current": _robot_current,
+    "actual_joint_voltage": lambda core: [0.0 if core.mode == RobotMode.POWER_OFF else _BUS] * 6,
+    "actual_digital_input_bits": lambda core: core.signals.digital_in,
+    "actual_digital_output_bits": lambda core: core.signals.digital_out,
+    "actual_configurable_digital_input_bits": lambda core: core.signals.digital_in >> 8 & 0xFF,
+    "actual_configurable_digital_output_bits": lambda core: core.signals.digital_out >> 8 & 0xFF,
+    "analog_io_types": lambda core: core.signals.analog_types,
+    "standard_analog_input0": lambda core: core.signals.analog_in[0],
+    "standard_analog_input1": lambda core: core.signals.analog_in[1],
+    "standard_analog_output0": lambda core: core.signals.analog_out[0],
+    "standard_analog_output1": lambda core: core.signals.analog_out[1],
+    "tool_output_voltage": lambda core: core.signals.tool_voltage,
+    "io_current": _constant(0.05),
+    "encoder0_raw": _constant(0),
+    "encoder1_raw": _constant(0),
+    "actual_robot_energy_consumed": _constant(0.0),
+    "actual_robot_braking_energy_dissipated": _constant(0.0),
+    "euromap67_input_bits": _constant(0),
+    "euromap67_output_bits": _constant(0),
+    "euromap67_24V_voltage": _constant(0.0),
+    "euromap67_24V_current": _constant(0.0),
+    "tool_mode": _tool_mode,
+    "tool_analog_input_types": _constant(0),
+    "tool_analog_input0": _constant(0.0),
+    "tool_analog_input1": _constant(0.0),
+    "tool_output_current": _constant(0.0),
+    "tool_temperature": _constant(_REFERENCE_DEGC),
+    "tool_output_mode": _constant(0),
+    "tool_digital_output0_mode": _constant(0),
+    "tool_digital_output1_mode": _constant(0),
+    **_registers(),
+}
+"""How each output is read; nothing is computed that nobody asks for."""
+
+
+InputValue = bool | int | float | Sequence[float]
+_MASKED = (
+    ("standard_digital_output", 0),
+    ("configurable_digital_output", 8),
+    ("tool_digital_output", 16),
+)
+
+
+class Inputs:
+    """Takes inputs as they come and applies them at the start of a cycle.
+
+    Args:
+        core: The controller.
+    """
+
+    def __init__(self, core: Core) -> None:
+        self._core = core
+        self._waiting: dict[str, float] = {}
+        self._writers: dict[str, Callable[[InputValue], None]] = {}
+        inputs = core.inputs
+        for k in range(COUNT):
+            self._writers[f"input_int_register_{k}"] = _to(inputs.write, "int", k)
+            self._writers[f"input_double_register_{k}"] = _to(inputs.write, "double", k)
+        for k in range(64, BITS):
+            self._writers[f"input_bit_register_{k}"] = _to(inputs.write, "bit", k)
+        for first, name in ((0, "0_to_31"), (32, "32_to_63")):
+            self._writers[f"input_bit_registers{name}"] = _word(inputs.set_word, first)
+        held = [f"{name}{part}" for name, _ in _MASKED for part in ("", "_mask")]
+        held += ["speed_slider_mask", "speed_slider_fraction"]
+        held += [f"standard_analog_output_{part}" for part in ("mask", "type", "0", "1")]
+        for name in held:
+            self._writers[name] = self._holder(name)
+        self._writers["external_force_torque"] = self._wrench
+
+    def write(self, name: str, value: InputValue) -> None:
+        """Take an input.
+
+        Raises:
+            InputError: No such input.
+        """
+        writer = self._writers.get(name)
+        if writer is None:
+            raise InputError("unknown RTDE input", value=name)
+        writer(value)
+        self._core.feed(name)
+
+    def apply(self) -> None:
+        """Let masked inputs act: outputs and the speed slider change where the mask says so."""
+        if not self._waiting:
+            return
+        waiting, core, signals = self._waiting, self._core, self._core.signals
+        fraction = waiting.get("speed_slider_fraction", math.nan)
+        if waiting.get("speed_slider_mask") and math.isfinite(fraction):
+            core.speed_fraction = min(max(fraction, 0.0), 1.0)
+        for name, shift in _MASKED:
+            mask = int(waiting.get(f"{name}_mask", 0))
+            if mask:
+                signals.masked(mask, int(waiting.get(name, 0)), shift)
+        mask = int(waiting.get("standard_analog_output_mask", 0))
+        for k in range(2):
+            share = waiting.get(f"standard_analog_output_{k}", 0.0)
+            if mask >> k & 1 and math.isfinite(share):
+                signals.analog_out[k] = min(max(share, 0.0), 1.0)
+        if mask:
+            kinds = int(waiting.get("standard_analog_output_type", 0)) & mask
+            signals.analog_types = signals.analog_types & ~(mask << 2) | kinds << 2
+        waiting.clear()
+
+    def _holder(self, name: str) -> Callable[[InputValue], None]:
+        def hold(value: InputValue) -> None:
+            self._waiting[name] = _number(value)
+
+        return hold
+
+    def _wrench(self, value: InputValue) -> None:
+        if not isinstance(value, Sequence) or len(value) != 6:
+            raise InputError("external_force_torque has six numbers", value=value)
+        self._core.external_wrench = list(value)
+
+
+def _number(value: InputValue) -> float:
+    if isinstance(value, Sequence):
+        raise InputError("this RTDE input is one number", value=value)
+    return value
+
+
+def _to(
+    write: Callable[[str, int, float], None], kind: str, index: int
+) -> Callable[[InputValue], None]:
+    return lambda value: write(kind, index, _number(value))
+
+
+def _word(set_word: Callable[[int, int], None], first: int) -> Callable[[InputValue], None]:
+    return lambda value: set_word(first, int(_number(value)))

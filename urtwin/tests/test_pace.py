@@ -1,0 +1,40 @@
+"""The rhythm of cycles, from wall times that the test makes up."""
+
+import pytest
+
+from urtwin.server.clock import CATCH_UP_S, Pace
+
+CYCLE = 0.008
+
+
+def test_cycles_are_due_at_multiples_of_the_cycle():
+    pace = Pace(CYCLE, 100.0)
+    assert pace.wait(100.0) == pytest.approx(CYCLE)
+    assert pace.wait(100.008) == pytest.approx(0.0, abs=1e-9)
+    for k in range(1, 1001):
+        pace.advance(100.0 + k * CYCLE)
+    assert pace.wait(108.0) == pytest.approx(CYCLE)
+    assert pace.slips == 0
+
+
+def test_a_late_cycle_does_not_delay_the_next():
+    pace = Pace(CYCLE, 0.0)
+    pace.advance(0.02)
+    # The second was due at 0.016: at once, so none is lost.
+    assert pace.wait(0.02) < 0
+    pace.advance(0.02)
+    assert pace.wait(0.02) == pytest.approx(0.004)
+
+
+def test_after_a_standstill_time_is_given_up_not_made_up_for():
+    pace = Pace(CYCLE, 0.0)
+    pace.advance(CYCLE + CATCH_UP_S + 1.0)
+    assert pace.slips == 1
+    assert pace.wait(CYCLE + CATCH_UP_S + 1.0) == pytest.approx(CYCLE)
+
+
+def test_lateness_is_told_in_percentiles():
+    pace = Pace(CYCLE, 0.0)
+    for k in range(1, 102):
+        pace.advance(k * CYCLE + (k - 1) * 1e-6)
+    assert pace.lateness_us(0.0, 50.0, 100.0) == pytest.approx([0.0, 50.0, 100.0], abs=0.1)
