@@ -9,7 +9,7 @@ import tempfile
 import zipfile
 import zlib
 from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
@@ -17,16 +17,17 @@ from dynid.core import RecordError
 from dynid.recording.budget import Budget
 from dynid.recording.content import first_bytes, zstd_module
 from dynid.recording.dialect import looks_like_text
+from dynid.recording.frames import write_sheet
 from dynid.recording.partial import MARK
 from dynid.recording.store import is_own
-from dynid.recording.workbook import is_workbook, write_sheet
 
 _MARKS = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ\x00": "xz", b"\x28\xb5\x2f\xfd": "zstd"}
+_SHEETS = (".xlsx", ".xlsm", ".xls", ".ods")
 _BLOCK = 1 << 20
 
 
 def packing(path: Path) -> str:
-    """How a file is packed: `gzip`, `bzip2`, `xz`, `zstd`, `zip`, `xlsx`; empty for not at all.
+    """How a file is packed: `gzip`, `bzip2`, `xz`, `zstd`, `zip`, `workbook`; empty for not at all.
 
     Args:
         path: The file.
@@ -38,10 +39,13 @@ def packing(path: Path) -> str:
     for mark, kind in _MARKS.items():
         if head.startswith(mark):
             return kind
+    if path.suffix.lower() in _SHEETS or head.startswith(b"\xd0\xcf\x11\xe0"):
+        return "workbook" if head.startswith((b"PK", b"\xd0\xcf")) else ""
     if not head.startswith(b"PK\x03\x04") or b".npy" in head[:200]:
         return ""
-    if is_workbook(path):
-        return "xlsx"
+    with suppress(zipfile.BadZipFile, OSError, ValueError), zipfile.ZipFile(path) as archive:
+        if {"xl/workbook.xml", "content.xml"} & set(archive.namelist()):
+            return "workbook"
     return "zip" if path.suffix.lower() == ".zip" else ""
 
 
@@ -75,7 +79,7 @@ def unpacked(files: Sequence[Path], budget: Budget) -> Generator[list[Path]]:
             place.mkdir()
             # Messages name the file that the user gave.
             target = place / file.name
-            if kind == "xlsx":
+            if kind == "workbook":
                 write_sheet(file, target)
                 plain.append(target)
                 continue
@@ -175,7 +179,6 @@ _PICKLE = (
 )
 _OTHERS: tuple[tuple[bytes, str, str], ...] = (
     (b"#ROSBAG V", "a ROS 1 bag of before 2010", "Convert it with: rosbag fix FILE NEW"),
-    (b"\xd0\xcf\x11\xe0", "an Excel sheet of before 2007", "Save it as .xlsx or CSV."),
     *((bytes([0x80, protocol]), "a Python pickle", _PICKLE) for protocol in range(2, 6)),
     (b"FEA1", "a Feather file of version 1", "Write it again: pyarrow.feather.write_feather."),
     (b"ORC", "an ORC table", "Save it as Parquet: pyarrow.parquet.write_table."),

@@ -1,20 +1,23 @@
-"""Tables of others with typed columns: Parquet and Arrow (Feather) files."""
+"""Tables of others with typed cells: Parquet, Arrow (Feather), workbooks of spreadsheets."""
 
 from __future__ import annotations
 
 import importlib
+from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, RecordError
+from dynid.core import Array, RecordError, require
 from dynid.recording.budget import Budget
 from dynid.recording.clocks import stamps_of
 from dynid.recording.columns import assign
 from dynid.recording.table import RawTable, ReadOptions
 
 _MAX_ITEMS = 200
+_FEWEST_ROWS = 3
+_AS_CSV = "Save the sheet as CSV."
 
 
 def read_frame(files: list[Path], options: ReadOptions, budget: Budget) -> RawTable:
@@ -101,3 +104,56 @@ def _columns(name: str, column: Any) -> list[tuple[str, Array]]:
     if types.is_floating(kind) or types.is_integer(kind) or types.is_boolean(kind):
         return [(name, np.asarray(column.to_numpy(zero_copy_only=False), dtype=np.float64))]
     return []
+
+
+def write_sheet(path: Path, target: Path) -> None:
+    """Write the only sheet of numbers of a workbook with tabs between cells, a line a row.
+
+    Args:
+        path: The workbook (`.xlsx`, `.xls`, `.ods`).
+        target: The text file.
+
+    Raises:
+        RecordError: Damaged, or none or several sheets of numbers.
+        MissingExtraError: Without the `excel` extra.
+    """
+    library = require("python_calamine", "excel")
+    try:
+        book = library.CalamineWorkbook.from_path(str(path))
+        names: list[str] = book.sheet_names
+        sheets = [book.get_sheet_by_name(name) for name in names]
+        full = [sheet for sheet in sheets if _has_numbers(sheet)]
+        if len(full) != 1:
+            raise RecordError(
+                f"the workbook has {len(full) or 'no'} sheets of numbers",
+                where=path.name,
+                value=names[:20],
+                next_step=_AS_CSV,
+            )
+        with target.open("w", encoding="utf-8") as sink:
+            for row in full[0].iter_rows():
+                sink.write("\t".join(map(_cell, row)).rstrip("\t") + "\n")
+    except (library.CalamineError, OSError, ValueError) as error:
+        raise RecordError(
+            "the workbook is damaged", where=path.name, value=str(error)[:200], next_step=_AS_CSV
+        ) from error
+
+
+def _has_numbers(sheet: Any) -> bool:
+    """Whether at least some rows are mostly numbers."""
+    found = 0
+    for row in sheet.iter_rows():
+        numbers = sum(isinstance(cell, (int, float)) for cell in row)
+        found += numbers > 1 and 2 * numbers > sum(cell != "" for cell in row)
+        if found >= _FEWEST_ROWS:
+            return True
+    return False
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, (datetime, date, time)):
+        return value.isoformat(sep=" ") if isinstance(value, datetime) else value.isoformat()
+    if isinstance(value, timedelta):
+        return repr(value.total_seconds())
+    # `#DIV/0!` is no value.
+    return "" if str(value).startswith("#") else " ".join(str(value).split())

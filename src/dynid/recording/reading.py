@@ -25,22 +25,13 @@ from dynid.recording.store import read_own
 from dynid.recording.table import RawTable, ReadOptions
 from dynid.robot import RobotModel
 
-_EXTENSIONS = (
-    *(
-        ".csv",
-        ".txt",
-        ".tsv",
-        ".dat",
-        ".log",
-        ".mat",
-        ".npz",
-        ".npy",
-        ".h5",
-        ".hdf5",
-        ".json",
-        ".jsonl",
-    ),
-    *(".parquet", ".feather", ".arrow", ".xlsx", ".gz", ".bz2", ".xz", ".zst", ".zstd", ".zip"),
+_EXTENSIONS = tuple(
+    f".{ending}"
+    for line in (
+        "csv txt tsv dat log mat npz npy h5 hdf5 json jsonl parquet feather arrow",
+        "xlsx xls ods gz bz2 xz zst zstd zip",
+    )
+    for ending in line.split()
 )
 
 
