@@ -175,7 +175,9 @@ def _packed(data: bytes, compression: str) -> bytes:
     return data
 
 
-def write_mcap(motion: Motion, path: Path, compression: str = "", stream=None) -> Path:
+def write_mcap(
+    motion: Motion, path: Path, compression: str = "", stream=None, encoding: str = "cdr"
+) -> Path:
     """A plain MCAP file, as https://mcap.dev/spec says: chunks of messages, no summary."""
 
     def text(value: str) -> bytes:
@@ -186,7 +188,7 @@ def write_mcap(motion: Motion, path: Path, compression: str = "", stream=None) -
 
     definitions = record(3, struct.pack("<H", 1) + text(JOINT_STATE) + text("ros2msg") + text(""))
     definitions += record(
-        4, struct.pack("<HH", 1, 1) + text("/joint_states") + text("cdr") + struct.pack("<I", 0)
+        4, struct.pack("<HH", 1, 1) + text("/joint_states") + text(encoding) + struct.pack("<I", 0)
     )
     out = [b"\x89MCAP0\r\n", record(1, text("ros2") + text("test")), definitions]
     chunk, stamps = definitions, []

@@ -57,9 +57,24 @@ def write_workbook(path: Path, *sheets: list[list[object]]) -> Path:
 
     name_space = 'xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"'
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        listed = "".join(f'<sheet name="run {k}"/>' for k in range(len(sheets)))
-        book = f"<workbook {name_space}><sheets>{listed}</sheets></workbook>"
+        office = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
+        listed = "".join(
+            f'<sheet name="run {k}" sheetId="{k + 1}" r:id="r{k}"/>' for k in range(len(sheets))
+        )
+        book = f'<workbook {name_space} xmlns:r="{office}"><sheets>{listed}</sheets></workbook>'
         archive.writestr("xl/workbook.xml", book)
+        parts = {f"r{k}": ("worksheet", f"worksheets/sheet{k + 1}.xml") for k in range(len(sheets))}
+        parts["texts"] = ("sharedStrings", "sharedStrings.xml")
+        for place, targets in (
+            ("_rels/.rels", {"book": ("officeDocument", "xl/workbook.xml")}),
+            ("xl/_rels/workbook.xml.rels", parts),
+        ):
+            links = "".join(
+                f'<Relationship Id="{name}" Type="{office}/{kind}" Target="{target}"/>'
+                for name, (kind, target) in targets.items()
+            )
+            package = "http://schemas.openxmlformats.org/package/2006/relationships"
+            archive.writestr(place, f'<Relationships xmlns="{package}">{links}</Relationships>')
         for k, rows in enumerate(sheets):
             lines = "".join(
                 f'<row r="{n}">{"".join(cell(f"{letters(j)}{n}", x) for j, x in enumerate(row))}'

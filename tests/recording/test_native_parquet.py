@@ -13,9 +13,14 @@ from hypothesis.extra import numpy as hnp
 
 from dynid.core import InputError, Notice, RecordError
 from dynid.core.findings import CODES
-from dynid.recording import ExperimentRecord, RecordMetadata, read_record, write_record
-from dynid.recording.parquet import KEY
-from dynid.recording.record import JOINT_QUANTITIES
+from dynid.recording import (
+    JOINT_QUANTITIES,
+    KEY,
+    ExperimentRecord,
+    RecordMetadata,
+    read_record,
+    write_record,
+)
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 TEXT = st.text(max_size=12)

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from dynid.core import JobError, Notice, RecordError
-from dynid.recording import RecordMetadata, RecordWriter, partial_path, read_record
-from dynid.recording.segments import MARK, pack
+from dynid.recording import MARK, RecordMetadata, RecordWriter, pack, partial_path, read_record
 
 NAMES = ("a", "b")
 PATIENCE_S = 5.0
@@ -47,7 +46,7 @@ def test_closing_makes_a_parquet_file(tmp_path: Path) -> None:
 
 KILLED = """
 import sys, time
-from dynid.recording.writer import RecordWriter
+from dynid.recording import RecordWriter
 writer = RecordWriter(sys.argv[1], ("a", "b"), ("q", "effort"))
 start = time.monotonic()
 k = 0

@@ -8,9 +8,7 @@ import pytest
 from recorded_motions import Motion, write_rtde_csv
 
 from dynid.core import RecordError
-from dynid.recording import ExperimentRecord, read_recording
-from dynid.recording.repair.pipeline import RepairSettings, repair
-from dynid.recording.table import RawTable
+from dynid.recording import ExperimentRecord, RawTable, RepairSettings, read_recording, repair
 from dynid.robot import load_robot
 from dynid.robot.model import Drives
 from dynid.signals.resample import GAP_STEPS

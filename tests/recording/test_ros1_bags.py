@@ -10,9 +10,7 @@ from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from dynid.core import RecordError
-from dynid.recording import read_recording
-from dynid.recording.bag.catalog import Catalog
-from dynid.recording.bag.ros1 import ros1_messages
+from dynid.recording import Catalog, read_recording, ros1_messages
 from dynid.robot import load_robot
 
 STORE = get_typestore(Stores.ROS1_NOETIC)
@@ -121,7 +119,9 @@ def test_a_bag_without_joint_states_names_what_it_has(tmp_path: Path) -> None:
 def test_what_ros1_wrote_in_an_mcap_file(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "run.bag")
     stream = [(receive, data) for _, receive, data in ros1_messages(bag, Catalog())]
-    record = read_recording(write_mcap(MOTION, tmp_path / "run.mcap", stream=stream))
+    record = read_recording(
+        write_mcap(MOTION, tmp_path / "run.mcap", stream=stream, encoding="ros1")
+    )
     assert record.problems == ()
     np.testing.assert_array_equal(record.signals["q"], MOTION.position(MOTION.t))
 

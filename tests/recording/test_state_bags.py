@@ -15,10 +15,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from dynid.core import RecordError
-from dynid.recording import read_recording
-from dynid.recording.bag.catalog import Topic
-from dynid.recording.bag.cdr import CdrError
-from dynid.recording.bag.generic import GenericDecoder
+from dynid.recording import MessageDecoder, MessageError, Topic, read_recording
 from dynid.robot import load_robot
 
 ARM7 = Motion(samples=150, joints=7, rate=1000.0)
@@ -367,13 +364,13 @@ def test_every_cut_message_is_refused(encoding: str) -> None:
     )
     write = known.serialize_ros1 if encoding == "ros1" else known.serialize_cdr
     data = bytes(write(message, "x_msgs/msg/State"))
-    decoder = GenericDecoder(Topic(name="/x", kind=kind, encoding=encoding, definition=definition))
+    decoder = MessageDecoder(Topic(name="/x", kind=kind, encoding=encoding, definition=definition))
     decoded = decoder.decode(data)
     assert decoded.names == ["q[0]", "q[1]", "last"]
     assert decoded.values == [1.5, 2.5, 4.5]
     assert decoded.texts == {"names": ["a", "bcd"]}
     for length in range(len(data)):
-        with pytest.raises(CdrError):
+        with pytest.raises(MessageError):
             decoder.decode(data[:length])
-    with pytest.raises(CdrError):
+    with pytest.raises(MessageError):
         decoder.decode(data + bytes(8))

@@ -6,6 +6,7 @@ import bz2
 import gzip
 import json
 import lzma
+import tempfile
 import zipfile
 from pathlib import Path
 
@@ -18,7 +19,6 @@ from recorded_motions import Motion, write_db3, write_mat, write_rtde_csv
 
 from dynid.core import RecordError
 from dynid.recording import content_kind, read_recording
-from dynid.recording.unpack import unpacked
 from dynid.robot import load_robot
 from dynid.workflow import open_records
 
@@ -88,12 +88,14 @@ def test_an_archive_of_several_files_says_what_to_do(tmp_path: Path) -> None:
         read_recording(tmp_path / "x.zip")
 
 
-def test_nothing_is_left_of_what_was_unpacked(tmp_path: Path) -> None:
-    path = tmp_path / "x.gz"
-    path.write_bytes(gzip.compress(b"1,2\n"))
-    with unpacked([path]) as files:
-        assert files[0].read_bytes() == b"1,2\n"
-    assert not files[0].exists()
+def test_nothing_is_left_of_what_was_unpacked(tmp_path: Path, monkeypatch) -> None:
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    path = write_rtde_csv(Motion(samples=50), tmp_path / "x.csv")
+    (tmp_path / "x.gz").write_bytes(gzip.compress(path.read_bytes()))
+    assert read_recording(tmp_path / "x.gz").samples == 50
+    assert list(folder.iterdir()) == []
 
 
 def columns(lists: bool) -> dict[str, object]:

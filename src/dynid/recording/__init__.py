@@ -1,24 +1,50 @@
-"""What was measured and where it came from: the record, its file, and every foreign format."""
+"""Recordings: every format in, one checked and repaired value out, and the file that keeps it."""
 
-from dynid.recording.detect import content_kind
-from dynid.recording.files import read_recording
-from dynid.recording.identity import identity
-from dynid.recording.parquet import read_record, write_record
-from dynid.recording.record import ExperimentRecord, RecordMetadata
-from dynid.recording.repair.angles import UNWRAPPED
-from dynid.recording.segments import partial_path, recover
+from dynid.recording.bagfiles import Catalog, Topic
+from dynid.recording.columns import parse_columns, select
+from dynid.recording.formats import content_kind
+from dynid.recording.headers import match_headers
+from dynid.recording.messages import MessageDecoder, MessageError
+from dynid.recording.names import parse_name, says_degrees
+from dynid.recording.partial import MARK, pack, partial_path, recover
+from dynid.recording.reading import read_recording
+from dynid.recording.record import JOINT_QUANTITIES, ExperimentRecord, RecordMetadata, identity
+from dynid.recording.repair.joints import UNWRAPPED
+from dynid.recording.repair.pipeline import RepairSettings, repair
+from dynid.recording.ros1 import ros1_messages
+from dynid.recording.store import KEY, read_record, write_record
+from dynid.recording.table import RawTable
+from dynid.recording.units import factor_of
 from dynid.recording.writer import RecordWriter
 
 __all__ = [
+    "JOINT_QUANTITIES",
+    "KEY",
+    "MARK",
     "UNWRAPPED",
+    "Catalog",
     "ExperimentRecord",
+    "MessageDecoder",
+    "MessageError",
+    "RawTable",
     "RecordMetadata",
     "RecordWriter",
+    "RepairSettings",
+    "Topic",
     "content_kind",
+    "factor_of",
     "identity",
+    "match_headers",
+    "pack",
+    "parse_columns",
+    "parse_name",
     "partial_path",
     "read_record",
     "read_recording",
     "recover",
+    "repair",
+    "ros1_messages",
+    "says_degrees",
+    "select",
     "write_record",
 ]

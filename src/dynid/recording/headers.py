@@ -1,17 +1,262 @@
-"""Find the quantities in a header, without being told."""
+"""Find the quantities in a header: columns that belong together, and which are meant."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from dynid.core import RecordError
-from dynid.recording.chosen import choose
 from dynid.recording.clocks import Clock, find_clocks
-from dynid.recording.families import Family, collect
-from dynid.recording.naming import parse_name, split_joint
-from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES
+from dynid.recording.names import OTHER, TARGET, Name, parse_name, split_joint
+from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, plain
 from dynid.recording.units import factor_of, refuse_unit
+
+
+@dataclass(slots=True, kw_only=True)
+class Family:
+    """Columns of the same name, each of another joint."""
+
+    base: str
+    scope: str
+    rank: int
+    """Place of the name among those of its quantity; the first is the surest."""
+    members: list[tuple[Name, int]] = field(default_factory=list[tuple[Name, int]])
+    """Name and column number."""
+
+    @property
+    def label(self) -> str:
+        """What to call it in a message."""
+        return f"{self.scope}.{self.base}" if self.scope else self.base
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joint names in the columns' order, where each column has another."""
+        names = tuple(name.joint for name, _ in self.members)
+        return names if all(names) and len(set(names)) == len(names) > 1 else ()
+
+    @property
+    def whole(self) -> bool:
+        """Whether the columns make one quantity of several joints, or of one."""
+        return bool(self.joints) or len(self.members) == 1 or self._numbered() is not None
+
+    def unit_of(self, column: int) -> str:
+        """The unit that a column's name gives; empty for none."""
+        name = next(name for name, number in self.members if number == column)
+        # What stands in brackets is a joint's name where all columns have another.
+        return "" if self.joints and name.unit and name.joint in name.unit else name.unit
+
+    def by_joint(
+        self, names: Sequence[str], quantity: str, where: str
+    ) -> tuple[list[int], tuple[str, ...]]:
+        """Columns joint by joint, and joint names where the header has them.
+
+        Args:
+            names: All column names, for messages.
+            quantity: What the columns hold.
+            where: The file, for messages.
+
+        Raises:
+            RecordError: A joint's column is missing or there twice.
+        """
+        numbered = self._numbered()
+        if numbered is not None:
+            return numbered, ()
+        found = [column for _, column in self.members]
+        if any(name.index is not None for name, _ in self.members):
+            indices = sorted(name.index for name, _ in self.members if name.index is not None)
+            raise RecordError(
+                f"a column of {quantity} is missing or there twice: joints {indices}",
+                where=where,
+                value=[names[column] for column in found],
+                next_step="Check the header, or name the columns with --columns.",
+            )
+        if len(found) > 1 and not self.joints:
+            raise RecordError(
+                f"{len(found)} columns are called {plain(names[found[0]])!r}",
+                where=where,
+                next_step="Say which are meant with --columns.",
+            )
+        return found, self.joints
+
+    def _numbered(self) -> list[int] | None:
+        pairs = sorted((n.index, column) for n, column in self.members if n.index is not None)
+        indices = [index for index, _ in pairs]
+        if not indices or indices[0] not in (0, 1):
+            return None
+        if indices != list(range(indices[0], indices[0] + len(indices))):
+            return None
+        return [column for _, column in pairs]
+
+
+def collect(names: Iterable[Name]) -> dict[str, list[Family]]:
+    """Group columns by quantity, path and name; those of no quantity stand under ``""``.
+
+    Args:
+        names: The column names taken apart, in the order of the columns.
+    """
+    found: dict[tuple[str, str, str], Family] = {}
+    for column, name in enumerate(names):
+        quantity, rank = name.meaning or ("", 0)
+        if quantity == "t":
+            continue
+        key = (quantity, name.scope, name.base)
+        family = found.setdefault(key, Family(base=name.base, scope=name.scope, rank=rank))
+        family.members.append((name, column))
+    grouped: dict[str, list[Family]] = {}
+    for (quantity, _, _), family in found.items():
+        grouped.setdefault(quantity, []).append(family)
+    return grouped
+
+
+def spelled(columns: Mapping[str, Sequence[int]]) -> str:
+    """A `--columns` option that means these columns: `q=1:7,effort=13+15`.
+
+    Args:
+        columns: Quantity to column numbers.
+    """
+    items: list[str] = []
+    for quantity, numbers in columns.items():
+        first, count = numbers[0], len(numbers)
+        if count > 1 and list(numbers) == list(range(first, first + count)):
+            items.append(f"{quantity}={first}:{first + count}")
+        else:
+            items.append(f"{quantity}={'+'.join(map(str, numbers))}")
+    return ",".join(items)
+
+
+def by_rows(columns: Mapping[str, Sequence[int]]) -> str:
+    """What to type to count time by rows in place of the time column.
+
+    Args:
+        columns: Quantity to column numbers, without the time; empty where there are none.
+    """
+    kept = {name: columns[name] for name in ("q", "qd", "effort", "current") if name in columns}
+    if "q" not in kept:
+        return "Leave t out of --columns and give the clock with --rate."
+    return f"Leave the time out and give the clock: --columns {spelled(kept)} --rate HZ."
+
+
+_TORQUE_STEMS = ("torque", "tau", "effort", "current", "cur")
+_NOT_MEASURED = frozenset(
+    word
+    for line in (
+        "ext external error err gravity grav friction coriolis residual model estimated est",
+        "predicted feedforward ff limit limits max min bias offset hat voltage cmd command",
+        "desired target position positions pos velocity velocities vel speed speeds angle angles",
+        "pose q qd dq time mode state id step index name gain enable enabled constant const rate",
+        "ratio temperature temp",
+    )
+    for word in line.split()
+)
+NOT_TAKEN = "not taken for measured torques:"
+"""Begins the note on columns that look like torques and may be others."""
+_MAIN_SCOPES = frozenset({"joint_states", "joint_state", "actual", "feedback", "measured", "state"})
+
+
+def choose(
+    families: Mapping[str, list[Family]], names: Sequence[str], where: str
+) -> tuple[dict[str, Family], list[str]]:
+    """Choose the columns of each quantity among all that may be it.
+
+    Args:
+        families: Quantity to families of columns; those of no quantity under ``""``.
+        names: All column names.
+        where: The file, for messages.
+
+    Returns:
+        Quantity to its family, and the choices in words.
+
+    Raises:
+        RecordError: Several sets of columns can be positions or torques.
+    """
+    chosen: dict[str, Family] = {}
+    notes: list[str] = []
+    # Positions first: all other quantities are looked for beside them.
+    for quantity in sorted(filter(None, families), key=lambda name: name != "q"):
+        home = chosen["q"].scope if "q" in chosen else None
+        ranked = sorted(families[quantity], key=lambda family: _order(family, home))
+        tied = [family for family in ranked if _order(family, home) == _order(ranked[0], home)]
+        if len(tied) > 1 and quantity in ("q", *TORQUE_SOURCES):
+            columns = {
+                name: [column for _, column in family.members]
+                for name in ("q", "qd", "effort", "current")
+                for family in families.get(name, [])
+                if family.scope == tied[0].scope
+            }
+            clocks = find_clocks(list(map(parse_name, names)), names, tied[0].scope, where)
+            if clocks:
+                columns = {"t": list(clocks[0].columns), **columns}
+            raise RecordError(
+                f"{len(tied)} sets of columns can be {quantity}",
+                where=where,
+                value=", ".join(family.label for family in tied),
+                next_step=f"Say which with --columns, for those of {tied[0].label}: "
+                f"--columns {spelled(columns)}",
+            )
+        chosen[quantity] = ranked[0]
+        if len(ranked) > 1:
+            others = ", ".join(repr(family.label) for family in ranked[1:6])
+            notes.append(f"{quantity} is read from {ranked[0].label!r}, not from {others}")
+    like = [
+        family
+        for family in families.get("", [])
+        if set(_TORQUE_STEMS) & set(family.base.split("_"))
+        or family.base.startswith(_TORQUE_STEMS)
+        or _by_unit(family)
+    ]
+    others = [
+        family
+        for family in like
+        if (family.base.startswith(_TORQUE_STEMS) or _by_unit(family))
+        and not _NOT_MEASURED & set(family.base.split("_"))
+        and not (OTHER | TARGET) & set(family.scope.replace(".", "_").split("_"))
+    ]
+    if others and "effort" not in chosen and "current" not in chosen:
+        if len(others) > 1:
+            raise RecordError(
+                "more than one set of columns can be torques",
+                where=where,
+                value=", ".join(family.label for family in others),
+                next_step="Say which with --columns, for example "
+                + spelled({"effort": [column for _, column in others[0].members]}),
+            )
+        stem = others[0].base
+        current = _by_unit(others[0]) == "current" or stem.startswith("cur")
+        chosen["current" if current else "effort"] = others[0]
+        notes.append(f"the only torque-like columns are {stem!r}; they are taken")
+    elif others:
+        kept = [chosen[x].label for x in ("effort", "current") if x in chosen]
+        notes.append(
+            f"torques are read from {' and '.join(map(repr, kept))}; not used: "
+            + ", ".join(repr(family.label) for family in others[:8])
+        )
+    passed = [family.label for family in like if family not in others]
+    if passed and not any(name in chosen for name in TORQUE_SOURCES):
+        notes.append(f"{NOT_TAKEN} {', '.join(map(repr, passed[:8]))}")
+    return chosen, notes
+
+
+def _by_unit(family: Family) -> str:
+    """`effort` or `current`, where all columns of a name that is not known have such a unit."""
+    units = {name.unit for name, _ in family.members}
+    if not family.whole or "" in units or len(family.members) < 2:
+        return ""
+    # Forces in N may be anything's.
+    for quantity, letter in (("effort", "m"), ("current", "a")):
+        if all(factor_of(quantity, unit) is not None and letter in unit for unit in units):
+            return quantity
+    return ""
+
+
+def _order(family: Family, home: str | None) -> tuple[bool, bool, bool, bool, int]:
+    """The best family has the smallest: complete, beside the positions, a well-known path.
+
+    Of a joint's and its motor's states, the joint's is meant.
+    """
+    words = set(family.scope.split(".")) | set(family.scope.replace(".", "_").split("_"))
+    away = home is not None and family.scope != home
+    known = not family.scope or words & _MAIN_SCOPES
+    return (not family.whole, away, "motor" in words, not known, family.rank)
 
 
 class NotRecognised(RecordError):

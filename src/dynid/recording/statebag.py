@@ -8,21 +8,25 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from dynid.core import RecordError
-from dynid.recording.assignment import assign
-from dynid.recording.bag.catalog import Catalog, Message, Topic
-from dynid.recording.bag.cdr import CdrError
-from dynid.recording.bag.fieldnames import field_names, joints_beside
-from dynid.recording.bag.generic import Decoded, GenericDecoder
-from dynid.recording.bag.inflate import ZSTD_MAGIC, InflateError, inflate
-from dynid.recording.bag.stamps import clock_of
+from dynid.recording.bagfiles import Catalog, Message, Topic
+from dynid.recording.clocks import clock_of, stamps_of
+from dynid.recording.columns import assign
+from dynid.recording.content import ZSTD_MAGIC, InflateError, inflate
 from dynid.recording.headers import NotRecognised, match_headers
-from dynid.recording.stamping import stamps_of
-from dynid.recording.table import TORQUE_SOURCES, RawTable, plain
+from dynid.recording.messages import (
+    Decoded,
+    MessageDecoder,
+    MessageError,
+    field_names,
+    joints_beside,
+)
+from dynid.recording.table import TORQUE_SOURCES, RawTable, ReadOptions, plain
 
 Reader = Callable[[Catalog], Iterator[Message]]
 """Yields the messages of a bag that a catalog wants."""
@@ -37,7 +41,7 @@ _CONVERT = (
 class _Rows:
     """What the messages of one topic hold."""
 
-    decoder: GenericDecoder
+    decoder: MessageDecoder
     first: Decoded | None = None
     count: int = 0
     damaged: int = 0
@@ -57,7 +61,7 @@ class _Rows:
             if data.startswith(ZSTD_MAGIC):
                 data = inflate(data, "zstd")
             message = self.decoder.decode(data)
-        except (CdrError, InflateError):
+        except (MessageError, InflateError):
             self.damaged += 1
             return
         if self.first is None:
@@ -76,27 +80,23 @@ class _Rows:
 def read_states(
     read: Reader,
     topics: Mapping[str, Topic],
+    options: ReadOptions,
     *,
-    joints: Sequence[str],
-    columns: str | Mapping[str, str] | None,
-    topic: str | None,
     where: str,
-    format: str,
 ) -> RawTable:
     """Read the messages of one topic by the names of their fields.
 
     Args:
         read: Yields messages.
         topics: All topics of the bag.
-        joints: The robot's joint names; empty if it is not known.
-        columns: Quantity to field (`effort=tau_J`); None to go by the names.
-        topic: The topic; None for the only one whose names say positions.
+        options: Columns say quantity to field (`effort=tau_J`); None to go by the names. The
+            topic; None for the only one whose names say positions.
         where: The bag, for messages.
-        format: `rosbag` or `mcap`, for the metadata.
 
     Raises:
         RecordError: No topic has positions, several have, or their messages are not defined.
     """
+    joints, columns, topic = options.joints, options.columns, options.topic
     chosen = _choose(read, topics, topic, joints, where)
     first = _first_of(read, [chosen])[chosen.name]
     names = field_names(first)
@@ -106,7 +106,7 @@ def read_states(
         {k for cols in found.columns.values() for k in cols}
         | {k for clock in user_clock for k in clock.columns}
     )
-    rows = _Rows(GenericDecoder(chosen), first=first)
+    rows = _Rows(MessageDecoder(chosen), first=first)
     catalog = Catalog(wanted=lambda item: item.name == chosen.name)
     for _, receive, data in read(catalog):
         rows.add(receive, data, taken)
@@ -122,7 +122,7 @@ def read_states(
     stamps = stamps_of(user_clock, lambda k: values[:, place[k]])
     table = RawTable(
         source=where,
-        format=format,
+        format=options.format,
         rows=np.array(rows.number, dtype=np.int64),
         row_word="message",
         signals=found.signals(lambda k: values[:, place[k]]),
@@ -207,11 +207,8 @@ def _first_of(read: Reader, topics: Sequence[Topic]) -> dict[str, Decoded]:
     """The first good message of each topic that can be decoded."""
     rows: dict[str, _Rows] = {}
     for item in topics:
-        if item.definition:
-            try:
-                rows[item.name] = _Rows(GenericDecoder(item))
-            except CdrError:
-                continue
+        with suppress(MessageError):
+            rows[item.name] = _Rows(MessageDecoder(item))
     missing = set(rows)
     for name, receive, data in read(Catalog(wanted=lambda item: item.name in rows)):
         rows[name].add(receive, data, None)

@@ -32,6 +32,21 @@ def rows_with(cells: Mask) -> Mask:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ReadOptions:
+    """What a user says of a file that does not say everything itself; see `read_recording`."""
+
+    format: str = "auto"
+    columns: str | Mapping[str, str] | None = None
+    header: bool | None = None
+    delimiter: str | None = None
+    joints: tuple[str, ...] = ()
+    """The robot's joint names, base to tip; empty if the robot is not known."""
+    joint_order: tuple[str, ...] | None = None
+    topic: str | None = None
+    degrees: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RawTable:
     """Signals as they stood in a file; cells that could not be read are NaN."""
 

@@ -17,11 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, JobError, Notice, RecordError
-from dynid.recording.parquet import write_record
-from dynid.recording.partial import create_partial
-from dynid.recording.record import RecordMetadata
-from dynid.recording.schema import check_quantities, metadata_to_json
-from dynid.recording.segments import MARK, pack, partial_path, recover
+from dynid.recording.partial import MARK, create_partial, pack, partial_path, recover
+from dynid.recording.record import RecordMetadata, check_quantities, metadata_to_json
+from dynid.recording.store import write_record
 
 _FLUSH_S = 0.5
 _FLUSH_ROWS = 4096

@@ -1,4 +1,4 @@
-"""Repair: the unit of time, and what the clock is worth."""
+"""Repair: the unit of time, clocks that jump or start anew, and what the clock is worth."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from decimal import Decimal
 import numpy as np
 
 from dynid.core import Array, RecordError
-from dynid.recording.families import by_rows
-from dynid.recording.repair.velocities import DEGREE, RPM, common_slope, velocity_slopes
-from dynid.recording.table import RawTable
+from dynid.recording.headers import by_rows
+from dynid.recording.repair.motion import DEGREE, RPM, common_slope, velocity_slopes
+from dynid.recording.table import Mask, RawTable, Rows
 
 _DAY = 86400.0
 _UNITS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns", _DAY: "days"}
@@ -131,3 +131,203 @@ def report_clock(table: RawTable) -> RawTable:
     if not parts:
         return table
     return table.report("clock_jitter", f"nominal {1 / nominal:.5g} Hz; {'; '.join(parts)}")
+
+
+_FEWEST_ROWS = 50
+_SIDE = 6
+"""Rows on each side of a jump whose stamps and motion must be even."""
+_FORWARD, _BACK = 3.0, -0.5
+"""Steps beyond these are jumps [ordinary steps]."""
+_EVEN = 0.5
+"""Largest deviation of an even step, and of a displacement from that of an ordinary step."""
+_MOST = 50
+_LONGEST_SPAN = 3.0
+"""Time may span this many times what the rows fill; longer gaps are shortened."""
+_GAP_STEPS = 100
+
+
+def mend_jumps(table: RawTable) -> RawTable:
+    """Take jumps of the clock out where the robot moves on as in one ordinary step.
+
+    Over rows that are missing, a moving robot has gone as far as the stamps say. Where it has
+    gone one step only, the clock was set, or its counter began again.
+    """
+    if table.t is None or table.clock == "rate" or table.samples < _FEWEST_ROWS:
+        return table
+    t, q = table.t, table.signals["q"]
+    ticks = np.ones(len(t) - 1) if table.index is None else np.diff(table.index).astype(np.float64)
+    steps = np.diff(t)
+    forward = steps[steps > 0] / ticks[steps > 0]
+    nominal = float(np.median(forward)) if len(forward) else 0.0
+    if nominal <= 0:
+        return table
+    share = steps / (nominal * ticks)
+    places = np.flatnonzero((share > _FORWARD) | (share < _BACK))
+    if not 0 < len(places) <= _MOST:
+        return table
+    jumps = [int(k) for k in places if _even(share, int(k)) and _moves_on(q, ticks, int(k))]
+    if not jumps:
+        return table
+    mended = t.copy()
+    for k in jumps:
+        mended[k + 1 :] += nominal * ticks[k] - steps[k]
+    largest = max(jumps, key=lambda k: abs(float(steps[k])))
+    return replace(table, t=mended).report(
+        "clock_mismatch",
+        f"the clock jumps {len(jumps)} times while the robot moves on evenly, by "
+        f"{steps[largest] / nominal:.6g} steps before {table.row(largest + 1)}: later stamps are "
+        "shifted back",
+    )
+
+
+def _even(share: Array, k: int) -> bool:
+    """Whether the stamps run evenly before and after: a late stamp would be caught up with."""
+    around = np.concatenate([share[max(k - _SIDE, 0) : k], share[k + 1 : k + 1 + _SIDE]])
+    return len(around) >= _SIDE and bool((np.abs(around - 1) < _EVEN).all())
+
+
+def _moves_on(q: Array, ticks: Array, k: int) -> bool:
+    """Whether joints move over step k as over the ordinary steps around it."""
+    before, after = q[max(k - _SIDE, 0) : k + 1], q[k + 1 : k + 2 + _SIDE]
+    if min(len(before), len(after)) < 3:
+        return False
+    speeds = [
+        (rows[-1] - rows[0]) / float(ticks[start : start + len(rows) - 1].sum())
+        for rows, start in ((before, max(k - _SIDE, 0)), (after, k + 1))
+    ]
+    expected = 0.5 * (speeds[0] + speeds[1]) * ticks[k]
+    size = float(np.linalg.norm(expected))
+    rough = max(
+        float(np.abs(np.diff(rows, 2, axis=0)).mean(axis=0).max(initial=0.0))
+        for rows in (before, after)
+    )
+    turned = float(np.linalg.norm(speeds[1] - speeds[0])) * float(ticks[k])
+    miss = float(np.linalg.norm(q[k + 1] - q[k] - expected))
+    return size > max(4 * rough, 1e-7) and max(miss, turned) < _EVEN * size
+
+
+def shorten_gaps(table: RawTable) -> RawTable:
+    """Shorten pauses of the recorder that are far longer than the recording itself."""
+    if table.t is None or table.samples < _FEWEST_ROWS:
+        return table
+    steps = np.diff(table.t)
+    nominal = float(np.median(steps))
+    filled = nominal * len(steps)
+    if nominal <= 0 or float(steps.sum()) <= _LONGEST_SPAN * filled:
+        return table
+    long: Mask = steps > _GAP_STEPS * nominal
+    if not long.any() or float(steps[~long].sum()) > _LONGEST_SPAN * filled:
+        return table
+    places: Rows = np.flatnonzero(long)
+    seconds = float(steps[long].sum())
+    steps[long] = _GAP_STEPS * nominal
+    t = np.concatenate([[table.t[0]], table.t[0] + np.cumsum(steps)])
+    return replace(table, t=t).report(
+        "clock_jitter",
+        f"{len(places)} pauses of the recorder, {seconds / filled:.3g} times as long as all that "
+        f"was recorded, are shortened to {_GAP_STEPS} steps each; the first before "
+        f"{table.row(int(places[0]) + 1)}",
+    )
+
+
+_RUNS_GAP_STEPS = 100
+"""Pause that is put between two runs [median steps]: nobody mistakes it for motion."""
+_RUNS_FEWEST_ROWS = 50
+_MOST_RUNS = 100
+_COARSE = 0.1
+"""Stamps are coarse where their smallest step is this share of the rows' true step."""
+
+
+def join_runs(table: RawTable) -> RawTable:
+    """Put runs behind each other where time starts anew.
+
+    A run that is there twice, number by number, is left out.
+    """
+    if table.t is None or table.samples < 2 * _RUNS_FEWEST_ROWS or table.clock != "recorded":
+        return table
+    t = table.t
+    steps = np.diff(t)
+    nominal = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    if nominal <= 0:
+        return table
+    starts = np.array([0, *(np.flatnonzero(steps < -0.5 * _RUNS_FEWEST_ROWS * nominal) + 1)])
+    ends = np.array([*starts[1:], len(t)])
+    if not 1 < len(starts) <= _MOST_RUNS or not _are_runs(t, starts, ends, nominal):
+        return table
+    q = table.signals["q"]
+    kept = np.ones(len(t), dtype=np.bool_)
+    joined, index = t.copy(), table.index
+    counted = np.arange(len(t), dtype=np.int64) if index is None else index.copy()
+    last = float(t[ends[0] - 1])
+    for number in range(1, len(starts)):
+        rows = slice(int(starts[number]), int(ends[number]))
+        for other in range(number):
+            before = slice(int(starts[other]), int(ends[other]))
+            if np.array_equal(q[rows], q[before]) and np.array_equal(t[rows], t[before]):
+                kept[rows] = False
+        if not kept[rows.start]:
+            continue
+        joined[rows] = t[rows] - float(t[rows.start]) + last + _RUNS_GAP_STEPS * nominal
+        last = float(joined[rows.stop - 1])
+        counted[rows.start :] += _RUNS_GAP_STEPS
+    where = ", ".join(table.row(int(row)) for row in starts[1:6])
+    table = replace(table, t=joined, index=counted).report(
+        "clock_mismatch",
+        f"time starts anew at {where}: {len(starts)} runs in one file, put behind each other "
+        f"with a pause of {_GAP_STEPS} steps",
+    )
+    if kept.all():
+        return table
+    twice = int((~kept).sum())
+    return table.keep(kept).report("dropped_rows", f"{twice} rows are of runs written twice")
+
+
+def _are_runs(t: Array, starts: Rows, ends: Rows, nominal: float) -> bool:
+    """Whether each piece is long, its time runs on, and starts where the one before started."""
+    long = bool(((ends - starts) >= _RUNS_FEWEST_ROWS).all())
+    if not long:
+        return False
+    # A piece may end in a wrong stamp: its length is that of its rows.
+    length = nominal * (ends - starts)
+    anew = bool((t[starts[1:]] < t[starts[:-1]] + 0.5 * length[:-1]).all())
+    return anew and all(
+        bool((np.diff(t[start : end - 1]) > 0).mean() > 0.98)
+        and abs(float(t[end - 1] - t[end - 2])) < 20 * nominal
+        for start, end in zip(starts, ends, strict=True)
+    )
+
+
+def spread_stamps(table: RawTable) -> RawTable:
+    """Spread stamps evenly over the rows where they are even but for their few digits.
+
+    Stamps of 10 ms for rows that come every 8 ms repeat; their places in time are known by the
+    rows, as long as none is more than one digit off an even clock.
+    """
+    if table.t is None or table.samples < 24:
+        return table
+    t, index = table.t, table.index
+    rows = np.arange(len(t), dtype=np.float64) if index is None else index.astype(np.float64)
+    steps = np.diff(t)
+    rising = steps[steps > 0]
+    if len(rising) < 8 or table.clock != "recorded" or (steps < 0).any():
+        return table
+    digit = float(rising.min())
+    multiples = rising / digit
+    count = rows - rows.mean()
+    slope = float(count @ t) / float(count @ count)
+    even: Array = float(t.mean()) + slope * count
+    if not slope > 0 or digit < _COARSE * slope or float(multiples.max()) > 20:
+        return table
+    coarse = np.abs(multiples - np.round(multiples)).max() < 0.01
+    off = t - even
+    # One odd row among even ones is no coarse clock.
+    uneven = float((np.abs(steps - slope * np.diff(rows)) > 0.02 * slope).mean()) > 0.05
+    if not coarse or not uneven or float(np.ptp(off)) > 1.5 * digit:
+        return table
+    # The clock tells a stamp's digit when it is over: the true times are not known better.
+    repeated = int((steps == 0).sum())
+    return replace(table, t=even).report(
+        "clock_jitter",
+        f"the stamps go in steps of {digit:.4g}, {repeated} of {table.samples} repeat; they are "
+        f"spread evenly over the rows (one each {slope:.6g})",
+    )

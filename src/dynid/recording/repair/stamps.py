@@ -1,14 +1,15 @@
-"""Repair: time stamps that repeat, run backwards, or are plainly wrong."""
+"""Repair: rows on stamps of their own, rows said twice, stamps that cannot be true."""
 
 from __future__ import annotations
 
 from bisect import bisect_left
+from dataclasses import replace
 
 import numpy as np
 
 from dynid.core import Array, RecordError
-from dynid.recording.families import by_rows
-from dynid.recording.table import Mask, RawTable, Rows
+from dynid.recording.headers import by_rows
+from dynid.recording.table import Mask, RawTable, Rows, rows_with
 
 MOST_DROPPED = 0.2
 """Share of rows that may go for their stamps."""
@@ -125,3 +126,134 @@ def _stray_ends(t: Array, wrong: Mask, nominal: float) -> Mask:
         if steps[count - 1] > 50 * usual:
             stray[keep[:count]] = True
     return stray
+
+
+_MOSTLY = 0.1
+"""A quantity that is missing on more of the rows of q than this has rows of its own."""
+_FEWEST_ROWS = 24
+_FARTHEST = 5.0
+"""Median steps of a quantity's own rows, across which it is still read between them."""
+
+
+def lay_together(table: RawTable) -> RawTable:
+    """Bring signals with rows of their own to the rows of q; drop rows of other topics.
+
+    Args:
+        table: Cells without a value are NaN.
+    """
+    if table.t is None or "q" not in table.signals:
+        return table
+    t = table.t
+    there = np.isfinite(t) & np.isfinite(table.signals["q"]).all(axis=1)
+    if there.sum() < _FEWEST_ROWS or there.all():
+        return table
+    for quantity in [name for name in table.signals if name != "q"]:
+        value = table.signals[quantity]
+        own = np.isfinite(t) & np.isfinite(value).all(axis=1)
+        missing = there & ~own
+        if missing.sum() <= _MOSTLY * there.sum() or (own & ~there).sum() < _FEWEST_ROWS:
+            continue
+        filled = value.copy()
+        filled[missing] = _between(t[own], value[own], t[missing])
+        rates = [float(1.0 / np.median(np.diff(np.unique(t[rows])))) for rows in (own, there)]
+        table = table.with_signals({quantity: filled}).report(
+            "clock_mismatch",
+            f"{quantity} has rows of its own, {rates[0] / rates[1]:.3g} times as many a second as "
+            "q; it is read between them on straight lines",
+        )
+    return _without_blank(table, there)
+
+
+def _between(t: Array, value: Array, at: Array) -> Array:
+    """Columns of `value` at other times; NaN where its own rows are too far apart."""
+    order = np.argsort(t, kind="stable")
+    t, value = t[order], value[order]
+    step = float(np.median(np.diff(np.unique(t))))
+    after = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
+    wide = (t[after] - t[after - 1] > _FARTHEST * step) | (at < t[0]) | (at > t[-1])
+    out = np.empty((len(at), value.shape[1]))
+    for joint, column in enumerate(value.T):
+        out[:, joint] = np.interp(at, t, column)
+    out[wide] = np.nan
+    return out
+
+
+def _without_blank(table: RawTable, there: Mask) -> RawTable:
+    """Without rows that hold nothing of the joints."""
+    blank = np.all([np.isnan(value).all(axis=1) for value in table.signals.values()], axis=0)
+    if table.reported is not None:
+        blank &= ~table.reported
+    partly = ~there & ~blank
+    if blank.mean() > 0.05:
+        # Beside them stand rows that held another quantity only, which is on q's rows by now.
+        blank |= partly & np.isnan(table.signals["q"]).all(axis=1)
+    elif partly.mean() > 0.05:
+        blank |= np.isnan(table.signals["q"]).all(axis=1)
+    if blank.mean() <= 0.05:
+        return table
+    kept = table.keep(~blank, counted=False)
+    return replace(kept, index=np.arange(kept.samples, dtype=np.int64)).note(
+        f"{int(blank.sum())} of {table.samples} rows have no positions: they are of other topics"
+    )
+
+
+def drop_repeats(table: RawTable) -> RawTable:
+    """Leave out rows that say again what the row before said.
+
+    A repeated stamp with the same values is a row written twice. New stamps with exactly
+    the same positions and torques, while the robot moves, are a reader that ran faster than
+    the robot's updates: those rows are no measurements.
+    """
+    if table.samples < 3:
+        return table
+    stacked = np.concatenate(list(table.signals.values()), axis=1)
+    same = np.concatenate([[False], (stacked[1:] == stacked[:-1]).all(axis=1)])
+    if table.t is not None:
+        twice = same & np.concatenate([[False], table.t[1:] == table.t[:-1]])
+        if twice.any():
+            message = (
+                f"{int(twice.sum())} of {table.samples} rows were written twice; first: "
+                f"{table.row(int(np.argmax(twice)))}"
+            )
+            table = table.keep(~twice).report("dropped_rows", message)
+            same = same[~twice]
+    moving = _moves(table.signals["q"])
+    held = same & moving
+    if held.sum() < max(3, 0.002 * table.samples) or held.mean() > 0.9:
+        return _report_slow_signals(table, moving)
+    message = (
+        f"{int(held.sum())} of {table.samples} rows repeat all signals of the row before "
+        f"while the robot moves (read faster than they are updated); left out; first: "
+        f"{table.row(int(np.argmax(held)))}"
+    )
+    return table.keep(~held).report("dropped_rows", message)
+
+
+def _report_slow_signals(table: RawTable, moving: Mask) -> RawTable:
+    """Report positions or torques that are renewed on some rows only."""
+    for quantity, word in (("q", "positions"), ("effort", "efforts"), ("current", "currents")):
+        if quantity not in table.signals or not table.signals[quantity].any():
+            continue
+        changes = rows_with(np.diff(table.signals[quantity], axis=0) != 0)
+        still = np.concatenate([[False], ~changes])
+        share = float((still & moving).sum()) / max(float(moving.sum()), 1.0)
+        if share >= 0.3:
+            table = table.report(
+                "clock_jitter",
+                f"{word} are the same as on the row before on {100 * share:.0f} % of the rows of "
+                "the motion: they are renewed more slowly than the rows come, or too coarse",
+            )
+    return table
+
+
+def _moves(q: Array) -> Mask:
+    """Rows with motion shortly before and after."""
+    changed = np.concatenate([[False], (np.diff(q, axis=0) != 0).any(axis=1)])
+    total = np.concatenate([[0], np.cumsum(changed)])
+    index = np.arange(len(q))
+    window = 20
+    before = total[index] - total[np.maximum(index - window, 0)]
+    after = total[np.minimum(index + 1 + window, len(q))] - total[index + 1]
+    # The first and last rows have one side only to judge by.
+    first, last = index < window, index >= len(q) - window
+    return ((before > 0) | first) & ((after > 0) | last) & (before + after > 0)

@@ -1,0 +1,266 @@
+"""Files of named arrays: HDF5 (MATLAB 7.3 among them), NumPy, JSON."""
+
+from __future__ import annotations
+
+import json
+import warnings
+import zipfile
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from dynid.core import Array, MissingExtraError, RecordError, require
+from dynid.recording.budget import Budget
+from dynid.recording.content import all_bytes
+from dynid.recording.table import RawTable, ReadOptions
+from dynid.recording.variables import numbers_of, table_of
+
+_AGAIN = "save it again (MATLAB: save(file, '-v7'))."
+_MAX_VARIABLES = 5000
+_MAX_ELEMENTS = 200
+_MAX_VALUES = 500_000_000
+_MAX_DEPTH = 12
+
+
+def read_hdf5(files: list[Path], options: ReadOptions, budget: Budget) -> RawTable:
+    """Read an HDF5 file or a MATLAB file of version 7.3.
+
+    Groups and structs give paths (`rec.act_pos`), struct arrays and cells `run(2).q`, tables
+    of named fields `table.field`.
+
+    Args:
+        files: The one file.
+        options: Columns say quantity to path, as in `q=rec.act_pos,t=rec.time`; None to go by
+            the names.
+        budget: Bounds what is read.
+
+    Raises:
+        RecordError: Damaged, or without the arrays.
+        MissingExtraError: Without the `hdf5` extra.
+    """
+    path = files[0]
+    try:
+        library = require("h5py", "hdf5")
+    except MissingExtraError as error:
+        raise MissingExtraError(
+            error.what, where=path.name, next_step=f"Run: pip install 'dynid[hdf5]', or {_AGAIN}"
+        ) from error
+    variables: dict[str, Array] = {}
+    try:
+        with library.File(path, "r") as file:
+            for name in file:
+                # MATLAB keeps what its cells point to under #refs#.
+                if not name.startswith("#"):
+                    _collect(file, file[name], name, variables, 0)
+    except RecordError:
+        raise
+    # libhdf5 reports damage as OSError, RuntimeError, KeyError, ValueError or TypeError.
+    except Exception as error:
+        text = " ".join(str(error).split())[:200] or type(error).__name__
+        raise RecordError(
+            "the HDF5 file is damaged",
+            where=path.name,
+            value=text,
+            next_step=f"{_AGAIN[0].upper()}{_AGAIN[1:]}",
+        ) from error
+    if not variables:
+        raise RecordError("there are no arrays of numbers", where=path.name)
+    return table_of(variables, options, where=path.name, format="hdf5")
+
+
+def _collect(file: Any, item: Any, path: str, into: dict[str, Array], depth: int) -> None:
+    if depth > _MAX_DEPTH or len(into) >= _MAX_VARIABLES:
+        return
+    if not hasattr(item, "dtype"):
+        # pandas keeps its columns in blocks, and their names beside them.
+        for name in [name for name in item if f"{name.partition('_')[0]}_items" in item]:
+            if name.endswith("_values") and _keep_block(item, name, path, into):
+                return
+        for name in item:
+            _collect(file, item[name], f"{path}.{name}", into, depth + 1)
+        return
+    if item.size > _MAX_VALUES:
+        raise RecordError("an array is too large", where=path, value=item.shape)
+    if item.dtype.names:
+        table = item[()]
+        for name in item.dtype.names:
+            _keep(f"{path}.{name}", table[name], into)
+    elif item.dtype.kind == "O" and item.dtype.metadata and "ref" in item.dtype.metadata:
+        for number, reference in enumerate(item[()].ravel(order="F")[:_MAX_ELEMENTS]):
+            if reference:
+                # Fields of a struct array hold one reference an element.
+                stem, _, last = path.rpartition(".")
+                inner = f"{stem}({number + 1}).{last}" if stem else f"{path}({number + 1})"
+                _collect(file, file[reference], inner, into, depth + 1)
+    elif "MATLAB_empty" not in item.attrs:
+        _keep(path, item[()], into)
+
+
+def _keep_block(item: Any, name: str, path: str, into: dict[str, Array]) -> bool:
+    """Keep each column of a block of a pandas table under its own name."""
+    labels: list[Any] = item[name.replace("_values", "_items")][()].ravel().tolist()
+    values = item[name][()]
+    if values.ndim != 2 or values.shape[1] != len(labels):
+        return False
+    for k, label in enumerate(labels):
+        text = label.decode(errors="replace") if isinstance(label, bytes) else str(label)
+        _keep(f"{path}.{text}", values[:, k], into)
+    return True
+
+
+def _keep(path: str, value: Any, into: dict[str, Array]) -> None:
+    array = numbers_of(np.squeeze(value) if np.ndim(value) > 2 else value)
+    if array is not None:
+        into[path] = array.ravel() if 1 in array.shape else array
+
+
+_MAX_BYTES = 2 << 30
+
+
+def read_npz(files: list[Path], options: ReadOptions, budget: Budget) -> RawTable:
+    """Read a `.npz` or `.npy` file; nothing pickled is ever loaded.
+
+    Args:
+        files: The one file.
+        options: Columns say quantity to path, as in `q=rec.act_pos,t=rec.time`; None to go by
+            the names.
+        budget: Bounds what is read.
+
+    Raises:
+        RecordError: Damaged, too large, pickled, or without the arrays.
+    """
+    path = files[0]
+    variables: dict[str, Array] = {}
+    try:
+        if zipfile.is_zipfile(path):
+            with zipfile.ZipFile(path) as archive:
+                size = sum(item.file_size for item in archive.infolist())
+            if size > _MAX_BYTES:
+                raise RecordError(
+                    "the arrays are too large", where=path.name, value=size, limit=_MAX_BYTES
+                )
+        with path.open("rb") as stream, np.errstate(all="ignore"), warnings.catch_warnings():
+            # Files of Python 2 only load more slowly.
+            warnings.simplefilter("ignore", UserWarning)
+            content = np.load(stream, allow_pickle=False)
+            arrays: dict[str, Any] = (
+                {"array": content} if isinstance(content, np.ndarray) else dict(content)
+            )
+            for name, value in arrays.items():
+                for own_name, part in _parts(name, value):
+                    array = numbers_of(part)
+                    if array is not None:
+                        variables[own_name] = array
+    except RecordError:
+        raise
+    # A damaged archive can fail in zipfile, zlib, the header parser or the allocation.
+    except Exception as error:
+        text = " ".join(str(error).split()) or type(error).__name__
+        if "allow_pickle" in text:
+            raise RecordError(
+                "the file holds Python objects, which are pickled and never loaded",
+                where=path.name,
+                next_step="Save each array under its name: numpy.savez(file, t=t, q=q, tau=tau).",
+            ) from error
+        raise RecordError(
+            "the NumPy file is damaged or not plain arrays",
+            where=path.name,
+            value=text,
+            next_step="Save it again with numpy.savez.",
+        ) from error
+    if not variables:
+        raise RecordError("there are no arrays of numbers", where=path.name)
+    return table_of(variables, options, where=path.name, format="npz")
+
+
+def _parts(name: str, value: Any) -> list[tuple[str, Any]]:
+    """An array, or each field of an array with named fields."""
+    fields: tuple[str, ...] | None = getattr(value.dtype, "names", None)
+    if not fields:
+        return [(name, value)]
+    return [(field if name == "array" else f"{name}.{field}", value[field]) for field in fields]
+
+
+_JSONFILE_MAX_BYTES = 1 << 30
+_JSONFILE_MAX_DEPTH = 12
+
+
+def read_json(files: list[Path], options: ReadOptions, budget: Budget) -> RawTable:
+    """Read arrays of numbers from a JSON file.
+
+    Args:
+        files: The one file.
+        options: Columns say quantity to path, as in `q=rec.act_pos,t=rec.time`; None to go by
+            the names.
+        budget: Bounds what is read.
+
+    Raises:
+        RecordError: Damaged, too large, or without the arrays.
+    """
+    path = files[0]
+    data = all_bytes(path, _JSONFILE_MAX_BYTES)
+    try:
+        content = _parse(data.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise RecordError("the JSON file is damaged", where=path.name, value=str(error)) from error
+    variables: dict[str, Array] = {}
+    _jsonfile_collect(content, "", variables, 0)
+    if not variables:
+        raise RecordError("there are no arrays of numbers", where=path.name)
+    return table_of(variables, options, where=path.name, format="json")
+
+
+def _parse(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError:
+        lines = [line for line in text.splitlines() if line.strip()]
+        if len(lines) < 2:
+            raise
+        return [json.loads(line) for line in lines]
+
+
+def _jsonfile_collect(item: Any, path: str, into: dict[str, Array], depth: int) -> None:
+    if depth > _JSONFILE_MAX_DEPTH:
+        return
+    if isinstance(item, dict):
+        for name, value in _by_columns(cast("dict[str, Any]", item)).items():
+            _jsonfile_collect(value, f"{path}.{name}" if path else str(name), into, depth + 1)
+    elif isinstance(item, list):
+        rows = cast("list[Any]", item)
+        if rows and all(isinstance(row, dict) for row in rows):
+            # One object a row: each field becomes an array, as far as all rows have it.
+            first = cast("dict[str, Any]", rows[0])
+            for name in first:
+                if all(name in row for row in rows):
+                    inner = f"{path}.{name}" if path else str(name)
+                    _jsonfile_collect([row[name] for row in rows], inner, into, depth + 1)
+            return
+        try:
+            array = numbers_of(np.array(rows))
+        except (ValueError, OverflowError):
+            return
+        if array is not None and array.size:
+            into[path or "array"] = array
+
+
+def _by_columns(item: dict[str, Any]) -> dict[str, Any]:
+    """An object as it is, or a pandas table as one list a column.
+
+    `DataFrame.to_json` writes objects of rows by their numbers, or `columns` beside `data`.
+    """
+    names, rows = item.get("columns"), item.get("data")
+    if isinstance(names, list) and isinstance(rows, list):
+        listed, table = cast("list[Any]", names), cast("list[Any]", rows)
+        width = len(listed)
+        if table and all(
+            isinstance(row, list) and len(cast("list[Any]", row)) == width for row in table
+        ):
+            return {str(name): [row[k] for row in table] for k, name in enumerate(listed)}
+    found: dict[str, Any] = {}
+    for name, value in item.items():
+        inner = cast("dict[str, Any]", value) if isinstance(value, dict) else {}
+        counted = bool(inner) and list(inner) == [str(k) for k in range(len(inner))]
+        found[name] = list(inner.values()) if counted else value
+    return found

@@ -1,0 +1,308 @@
+"""ROS 2 storage: messages out of SQLite (`.db3`) and MCAP files, also damaged or cut ones.
+
+MCAP is read by its own library. SQLite files are read here by Python's sqlite3: rosbags refuses
+every file that is cut off, and 40 of 40 cut copies of a real recording give their messages here.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+import struct
+import tempfile
+from collections.abc import Callable, Generator, Iterator
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from dynid.core import Notice, RecordError, require
+from dynid.recording.content import MAX_BYTES, InflateError, inflate, unreadable
+
+DEFINITION_LANGUAGES = ("ros1msg", "ros2msg", "ros2idl")
+JOINT_STATE_TYPES = frozenset({"sensor_msgs/msg/JointState", "sensor_msgs/JointState"})
+Message = tuple[str, int, bytes]
+"""Topic, receive time [ns], bytes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Topic:
+    """One topic of a bag."""
+
+    name: str
+    kind: str
+    """The type of its messages, as the bag names it."""
+    encoding: str
+    """How messages are written: `ros1` or `cdr`."""
+    definition: str = ""
+    """The definition of the type and of all that it needs; empty where the bag has none."""
+    language: str = "ros2msg"
+    """The language of the definition, one of `DEFINITION_LANGUAGES`."""
+
+    @property
+    def is_joint_state(self) -> bool:
+        """Whether its messages are `sensor_msgs/JointState`."""
+        return self.kind in JOINT_STATE_TYPES
+
+
+def joint_states(topic: Topic) -> bool:
+    """Whether a topic is one of JointState messages."""
+    return topic.is_joint_state
+
+
+@dataclass(slots=True)
+class Catalog:
+    """The topics of a bag's files, and what is found while they are read."""
+
+    wanted: Callable[[Topic], bool] = joint_states
+    """Whose messages are yielded."""
+    topics: dict[str, Topic] = field(default_factory=dict[str, Topic])
+    findings: list[Notice] = field(default_factory=list[Notice])
+    """A notice for each kind of damage."""
+
+    def add(self, topic: Topic) -> bool:
+        """Take a topic in; tell whether its messages are wanted."""
+        known = self.topics.get(topic.name)
+        if known is None or (not known.definition and topic.definition):
+            self.topics[topic.name] = topic
+        return self.wanted(topic)
+
+    def report(self, code: str, message: str) -> None:
+        """Tell of damage."""
+        self.findings.append(Notice(code, message))
+
+    def described(self) -> list[str]:
+        """Topics with their types, for messages."""
+        return [f"{topic.name} ({topic.kind})" for topic in self.topics.values()]
+
+
+_MOST_RESUMES = 60
+_LARGEST_MESSAGE = 1 << 26
+_NO_BAG = "Give the .db3 file or the folder that `ros2 bag record` wrote."
+MCAP_MAGIC = b"\x89MCAP0\r\n"
+
+
+def db3_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
+    """The wanted messages of a `.db3` file in the order in which they were written.
+
+    Args:
+        path: The file.
+        catalog: Says which topics are wanted; gets all topics, and a notice for each kind of
+            damage.
+
+    Yields:
+        Topic, receive time [ns] and bytes.
+
+    Raises:
+        RecordError: No SQLite database, or no bag.
+    """
+    with _connection(path) as database:
+        topics = _topics(database, path, catalog)
+        # Messages of other topics, as images, are not even loaded.
+        query = (
+            "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ? AND topic_id IN "
+            f"({','.join(map(str, topics))}) ORDER BY id"
+        )
+        last, resumes, step = -1, 0, 1
+        while topics:
+            try:
+                for row_id, topic_id, stamp, data in database.execute(query, (last,)):
+                    # A page that was cut off reads as zeros: its rows go back to id 0.
+                    if row_id <= last:
+                        raise sqlite3.DatabaseError("ids do not rise")
+                    last, step = row_id, 1
+                    if isinstance(stamp, int) and isinstance(data, bytes):
+                        yield topics[topic_id], stamp, data
+                break
+            except (sqlite3.Error, OverflowError):
+                # A damaged page hides some rows; those after it can often still be read.
+                resumes += 1
+                if resumes > _MOST_RESUMES or step > 1 << 24:
+                    break
+                last, step = last + step, step * 2
+        if resumes or _is_short(path):
+            catalog.report(
+                "truncated_file",
+                f"{path.name} is damaged or cut off; the messages that can be read are taken",
+            )
+
+
+def _topics(database: sqlite3.Connection, path: Path, catalog: Catalog) -> dict[int, str]:
+    """Number to name of each topic that is wanted."""
+    try:
+        for table in ("topics", "messages", "message_definitions"):
+            _require_table(database, table, path)
+        definitions = _definitions(database)
+        rows = database.execute("SELECT id, name, type FROM topics").fetchall()
+    except (sqlite3.Error, OverflowError) as error:
+        raise RecordError(
+            "this is no readable ROS 2 bag", where=path.name, value=str(error), next_step=_NO_BAG
+        ) from error
+    wanted: dict[int, str] = {}
+    for number, name, kind in rows:
+        language, text = definitions.get(str(kind), ("", ""))
+        topic = Topic(
+            name=str(name), kind=str(kind), encoding="cdr", definition=text, language=language
+        )
+        if catalog.add(topic) and isinstance(number, int):
+            wanted[number] = topic.name
+    return wanted
+
+
+def _require_table(database: sqlite3.Connection, name: str, path: Path) -> None:
+    """Refuse a view, a virtual table or computed columns: reading them runs what they say.
+
+    Raises:
+        RecordError: The name is one of them.
+    """
+    kinds = database.execute("SELECT type, sql FROM sqlite_master WHERE name = ?", (name,))
+    computed = database.execute(f"SELECT 1 FROM pragma_table_xinfo('{name}') WHERE hidden != 0")
+    for kind, sql in kinds:
+        if kind != "table" or "VIRTUAL" in str(sql).upper()[:40] or computed.fetchone():
+            raise RecordError(
+                f"'{name}' is no plain table, so this is no ROS 2 bag",
+                where=path.name,
+                value=kind,
+                next_step=_NO_BAG,
+            )
+
+
+def _definitions(database: sqlite3.Connection) -> dict[str, tuple[str, str]]:
+    """Type to language and text of its definition; bags before ROS 2 Iron have none."""
+    query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+    with suppress(sqlite3.Error, OverflowError):
+        rows = database.execute(query).fetchall()
+        return {
+            str(kind): (str(language), str(text))
+            for kind, language, text in rows
+            if language in DEFINITION_LANGUAGES
+        }
+    return {}
+
+
+@contextmanager
+def _connection(path: Path) -> Generator[sqlite3.Connection]:
+    """The database, opened so that neither it nor its folder is written to."""
+    log = path.with_name(path.name + "-wal")
+    with tempfile.TemporaryDirectory(prefix="dynid-") as folder:
+        try:
+            if log.is_file() and log.stat().st_size:
+                # A killed recorder leaves its last messages in the log: merge them in a copy.
+                copy = Path(folder) / "bag.db3"
+                shutil.copyfile(path, copy)
+                shutil.copyfile(log, Path(folder) / "bag.db3-wal")
+                uri = f"{copy.as_uri()}"
+            else:
+                uri = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
+            database = sqlite3.connect(uri, uri=True)
+        except (OSError, sqlite3.Error) as error:
+            raise RecordError(
+                "the bag cannot be opened", where=path.name, value=str(error)
+            ) from error
+        with closing(database):
+            # Damaged text must not raise in the middle of a row.
+            database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LARGEST_MESSAGE)
+            database.text_factory = lambda raw: raw.decode(errors="replace")  # pyright: ignore[reportUnknownLambdaType, reportUnknownMemberType]
+            # Only so does SQLite open a file that is shorter than its header says.
+            with suppress(sqlite3.Error):
+                database.execute("PRAGMA writable_schema=ON")
+            yield database
+
+
+def _is_short(path: Path) -> bool:
+    """Whether pages are missing at the end of the file."""
+    with path.open("rb") as stream:
+        head = stream.read(32)
+    if len(head) < 32:
+        return True
+    size, pages = struct.unpack_from(">H", head, 16)[0], struct.unpack_from(">I", head, 28)[0]
+    return path.stat().st_size < pages * (65536 if size == 1 else size)
+
+
+@dataclass(slots=True)
+class _Mcap:
+    """What was read of an MCAP file so far."""
+
+    catalog: Catalog
+    schemas: dict[int, Any] = field(default_factory=dict[int, Any])
+    channels: dict[int, str] = field(default_factory=dict[int, str])
+    """Channel to topic, of those that are wanted."""
+
+    def messages(self, records: Iterator[Any]) -> Iterator[Message]:
+        """The wanted messages among records, whose schemas and channels are remembered."""
+        for record in records:
+            kind = type(record).__name__
+            if kind == "Schema":
+                self.schemas.setdefault(record.id, record)
+            elif kind == "Channel" and record.id not in self.channels:
+                topic = self._topic(record)
+                self.channels[record.id] = topic.name if self.catalog.add(topic) else ""
+            elif kind == "Message":
+                topic = self.channels.get(record.channel_id)
+                if topic and record.log_time < 1 << 62:
+                    yield topic, record.log_time, record.data
+
+    def _topic(self, channel: Any) -> Topic:
+        schema = self.schemas.get(channel.schema_id)
+        language = schema.encoding if schema else ""
+        known = language in DEFINITION_LANGUAGES
+        return Topic(
+            name=channel.topic,
+            kind=schema.name if schema else "unknown",
+            encoding=channel.message_encoding,
+            definition=schema.data.decode(errors="replace") if schema and known else "",
+            language=language,
+        )
+
+
+def mcap_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
+    """The wanted messages of an MCAP file in the order in which they were written.
+
+    Args:
+        path: The file.
+        catalog: Says which topics are wanted; gets all topics, and a notice for each kind of
+            damage.
+
+    Yields:
+        Topic, receive time [ns] and bytes.
+
+    Raises:
+        RecordError: The file cannot be read.
+        MissingExtraError: Without the `ros` extra.
+    """
+    library = require("mcap.stream_reader", "ros")
+    failures = (require("mcap.exceptions", "ros").McapError, ValueError, struct.error)
+    state = _Mcap(catalog)
+    chunks = damaged = 0
+    ended = False
+    try:
+        with path.open("rb") as stream:
+            reader = library.StreamReader(stream, emit_chunks=True, record_size_limit=MAX_BYTES)
+            with suppress(*failures):
+                for record in reader.records:
+                    kind = type(record).__name__
+                    ended = ended or kind in ("DataEnd", "Footer")
+                    if ended:
+                        break
+                    if kind != "Chunk":
+                        yield from state.messages(iter([record]))
+                        continue
+                    chunks += 1
+                    try:
+                        # Inflated here, where what comes out is bounded.
+                        data = inflate(record.data, record.compression, record.uncompressed_size)
+                        plain = replace(record, data=data, compression="")
+                        inner = library.breakup_chunk(plain, validate_crc=True)
+                    except (*failures, InflateError):
+                        damaged += 1
+                        continue
+                    yield from state.messages(iter(inner))
+    except OSError as error:
+        raise unreadable(path, error) from error
+    if damaged:
+        catalog.report(
+            "corrupt_rows",
+            f"{damaged} of {chunks} chunks of {path.name} are damaged and left out",
+        )
+    if not ended:
+        catalog.report("truncated_file", f"{path.name} is cut off; what precedes the cut is taken")

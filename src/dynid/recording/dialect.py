@@ -1,0 +1,445 @@
+"""How a text table is written: encoding, lines, lists in cells, delimiter, header."""
+
+from __future__ import annotations
+
+import codecs
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from dynid.core import RecordError
+from dynid.recording.cells import count, is_missing, is_name, is_number, is_stamp, split
+from dynid.recording.content import unreadable
+from dynid.recording.units import is_unit
+
+MAX_LINE = 1 << 20
+"""Longest line that is read [characters]; a longer one counts as unreadable."""
+UNREADABLE = "\ufffd"
+"""What stands in the place of a line that is too long."""
+_BLOCK = 1 << 20
+_MOST_SNIFFED = 4 << 20
+_TEXT = bytes([*range(9, 14), *range(32, 127)])
+_LETTERS = frozenset("°²³µ·äöüÄÖÜßéèàçñ±".encode("cp1252"))
+SNIFFED = 1 << 16
+"""Bytes from the start of a file that tell its encoding."""
+
+
+def encoding_of(head: bytes) -> str:
+    """The encoding of a text.
+
+    A byte order mark says it; zeros beside plain letters do; else it is UTF-8, or the
+    Windows code page where the bytes are no UTF-8 (a degree sign in a header).
+
+    Args:
+        head: The first bytes of the file.
+    """
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    wide = _wide(head)
+    if wide:
+        return wide
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)
+    except UnicodeDecodeError:
+        # A few wrong bytes in a long table are damage; in a header they are letters.
+        if b"\x00" not in head and _LETTERS.issuperset(head.translate(None, _TEXT)):
+            return "cp1252"
+    return "utf-8-sig"
+
+
+def looks_like_text(head: bytes) -> bool:
+    """Whether the first bytes of a file can be a table in text form."""
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")) or _wide(head):
+        return True
+    return len(head.translate(None, _TEXT)) <= 0.1 * len(head)
+
+
+def _wide(head: bytes) -> str:
+    """The sort of UTF-16 without a byte order mark, or nothing."""
+    even, odd = head[0:4096:2], head[1:4096:2]
+    if len(odd) < 8:
+        return ""
+    for zeros, letters, name in ((odd, even, "utf-16-le"), (even, odd, "utf-16-be")):
+        if zeros.count(0) >= 0.95 * len(zeros) and (
+            len(letters.translate(None, _TEXT)) <= 0.05 * len(letters)
+        ):
+            return name
+    return ""
+
+
+def line_blocks(path: Path, encoding: str) -> Iterator[tuple[list[str], bool]]:
+    """Lines of a file, some thousands at a time.
+
+    Yields:
+        Lines without their ends, and whether the last of them was closed by a line end
+        (false for the last line of a file that stops in mid-line only).
+
+    Raises:
+        RecordError: The file cannot be read.
+    """
+    try:
+        with path.open(encoding=encoding, errors="replace") as stream:
+            pending, too_long = "", False
+            while block := stream.read(_BLOCK):
+                lines = block.split("\n")
+                lines[0] = pending + lines[0]
+                if too_long and len(lines) > 1:
+                    lines[0], too_long = UNREADABLE, False
+                pending = lines.pop()
+                if len(pending) > MAX_LINE or too_long:
+                    pending, too_long = "", True
+                yield [x if len(x) <= MAX_LINE else UNREADABLE for x in lines], True
+            if pending or too_long:
+                yield [UNREADABLE if too_long else pending], False
+    except UnicodeError as error:
+        raise RecordError(
+            "the text encoding is damaged",
+            where=path.name,
+            next_step="Save the file as UTF-8.",
+        ) from error
+    except OSError as error:
+        raise unreadable(path, error) from error
+
+
+def first_lines(path: Path, encoding: str, count: int) -> list[str]:
+    """At most `count` lines from the start of a file.
+
+    Raises:
+        RecordError: The file cannot be read, or its first line is too long for a table.
+    """
+    lines: list[str] = []
+    size = 0
+    for block, _ in line_blocks(path, encoding):
+        lines.extend(block)
+        size += _BLOCK
+        if len(lines) >= count or (lines and size > _MOST_SNIFFED):
+            break
+        if lines[:1] == [UNREADABLE]:
+            break
+        if not lines and path.stat().st_size > 4 * MAX_LINE:
+            break
+    if not lines or lines[0] == UNREADABLE:
+        raise RecordError(
+            "line 1 is too long for a table",
+            where=path.name,
+            limit=f"{MAX_LINE} characters",
+            next_step="Check that the file is a recording in text form.",
+        )
+    return lines[:count]
+
+
+_ARRAY = re.compile(r"array\(\s*(?:['\"][a-z]['\"]\s*,\s*)?(\[[^\]]*\])[^()]*\)")
+_LIST = re.compile(r"(?<![\w\])])[\[(]([^\[\]()]*)[\])](?![\w\[(])")
+_WORD = re.compile(r"[A-Za-z_][\w/\-]*")
+_NAMES = frozenset({"name", "names", "joint_name", "joint_names"})
+
+
+def has_lists(line: str) -> bool:
+    """Whether some cell of a row is a list of numbers or of words."""
+    return any(
+        len(items) > 1 and (all(map(is_number, items)) or all(map(_WORD.fullmatch, items)))
+        for match in _LIST.finditer(_ARRAY.sub(r"\1", line))
+        for items in [_items(match.group(1))]
+    )
+
+
+def flatten(line: str, delimiter: str) -> str:
+    """A row with the items of its lists as cells of their own, and without quotes."""
+    return _LIST.sub(
+        lambda match: delimiter.join(_items(match.group(1))), _ARRAY.sub(r"\1", line)
+    ).replace('"', "")
+
+
+def widths(line: str, delimiter: str) -> list[int]:
+    """How many numbers or words each cell of a row holds.
+
+    Args:
+        line: The row as it stands in the file.
+        delimiter: What separates the cells.
+    """
+    counts: list[int] = []
+
+    def mark(match: re.Match[str]) -> str:
+        counts.append(len(_items(match.group(1))))
+        return "\x00"
+
+    cells = split(_LIST.sub(mark, _ARRAY.sub(r"\1", line)), delimiter)
+    sizes = iter(counts)
+    return [next(sizes) if "\x00" in cell else 1 for cell in cells]
+
+
+def spread(names: Sequence[str], sizes: Sequence[int]) -> tuple[str, ...] | None:
+    """Header names for flattened rows: `q` of six items becomes `q[0]` to `q[5]`.
+
+    Args:
+        names: The header's names, one a cell.
+        sizes: Items of each cell.
+
+    Returns:
+        The names, or None where the header has another number of cells.
+    """
+    if len(names) != len(sizes):
+        return None
+    out: list[str] = []
+    for name, size in zip(names, sizes, strict=True):
+        out += [name] if size == 1 else [f"{name}[{k}]" for k in range(size)]
+    return tuple(out)
+
+
+def echoed_names(cells: Sequence[str]) -> tuple[str, ...] | None:
+    """The header that `ros2 topic echo --csv` leaves out before JointState messages.
+
+    A row holds the stamp (s and ns), the frame, n joint names, and n numbers of each of
+    position, velocity and effort, as far as they were sent.
+
+    Args:
+        cells: A row.
+
+    Returns:
+        The names, or None where the row is no such message.
+    """
+    words = [k for k, cell in enumerate(cells) if not is_number(cell) and not is_missing(cell)]
+    first = 3 if words[:1] == [2] or (len(cells) > 2 and is_missing(cells[2])) else 2
+    joints = [k for k in words if k >= first]
+    n = len(joints)
+    rest = len(cells) - first - n
+    if n == 0 or joints != list(range(first, first + n)) or rest % n or not n <= rest <= 3 * n:
+        return None
+    if not all(is_number(cell) for cell in cells[:2]):
+        return None
+    names = ["header.stamp.sec", "header.stamp.nanosec", "header.frame_id"][:first]
+    fields = ("name", "position", "velocity", "effort")
+    for field in fields if rest == 3 * n else fields[: 1 + rest // n]:
+        names += [f"{field}[{k}]" for k in range(n)]
+    return tuple(names)
+
+
+def joints_named(names: Sequence[str] | None, cells: Sequence[str]) -> tuple[int, ...]:
+    """The columns that hold joint names, base first as the messages have them.
+
+    Args:
+        names: Header names.
+        cells: A row of the table.
+    """
+    if names is None or len(cells) != len(names):
+        return ()
+    found: list[tuple[int, int]] = []
+    for k, name in enumerate(names):
+        word = re.split(r"[/.]", name.strip().strip("\"'").lower())[-1]
+        match = re.fullmatch(r"([a-z_]+?)_?\[?(\d{1,2})\]?", word)
+        if match and match.group(1) in _NAMES and not is_number(cells[k]):
+            found.append((int(match.group(2)), k))
+    return tuple(column for _, column in sorted(found))
+
+
+def _items(inside: str) -> list[str]:
+    separator = "," if "," in inside else ";" if ";" in inside else None
+    return [item.strip().strip("\"'") for item in inside.strip().split(separator)]
+
+
+DELIMITERS = (",", ";", "\t", "|", " ")
+MAX_COLUMNS = 5000
+COMMENT = ("#", "%", "//")
+_WORDS = {"comma": ",", "semicolon": ";", "tab": "\t", "\\t": "\t", "space": " ", "blank": " "}
+_SAMPLE = 300
+_SCORED = 80
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dialect:
+    """How one text table is written."""
+
+    path: Path
+    encoding: str
+    delimiter: str
+    """One character; a blank stands for any run of blanks."""
+    decimal: str
+    """`.` or `,`."""
+    width: int
+    """Cells in a row."""
+    first_row: int
+    """Index of the first line of numbers, from 0."""
+    names: tuple[str, ...] | None
+    """Header names, as many as `width`, or None."""
+    header_cells: int
+    """Cells of a header that does not fit the rows; 0 where it fits or is absent."""
+    numeric: frozenset[int]
+    """Columns that hold numbers in the first rows."""
+    units: tuple[str, ...]
+    """Units from a line of their own under the header, one a column, or none."""
+    stamps: frozenset[int]
+    """Columns that hold dates or times of day."""
+    lists: bool
+    """Whether cells hold lists, each item of which counts as a column."""
+    joint_names: tuple[str, ...]
+    """Joint names that stand in the rows themselves, if any."""
+    joint_cells: str
+    """Those names as they stand in a row, from the first to the last."""
+
+
+def delimiter_of(given: str | None) -> str | None:
+    """The delimiter that a user names: a character, or `tab`, `space`, `comma`.
+
+    Raises:
+        RecordError: Not one character.
+    """
+    if given is None:
+        return None
+    delimiter = _WORDS.get(given.strip().lower(), given) if given != "\t" else given
+    if len(delimiter) != 1 or delimiter.isalnum() or delimiter in "\n\r.+-\"'":
+        raise RecordError(
+            "the delimiter must be one character",
+            value=given,
+            limit="a character, or comma, semicolon, tab, space",
+        )
+    return delimiter
+
+
+def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
+    """Find out how a text table is written, from its first lines.
+
+    Args:
+        path: The file.
+        header: Whether it has a header line; None to find out.
+        delimiter: Its delimiter; None to find out.
+
+    Raises:
+        RecordError: There are no rows of numbers, or far too many columns.
+    """
+    with path.open("rb") as stream:
+        encoding = encoding_of(stream.read(SNIFFED))
+    written = first_lines(path, encoding, _SAMPLE)
+    given = delimiter_of(delimiter)
+    # A title or a header may have brackets as well: most lines must have lists.
+    lists = 2 * sum(map(has_lists, written[:_SCORED])) > min(len(written), _SCORED)
+    lines = [flatten(line, given or _between_lists(line)) for line in written] if lists else written
+    best, sign, width = _best(lines[:_SCORED], DELIMITERS if given is None else (given,))
+    if width == 0:
+        raise RecordError(
+            "there are no rows of numbers",
+            where=path.name,
+            next_step="Check the file, or name its --delimiter.",
+        )
+    if width > MAX_COLUMNS:
+        raise RecordError("too many columns", where=path.name, value=width, limit=MAX_COLUMNS)
+    first = _first_row(lines, best, sign, header, width)
+    names = None
+    units: tuple[str, ...] = ()
+    if header is not False:
+        sizes = widths(written[first], best) if lists else []
+        names, units = _names(written[:first], best, width, sizes, forced=bool(header))
+    misfit = 0
+    if names is not None and len(names) != width:
+        misfit = len(names)
+        names = None
+    rows = [split(line, best) for line in lines[first:]]
+    whole = [cells for cells in rows if len(cells) == width]
+    if names is None and header is None and misfit == 0 and whole:
+        names = echoed_names(whole[0])
+    stamps = frozenset(k for k in range(width) if any(is_stamp(cells[k]) for cells in whole[:5]))
+    numeric = frozenset(
+        k for k in range(width) if any(is_number(cells[k], sign) for cells in whole)
+    )
+    named = joints_named(names, whole[0] if whole else ())
+    return Dialect(
+        path=path,
+        encoding=encoding,
+        delimiter=best,
+        decimal=sign,
+        width=width,
+        first_row=first,
+        names=names,
+        header_cells=misfit,
+        numeric=numeric,
+        units=units,
+        stamps=stamps,
+        lists=lists,
+        joint_names=tuple(whole[0][k].strip() for k in named),
+        joint_cells=best.join(whole[0][named[0] : named[-1] + 1]) if named else "",
+    )
+
+
+def _best(lines: list[str], delimiters: tuple[str, ...]) -> tuple[str, str, int]:
+    """Delimiter, decimal sign and width under which the lines hold most numbers."""
+    best, sign, width, score = ",", ".", 0, 0
+    for delimiter in delimiters:
+        for decimal in (".",) if delimiter == "," else (".", ","):
+            found, points = _score(lines, delimiter, decimal)
+            if points > score:
+                best, sign, width, score = delimiter, decimal, found, points
+            if found > 1 and points >= 0.95 * found * len(lines):
+                return best, sign, width
+    return best, sign, width
+
+
+def _score(lines: list[str], delimiter: str, decimal: str) -> tuple[int, int]:
+    """The most common width of rows of numbers, and how many numbers those rows hold."""
+    widths: Counter[int] = Counter()
+    for line in lines:
+        cells = split(line, delimiter)
+        numbers, present = count(cells, decimal)
+        if _is_data(numbers, present):
+            widths[len(cells)] += numbers
+    return widths.most_common(1)[0] if widths else (0, 0)
+
+
+def _is_data(numbers: int, present: int) -> bool:
+    return numbers > 0 and 2 * numbers >= present
+
+
+def _first_row(
+    lines: list[str], delimiter: str, decimal: str, header: bool | None, width: int
+) -> int:
+    start = 0
+    if header:
+        start = 1 + next((k for k, x in enumerate(lines) if x.strip()), 0)
+    for k, line in enumerate(lines[start:], start):
+        if not line.strip() or line.lstrip().startswith(COMMENT):
+            continue
+        cells = split(line, delimiter)
+        # `Sampling rate,125` above a wide table is no row of it.
+        titled = len(cells) != width and any(map(is_name, cells))
+        if header is False or (_is_data(*count(cells, decimal)) and not titled):
+            return k
+        # A damaged first row is a row, not a header: a header is made of names.
+        if header is None and 2 * sum(map(is_name, cells)) < len(cells):
+            return k
+    return start
+
+
+def _between_lists(line: str) -> str:
+    """The delimiter between cells of which some are lists: semicolon and tab are sure ones."""
+    return next((sign for sign in (";", "\t") if sign in line), ",")
+
+
+def _names(
+    above: list[str], delimiter: str, width: int, sizes: list[int], *, forced: bool
+) -> tuple[tuple[str, ...] | None, tuple[str, ...]]:
+    """The header above the first row, and the units of a line under it.
+
+    The header is the nearest line of names that is no line of units.
+    """
+    misfit: tuple[str, ...] | None = None
+    units: tuple[str, ...] = ()
+    for line in reversed(above):
+        text = line.strip().lstrip("#%/ ") if line.lstrip().startswith(COMMENT) else line
+        cells = [cell.strip().strip("\"'").strip() for cell in split(text, delimiter)]
+        if not any(cells):
+            continue
+        if all(map(is_unit, filter(None, (cell.strip("[]()") for cell in cells)))):
+            fits = len(cells) == width
+            units = tuple(cell.strip("[]()") for cell in cells) if fits else units
+            continue
+        if len(cells) == width - 1 and delimiter != " ":
+            # Rows that end in a delimiter have one empty cell more than the header.
+            cells.append("")
+        wide = spread(cells, sizes) if sizes else None
+        if wide is not None and len(wide) == width:
+            return wide, units
+        if len(cells) == width and (forced or 2 * sum(map(is_name, cells)) >= len(cells) - 1):
+            return tuple(cells), units
+        if misfit is None and not line.lstrip().startswith(COMMENT) and len(cells) > 1:
+            misfit = tuple(cells)
+    return misfit, units

@@ -1,0 +1,257 @@
+"""What a file is: by its first bytes, then by its extension; and what is packed in it."""
+
+from __future__ import annotations
+
+import bz2
+import gzip
+import lzma
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO
+
+from dynid.core import RecordError
+from dynid.recording.budget import Budget
+from dynid.recording.content import first_bytes, zstd_module
+from dynid.recording.dialect import looks_like_text
+from dynid.recording.frames import write_sheet
+from dynid.recording.partial import MARK
+from dynid.recording.store import is_own
+
+_MARKS = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ\x00": "xz", b"\x28\xb5\x2f\xfd": "zstd"}
+_SHEETS = (".xlsx", ".xlsm", ".xls", ".ods")
+_BLOCK = 1 << 20
+
+
+def packing(path: Path) -> str:
+    """How a file is packed: `gzip`, `bzip2`, `xz`, `zstd`, `zip`, `workbook`; empty for not at all.
+
+    Args:
+        path: The file.
+
+    Raises:
+        RecordError: It cannot be read.
+    """
+    head = first_bytes(path, 1 << 12)
+    for mark, kind in _MARKS.items():
+        if head.startswith(mark):
+            return kind
+    if path.suffix.lower() in _SHEETS or head.startswith(b"\xd0\xcf\x11\xe0"):
+        return "workbook" if head.startswith((b"PK", b"\xd0\xcf")) else ""
+    if not head.startswith(b"PK\x03\x04") or b".npy" in head[:200]:
+        return ""
+    with suppress(zipfile.BadZipFile, OSError, ValueError), zipfile.ZipFile(path) as archive:
+        if {"xl/workbook.xml", "content.xml"} & set(archive.namelist()):
+            return "workbook"
+    return "zip" if path.suffix.lower() == ".zip" else ""
+
+
+@contextmanager
+def unpacked(files: Sequence[Path], budget: Budget) -> Generator[list[Path]]:
+    """The files, each compressed one in place of which its content stands for a while.
+
+    Args:
+        files: Recordings; folders pass through.
+        budget: Bounds what comes out.
+
+    Yields:
+        Paths of the plain files.
+
+    Raises:
+        RecordError: Damaged, too large, or a zip archive of several files.
+        MissingExtraError: zstd without its package.
+    """
+    kinds = ["" if file.is_dir() else packing(file) for file in files]
+    if not any(kinds):
+        yield list(files)
+        return
+    with tempfile.TemporaryDirectory(prefix="dynid-") as folder:
+        room = budget.require_space(folder)
+        plain: list[Path] = []
+        for number, (file, kind) in enumerate(zip(files, kinds, strict=True)):
+            if not kind:
+                plain.append(file)
+                continue
+            place = Path(folder) / str(number)
+            place.mkdir()
+            # Messages name the file that the user gave.
+            target = place / file.name
+            if kind == "workbook":
+                write_sheet(file, target)
+                plain.append(target)
+                continue
+            try:
+                with _opened(file, kind) as source, target.open("wb") as sink:
+                    _copy(source, sink, file, room)
+            except RecordError:
+                raise
+            # The libraries share no exception for damaged bytes.
+            except (
+                *(OSError, EOFError, ValueError, RuntimeError, NotImplementedError),
+                *(zlib.error, lzma.LZMAError, zipfile.BadZipFile, *_zstd_errors(kind)),
+            ) as error:
+                raise RecordError(
+                    f"the {kind} file is damaged",
+                    where=file.name,
+                    value=str(error) or None,
+                    next_step="Copy it again, or unpack what is left of it and import that.",
+                ) from error
+            plain.append(target)
+        yield plain
+
+
+def _opened(file: Path, kind: str) -> IO[bytes] | gzip.GzipFile:
+    if kind == "gzip":
+        return gzip.open(file)
+    if kind == "bzip2":
+        return bz2.open(file)
+    if kind == "xz":
+        return lzma.open(file)
+    if kind == "zstd":
+        return zstd_module().open(file, "rb")
+    try:
+        archive = zipfile.ZipFile(file)
+        members = [item for item in archive.infolist() if not item.is_dir()]
+    except zipfile.BadZipFile as error:
+        raise RecordError("the zip file is damaged", where=file.name) from error
+    if len(members) != 1:
+        raise RecordError(
+            "the zip archive holds several files",
+            where=file.name,
+            value=[item.filename for item in members][:10],
+            next_step=f"Unpack it first: unzip {file.name}",
+        )
+    return archive.open(members[0])
+
+
+def _zstd_errors(kind: str) -> tuple[type[Exception], ...]:
+    """What zstd raises, which only its own package knows."""
+    return (zstd_module().ZstdError,) if kind == "zstd" else ()
+
+
+def _copy(source: IO[bytes] | gzip.GzipFile, sink: IO[bytes], file: Path, room: int) -> None:
+    written = 0
+    while block := source.read(_BLOCK):
+        written += len(block)
+        if written > room:
+            raise RecordError(
+                "the file is too large when unpacked",
+                where=file.name,
+                limit=f"{room >> 20} MB for a file of this size, or what the disk has free",
+                next_step="Unpack it, and import what is inside.",
+            )
+        sink.write(block)
+    if written == 0:
+        raise RecordError("the compressed file is empty", where=file.name)
+
+
+FORMATS = (
+    "ur-csv",
+    "ur-rtde-csv",
+    "csv",
+    "rosbag",
+    "mcap",
+    "mat",
+    "npz",
+    "hdf5",
+    "json",
+    "parquet",
+)
+PACKED = "packed"
+"""What `content_kind` calls a compressed file."""
+_DETECT_MARKS: tuple[tuple[bytes, str], ...] = (
+    (b"PAR1", "parquet"),
+    (MARK, "parquet"),
+    (b"SQLite format 3\x00", "rosbag"),
+    (b"\x89MCAP0\r\n", "mcap"),
+    (b"MATLAB 5.0 MAT", "mat"),
+    (b"MATLAB 7", "mat"),
+    (b"\x93NUMPY", "npz"),
+    (b"ARROW1", "arrow"),
+    (b"#ROSBAG V2", "rosbag"),
+)
+_PICKLE = (
+    "A pickle runs code when it is loaded, so dynid loads none. In the program that wrote it: "
+    "DataFrame.to_parquet or to_csv, or numpy.savez(file, t=t, q=q, tau=tau)."
+)
+_OTHERS: tuple[tuple[bytes, str, str], ...] = (
+    (b"#ROSBAG V", "a ROS 1 bag of before 2010", "Convert it with: rosbag fix FILE NEW"),
+    *((bytes([0x80, protocol]), "a Python pickle", _PICKLE) for protocol in range(2, 6)),
+    (b"FEA1", "a Feather file of version 1", "Write it again: pyarrow.feather.write_feather."),
+    (b"ORC", "an ORC table", "Save it as Parquet: pyarrow.parquet.write_table."),
+    (b"\xff\xff\xff\xff", "an Arrow stream", "Save it as Parquet: pyarrow.parquet.write_table."),
+)
+_EXTENSIONS = {
+    ".db3": "rosbag",
+    ".mcap": "mcap",
+    ".mat": "mat",
+    ".npz": "npz",
+    ".npy": "npz",
+    ".parquet": "parquet",
+    ".bag": "rosbag",
+}
+
+
+def content_kind(path: Path) -> str:
+    """What a file holds: `csv` for any text, a binary format, or `packed`.
+
+    A Parquet or Arrow table that is none of ours is `arrow`.
+
+    Raises:
+        RecordError: It cannot be read, or is none of the formats.
+    """
+    head = first_bytes(path, 1 << 16)
+    if packing(path):
+        return PACKED
+    if b"\x89HDF" in (head[:4], head[512:516]):
+        # MATLAB 7.3 puts 512 bytes of its own before.
+        return "hdf5"
+    for mark, kind in _DETECT_MARKS:
+        if head.startswith(mark):
+            return "arrow" if kind == "parquet" and not is_own(path) else kind
+    if head[124:128] in (b"\x00\x01IM", b"\x01\x00MI"):
+        return "mat"
+    for mark, what, hint in _OTHERS:
+        if head.startswith(mark):
+            raise RecordError(f"this is {what}", where=path.name, next_step=hint)
+    if head.startswith(b"PK\x03\x04"):
+        if b".npy" in head or path.suffix == ".npz":
+            return "npz"
+        raise RecordError(
+            "this is a zip archive",
+            where=path.name,
+            next_step="Unpack it.",
+        )
+    if _is_binary_ur(head):
+        raise RecordError(
+            "this is a binary log of UR's record.py",
+            where=path.name,
+            next_step="Record again without --binary.",
+        )
+    if path.suffix.lower() in (".pkl", ".pickle"):
+        # The oldest pickles have no mark of their own.
+        raise RecordError("this is a Python pickle", where=path.name, next_step=_PICKLE)
+    if looks_like_text(head):
+        return "json" if _is_json(head) else "csv"
+    by_name = _EXTENSIONS.get(path.suffix.lower())
+    if by_name is not None:
+        return by_name
+    raise RecordError(
+        "this is none of the formats that dynid reads",
+        where=path.name,
+        limit="UR logs, CSV, Excel, ROS bags, MCAP, MATLAB, HDF5, NumPy, JSON, Parquet",
+    )
+
+
+def _is_json(head: bytes) -> bool:
+    """Whether a text begins as an object, or as a list of objects or of numbers."""
+    start = head.lstrip(b"\xef\xbb\xbf \t\r\n")[:200]
+    return start.startswith(b"{") or b"".join(start.split()).startswith((b"[{", b"[["))
+
+
+def _is_binary_ur(head: bytes) -> bool:
+    lines = head.split(b"\n", 2)
+    return lines[0].startswith(b"timestamp ") and len(lines) > 1 and b"DOUBLE" in lines[1][:20]

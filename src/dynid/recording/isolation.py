@@ -1,0 +1,280 @@
+"""Foreign files are read in a process of their own, whose memory and time the system limits.
+
+One bound for all formats: whatever a file claims or a library does with it, the reader ends and the
+caller gets one message. The process is started once (0.4 s of CPU) and reads one file after the
+other; what it found comes back as JSON and raw numbers.
+"""
+
+from __future__ import annotations
+
+import atexit
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from dynid.core import DynidError, InputError, JobError, MissingExtraError, Notice, RecordError
+from dynid.recording.budget import Budget
+from dynid.recording.table import RawTable, ReadOptions
+
+Reader = Callable[[list[Path], ReadOptions, Budget], RawTable | Path]
+"""Reads files with options; a path is an own recording that was packed."""
+_ERRORS: dict[str, type[DynidError]] = {
+    kind.__name__: kind for kind in (InputError, JobError, MissingExtraError, RecordError)
+}
+_ARRAYS = ("rows", "index", "t", "reported")
+_SMALLER = "Save only the signals of the joints, or split the recording into shorter ones."
+
+
+class _Worker:
+    """The reading process, as its parent sees it."""
+
+    def __init__(self) -> None:
+        self.pid = os.getpid()
+        code = (
+            f"import sys; sys.path[:] = {sys.path!r}; "
+            "from dynid.recording.reading import serve_requests; serve_requests()"
+        )
+        # One thread, and no reserve of address space, so that the limit is one of true memory.
+        calm = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MALLOC_ARENA_MAX": "1"}
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", code],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, **calm, "ARROW_DEFAULT_MEMORY_POOL": "system"},
+            # Ctrl-C is the parent's to handle.
+            start_new_session=True,
+        )
+
+    def ask(self, request: dict[str, Any]) -> RawTable | Path | None:
+        """The answer to one request; None where the process ended before it."""
+        stdin, stdout = self.process.stdin, self.process.stdout
+        if stdin is None or stdout is None:
+            return None
+        try:
+            stdin.write(json.dumps(request).encode() + b"\n")
+            stdin.flush()
+            head = stdout.readline()
+        except OSError:
+            return None
+        if not head.endswith(b"\n"):
+            return None
+        answer = json.loads(head)
+        if "error" in answer:
+            kind = _ERRORS.get(answer.pop("error"), RecordError)
+            raise kind(answer.pop("what"), **answer)
+        return Path(answer["own"]) if "own" in answer else _unpack(answer, stdout)
+
+    def end(self) -> int:
+        """End the process and tell how it ended."""
+        for pipe in (self.process.stdin, self.process.stdout):
+            if pipe is not None:
+                try:
+                    pipe.close()
+                except OSError:
+                    continue
+        try:
+            return self.process.wait(timeout=2.0)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            return self.process.wait()
+
+
+_lock = threading.Lock()
+_worker: list[_Worker] = []
+
+
+def read_isolated(files: Sequence[Path], options: ReadOptions, folder: Path) -> RawTable | Path:
+    """Read files within their budget.
+
+    Args:
+        files: The files of one recording.
+        options: What the user says of them.
+        folder: A folder for what is unpacked, which the caller removes.
+
+    Raises:
+        RecordError: Not a recording, or one that needs more than its budget.
+        MissingExtraError: A format whose extra is not installed.
+    """
+    budget = Budget.of(files)
+    request = {
+        "files": [str(file.resolve()) for file in files],
+        "options": {**asdict(options), "columns": _plain(options.columns)},
+        "budget": {item.name: getattr(budget, item.name) for item in fields(Budget)},
+        "folder": str(folder),
+    }
+    where = ", ".join(file.name for file in files)
+    with _lock:
+        worker = _current()
+        try:
+            answer = worker.ask(request)
+        except DynidError:
+            raise
+        except BaseException:
+            # Half an answer may be in the pipe.
+            _drop()
+            raise
+        if answer is not None:
+            return answer
+        status = _drop()
+    if status == -signal.SIGXCPU:
+        raise RecordError(
+            "reading takes too long for a file of this size",
+            where=where,
+            limit=f"{budget.cpu_s:.0f} s of CPU time",
+            next_step=_SMALLER,
+        )
+    raise RecordError(
+        "the file is damaged, or needs more memory than one of its size may",
+        where=where,
+        limit=f"{budget.memory_bytes >> 20} MB",
+        next_step=_SMALLER,
+    )
+
+
+def serve(read: Reader) -> None:
+    """Answer requests until the parent closes the pipe; runs in the reading process.
+
+    Args:
+        read: Reads the files of a request.
+    """
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    source = sys.stdin.buffer
+    answers = os.fdopen(os.dup(1), "wb")
+    # What libraries print must not get among the answers.
+    os.dup2(2, 1)
+    while line := source.readline():
+        request = json.loads(line)
+        budget = Budget(**request["budget"])
+        tempfile.tempdir = request["folder"]
+        _limit(budget)
+        try:
+            found = read([Path(file) for file in request["files"]], _options(request), budget)
+            _send(found, answers)
+        except DynidError as error:
+            _refuse(error, answers)
+        except MemoryError:
+            _relax()
+            limit = f"{budget.memory_bytes >> 20} MB"
+            text = "the file needs more memory than one of its size may"
+            _refuse(RecordError(text, limit=limit, next_step=_SMALLER), answers)
+            return
+
+
+def _options(request: dict[str, Any]) -> ReadOptions:
+    given: dict[str, Any] = request["options"]
+    for name in ("joints", "joint_order"):
+        given[name] = None if given[name] is None else tuple(given[name])
+    return ReadOptions(**given)
+
+
+def _plain(columns: str | Mapping[str, str] | None) -> str | dict[str, str] | None:
+    if isinstance(columns, Mapping):
+        return {str(name): str(value) for name, value in columns.items()}
+    return columns
+
+
+def _limit(budget: Budget) -> None:
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+    space = pages * resource.getpagesize() + budget.memory_bytes
+    used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
+    infinity = resource.RLIM_INFINITY
+    resource.setrlimit(resource.RLIMIT_AS, (space, infinity))
+    resource.setrlimit(resource.RLIMIT_CPU, (int(used + budget.cpu_s) + 1, infinity))
+
+
+def _relax() -> None:
+    resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+
+
+def _refuse(error: DynidError, answers: IO[bytes]) -> None:
+    facts = {name: getattr(error, name) for name in ("what", "where", "next_step")}
+    # Values of other types are shown as they would be in the message.
+    shown = {
+        name: value if value is None or isinstance(value, str) else repr(value)
+        for name, value in (("value", error.value), ("limit", error.limit))
+    }
+    kind = next(name for name in (type(error).__name__, "RecordError") if name in _ERRORS)
+    answers.write(json.dumps({"error": kind, **facts, **shown}).encode() + b"\n")
+    answers.flush()
+
+
+def _send(found: RawTable | Path, answers: IO[bytes]) -> None:
+    if isinstance(found, Path):
+        answers.write(json.dumps({"own": str(found)}).encode() + b"\n")
+        answers.flush()
+        return
+    arrays = {name: getattr(found, name) for name in _ARRAYS}
+    arrays |= {f"signals/{name}": value for name, value in found.signals.items()}
+    arrays |= {f"channels/{name}": value for name, value in found.channels.items()}
+    there = {
+        name: np.ascontiguousarray(value) for name, value in arrays.items() if value is not None
+    }
+    facts: dict[str, Any] = {
+        item.name: getattr(found, item.name)
+        for item in fields(RawTable)
+        if item.name not in (*_ARRAYS, "signals", "channels")
+    }
+    facts["said"] = sorted(found.said)
+    facts["notices"] = [notice.to_json() for notice in found.notices]
+    head = {"facts": facts, "arrays": [[k, v.dtype.str, v.shape] for k, v in there.items()]}
+    answers.write(json.dumps(head).encode() + b"\n")
+    for value in there.values():
+        answers.write(value.data)
+    answers.flush()
+
+
+def _unpack(answer: dict[str, Any], stream: IO[bytes]) -> RawTable | None:
+    facts: dict[str, Any] = {**answer["facts"], **dict.fromkeys(_ARRAYS)}
+    facts |= {"signals": {}, "channels": {}}
+    for name, kind, shape in answer["arrays"]:
+        value = np.empty(shape, dtype=np.dtype(kind))
+        view = value.reshape(-1).view(np.uint8).data
+        while len(view):
+            count = stream.readinto(view)  # type: ignore[attr-defined]
+            if not count:
+                return None
+            view = view[count:]
+        group, slash, key = name.partition("/")
+        if slash:
+            facts[group][key] = value
+        else:
+            facts[name] = value
+    facts["said"] = frozenset(facts["said"])
+    facts["notices"] = tuple(Notice(**notice) for notice in facts["notices"])
+    facts["labels"] = {name: tuple(names) for name, names in facts["labels"].items()}
+    for name in ("joint_names", "notes", "clock_columns"):
+        facts[name] = tuple(facts[name])
+    return RawTable(**facts)
+
+
+def _current() -> _Worker:
+    """The running process, or a new one; a fork of the parent needs one of its own."""
+    if _worker and (_worker[0].pid != os.getpid() or _worker[0].process.poll() is not None):
+        _drop()
+    if not _worker:
+        _worker.append(_Worker())
+    return _worker[0]
+
+
+def _drop() -> int:
+    """Forget the process and tell how it ended; only its own parent ends it."""
+    worker = _worker.pop()
+    return worker.end() if worker.pid == os.getpid() else 0
+
+
+@atexit.register
+def _end() -> None:
+    if _worker:
+        _drop()

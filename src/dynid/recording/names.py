@@ -1,0 +1,452 @@
+"""The words that recorders use for signals, and names of columns taken apart."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from dynid.recording.units import factor_of, is_unit
+
+UR_JOINTS = (
+    "shoulder_pan_joint",
+    "shoulder_lift_joint",
+    "elbow_joint",
+    "wrist_1_joint",
+    "wrist_2_joint",
+    "wrist_3_joint",
+)
+"""Joint names of Universal Robots' ROS drivers, base to tip; their messages sort them by letter."""
+# The first that a file has wins.
+_SYNONYMS: dict[str, str] = {
+    "t": (
+        "t time timestamp time_stamp stamp timestamps times sec secs second seconds elapsed "
+        "elapsed_time time_s t_s robot_time rostime controller_time rec_time time_cont "
+        "rosbag_timestamp datetime date_time zeit zeitstempel tempo temps ipoc"
+    ),
+    "q": (
+        "actual_q q q_act q_actual act_q q_meas q_measured measured_q actual_position "
+        "actual_positions measured_position pos_meas act_pos pos position positions "
+        "joint_position joint_positions jointpos joint_pos joint_angle joint_angles angle "
+        "angles theta qpos measured_joint_position measured_joint_positions "
+        "joint_position_measured joint_position_actual msr_jnt_pos axisqmsr axis_act ai_pos aipos "
+        "act_joint_pos act_jpos jpos joints_position joints_positions link_position q_msr q_mes "
+        "pos_act pos_actual position_actual actual_pos actual_joint_position "
+        "actual_joint_positions actual_angle actual_angles joints_angle qs q_joint "
+        "current_position current_positions current_joint_position current_joint_positions "
+        "current_q current_angle current_angles current_joint_angles qactual f_act_position "
+        "winkel gelenkwinkel"
+    ),
+    "qd": (
+        "actual_qd qd dq qdot q_dot qd_act qd_actual act_qd dq_act dq_meas qd_meas "
+        "actual_velocity actual_velocities measured_velocity vel_meas act_vel vel velocity "
+        "velocities joint_velocity joint_velocities joint_vel speed joint_speed dtheta qvel "
+        "omega measured_joint_velocity measured_joint_velocities joint_velocity_measured "
+        "joint_velocity_actual qp qdots q_dots jvel joints_velocity joints_velocities "
+        "velocity_actual vel_actual actual_vel actual_joint_velocity actual_joint_velocities "
+        "joint_speeds speeds "
+        "vel_msr dq_msr qdot_measured dotq dot_q qd_measured dq_measured dq_actual qdot_meas "
+        "angular_velocity joint_angular_velocity vels "
+        "current_velocity current_velocities current_joint_velocity current_joint_velocities "
+        "current_qd current_dq current_speed qdactual act_velo f_act_velocity geschwindigkeit"
+    ),
+    "qdd": (
+        "qdd ddq qddot q_ddot acc acceleration accelerations joint_acceleration "
+        "joint_accelerations qacc qpp qdd_meas ddq_meas accel acc_act joint_acc"
+    ),
+    "current": (
+        "actual_current current currents cur motor_current motor_currents joint_current "
+        "joint_currents act_current i_act i_meas i i_q current_act current_measured "
+        "motor_current_measured measured_current ma_cur macur current_motor current_motors "
+        "cur_act actual_currents actual_motor_current curr_act curr i_actual iactual inst_current "
+        "strom motorstrom"
+    ),
+    "effort": (
+        "tau_j effort efforts torque torques tau joint_torque joint_torques joint_effort "
+        "tau_meas tau_measured tau_act actual_torque actual_torques measured_torque "
+        "measured_torques trq actual_current_as_torque act_torque "
+        "measured_joint_torque measured_joint_torques joint_torque_measured "
+        "joint_effort_measured torque_measured torque_act msr_jnt_trq axis_tau_msr jtor jtorque "
+        "joints_torque joints_torques actual_joint_torque actual_joint_torques actual_effort "
+        "torque_actual trq_act actual_trq tau_msr tau_mes joint_torque_actual taus moment moments "
+        "link_torque link_torques sensor_torque torque_sensor motor_torque motor_torques "
+        "joint_tor f_act_torque drehmoment"
+    ),
+    "target_q": (
+        "target_q q_target q_d q_des q_desired desired_q q_ref ref_q q_cmd cmd_q position_cmd "
+        "pos_cmd target_position pos_ref ref_pos desired_position commanded_position "
+        "position_command commanded_joint_position cmd_jnt_pos joint_position_command as_pos aspos "
+        "ipo_jnt_pos joint_position_commanded axisqcmd axisqcmdt1m"
+    ),
+    "target_qd": (
+        "target_qd qd_target dq_d dq_des qd_des qd_desired dq_ref qd_ref dq_cmd qd_cmd "
+        "velocity_cmd vel_cmd target_velocity desired_velocity commanded_velocity"
+    ),
+    "target_qdd": "target_qdd qdd_target ddq_d ddq_des qdd_des qdd_ref ddq_ref",
+    "target_current": "target_current current_target i_des i_d i_ref current_ref",
+    "target_moment": (
+        "target_moment target_torque tau_des tau_d tau_j_d tau_ref tau_cmd torque_cmd "
+        "desired_torque commanded_torque"
+    ),
+    "temperature": (
+        "joint_temperatures joint_temperature temperature temperatures temp temps "
+        "motor_temperature motor_temperatures motor_temp temperature_degc temperature_motor"
+    ),
+}
+RANK: dict[str, tuple[str, int]] = {
+    word: (quantity, rank)
+    for quantity, words in _SYNONYMS.items()
+    for rank, word in enumerate(words.split())
+}
+"""Normalised name to its quantity and its rank among the names of that quantity."""
+
+# Words that say nothing of their own, and words that make a target of a measured quantity.
+PLAIN = frozenset(
+    [
+        "actual",
+        "act",
+        "measured",
+        "meas",
+        "msr",
+        "joint",
+        "joints",
+        "jnt",
+        "arm",
+        "robot",
+        "state",
+        "states",
+        "link",
+        "axis",
+        "feedback",
+        "fb",
+        "sensed",
+        "real",
+        "field",
+        "log",
+        "logged",
+        "logs",
+        "data",
+        "history",
+        "recorded",
+    ]
+)
+"""Words around a quantity's name that do not change what it is."""
+TARGET = frozenset(
+    [
+        "target",
+        "targets",
+        "desired",
+        "des",
+        "cmd",
+        "command",
+        "commands",
+        "commanded",
+        "ref",
+        "reference",
+        "references",
+        "setpoint",
+        "setpoints",
+        "goal",
+        "planned",
+        "nominal",
+    ]
+)
+"""Words that turn a measured quantity into what was asked for."""
+OTHER = frozenset(
+    [
+        "error",
+        "errors",
+        "err",
+        "output",
+        "outputs",
+        "estimated",
+        "external",
+        "ext",
+        "tcp",
+        "tool",
+        "ee",
+        "cartesian",
+        "multi_dof",
+    ]
+)
+"""Words that make something else of a quantity."""
+CONTENT = frozenset(["data", "value", "values", "signals"])
+"""Last words of paths that only say that here are the numbers."""
+TARGET_OF = {
+    "q": "target_q",
+    "qd": "target_qd",
+    "qdd": "target_qdd",
+    "current": "target_current",
+    "effort": "target_moment",
+}
+"""A measured quantity to what was asked for."""
+
+
+_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z][a-z])")
+_BRACKET = re.compile(r"[\[({]([^\[\](){}]*)[\])}]\s*$")
+_INDEX_LAST = re.compile(r"^(.*?)[\s_\-]*(?:(?<![a-z])(?:joint|jnt|axis|j|a))?[\s_\-]*(\d{1,3})$")
+_INDEX_FIRST = re.compile(r"^(?:joint|jnt|axis|motor|j|a)[\s_\-]*(\d{1,3})[\s_\-:]+(.+)$")
+_INDEX_WITHIN = re.compile(r"^([a-z][a-z_\s\-]*?)[\s_\-]*(\d{1,3})[\s_\-]+([a-z][a-z_\s\-]*)$")
+_INDEX_ALONE = re.compile(r"(?:joint|jnt|axis|motor|j|a)?[\s_\-]*(\d{1,3})")
+_INDEX_PATH = re.compile(r"^(.*?)[\[(]?(?<![a-z\d])(\d{1,3})[\])]?$")
+_DEGREES = re.compile(r"(^|_)(deg|degs|degree|degrees)(_|$)")
+_SECONDS = frozenset({"sec", "secs"})
+_NANOSECONDS = frozenset({"nanosec", "nanosecs", "nsec", "nsecs"})
+_NO_JOINT = PLAIN | TARGET | OTHER | {"header", "stamp", "time", "current", "previous"}
+_QUALIFIERS = (TARGET | OTHER | CONTENT) | frozenset(
+    [
+        "raw",
+        "filtered",
+        "filt",
+        "smooth",
+        "sim",
+        "simulated",
+        "model",
+        "mean",
+        "std",
+        "var",
+        "min",
+        "max",
+        "rms",
+        "init",
+        "start",
+        "end",
+    ]
+)
+_SUNRISE = re.compile(r"_lbr_[a-z]+_\d+_r\d+(_\d+)?")
+"""KUKA's DataRecorder writes the robot's name into each column's."""
+_ONE_LETTER = {"a": "current", "s": "t"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Name:
+    """A column name taken apart."""
+
+    base: str
+    """Lower case, words joined by underscores, without index and unit."""
+    index: int | None = None
+    """The joint's number in the name, as written."""
+    joint: str = ""
+    """A joint's name, from paths such as `/joint_states/elbow_joint/position`."""
+    unit: str = ""
+    """The unit in brackets, or at the end of the name."""
+    scope: str = ""
+    """What stands before in a path, as `joint_states` does."""
+
+    @property
+    def time_scale(self) -> float | None:
+        """Seconds per unit, where a time column names its unit."""
+        return factor_of("t", self.unit) if self.unit else None
+
+    @property
+    def clock(self) -> str:
+        """`sec` or `nanosec` for half of a stamp, `stamp` for a header's, else empty."""
+        words = [word for word in (*self.scope.split("."), *self.base.split("_")) if word] or [""]
+        if words[-1] in _NANOSECONDS or words[-2:] == ["nano", "sec"]:
+            return "nanosec"
+        if words[-1] in _SECONDS and (words[:-1] in ([], ["zeit", "in"]) or "stamp" in words):
+            return "sec"
+        return "stamp" if words[-1] == "stamp" and "header" in words else ""
+
+    @property
+    def meaning(self) -> tuple[str, int] | None:
+        """The quantity and the name's rank among its names; None for anything else.
+
+        Words of the path count: `desired/positions` are target positions.
+        """
+        around = {word for part in self.scope.split(".") for word in part.split("_")}
+        if around & OTHER:
+            return None
+        found = RANK.get(self.base) or _by_words(self.base)
+        if found and around & TARGET and found[0] in TARGET_OF:
+            return TARGET_OF[found[0]], found[1]
+        return found
+
+
+def says_degrees(name: str) -> bool:
+    """Whether a name has the word `deg` in it, as `act_pos_mot_deg` does."""
+    return bool(_DEGREES.search(re.sub(r"[^a-z0-9]+", "_", name.lower())))
+
+
+def parse_name(text: str, joints: Sequence[str] = ()) -> Name:
+    """Take a column name apart: `actual_q_3`, `tau [Nm] 2`, `/states/elbow_joint/position`.
+
+    Args:
+        text: The name as the file has it.
+        joints: Names of the robot's joints, which are then found wherever they stand.
+    """
+    name, index, unit, inside = _brackets(_plain(text))
+    parts = [part for part in re.split(r"[/.]", name) if part.strip()]
+    known = _known_joint([*parts, inside] if inside else parts, joints)
+    if known is not None:
+        joint, parts = known
+        last = parts.pop() if parts else ""
+        while parts and _joined(last) in CONTENT:
+            last = parts.pop()
+        return _unit_at_the_end(_name(last, parts, joint=joint, unit=unit))
+    last = ""
+    while parts and (not last or _joined(last) in CONTENT):
+        last = parts.pop()
+        if index is None:
+            if parts and (match := _INDEX_ALONE.fullmatch(last)):
+                # `position.3`, `AIPos.A1`
+                index, last = int(match.group(1)), parts.pop()
+            else:
+                last, index = _index(last)
+    if index is None and not inside and parts and (match := _INDEX_PATH.match(parts[-1])):
+        index, parts[-1] = int(match.group(2)), match.group(1)
+    joint = ""
+    if index is None and inside:
+        # `position[elbow_joint]`; it is a unit after all where all columns have the same.
+        joint, unit = _joined(inside), inside
+    elif index is not None:
+        unit = unit or inside
+    elif parts and not set(_joined(parts[-1]).split("_")) <= _NO_JOINT:
+        joint = _joined(parts.pop())
+    return _unit_at_the_end(_name(last, parts, joint=joint, unit=unit, index=index))
+
+
+def _brackets(name: str) -> tuple[str, int | None, str, str]:
+    """A name without its brackets; the number, the unit, and any other text in them."""
+    index, unit, inside = None, "", ""
+    while match := _BRACKET.search(name):
+        text = match.group(1).strip()
+        if text.isdecimal() and len(text) <= 3:
+            index = int(text)
+        elif is_unit(text):
+            unit = text
+        else:
+            inside = text
+        name = name[: match.start()].strip()
+    return name, index, unit, inside
+
+
+def _name(
+    last: str, parts: Sequence[str], *, joint: str, unit: str, index: int | None = None
+) -> Name:
+    scope = ".".join(filter(None, map(_joined, parts)))
+    return Name(base=_joined(last), index=index, joint=joint, unit=unit, scope=scope)
+
+
+def split_joint(text: str) -> Name | None:
+    """A name whose first or last words are a joint's: `elbow_joint_position`, `tau_elbow`.
+
+    Args:
+        text: The name as the file has it.
+
+    Returns:
+        The name taken apart so, or None where no words of it are a quantity's.
+    """
+    name, _, unit, _ = _brackets(_plain(text))
+    parts = [part for part in re.split(r"[/.]", name) if part.strip()]
+    words = _joined(parts[-1]).split("_") if parts else []
+    for k in range(1, len(words)):
+        tail = "_".join(words[k:])
+        # `elbow_joint_position` is the position of `elbow_joint`.
+        if tail in RANK and words[k] not in ("joint", "jnt") and not _QUALIFIERS & {*words[:k]}:
+            return _name(tail, parts[:-1], joint="_".join(words[:k]), unit=unit)
+    for k in range(len(words) - 1, 0, -1):
+        head = "_".join(words[:k])
+        if head in RANK and not words[k].isdecimal() and not _QUALIFIERS & {*words[k:]}:
+            return _name(head, parts[:-1], joint="_".join(words[k:]), unit=unit)
+    return None
+
+
+def _plain(text: str) -> str:
+    name = _CAMEL.sub("_", text.strip().strip("\"'\ufeff").strip()).lower()
+    return _SUNRISE.sub("", name)
+
+
+def _joined(name: str) -> str:
+    return re.sub(r"[^a-z0-9]+", "_", name).strip("_")
+
+
+def _known_joint(parts: list[str], joints: Sequence[str]) -> tuple[str, list[str]] | None:
+    """The robot's joint that a path names, and the path without it."""
+    for joint in sorted(joints, key=len, reverse=True):
+        words = _joined(_plain(joint))
+        for k, part in enumerate(parts):
+            text = _joined(part)
+            if match := re.search(rf"(?:^|_){re.escape(words)}(?:_|$)", text):
+                rest = _joined(f"{text[: match.start()]}_{text[match.end() :]}")
+                return words, [*parts[:k], *([rest] if rest else []), *parts[k + 1 :]]
+    return None
+
+
+def _index(name: str) -> tuple[str, int | None]:
+    """A name without its number, and the number."""
+    if first := _INDEX_FIRST.match(name):
+        return first.group(2), int(first.group(1))
+    if within := _INDEX_WITHIN.match(name):
+        base = _joined(f"{within.group(1)}_{within.group(3)}")
+        if base in RANK or _unit_at_the_end(Name(base=base)).unit:
+            return base, int(within.group(2))
+    if (last := _INDEX_LAST.match(name)) and last.group(1):
+        return last.group(1), int(last.group(2))
+    return name, None
+
+
+def _unit_at_the_end(name: Name) -> Name:
+    words = name.base.split("_")
+    if name.base in RANK:
+        return name
+    for count in (3, 2, 1):
+        stem, tail = "_".join(words[:-count]), "_".join(words[-count:])
+        meaning = RANK.get(stem) or _by_words(stem)
+        if meaning is None or (len(tail) == 1 and _ONE_LETTER.get(tail) != meaning[0]):
+            continue
+        if factor_of(meaning[0], tail) is not None:
+            return replace(name, base=stem, unit=tail)
+    return name
+
+
+def _by_words(base: str) -> tuple[str, int] | None:
+    """The meaning of a name with words around it: `robot_actual_q`, `desired_joint_speed`."""
+    words = base.split("_")
+    target = any(word in TARGET for word in words[1:]) or (words[0] in TARGET and len(words) > 1)
+    core = [word for word in words if word not in TARGET]
+    while core and "_".join(core) not in RANK and core[0] in PLAIN:
+        core = core[1:]
+    while core and "_".join(core) not in RANK and core[-1] in PLAIN:
+        core = core[:-1]
+    found = RANK.get("_".join(core)) if core and len(core) < len(words) else None
+    if found is None:
+        return None
+    quantity, rank = found
+    if target:
+        return (TARGET_OF[quantity], rank + 200) if quantity in TARGET_OF else None
+    return quantity, rank + 100
+
+
+def places_of(wanted: Sequence[str], names: Sequence[str]) -> list[int]:
+    """Where each wanted joint stands among names that may all have one more prefix.
+
+    `panda_joint1` to `panda_joint7` are `joint1` to `joint7`, whatever `panda_finger_joint1`
+    is; of `left_joint1` and `right_joint1` nobody can tell.
+
+    Args:
+        wanted: The robot's joint names.
+        names: The recording's joint names.
+
+    Returns:
+        Index of each wanted joint; empty where they are not all there, or there twice.
+    """
+    joints, there = [plainly(joint) for joint in wanted], [plainly(name) for name in names]
+    if not joints or len(set(there)) != len(there):
+        return []
+    prefixes = [
+        {name[: len(name) - len(joint)] for name in there if name.endswith(joint)}
+        for joint in joints
+    ]
+    common = [
+        prefix for prefix in sorted(prefixes[0]) if all(prefix in other for other in prefixes)
+    ]
+    if len(common) != 1 and "" not in common:
+        return []
+    prefix = common[0]
+    return [there.index(prefix + joint) for joint in joints]
+
+
+def plainly(name: str) -> str:
+    """A joint's name in lower case, its words joined by underscores."""
+    return re.sub(r"[^a-z0-9]+", "_", name.strip().lower()).strip("_")

@@ -1,0 +1,273 @@
+"""One entry for every recording: find out what a file is, read it, repair it."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from dynid.core import RecordError, file_hash
+from dynid.recording.arrayfiles import read_hdf5, read_json, read_npz
+from dynid.recording.budget import Budget
+from dynid.recording.content import unreadable
+from dynid.recording.csv import read_csv
+from dynid.recording.formats import FORMATS, content_kind, unpacked
+from dynid.recording.frames import read_frame
+from dynid.recording.isolation import read_isolated, serve
+from dynid.recording.jointstates import bag_files, read_bag
+from dynid.recording.matlab import read_mat
+from dynid.recording.partial import partial_path
+from dynid.recording.record import ExperimentRecord
+from dynid.recording.repair.pipeline import RepairSettings, repair
+from dynid.recording.store import read_own
+from dynid.recording.table import RawTable, ReadOptions
+from dynid.robot import RobotModel
+
+_EXTENSIONS = tuple(
+    f".{ending}"
+    for line in (
+        "csv txt tsv dat log mat npz npy h5 hdf5 json jsonl parquet feather arrow",
+        "xlsx xls ods gz bz2 xz zst zstd zip",
+    )
+    for ending in line.split()
+)
+
+
+def given_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
+    """The files that a user means: themselves, those of a bag, or the one in a folder.
+
+    Args:
+        paths: Files, or one folder.
+
+    Raises:
+        RecordError: Missing, empty, or a folder that holds several recordings.
+    """
+    files = [Path(paths)] if isinstance(paths, (str, Path)) else [Path(path) for path in paths]
+    if not files:
+        raise RecordError("no recording was given")
+    if len(files) == 1 and partial_path(files[0]).is_file() and not files[0].exists():
+        # A recording that was interrupted: what there is of it.
+        return [partial_path(files[0])]
+    for file in files:
+        try:
+            size = file.stat().st_size
+        except (OSError, ValueError) as error:
+            raise RecordError("there is no such file", where=str(file)) from error
+        if file.is_dir():
+            if len(files) > 1:
+                raise RecordError("a folder cannot stand beside other files", where=str(file))
+            return _in_folder(file)
+        if not file.is_file():
+            raise RecordError("this is no regular file", where=str(file))
+        if size == 0:
+            raise RecordError("the file is empty", where=str(file))
+    return files
+
+
+def _in_folder(folder: Path) -> list[Path]:
+    """The storage files of a bag, or the only recording that a folder holds.
+
+    Raises:
+        RecordError: The folder holds no recording, or several.
+    """
+    bags = bag_files(folder)
+    others = sorted(
+        path
+        for path in folder.iterdir()
+        if path.is_file() and path.name.lower().endswith(_EXTENSIONS) and path not in bags
+    )
+    if bags or len(others) == 1:
+        return bags or others
+    if not others:
+        raise RecordError(
+            "the folder holds no recording",
+            where=str(folder),
+            limit="a ROS bag, or files that end in " + ", ".join(_EXTENSIONS),
+        )
+    quoted = " ".join(str(path) for path in others[:8])
+    raise RecordError(
+        f"the folder holds {len(others)} files",
+        where=str(folder),
+        value=[path.name for path in others[:20]],
+        next_step=f"Name one, or those that belong side by side: dynid import {quoted} ...",
+    )
+
+
+_TEXT = ("auto", "csv", "ur-csv", "ur-rtde-csv")
+_READERS: dict[str, Callable[[list[Path], ReadOptions, Budget], RawTable]] = {
+    **dict.fromkeys(_TEXT, read_csv),
+    **dict.fromkeys(("rosbag", "mcap"), read_bag),
+    "arrow": read_frame,
+    "json": read_json,
+    "hdf5": read_hdf5,
+    "npz": read_npz,
+    "mat": read_mat,
+}
+
+MAX_RATE_HZ = 1e6
+
+
+def read_recording(
+    paths: str | Path | Sequence[str | Path],
+    *,
+    robot: RobotModel | None = None,
+    format: str = "auto",
+    columns: str | Mapping[str, str] | None = None,
+    header: bool | None = None,
+    delimiter: str | None = None,
+    gains: Sequence[float] | None = None,
+    rate_hz: float | None = None,
+    degrees: bool = False,
+    joint_order: Sequence[str] | None = None,
+    topic: str | None = None,
+) -> ExperimentRecord:
+    """Read a recording in any format, repair it, and report every repair in `problems`.
+
+    Time starts at 0; the first stamp stands in `metadata.extra["t0"]` [s]. Choices that are
+    no problem stand in `metadata.extra["notes"]`.
+
+    Args:
+        paths: One file or bag folder; or several text files side by side, whose columns count
+            across them; or the files of one split bag.
+        robot: The robot: its number of joints, names, limits, and drives. Where its drives
+            say so, motor positions and torques become joint values.
+        format: `auto` (by content, then by extension), `ur-csv`, `ur-rtde-csv`, `csv`,
+            `rosbag`, `mcap`, `mat`, `npz`, `hdf5`, `json` or `parquet`.
+        columns: Quantity to columns: `t=0,q=1:7,current=13:19` (from 0, ranges exclude their
+            end), header names, `.mat` paths (`q=rec.act_pos`), or JointState fields
+            (`current=effort`).
+        header: Whether a text table has a header; None to find out.
+        delimiter: Delimiter of a text table; None to find out.
+        gains: Drive gains of this recording [N.m/A]; they override the robot's.
+        rate_hz: The clock of a recording without time stamps [Hz]. Stamps win where both are
+            there (leave t out of `columns` to prefer the rate).
+        degrees: Positions, velocities and accelerations are in degrees.
+        joint_order: Column numbers base to tip; or joint names: the robot's, in the order of
+            the file's columns, or those of a bag's messages, base to tip.
+        topic: The bag's topic; None for the JointState topic with most messages.
+
+    Raises:
+        RecordError: Not a recording, or not one of this robot; the message says what to do.
+        MissingExtraError: A compressed bag without the `ros` extra.
+    """
+    given = given_files(paths)
+    known = _gains(gains)
+    if rate_hz is not None and not 0 < rate_hz < MAX_RATE_HZ:
+        raise RecordError(
+            "the rate must be positive and finite",
+            where="--rate",
+            value=rate_hz,
+            limit=f"0 to {MAX_RATE_HZ:g} Hz",
+        )
+    settings = RepairSettings(
+        robot=robot,
+        gains=known,
+        rate_hz=rate_hz,
+        degrees=degrees,
+        joint_order=tuple(joint_order) if joint_order is not None else None,
+    )
+    options = ReadOptions(
+        format=format,
+        columns=columns,
+        header=header,
+        delimiter=delimiter,
+        joints=robot.joint_names if robot is not None else (),
+        joint_order=settings.joint_order,
+        topic=topic,
+        degrees=degrees,
+    )
+    with tempfile.TemporaryDirectory(prefix="dynid-") as folder:
+        if len(given) == 1 and content_kind(given[0]) == "parquet":
+            table = _own(given, options)
+        else:
+            table = read_isolated(given, options, Path(folder))
+        if isinstance(table, Path):
+            return read_own(table, robot, known)
+    record = repair(table, settings)
+    metadata = replace(
+        record.metadata, origin=", ".join(str(file) for file in given), input_hash=_hash(given)
+    )
+    return replace(record, metadata=metadata)
+
+
+def serve_requests() -> None:
+    """Read files for a parent process; see `read_isolated`."""
+    serve(read_table)
+
+
+def read_table(given: list[Path], options: ReadOptions, budget: Budget) -> RawTable | Path:
+    """What files hold, before anything is repaired; an own recording that was packed as a path.
+
+    Raises:
+        RecordError: Not a recording.
+        MissingExtraError: A format whose extra is not installed.
+    """
+    with unpacked(given, budget) as files:
+        kind = _format(files, options.format)
+        if kind == "parquet":
+            return _own(files, options)
+        table = _READERS[kind](files, replace(options, format=kind), budget)
+    values = sum(value.size for value in (*table.signals.values(), *table.channels.values()))
+    budget.require_values(values, where=table.source)
+    return table
+
+
+def _own(files: Sequence[Path], options: ReadOptions) -> Path:
+    if _format(list(files), options.format) != "parquet" or (
+        options.columns is not None or options.degrees or options.joint_order is not None
+    ):
+        raise RecordError(
+            "a dynid recording is complete: columns, degrees and joint order do not apply",
+            where=files[0].name,
+        )
+    return files[0]
+
+
+def _format(files: list[Path], wanted: str) -> str:
+    """The format to read; `auto` for any text, whose header says more."""
+    if wanted not in ("auto", *FORMATS):
+        raise RecordError("unknown format", value=wanted, limit=("auto", *FORMATS))
+    kinds = {content_kind(file) for file in files}
+    kind = min(kinds)
+    if len(kinds) > 1 and not kinds <= {"rosbag", "mcap"}:
+        raise RecordError(
+            "files of different formats cannot stand side by side", value=sorted(kinds)
+        )
+    if len(files) > 1 and kind not in ("csv", "rosbag", "mcap"):
+        raise RecordError(
+            f"only one {kind} file can be read at a time",
+            value=[file.name for file in files],
+            next_step="Import each by itself; dynid identify takes several recordings.",
+        )
+    if wanted == "auto":
+        return "auto" if kind == "csv" else kind
+    if (wanted, kind) in (("mat", "hdf5"), ("parquet", "arrow")):
+        # MATLAB 7.3 writes HDF5; Parquet may be of others.
+        return kind
+    if wanted not in kinds and not (kind == "csv" and wanted in _TEXT):
+        raise RecordError(
+            f"the content is {kind}, not {wanted}",
+            where=files[0].name,
+            next_step="Leave --format out to go by the content.",
+        )
+    return wanted
+
+
+def _gains(gains: Sequence[float] | None) -> tuple[float, ...] | None:
+    if gains is None:
+        return None
+    try:
+        return tuple(float(gain) for gain in gains)
+    except (TypeError, ValueError) as error:
+        raise RecordError("drive gains must be numbers", value=gains) from error
+
+
+def _hash(files: list[Path]) -> str:
+    """SHA-256 of the file; of several, of their hashes one after the other."""
+    try:
+        hashes = [file_hash(file) for file in files]
+    except OSError as error:
+        raise unreadable(files[0], error) from error
+    return hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()

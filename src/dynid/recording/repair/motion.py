@@ -1,0 +1,277 @@
+"""Repair: positions that no motion can have reached, and velocities against the motion."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dynid.core import Array
+from dynid.recording.table import Mask, RawTable, rows_with
+
+DEGREE = np.pi / 180
+"""A degree [rad]."""
+RPM = np.pi / 30
+"""A revolution a minute [rad/s]."""
+
+
+def velocity_slopes(t: Array, q: Array, qd: Array) -> tuple[Array, Array]:
+    """How far joints move for each unit that their velocities say, and how surely.
+
+    Args:
+        t: (N) time.
+        q: (N, n) positions.
+        qd: (N, n) velocities.
+
+    Returns:
+        (n) slope of the displacement over the integrated velocity, and (n) their
+        correlation; NaN for joints that hardly move.
+    """
+    joints = q.shape[1]
+    slopes, correlations = np.full(joints, np.nan), np.full(joints, np.nan)
+    window = min(max(4, len(t) // 20), 25) if len(t) < 4000 else min(len(t) // 150, 100)
+    if len(t) < 4 * window:
+        return slopes, correlations
+    area = np.concatenate(
+        [
+            np.zeros((1, joints)),
+            np.cumsum(0.5 * (qd[1:] + qd[:-1]) * np.diff(t)[:, None], axis=0),
+        ]
+    )
+    stride = max(1, window // 2)
+    said = (area[window:] - area[:-window])[::stride]
+    moved = (q[window:] - q[:-window])[::stride]
+    span = (t[window:] - t[:-window])[::stride]
+    # Over a gap the integral of the velocity means nothing.
+    close = span < 1.5 * np.median(span)
+    said, moved = said[close], moved[close]
+    for joint in range(joints):
+        a, b = said[:, joint], moved[:, joint]
+        energy, motion = float(a @ a), float(b @ b)
+        if np.abs(b).max(initial=0.0) < 5e-3:
+            continue
+        if energy <= 0:
+            slopes[joint] = correlations[joint] = 0.0
+            continue
+        slopes[joint] = float(a @ b) / energy
+        correlations[joint] = float(a @ b) / np.sqrt(energy * motion)
+    return slopes, correlations
+
+
+def common_slope(slopes: Array, correlations: Array) -> float | None:
+    """The slope that the well correlated joints agree on, or None."""
+    sure: Mask = np.isfinite(slopes) & (np.abs(np.nan_to_num(correlations)) > 0.95)
+    return float(np.median(slopes[sure])) if sure.any() else None
+
+
+def check_velocities(table: RawTable, rate_hz: float | None) -> RawTable:
+    """Compare velocities with the motion: the clock, units and order of the columns.
+
+    Velocities in another unit than positions are left out: both cannot be right.
+    """
+    if table.t is None:
+        return table
+    nominal = 1.0 / float(np.median(np.diff(table.t)))
+    if rate_hz is not None and table.clock != "rate" and abs(rate_hz / nominal - 1) > 0.03:
+        table = table.report(
+            "clock_mismatch",
+            f"the time stamps say {nominal:.5g} Hz, not the {rate_hz:.5g} Hz given; the stamps "
+            "are kept",
+        )
+    if "qd" not in table.signals:
+        return table
+    slopes, sure = velocity_slopes(table.stamps, table.signals["q"], table.signals["qd"])
+    slope = common_slope(slopes, sure)
+    if slope is None:
+        odd = np.isfinite(sure) & (np.abs(np.nan_to_num(sure)) < 0.5)
+        table = _report_odd(table, odd, "do not follow the motion")
+        if odd.any() and bool((odd | ~np.isfinite(sure)).all()):
+            return table.without("qd").note("qd is left out: it is no velocity of these joints")
+        return table
+    wrong = _wrong_unit(slope, slopes[np.abs(np.nan_to_num(sure)) > 0.95])
+    if wrong:
+        return table.without("qd").report("unit_suspect", f"{wrong}; qd is left out")
+    if abs(slope * DEGREE - 1) < 0.15:
+        return table.report(
+            "unit_suspect",
+            "positions move 57.3 times as far as velocities in rad/s say: positions in degrees?",
+        )
+    table = _report_odd(table, slopes * np.sign(slope) < -0.5 * abs(slope), "have the other sign")
+    low = np.isfinite(sure) & (np.abs(np.nan_to_num(sure)) < 0.5)
+    table = _report_odd(table, low, "do not follow the motion")
+    if abs(slope - 1) > 0.03:
+        table = table.report(
+            "clock_mismatch",
+            f"positions move {slope:.4g} times as far as velocities and clock say: the clock "
+            f"gives {nominal:.5g} Hz, the velocities {nominal / abs(slope):.4g} Hz",
+        )
+    return table
+
+
+def _wrong_unit(slope: float, sure: Array) -> str:
+    """What velocities are where they cannot be the joints' in rad/s; empty where they can."""
+    if abs(slope / DEGREE - 1) < 0.15:
+        return "velocities are 57.3 times what positions in rad say: they are in deg/s"
+    if abs(slope / RPM - 1) < 0.05:
+        return "velocities are 9.55 times what positions in rad say: they are in rpm"
+    if abs(slope + 1) < 0.15:
+        return "velocities have the other sign than the motion of all joints"
+    times = np.abs(1 / sure)
+    if float(times.max()) > 1.5 * float(times.min()) and float(np.median(times)) > 3:
+        return (
+            f"velocities are {times.min():.4g} to {times.max():.4g} times what positions say, "
+            "another factor for each joint: measured on the motors' side"
+        )
+    return ""
+
+
+def _report_odd(table: RawTable, odd: Mask, why: str) -> RawTable:
+    if not odd.any():
+        return table
+    names = ", ".join(str(k + 1) for k in np.flatnonzero(odd))
+    return table.report(
+        "unit_suspect", f"the velocities of joint {names} {why}: check the columns of q and qd"
+    )
+
+
+_LONGEST = 0.05
+"""Longest stretch that is left out, as a share of the rows."""
+_MOST_JUMPS = 200
+
+
+def drop_bursts(table: RawTable) -> RawTable:
+    """Leave out stretches that positions enter and leave by impossible jumps.
+
+    A jump without a way back is reported and kept: rows may be missing there.
+    """
+    q = table.signals["q"]
+    if table.samples < 24:
+        return table
+    ticks = _ticks(table)
+    bad = np.zeros(table.samples, dtype=np.bool_)
+    open_jumps: list[tuple[int, int, float]] = []
+    for joint in range(table.joints):
+        stretches, left = _stretches(q[:, joint], ticks, max(12, int(_LONGEST * table.samples)))
+        for start, stop in stretches:
+            bad[start:stop] = True
+        open_jumps += [(at, joint, float(q[at + 1, joint] - q[at, joint])) for at in left]
+    # A jump of one joint inside a stretch that goes for another joint is gone with it.
+    open_jumps = [jump for jump in open_jumps if not (bad[jump[0]] or bad[jump[0] + 1])]
+    if open_jumps:
+        at, joint, height = max(open_jumps, key=lambda jump: abs(jump[2]))
+        table = table.report(
+            "corrupt_rows",
+            f"{table.label('q', joint)} jumps by {height:.4g} before {table.row(at + 1)} "
+            f"({len(open_jumps)} such jumps): rows missing, or two recordings in one?",
+        )
+    if not bad.any():
+        return table
+    return table.keep(~bad).report(
+        "corrupt_rows",
+        f"{int(bad.sum())} of {table.samples} rows have positions that the robot cannot have "
+        f"reached and are left out; first: {table.row(int(np.argmax(bad)))}",
+    )
+
+
+def _ticks(table: RawTable) -> Array:
+    """(N - 1) how many ordinary steps each step spans: rows were left out, or are missing."""
+    ticks = np.ones(table.samples - 1)
+    if table.index is not None:
+        ticks = np.maximum(ticks, np.diff(table.index))
+    if table.t is not None:
+        steps = np.diff(table.t)
+        ticks = np.maximum(ticks, steps / float(np.median(steps)))
+    return ticks
+
+
+def _stretches(x: Array, ticks: Array, longest: int) -> tuple[list[tuple[int, int]], list[int]]:
+    """Stretches between a jump away and a jump back, and the jumps that are left."""
+    steps = np.abs(np.diff(x)) / ticks
+    ordinary, usual = (float(value) for value in np.quantile(steps, [0.9, 0.99]))
+    edges = np.pad(steps, 1)
+    # In a short recording a few jumps are more than one per cent of the steps: there they
+    # must stand alone, as no motion does.
+    lonely = (steps > 10 * np.maximum(edges[:-2], edges[2:])) & (steps > 10 * ordinary)
+    large = (steps > max(6 * usual, 0.01)) | (lonely & (steps > 0.03))
+    usual = float(np.quantile(steps[~large], 0.99)) if (~large).any() else usual
+    jumps = np.flatnonzero(large).tolist()
+    if not jumps or len(jumps) > _MOST_JUMPS:
+        return [], []
+    found: list[tuple[int, int]] = []
+    left: list[int] = []
+    k = 0
+    while k < len(jumps):
+        start = int(jumps[k])
+        back = next(
+            (
+                m
+                for m in range(k + 1, len(jumps))
+                if jumps[m] - start <= longest
+                and abs(float(x[jumps[m] + 1] - x[start])) <= 2 * usual * (jumps[m] - start + 1)
+            ),
+            None,
+        )
+        if back is None:
+            left.append(start)
+            k += 1
+        else:
+            found.append((start + 1, int(jumps[back]) + 1))
+            k = back + 1
+    return found, left
+
+
+def check_counted_rows(table: RawTable) -> RawTable:
+    """Report rows that seem lost or doubled where time is counted by rows.
+
+    Without stamps, a lost row shifts all later time. It shows as a step of all joints that
+    is twice as long as those before and after.
+    """
+    q, index = table.signals["q"], table.index
+    if table.clock != "rate" or index is None or table.samples < 50:
+        return table
+    steps, ticks = np.diff(q, axis=0), np.diff(index)
+    last = len(steps) - 6
+    around = 0.25 * (steps[:last] + steps[1 : last + 1] + steps[5 : last + 5] + steps[6:])
+    # Rows that were left out are known: they widen the window, they do not shift the clock.
+    whole = (
+        (ticks[:last] == 1)
+        & (ticks[1 : last + 1] == 1)
+        & (ticks[5 : last + 5] == 1)
+        & (ticks[6:] == 1)
+    )
+    expected = index[5 : last + 5] - index[2 : last + 2]
+    inside = q[5 : last + 5] - q[2 : last + 2]
+    energy = np.sum(around * around, axis=1)
+    fast = energy > 0.1 * float(np.quantile(energy, 0.9))
+    lapse = np.sum(inside * around, axis=1) / np.where(energy > 0, energy, 1.0)
+    miss: Array = np.sum((inside - lapse[:, None] * around) ** 2, axis=1)
+    sure = miss < 0.01 * np.sum(inside * inside, axis=1)
+    odd = fast & sure & whole & (expected < 12) & (np.abs(lapse - expected) > 0.6)
+    rows = np.flatnonzero(odd)
+    events = rows[np.concatenate([[True], np.diff(rows) > 8])[: len(rows)]]
+    if len(events) == 0 or len(events) > 3 + 0.005 * table.samples:
+        return table
+    return table.report(
+        "clock_mismatch",
+        f"rows seem lost or doubled at {len(events)} places, the first near "
+        f"{table.row(int(events[0]) + 3)}: time counted from --rate is off after them",
+    )
+
+
+def drop_zero_positions(table: RawTable) -> RawTable:
+    """Leave out rows whose positions are all exactly zero, reached by a jump: they are empty."""
+    q = table.signals["q"]
+    zero = ~rows_with(q != 0)
+    if not zero.any() or zero.all():
+        return table
+    reach = np.abs(q).max(axis=1)
+    edges = np.flatnonzero(np.diff(zero.astype(np.int8)) != 0)
+    steps = np.delete(np.abs(np.diff(q, axis=0)).max(axis=1), edges)
+    usual = float(np.quantile(steps, 0.9)) if len(steps) else 0.0
+    # A robot that truly passes its zero comes there gradually.
+    jumps = np.maximum(reach[edges], reach[edges + 1])
+    if float(jumps.min()) < max(0.02 * float(np.median(reach[~zero])), 5 * usual):
+        return table
+    return table.keep(~zero).report(
+        "corrupt_rows",
+        f"{int(zero.sum())} of {table.samples} rows have only zeros as positions and are left "
+        f"out; first: {table.row(int(np.argmax(zero)))}",
+    )
