@@ -34,10 +34,10 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from dynid.core import (
         DynidError,
+        Finding,
         InputError,
         JobError,
         MissingExtraError,
-        Notice,
         RecordError,
         RobotError,
     )
@@ -108,6 +108,7 @@ __all__ = [
     "ExcitationDesign",
     "ExperimentRecord",
     "ExportedFile",
+    "Finding",
     "FourierSeries",
     "FrictionTerms",
     "Identification",
@@ -118,7 +119,6 @@ __all__ = [
     "JobError",
     "MissingExtraError",
     "MomentumObserver",
-    "Notice",
     "ParameterComparison",
     "Payload",
     "ProcessingSettings",
@@ -178,7 +178,7 @@ _HOME = {
         "InputError",
         "JobError",
         "MissingExtraError",
-        "Notice",
+        "Finding",
         "RecordError",
         "RobotError",
     ),

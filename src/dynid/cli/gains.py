@@ -51,4 +51,4 @@ def _gains(
     if all(row["gain"] is not None for row in data["gains"]):
         screen.print()
         screen.print("--gains " + ",".join(f"{row['gain']:.4f}" for row in data["gains"]))
-    print_notices(screen, "Warnings", data["warnings"])
+    print_notices(screen, "Warnings", data["findings"])

@@ -56,4 +56,4 @@ def _payload(
     ]
     columns = ("quantity", "unit", "value", "std")
     print_table(screen, "Payload, in the flange frame", columns, rows, words=(0, 1))
-    print_notices(screen, "Warnings", data["warnings"])
+    print_notices(screen, "Warnings", data["findings"])

@@ -5,12 +5,10 @@ from dynid.recording.files import read_recording
 from dynid.recording.identity import identity
 from dynid.recording.parquet import read_record, write_record
 from dynid.recording.record import ExperimentRecord, RecordMetadata
-from dynid.recording.repair.angles import UNWRAPPED
 from dynid.recording.segments import partial_path, recover
 from dynid.recording.writer import RecordWriter
 
 __all__ = [
-    "UNWRAPPED",
     "ExperimentRecord",
     "RecordMetadata",
     "RecordWriter",

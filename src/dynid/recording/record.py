@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from dynid.core import Array, Notice, RecordError, frozen
+from dynid.core import Array, Finding, RecordError, frozen
 
 JOINT_QUANTITIES = (
     "q",
@@ -66,7 +66,7 @@ class ExperimentRecord:
     signals: Mapping[str, Array]
     """Quantity (one of `JOINT_QUANTITIES`) to (N, n) samples, SI units."""
     metadata: RecordMetadata = field(default_factory=RecordMetadata)
-    problems: tuple[Notice, ...] = ()
+    problems: tuple[Finding, ...] = ()
     """What was found and repaired in reading."""
     channels: Mapping[str, Array] = field(default_factory=dict[str, Array])
     """Other columns kept as they came, name to (N)."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.core import Notice, RecordError
+from dynid.core import Finding, RecordError
 from dynid.recording.bag.catalog import Catalog, Message, Topic
 from dynid.recording.bag.cdr import JointStateDecoder
 from dynid.recording.bag.db3 import db3_messages
@@ -95,7 +95,7 @@ def read_bag(
         )
     if collector.damaged:
         findings.append(
-            Notice(
+            Finding(
                 "corrupt_rows",
                 f"{collector.damaged} of {collector.count} messages cannot be decoded; first: "
                 f"message {collector.first_damaged}",
@@ -104,7 +104,7 @@ def read_bag(
     lacking = collector.count - collector.damaged - len(numbers)
     if lacking:
         findings.append(
-            Notice(
+            Finding(
                 "dropped_rows", f"{lacking} of {collector.count} messages lack one of the joints"
             )
         )

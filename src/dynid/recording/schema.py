@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from typing import Any
 
-from dynid.core import Array, Notice, RecordError
+from dynid.core import Array, Finding, RecordError, finding_from_json
 from dynid.recording.record import JOINT_QUANTITIES, RecordMetadata
 
 VERSION = 1
@@ -70,16 +70,16 @@ def metadata_from_json(data: Mapping[str, Any]) -> RecordMetadata:
         raise RecordError("the recording's metadata is damaged", value=str(error)) from error
 
 
-def notices_from_json(data: Iterable[Any]) -> tuple[Notice, ...]:
+def notices_from_json(data: Iterable[Any]) -> tuple[Finding, ...]:
     """Notices from a list of JSON objects.
 
     Raises:
         RecordError: Something that is no notice.
     """
-    notices: list[Notice] = []
+    notices: list[Finding] = []
     for item in data:
         try:
-            notices.append(Notice(str(item["code"]), str(item["message"])))
+            notices.append(finding_from_json(item))
         except (KeyError, TypeError, ValueError) as error:
             raise RecordError(
                 "the recording's list of problems is damaged", value=str(error)

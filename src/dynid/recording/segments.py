@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Notice, RecordError
+from dynid.core import Finding, RecordError
 from dynid.recording.opening import unreadable
 from dynid.recording.record import ExperimentRecord
 from dynid.recording.schema import check_quantities, metadata_from_json, notices_from_json
@@ -84,7 +84,7 @@ def recover(path: Path, *, finished: bool = False) -> ExperimentRecord:
         return record
     lost = f", {len(data) - used} bytes after them are lost" if len(data) > used else ""
     message = f"the recording was interrupted; {record.samples} samples were kept{lost}"
-    return replace(record, problems=(*record.problems, Notice("truncated_file", message)))
+    return replace(record, problems=(*record.problems, Finding("truncated_file", message)))
 
 
 def _segments(data: bytes) -> Iterator[tuple[bytes, bytes]]:

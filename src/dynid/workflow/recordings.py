@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from dynid.core import InputError, RecordError
+from dynid.core import InputError, RecordError, told
 from dynid.recording import (
     ExperimentRecord,
     content_kind,
@@ -172,7 +172,8 @@ class Imported:
             "channels": list(record.channels),
             "drive_gains": None if metadata.drive_gains is None else list(metadata.drive_gains),
             "dropped_rows": metadata.dropped_rows,
-            "problems": [notice.to_json() for notice in record.problems],
+            "problems": told(record.problems),
+            "findings": [finding.to_json() for finding in record.problems],
             "notes": metadata.extra.get("notes", ""),
         }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from dynid.core import Notice
+from dynid.core import Finding
 
 JOINT_STATE_TYPES = frozenset({"sensor_msgs/msg/JointState", "sensor_msgs/JointState"})
 Message = tuple[str, int, bytes]
@@ -42,7 +42,7 @@ class Catalog:
     wanted: Callable[[Topic], bool] = joint_states
     """Whose messages are yielded."""
     topics: dict[str, Topic] = field(default_factory=dict[str, Topic])
-    findings: list[Notice] = field(default_factory=list[Notice])
+    findings: list[Finding] = field(default_factory=list[Finding])
     """A notice for each kind of damage."""
 
     def add(self, topic: Topic) -> bool:
@@ -54,7 +54,7 @@ class Catalog:
 
     def report(self, code: str, message: str) -> None:
         """Tell of damage."""
-        self.findings.append(Notice(code, message))
+        self.findings.append(Finding(code, message))
 
     def described(self) -> list[str]:
         """Topics with their types, for messages."""

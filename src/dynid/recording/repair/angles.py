@@ -12,7 +12,6 @@ from dynid.robot import RobotModel
 
 _TURN = 2 * math.pi
 _USE_DEGREES = "If they are degrees, pass --degrees."
-UNWRAPPED = "unwrapped"
 """Ends the words of this repair, which leaves nothing to check."""
 
 
@@ -79,7 +78,7 @@ def unwrap_turns(table: RawTable, robot: RobotModel | None) -> RawTable:
         )
     if not found:
         return table
-    return table.with_signals(changes).report("unit_suspect", f"{'; '.join(found)}; {UNWRAPPED}")
+    return table.with_signals(changes).report("unwrapped", f"{'; '.join(found)}; unwrapped")
 
 
 def shift_turns(table: RawTable, robot: RobotModel | None) -> RawTable:
