@@ -35,10 +35,10 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from dynid.core import (
         DynidError,
+        Finding,
         InputError,
         JobError,
         MissingExtraError,
-        Notice,
         RecordError,
         RobotError,
     )
@@ -116,6 +116,7 @@ __all__ = [
     "ExcitationDesign",
     "ExperimentRecord",
     "ExportedFile",
+    "Finding",
     "Fit",
     "FourierSeries",
     "FrictionTerms",
@@ -127,7 +128,6 @@ __all__ = [
     "JobError",
     "MissingExtraError",
     "MomentumObserver",
-    "Notice",
     "ParameterComparison",
     "Payload",
     "ProcessingSettings",
@@ -188,7 +188,7 @@ _HOME = {
         "InputError",
         "JobError",
         "MissingExtraError",
-        "Notice",
+        "Finding",
         "RecordError",
         "RobotError",
     ),

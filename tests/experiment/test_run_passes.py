@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynid.core import InputError, JobError, Notice, Progress
+from dynid.core import Finding, InputError, JobError, Progress
 from dynid.drivers import Abort, Driver, Execution, Outcome, Recorder
 from dynid.drivers.driver import Source
 from dynid.experiment import ExperimentPlan, run
@@ -51,13 +51,13 @@ class Scripted(Driver):
 
 @dataclass
 class Notes:
-    problems: list[Notice] = field(default_factory=list)
+    problems: list[Finding] = field(default_factory=list)
     refuses: bool = False
 
     def append(self, t, signals, channels=None) -> None:
         raise AssertionError
 
-    def report(self, problem: Notice) -> None:
+    def report(self, problem: Finding) -> None:
         if self.refuses:
             raise JobError("the disk is full")
         self.problems.append(problem)

@@ -43,7 +43,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
 
 def test_gains(files: tuple[Path, Path]) -> None:
     data = json.loads(call("gains", files[0], "--json"))
-    assert set(data) == {"robot", "samples", "gains", "warnings"}
+    assert set(data) == {"robot", "samples", "gains", "warnings", "findings"}
     truth = simulated_arm(dynid.load_robot("ur5")).truth.gain
     np.testing.assert_allclose([row["gain"] for row in data["gains"]], truth, rtol=0.01)
     text = call("gains", files[0])

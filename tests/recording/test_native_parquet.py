@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from dynid.core import InputError, Notice, RecordError
+from dynid.core import Finding, InputError, RecordError
 from dynid.core.findings import CODES
 from dynid.recording import (
     JOINT_QUANTITIES,
@@ -62,7 +62,7 @@ def records(draw) -> ExperimentRecord:
         },
         metadata=metadata,
         problems=tuple(
-            Notice(code, draw(TEXT))
+            Finding(code, draw(TEXT))
             for code in draw(st.lists(st.sampled_from(sorted(CODES)), max_size=3))
         ),
         channels=draw(

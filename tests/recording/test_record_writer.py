@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynid.core import JobError, Notice, RecordError
+from dynid.core import Finding, JobError, RecordError
 from dynid.recording import MARK, RecordMetadata, RecordWriter, pack, partial_path, read_record
 
 NAMES = ("a", "b")
@@ -32,14 +32,14 @@ def test_closing_makes_a_parquet_file(tmp_path: Path) -> None:
     path = tmp_path / "run.parquet"
     with open_writer(path) as writer:
         fill(writer, 300)
-        writer.report(Notice("clock_jitter", "one gap"))
+        writer.report(Finding("clock_jitter", "one gap"))
         assert writer.samples == 300
     record = read_record(path)
     assert os.listdir(tmp_path) == ["run.parquet"]
     assert record.samples == 300
     assert record.metadata.joint_names == NAMES
     assert record.metadata.drive_gains == (10.0, 11.0)
-    assert record.problems == (Notice("clock_jitter", "one gap"),)
+    assert record.problems == (Finding("clock_jitter", "one gap"),)
     np.testing.assert_array_equal(record.signals["q"][:, 1], -np.arange(300.0))
     np.testing.assert_array_equal(record.channels["speed"], np.arange(300) % 7)
 

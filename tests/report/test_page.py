@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import dynid
-from dynid.core import Notice
+from dynid.core import Finding
 from dynid.report import ReportContents, ReportedEstimate, write_report
 from dynid.report.contents import Table, number
 from dynid.report.page import default_sections, render
@@ -94,7 +94,7 @@ def test_hostile_names_are_shown_as_text(finished_run: Path, tmp_path: Path) -> 
         estimate=estimate,
         level="care",
         headline=HOSTILE,
-        warnings=(Notice("saturated", HOSTILE),),
+        warnings=(Finding("saturated", HOSTILE),),
     )
     page = render(ReportContents(title=HOSTILE, directory=tmp_path, estimates=(item,)))
     assert 'alert("x")' not in re.sub(r"<script>\(\(\) => .*", "", page, flags=re.DOTALL)

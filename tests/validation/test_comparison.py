@@ -11,7 +11,7 @@ import pytest
 from known_arm import estimate
 from scipy import stats
 
-from dynid.core import InputError, Notice
+from dynid.core import Finding, InputError
 from dynid.identification import Estimate, write_estimate
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
@@ -142,7 +142,7 @@ def test_other_base_sets_are_refused() -> None:
 
 
 def test_warnings_of_either_estimate_are_passed_on() -> None:
-    doubtful = replace(estimate(), warnings=(Notice("ill_conditioned", "really"),))
+    doubtful = replace(estimate(), warnings=(Finding("ill_conditioned", "really"),))
     result = compare(estimate(), doubtful)
     assert [notice.code for notice in result.warnings] == ["ill_conditioned"]
     assert "second" in result.warnings[0].message

@@ -10,14 +10,14 @@ from known_arm import estimate as known
 from known_arm import samples as known_samples
 from pinocchio_arm import Wrong, arm, recording
 
-from dynid.core import Notice
-from dynid.validation import DISTURBED, reproduce
+from dynid.core import Finding
+from dynid.validation import reproduce
 from dynid.validation.prediction import validate_samples
 from dynid.validation.record_faults import disturbed
 from dynid.workflow import IdentifySettings, identify
 
 
-def _found(folder: Path, wrong: Wrong) -> tuple[Notice, ...]:
+def _found(folder: Path, wrong: Wrong) -> tuple[Finding, ...]:
     robot, record = arm(folder), recording(wrong)
     estimate = identify(record, robot, IdentifySettings(preset="paper", estimator="wls")).estimate
     return disturbed(reproduce(estimate, record), robot.joint_names)
@@ -26,8 +26,7 @@ def _found(folder: Path, wrong: Wrong) -> tuple[Notice, ...]:
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_push_is_found_where_it_was(tmp_path: Path, seed: int) -> None:
     (notice,) = _found(tmp_path, Wrong(push=60.0, seed=seed))
-    assert notice.code == "corrupt_rows"
-    assert DISTURBED in notice.message
+    assert notice.kind == "contact"
     start, stop = (float(x) for x in notice.message.split(" at ")[1].split(" s ")[0].split(" to "))
     assert 5.5 <= start <= 6.1
     assert 6.3 <= stop <= 6.9

@@ -44,7 +44,13 @@ def test_the_errors_are_measurement_less_prediction() -> None:
 def test_json_has_the_keys_of_the_design_at_every_level() -> None:
     result = validate_samples(estimate(), samples(0.5))
     data = json.loads(json.dumps(result.to_json(), allow_nan=False))
-    assert set(data) == METRICS | {"moving", "at_rest", "residual_autocorrelation", "warnings"}
+    assert set(data) == METRICS | {
+        "moving",
+        "at_rest",
+        "residual_autocorrelation",
+        "warnings",
+        "findings",
+    }
     assert set(data["moving"]) == set(data["at_rest"]) == METRICS
     for part in (data, data["moving"], data["at_rest"]):
         for key in ("rmse", "nrmse", "relative_error_percent", "r2"):

@@ -144,9 +144,8 @@ def test_short_one_way_moves_are_refused_in_words(name: str, preset: str) -> Non
     robot = load_robot(DATA / "kinova_gen3" / "gen3.urdf")
     record = read_recording([DATA / "kinova_gen3" / f"{name}.csv"], robot=robot)
     result = identify([record], robot, IdentifySettings(preset=preset))
-    messages = {notice.code: notice.message for notice in result.warnings}
-    assert "must not be used" in messages["ill_conditioned"]
-    assert "must not be used" in messages["low_excitation"]
+    errors = {finding.kind for finding in result.warnings if finding.severity == "error"}
+    assert errors >= {"ill_conditioned", "low_excitation"}
 
 
 def test_bodies_that_exist_predict_further_on_poor_motions(

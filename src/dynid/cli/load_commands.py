@@ -51,7 +51,7 @@ def _gains(
     if all(row["gain"] is not None for row in data["gains"]):
         screen.print()
         screen.print("--gains " + ",".join(f"{row['gain']:.4f}" for row in data["gains"]))
-    print_notices(screen, "Warnings", data["warnings"])
+    print_notices(screen, "Warnings", data["findings"])
 
 
 def register_payload(app: typer.Typer) -> None:
@@ -101,4 +101,4 @@ def _payload(
     ]
     columns = ("quantity", "unit", "value", "std")
     print_table(screen, "Payload, in the flange frame", columns, rows, words=(0, 1))
-    print_notices(screen, "Warnings", data["warnings"])
+    print_notices(screen, "Warnings", data["findings"])

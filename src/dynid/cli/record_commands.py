@@ -231,7 +231,7 @@ def _show(data: Mapping[str, Any]) -> None:
         screen.print(f"dropped rows: {data['dropped_rows']}")
     if data["notes"]:
         screen.print(f"notes: {data['notes']}")
-    print_notices(screen, "Problems found", data["problems"])
+    print_notices(screen, "Problems found", data["findings"])
     if not data["problems"]:
         screen.print("no problems found")
 

@@ -121,4 +121,4 @@ def _show(data: Mapping[str, Any]) -> None:
     screen.print("Not identifiable: " + (", ".join(data["unidentifiable_names"]) or "none"))
     for note in data["notes"]:
         screen.print(f"- {note}.")
-    print_notices(screen, "Warnings", data["warnings"])
+    print_notices(screen, "Warnings", data["findings"])

@@ -29,19 +29,27 @@ from dynid.core.files import (
     write_json,
     write_text,
 )
-from dynid.core.findings import Notice, Progress, silent
+from dynid.core.findings import (
+    KINDS,
+    Finding,
+    Progress,
+    finding_from_json,
+    silent,
+    told,
+)
 from dynid.core.json_fields import JsonFields, load_object
 
 __all__ = [
+    "KINDS",
     "Array",
     "DynidError",
+    "Finding",
     "Indices",
     "InputError",
     "JobError",
     "JsonFields",
     "Mask",
     "MissingExtraError",
-    "Notice",
     "Progress",
     "Provenance",
     "RecordError",
@@ -49,6 +57,7 @@ __all__ = [
     "cannot_write",
     "file_behind",
     "file_hash",
+    "finding_from_json",
     "frozen",
     "installed",
     "inverse_upper",
@@ -58,6 +67,7 @@ __all__ = [
     "require",
     "silent",
     "solve_upper",
+    "told",
     "upper_triangle",
     "write_json",
     "write_text",

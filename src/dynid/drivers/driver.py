@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, Notice, Progress, frozen
+from dynid.core import Array, Finding, InputError, Progress, frozen
 from dynid.protocol import RobotMode, RuntimeState, SafetyMode
 from dynid.trajectory import Trajectory
 
@@ -235,7 +235,7 @@ class Recorder(Protocol):
     ) -> None:
         """Append one sample."""
 
-    def report(self, problem: Notice) -> None:
+    def report(self, problem: Finding) -> None:
         """Add to the recording's problems."""
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from threading import Event
 from types import FrameType
 
-from dynid.core import DynidError, Notice, Progress
+from dynid.core import DynidError, Finding, Progress
 from dynid.drivers import Abort, Driver, Execution, Outcome, Recorder
 from dynid.experiment.plan import ExperimentPlan
 
@@ -131,7 +131,7 @@ def _mark(recorder: Recorder, abort: Abort, samples: int) -> None:
     """Write the cause into the recording; what refuses the rows may refuse this too."""
     if abort.code != "recording":
         recorder.report(
-            Notice("truncated_file", f"aborted after {samples} samples: {abort.message}")
+            Finding("truncated_file", f"aborted after {samples} samples: {abort.message}")
         )
 
 

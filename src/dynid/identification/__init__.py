@@ -2,7 +2,7 @@
 
 from dynid.identification.bayesian import inertial_prior
 from dynid.identification.candidates import with_load
-from dynid.identification.diagnostics import DO_NOT_USE, implausible_gravity
+from dynid.identification.diagnostics import implausible_gravity
 from dynid.identification.drive_gains import (
     LARGEST_STD,
     WIDTH,
@@ -48,7 +48,6 @@ from dynid.identification.shared import (
 from dynid.identification.temperature import LEAST_SPREAD_K, JointTemperatureLaw, fit_law
 
 __all__ = [
-    "DO_NOT_USE",
     "ESTIMATORS",
     "FORMAT",
     "ILL_CONDITIONED",

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from dynid.constraints import prior_dynamics
-from dynid.core import Array, Notice
+from dynid.core import Array, Finding
 from dynid.identification.bayesian import symbol_of
 from dynid.identification.estimate import Estimate
 from dynid.identification.problem import ILL_CONDITIONED
@@ -24,7 +24,7 @@ UNLIKE = 0.5
 """Correlation below which the gravity is another one: of another mounting, or other joints."""
 
 
-def implausible_gravity(estimate: Estimate) -> tuple[Notice, ...]:
+def implausible_gravity(estimate: Estimate) -> tuple[Finding, ...]:
     """Compare identified gravity torques with those of the robot's known masses.
 
     A wrong drive gain scales a joint's torques and leaves the fit perfect; only known masses can
@@ -61,10 +61,10 @@ def implausible_gravity(estimate: Estimate) -> tuple[Notice, ...]:
             turned.append(name)
         elif not 1 / WRONG_GAIN < ratio < WRONG_GAIN:
             scaled.append(f"{name} {ratio:.2g} times")
-    notices: list[Notice] = []
+    notices: list[Finding] = []
     if len(turned) > len(heavy) / 2:
         notices.append(
-            Notice(
+            Finding(
                 "not_physical",
                 f"gravity as identified is not that of the known masses ({', '.join(turned[:4])}): "
                 f"check the mounting ({robot.mount}), the joint order and signs",
@@ -72,7 +72,7 @@ def implausible_gravity(estimate: Estimate) -> tuple[Notice, ...]:
         )
     if scaled:
         notices.append(
-            Notice(
+            Finding(
                 "unit_suspect",
                 "gravity torques differ from those of the known masses: "
                 f"{', '.join(scaled[:4])} as large; check the drive gains, the mounting "
@@ -93,10 +93,9 @@ UNCERTAIN_SHARE = 0.75
 CORRELATED = 0.3
 """Autocorrelation of the residuals at one sample that is worth saying."""
 POSES = 200
-DO_NOT_USE = "the result must not be used"
 
 
-def diagnose(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
+def diagnose(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
     """Warnings about an estimate and the samples that it was fitted to."""
     return (
         *ill_conditioned(estimate, samples),
@@ -106,7 +105,7 @@ def diagnose(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
     )
 
 
-def ill_conditioned(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
+def ill_conditioned(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
     """Whether directions of the parameters are nearly invisible in the data."""
     number = estimate.motion_condition_number
     one_way = one_way_joints(samples)
@@ -125,10 +124,13 @@ def ill_conditioned(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
     if not text:
         return ()
     return (
-        Notice(
+        Finding(
             "ill_conditioned",
-            "; ".join(text) + f". This motion hardly shows some combinations of parameters: "
-            f"{DO_NOT_USE} on other motions; record an optimised excitation trajectory",
+            "; ".join(text) + ". This motion hardly shows some combinations of parameters: "
+            "it must not be used on other motions",
+            severity="error",
+            value=number,
+            next_step="record an optimised excitation trajectory",
         ),
     )
 
@@ -143,7 +145,7 @@ def one_way_joints(samples: Samples) -> tuple[int, ...]:
     return tuple(found)
 
 
-def low_excitation(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
+def low_excitation(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
     """Joints that move little, slowly or one way only; too many uncertain parameters."""
     one_way = one_way_joints(samples)
     found: list[str] = []
@@ -164,15 +166,16 @@ def low_excitation(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
     if not found:
         return ()
     return (
-        Notice(
+        Finding(
             "low_excitation",
-            f"the motion excites too little and {DO_NOT_USE} for other motions: "
+            "the motion excites too little, and the result must not be used for other motions: "
             + "; ".join(found[:8]),
+            severity="error",
         ),
     )
 
 
-def not_physical(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
+def not_physical(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
     """Friction or motor inertia below zero beyond doubt, or an indefinite mass matrix."""
     found = [
         f"{name} = {value:.3g} +- {std:.2g} {unit}"
@@ -181,20 +184,27 @@ def not_physical(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
         )
         if symbol_of(name) in ("Fc", "Fv", "Im") and value < -3 * std
     ]
-    text = [f"below zero beyond doubt: {', '.join(found)}"] if found else []
+    advice = (
+        "do not simulate or invert this model; --estimator sdp fits physically consistent bodies"
+    )
+    told: list[Finding] = []
+    if found:
+        text = f"below zero beyond doubt: {', '.join(found)}"
+        told.append(Finding("negative_friction", text, next_step=advice))
     steps = [
         k for k, name in enumerate(estimate.names) if name.startswith("Fc") and name[2:].isdigit()
     ]
     negative = [k for k in steps if estimate.values[k] < -3 * estimate.std[k]]
     if 2 * len(negative) > len(steps):
-        text.append(f"the sign of the torques looks reversed: {DO_NOT_USE}")
+        joints = tuple(int(estimate.names[k][2:]) - 1 for k in negative)
+        told.append(
+            Finding("reversed", "the sign of the torques looks reversed", joints=joints, value=-1.0)
+        )
     smallest = smallest_mass_eigenvalue(estimate, samples)
     if smallest < 0:
-        text.append(f"the mass matrix is not positive at some poses (eigenvalue {smallest:.2g})")
-    if not text:
-        return ()
-    advice = ". Do not simulate or invert this model; --estimator sdp fits bodies that can exist"
-    return (Notice("not_physical", "; ".join(text) + advice),)
+        text = f"the mass matrix is not positive at some poses (eigenvalue {smallest:.2g})"
+        told.append(Finding("indefinite_mass", text, value=smallest, next_step=advice))
+    return tuple(told)
 
 
 def smallest_mass_eigenvalue(estimate: Estimate, samples: Samples) -> float:
@@ -211,7 +221,7 @@ def smallest_mass_eigenvalue(estimate: Estimate, samples: Samples) -> float:
     return float(np.linalg.eigvalsh((mass + mass.transpose(0, 2, 1)) / 2).min())
 
 
-def non_white(estimate: Estimate) -> tuple[Notice, ...]:
+def non_white(estimate: Estimate) -> tuple[Finding, ...]:
     """Whether the residuals are correlated in time."""
     rho: Array = estimate.residual_autocorrelation
     if rho.max(initial=0.0) <= CORRELATED:
@@ -219,7 +229,7 @@ def non_white(estimate: Estimate) -> tuple[Notice, ...]:
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = float(np.nanmedian(estimate.std / estimate.naive_std))
     return (
-        Notice(
+        Finding(
             "non_white_residuals",
             f"residuals are correlated in time (up to {rho.max():.2f} from sample to sample): "
             f"the standard deviations given allow for it; naive ones would be {ratio:.1f} times "

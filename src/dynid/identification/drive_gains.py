@@ -7,7 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, InputError, JobError, Notice, frozen, inverse_upper, upper_triangle
+from dynid.core import (
+    Array,
+    Finding,
+    InputError,
+    JobError,
+    frozen,
+    inverse_upper,
+    told,
+    upper_triangle,
+)
 from dynid.identification.shared import PAYLOAD, SINGULAR, SharedProblem, repetitions
 from dynid.identification.statistics import correlation_lag, long_run_covariance
 
@@ -39,7 +48,7 @@ class DriveGains:
     r2: Array
     """(n) share of the current's variation that is explained."""
     samples: int
-    warnings: tuple[Notice, ...] = ()
+    warnings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         n = np.size(self.gain)
@@ -66,7 +75,8 @@ class DriveGains:
                 }
                 for j, name in enumerate(names)
             ],
-            "warnings": [notice.to_json() for notice in self.warnings],
+            "warnings": told(self.warnings),
+            "findings": [finding.to_json() for finding in self.warnings],
         }
 
 
@@ -104,12 +114,12 @@ def drive_gains(
         raise InputError("the width must be positive", value=width)
     if shape[0] < 16:
         raise InputError("too few samples for drive gains", value=shape[0], limit="at least 16")
-    rows, warnings = np.empty((len(names), 5)), list[Notice]()
+    rows, warnings = np.empty((len(names), 5)), list[Finding]()
     for j, name in enumerate(names):
         columns = np.stack([moment[:, j], np.tanh(velocity[:, j] / width), velocity[:, j]])
         rows[j], reason = _joint(columns, current[:, j], rate_hz)
         if reason:
-            warnings.append(Notice("low_excitation", f"no drive gain for {name}: {reason}"))
+            warnings.append(Finding("low_excitation", f"no drive gain for {name}: {reason}"))
     if np.isnan(rows[:, 0]).all():
         raise JobError(
             "no joint's drive gain can be told from this recording",

@@ -10,9 +10,10 @@ import numpy as np
 
 from dynid.core import (
     Array,
+    Finding,
     InputError,
-    Notice,
     Provenance,
+    finding_from_json,
     frozen,
     load_object,
     read_only,
@@ -122,7 +123,7 @@ class Estimate:
     motion: MotionRange
     choices: tuple[str, ...] = ()
     """What `--preset best` chose, in words."""
-    warnings: tuple[Notice, ...] = ()
+    warnings: tuple[Finding, ...] = ()
     provenance: Provenance
     residual_autocorrelation: Array = field(default_factory=lambda: np.zeros(0))
     """(n) autocorrelation of the residuals at one sample."""
@@ -348,7 +349,7 @@ def _estimate(data: dict[str, Any]) -> Estimate:
             acceleration=np.array(motion["acceleration"], dtype=np.float64),
         ),
         choices=tuple(str(text) for text in data["choices"]),
-        warnings=tuple(Notice(str(w["code"]), str(w["message"])) for w in data["warnings"]),
+        warnings=tuple(finding_from_json(w) for w in data["warnings"]),
         provenance=Provenance(
             created=str(made["created"]),
             versions=dict(made["versions"]),

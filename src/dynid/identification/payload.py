@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, JobError, Notice, frozen
+from dynid.core import Array, Finding, JobError, frozen, told
 from dynid.identification.shared import PAYLOAD, SharedFit, SharedProblem
 from dynid.robot import PARAMETERS, frame_map, from_pseudo_inertia, tensor, to_pseudo_inertia
 
@@ -103,7 +103,7 @@ class Payload:
     """(R, n) residual standard deviations of the records, unloaded first [N.m or N]."""
     samples: int
     """Rows a joint, all records."""
-    warnings: tuple[Notice, ...] = ()
+    warnings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         for name, shape in (
@@ -176,7 +176,8 @@ class Payload:
             ],
             "noise": self.noise.tolist(),
             "samples": self.samples,
-            "warnings": [notice.to_json() for notice in self.warnings],
+            "warnings": told(self.warnings),
+            "findings": [finding.to_json() for finding in self.warnings],
         }
 
 
@@ -205,20 +206,20 @@ def payload_of(problem: SharedProblem, fit: SharedFit) -> Payload:
     )
 
 
-def _findings(free: Array, body: Array, covariance: Array) -> tuple[Notice, ...]:
-    notices: list[Notice] = []
+def _findings(free: Array, body: Array, covariance: Array) -> tuple[Finding, ...]:
+    notices: list[Finding] = []
     spread = float(np.sqrt(covariance[0, 0]))
     half = NORMAL_95 * spread
     if abs(free[0]) < half:
         notices.append(
-            Notice(
+            Finding(
                 "low_excitation",
                 f"a payload of {free[0]:.3g} kg +- {half:.2g} kg cannot be told from none",
             )
         )
     if free[0] < -half:
         notices.append(
-            Notice(
+            Finding(
                 "not_physical",
                 f"the loaded runs carry {-free[0]:.3g} kg less than the unloaded ones: "
                 "they may have been swapped",
@@ -230,7 +231,7 @@ def _findings(free: Array, body: Array, covariance: Array) -> tuple[Notice, ...]
     # Chi-square with ten degrees of freedom passes 29.6 once in a thousand times.
     if distance > 29.6:
         notices.append(
-            Notice(
+            Finding(
                 "not_physical",
                 "no body that can exist comes near the least-squares answer (distance "
                 f"{np.sqrt(distance):.1f} standard deviations): the runs differ in more than "

@@ -9,7 +9,6 @@ from dynid.recording.names import parse_name, says_degrees
 from dynid.recording.partial import MARK, pack, partial_path, recover
 from dynid.recording.reading import read_recording
 from dynid.recording.record import JOINT_QUANTITIES, ExperimentRecord, RecordMetadata, identity
-from dynid.recording.repair.joints import UNWRAPPED
 from dynid.recording.repair.pipeline import RepairSettings, repair
 from dynid.recording.ros1 import ros1_messages
 from dynid.recording.store import KEY, read_record, write_record
@@ -21,7 +20,6 @@ __all__ = [
     "JOINT_QUANTITIES",
     "KEY",
     "MARK",
-    "UNWRAPPED",
     "Catalog",
     "ExperimentRecord",
     "MessageDecoder",

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from dynid.core import Notice, RecordError, require
+from dynid.core import Finding, RecordError, require
 from dynid.recording.content import MAX_BYTES, InflateError, inflate, unreadable
 
 DEFINITION_LANGUAGES = ("ros1msg", "ros2msg", "ros2idl")
@@ -57,7 +57,7 @@ class Catalog:
     wanted: Callable[[Topic], bool] = joint_states
     """Whose messages are yielded."""
     topics: dict[str, Topic] = field(default_factory=dict[str, Topic])
-    findings: list[Notice] = field(default_factory=list[Notice])
+    findings: list[Finding] = field(default_factory=list[Finding])
     """A notice for each kind of damage."""
 
     def add(self, topic: Topic) -> bool:
@@ -69,7 +69,7 @@ class Catalog:
 
     def report(self, code: str, message: str) -> None:
         """Tell of damage."""
-        self.findings.append(Notice(code, message))
+        self.findings.append(Finding(code, message))
 
     def described(self) -> list[str]:
         """Topics with their types, for messages."""

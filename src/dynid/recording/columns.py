@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core import Array, Notice, RecordError
+from dynid.core import Array, Finding, RecordError
 from dynid.recording.clocks import Clock
 from dynid.recording.headers import match_headers, spelled
 from dynid.recording.names import Name, parse_name
@@ -146,7 +146,7 @@ class Assignment:
     """Joint names in the columns' order, where the names have them."""
     notes: tuple[str, ...] = ()
     """Choices made, in words."""
-    notices: tuple[Notice, ...] = ()
+    notices: tuple[Finding, ...] = ()
     """What is suspect."""
 
     def signals(self, column: Callable[[int], Array]) -> dict[str, Array]:
@@ -202,14 +202,14 @@ def assign(
         return Assignment(columns=mapping, clocks=clocks, factors={}, said=frozenset())
     factors: dict[str, tuple[float, ...]] = {}
     said: set[str] = set()
-    notices: list[Notice] = []
+    notices: list[Finding] = []
     for quantity, numbers in mapping.items():
         units = _units_of([parse_name(names[k]) for k in numbers])
         known = [factor_of(quantity, unit) for unit in units]
         if None in known:
             unit = units[known.index(None)]
             notices.append(
-                Notice(
+                Finding(
                     "unit_suspect",
                     f"{quantity} is taken as it is from {plain(names[numbers[0]])!r}, though "
                     f"{plain(unit, 20)!r} is no unit of it",

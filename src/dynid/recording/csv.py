@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.core import Array, Notice, RecordError
+from dynid.core import Array, Finding, RecordError
 from dynid.recording.budget import Budget
 from dynid.recording.clocks import Clock, stamps_of
 from dynid.recording.columns import assign, suggest_columns
@@ -40,7 +40,7 @@ class Pasted:
     """(N) line numbers of the first file, from 1."""
     reported: Mask
     """(N) rows that `notices` accounts for."""
-    notices: tuple[Notice, ...]
+    notices: tuple[Finding, ...]
 
 
 def lay_side_by_side(dialects: list[Dialect], joints: int | None = None) -> list[Sheet]:
@@ -128,7 +128,7 @@ def paste(sheets: list[Sheet], wanted: list[int], soft: frozenset[int], where: s
                 next_step="Give files that were recorded together, without broken lines.",
             )
         notices.append(
-            Notice(
+            Finding(
                 "truncated_file",
                 f"the files have {' and '.join(map(str, lengths))} rows; cut to {shortest}, taking "
                 "the missing ones to be the last",

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynid.core import Array, Notice, RecordError
+from dynid.core import Array, Finding, RecordError
 from dynid.recording.cells import decimals, is_missing, number, split, stamp
 from dynid.recording.dialect import COMMENT, Dialect, flatten, line_blocks
 from dynid.recording.table import Mask, Rows, plain
@@ -73,7 +73,7 @@ class Grid:
     """(N) line numbers, from 1."""
     reported: Mask
     """(N) rows that `notices` accounts for."""
-    notices: tuple[Notice, ...]
+    notices: tuple[Finding, ...]
     broken: int
     """Lines whose number of cells is wrong."""
 
@@ -106,7 +106,7 @@ def read_grid(dialect: Dialect, wanted: list[int], soft: frozenset[int] = frozen
         RecordError: The file cannot be read, or holds no row.
     """
     draft = _Draft()
-    notices: list[Notice] = []
+    notices: list[Finding] = []
     line_number = strangers = 0
     chunk: list[tuple[int, str]] = []
     closed = True
@@ -136,7 +136,7 @@ def read_grid(dialect: Dialect, wanted: list[int], soft: frozenset[int] = frozen
         ):
             chunk.pop()
             notices.append(
-                Notice(
+                Finding(
                     "truncated_file",
                     f"the last line (line {number_}) of {dialect.path.name} stops in the middle; "
                     "it is left out",
@@ -151,7 +151,7 @@ def read_grid(dialect: Dialect, wanted: list[int], soft: frozenset[int] = frozen
     if draft.bad:
         notices.insert(
             0,
-            Notice(
+            Finding(
                 "corrupt_rows",
                 f"{len(draft.bad)} of {len(draft.rows)} rows of {dialect.path.name} cannot be "
                 f"read; first: {draft.first}",
@@ -159,7 +159,7 @@ def read_grid(dialect: Dialect, wanted: list[int], soft: frozenset[int] = frozen
         )
     if strangers:
         notices.append(
-            Notice(
+            Finding(
                 "dropped_rows",
                 f"{strangers} rows of {dialect.path.name} name other joints than its first row",
             )

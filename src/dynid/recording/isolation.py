@@ -23,7 +23,14 @@ from typing import IO, Any
 
 import numpy as np
 
-from dynid.core import DynidError, InputError, JobError, MissingExtraError, Notice, RecordError
+from dynid.core import (
+    DynidError,
+    InputError,
+    JobError,
+    MissingExtraError,
+    RecordError,
+    finding_from_json,
+)
 from dynid.recording.budget import Budget
 from dynid.recording.table import RawTable, ReadOptions
 
@@ -252,7 +259,7 @@ def _unpack(answer: dict[str, Any], stream: IO[bytes]) -> RawTable | None:
         else:
             facts[name] = value
     facts["said"] = frozenset(facts["said"])
-    facts["notices"] = tuple(Notice(**notice) for notice in facts["notices"])
+    facts["notices"] = tuple(finding_from_json(item) for item in facts["notices"])
     facts["labels"] = {name: tuple(names) for name, names in facts["labels"].items()}
     for name in ("joint_names", "notes", "clock_columns"):
         facts[name] = tuple(facts[name])

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.core import Array, Notice, RecordError
+from dynid.core import Array, Finding, RecordError
 from dynid.recording.bagfiles import (
     MCAP_MAGIC,
     Catalog,
@@ -292,7 +292,7 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
         )
     if collector.damaged:
         findings.append(
-            Notice(
+            Finding(
                 "corrupt_rows",
                 f"{collector.damaged} of {collector.count} messages cannot be decoded; first: "
                 f"message {collector.first_damaged}",
@@ -301,7 +301,7 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     lacking = collector.count - collector.damaged - len(numbers)
     if lacking:
         findings.append(
-            Notice(
+            Finding(
                 "dropped_rows", f"{lacking} of {collector.count} messages lack one of the joints"
             )
         )

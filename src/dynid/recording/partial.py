@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import JobError, Notice, RecordError
+from dynid.core import Finding, JobError, RecordError
 from dynid.recording.content import unreadable
 from dynid.recording.record import (
     ExperimentRecord,
@@ -91,7 +91,7 @@ def recover(path: Path, *, finished: bool = False) -> ExperimentRecord:
         return record
     lost = f", {len(data) - used} bytes after them are lost" if len(data) > used else ""
     message = f"the recording was interrupted; {record.samples} samples were kept{lost}"
-    return replace(record, problems=(*record.problems, Notice("truncated_file", message)))
+    return replace(record, problems=(*record.problems, Finding("truncated_file", message)))
 
 
 def _segments(data: bytes) -> Iterator[tuple[bytes, bytes]]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Notice, RecordError, frozen
+from dynid.core import Array, Finding, RecordError, finding_from_json, frozen
 
 JOINT_QUANTITIES = (
     "q",
@@ -69,7 +69,7 @@ class ExperimentRecord:
     signals: Mapping[str, Array]
     """Quantity (one of `JOINT_QUANTITIES`) to (N, n) samples, SI units."""
     metadata: RecordMetadata = field(default_factory=RecordMetadata)
-    problems: tuple[Notice, ...] = ()
+    problems: tuple[Finding, ...] = ()
     """What was found and repaired in reading."""
     channels: Mapping[str, Array] = field(default_factory=dict[str, Array])
     """Other columns kept as they came, name to (N)."""
@@ -181,16 +181,16 @@ def metadata_from_json(data: Mapping[str, Any]) -> RecordMetadata:
         raise RecordError("the recording's metadata is damaged", value=str(error)) from error
 
 
-def notices_from_json(data: Iterable[Any]) -> tuple[Notice, ...]:
+def notices_from_json(data: Iterable[Any]) -> tuple[Finding, ...]:
     """Notices from a list of JSON objects.
 
     Raises:
         RecordError: Something that is no notice.
     """
-    notices: list[Notice] = []
+    notices: list[Finding] = []
     for item in data:
         try:
-            notices.append(Notice(str(item["code"]), str(item["message"])))
+            notices.append(finding_from_json(item))
         except (KeyError, TypeError, ValueError) as error:
             raise RecordError(
                 "the recording's list of problems is damaged", value=str(error)

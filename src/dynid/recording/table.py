@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dynid.core import Array, Notice, RecordError
+from dynid.core import Array, Finding, RecordError
 
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.int64]
@@ -84,7 +84,7 @@ class RawTable:
     """Other columns, name to (N)."""
     reported: Mask | None = None
     """(N) rows whose loss `notices` reports already."""
-    notices: tuple[Notice, ...] = ()
+    notices: tuple[Finding, ...] = ()
     """What was found so far."""
     notes: tuple[str, ...] = ()
     """Choices made in reading that are no problem, in words."""
@@ -127,7 +127,7 @@ class RawTable:
 
     def report(self, code: str, message: str) -> RawTable:
         """The same table with one more notice."""
-        return replace(self, notices=(*self.notices, Notice(code, message)))
+        return replace(self, notices=(*self.notices, Finding(code, message)))
 
     def note(self, text: str) -> RawTable:
         """The same table with one more note."""

@@ -16,7 +16,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, JobError, Notice, RecordError
+from dynid.core import Array, Finding, InputError, JobError, RecordError
 from dynid.recording.partial import MARK, create_partial, pack, partial_path, recover
 from dynid.recording.record import RecordMetadata, check_quantities, metadata_to_json
 from dynid.recording.store import write_record
@@ -136,7 +136,7 @@ class RecordWriter:
         if max(waited, recorded) >= _FLUSH_S or len(self._buffer) >= _FLUSH_ROWS:
             self.flush()
 
-    def report(self, problem: Notice) -> None:
+    def report(self, problem: Finding) -> None:
         """Add to the recording's problems: a gap, a stop, a late robot.
 
         Raises:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dynid.core import Array, InputError, Mask, Notice, read_only, solve_upper, upper_triangle
+from dynid.core import Array, Finding, InputError, Mask, read_only, solve_upper, upper_triangle
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import RobotModel, nominal_geometry, structural_gravity
 
@@ -158,7 +158,7 @@ class BaseParametrization:
     tolerance: float
     seed: int
     samples: int
-    warnings: tuple[Notice, ...] = field(default=())
+    warnings: tuple[Finding, ...] = field(default=())
 
     @property
     def rank(self) -> int:
@@ -261,14 +261,14 @@ def reduce_model(
 
 def _structural_model(
     model: InverseDynamicModel,
-) -> tuple[InverseDynamicModel, tuple[Notice, ...]]:
+) -> tuple[InverseDynamicModel, tuple[Finding, ...]]:
     nominal, _ = nominal_geometry(model.robot)
     gravity, tilt = structural_gravity(nominal)
     found = (_departure(model.robot, nominal, model.frames), tilt)
     robot = replace(nominal, gravity=gravity)
     return (
         InverseDynamicModel(robot=robot, frames=model.frames, friction=model.friction),
-        tuple(Notice("ill_conditioned", text) for text in found if text),
+        tuple(Finding("ill_conditioned", text) for text in found if text),
     )
 
 
@@ -296,11 +296,11 @@ def _departure(robot: RobotModel, nominal: RobotModel, frames: str) -> str | Non
     )
 
 
-def _two_ranks(by_singular_values: int, by_columns: int) -> tuple[Notice, ...]:
+def _two_ranks(by_singular_values: int, by_columns: int) -> tuple[Finding, ...]:
     if by_singular_values == by_columns:
         return ()
     return (
-        Notice(
+        Finding(
             "ill_conditioned",
             f"the tolerance cuts through the singular values: they give rank {by_singular_values},"
             f" the columns in order give {by_columns}",
@@ -308,12 +308,12 @@ def _two_ranks(by_singular_values: int, by_columns: int) -> tuple[Notice, ...]:
     )
 
 
-def _weak_gap(classes: Rank) -> tuple[Notice, ...]:
+def _weak_gap(classes: Rank) -> tuple[Finding, ...]:
     before, after = classes.gap
     if before > WEAK and after < CLEAR_GAP * before:
         return ()
     return (
-        Notice(
+        Finding(
             "ill_conditioned",
             f"the rank {classes.rank} has no clear gap: the last singular value that counts is "
             f"{before:.1e} of the largest, the next {after:.1e}",

@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dynid.core import Array, Notice
+from dynid.core import Array, Finding
 from dynid.identification import Estimate
 from dynid.reduction import BaseParametrization
 from dynid.report.theme import Canvas
@@ -29,7 +29,7 @@ class ReportedEstimate:
     """`usable`, `care` or `do_not_use`."""
     headline: str
     """The verdict in one sentence."""
-    warnings: tuple[Notice, ...]
+    warnings: tuple[Finding, ...]
     base: BaseParametrization | None = None
     """Which parameters motion can show, for the paper's Figure 1."""
     training: ValidationResult | None = None

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy import special  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core import Array, Indices, InputError, Mask, Notice, read_only
+from dynid.core import Array, Finding, Indices, InputError, Mask, read_only, told
 from dynid.identification import Estimate
 from dynid.robot import RobotModel
 
@@ -47,17 +47,17 @@ def refuse_strangers(a: Estimate, b: Estimate) -> None:
         )
 
 
-def comparison_warnings(a: Estimate, b: Estimate) -> tuple[Notice, ...]:
+def comparison_warnings(a: Estimate, b: Estimate) -> tuple[Finding, ...]:
     """What may mislead in a comparison that is allowed."""
-    found: list[Notice] = []
+    found: list[Finding] = []
     gains = [estimate.model.robot.drives.gain for estimate in (a, b)]
     if not np.allclose(*gains, rtol=_SAME_GAIN, atol=0, equal_nan=True):
         message = "the drive gains differ; parameters from currents are scaled by them"
-        found.append(Notice("unit_suspect", message))
+        found.append(Finding("unit_suspect", message))
     for label, estimate in (("first", a), ("second", b)):
         codes = sorted({notice.code for notice in estimate.warnings})
         for code in codes:
-            found.append(Notice(code, f"the {label} estimate carries this warning"))
+            found.append(Finding(code, f"the {label} estimate carries this warning"))
     return tuple(found)
 
 
@@ -134,7 +134,7 @@ class ParameterComparison:
     """(r) 100 (b - a) / |a|; NaN where a is zero."""
     groups: tuple[ParameterGroup, ...]
     """`GROUPS` in their order, and `offset` where the model has offsets."""
-    warnings: tuple[Notice, ...] = ()
+    warnings: tuple[Finding, ...] = ()
     """Why the comparison may mislead."""
 
     def to_json(self) -> dict[str, Any]:
@@ -153,7 +153,8 @@ class ParameterComparison:
                 for name, unit, a, b, change, z in rows
             ],
             "groups": {group.name: self._group_to_json(group) for group in self.groups},
-            "warnings": [notice.to_json() for notice in self.warnings],
+            "warnings": told(self.warnings),
+            "findings": [finding.to_json() for finding in self.warnings],
         }
 
     def _group_to_json(self, group: ParameterGroup) -> dict[str, Any]:

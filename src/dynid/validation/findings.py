@@ -12,9 +12,8 @@ from itertools import combinations
 
 import numpy as np
 
-from dynid.core import Array, Notice
+from dynid.core import Array, Finding
 from dynid.identification import (
-    DO_NOT_USE,
     ILL_CONDITIONED,
     Estimate,
     implausible_gravity,
@@ -117,48 +116,59 @@ def _log_noise(base: BaseParametrization, samples: Samples) -> tuple[float, floa
     return float(np.log(noise / thin.count).sum()) / 2, share
 
 
-def order_notice(i: int, j: int, alone: bool, names: tuple[str, ...]) -> Notice:
+def order_notice(i: int, j: int, alone: bool, names: tuple[str, ...]) -> Finding:
     """An exchange from `exchanged_joints` in words."""
     what = "torques of" if alone else "columns of"
-    return Notice(
-        "unit_suspect",
+    return Finding(
+        "exchanged_torques" if alone else "exchanged",
         f"the {what} {names[i]} and {names[j]} look exchanged: in the other order they fit the "
-        f"model far better, and {DO_NOT_USE}: check the order of the joints (--columns or "
-        "--joint-order)",
+        "model far better",
+        joints=(i, j),
+        next_step="check the order of the joints (--columns or --joint-order)",
     )
 
 
-REVERSED = "only when reversed"
-
-
-def suspicious_inputs(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
+def suspicious_inputs(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
     """`suspects` in words."""
     names, mount = estimate.model.robot.joint_names, estimate.model.robot.mount
     axes = estimate.model.robot.gravity
     return tuple(_words(found, names, mount, axes) for found in suspects(estimate, samples))
 
 
-def _words(found: Suspicion, names: tuple[str, ...], mount: str, gravity: Array) -> Notice:
+def _words(found: Suspicion, names: tuple[str, ...], mount: str, gravity: Array) -> Finding:
     if found.kind == "mounting":
         fits = " ".join(f"{x:.2f}" for x in gravity_of(found.inputs, gravity))
-        text = (
+        return Finding(
+            "mounting",
             f"gravity fits the torques better when it stands {found.value:.1f} +- {found.std:.1f} "
-            f"deg off the mounting ({mount}): [{fits}] m/s^2 in the base frame; level the base, or "
-            "write it into the robot file ([mount] gravity)"
+            f"deg off the mounting ({mount}), [{fits}] m/s^2 in the base frame",
+            value=found.value,
+            std=found.std,
+            unit="deg",
+            next_step="level the base, or write it into the robot file ([mount] gravity)",
         )
-        return Notice("unit_suspect", text)
     name = "" if found.joint is None else names[found.joint]
+    joints = () if found.joint is None else (found.joint,)
     if found.kind == "sign":
-        text = f"the torques of {name} fit those of the other joints {REVERSED}: check "
-        return Notice("unit_suspect", text + "the signs of its torque or current and position")
+        return Finding(
+            "reversed",
+            f"the torques of {name} fit those of the other joints only when reversed",
+            severity="warning",
+            joints=joints,
+            value=-1.0,
+            next_step="check the signs of its torque or current and position",
+        )
     others = ", ".join(f"{names[j]} {x:.3g} times" for j, x in found.others)
-    text = (
+    return Finding(
+        "drive_gain",
         f"the torques of {name} are {found.value:.3g} +- {found.std:.2g} times as large as those "
-        "of the other joints let expect"
-        + (f" (nearly as likely: {others})" if others else "")
-        + ": check its drive gain; its share of the parameters is scaled by it"
+        "of the other joints let expect" + (f" (nearly as likely: {others})" if others else ""),
+        joints=joints,
+        value=found.value,
+        std=found.std,
+        unit="1",
+        next_step="check its drive gain; its share of the parameters is scaled by it",
     )
-    return Notice("unit_suspect", text)
 
 
 def gravity_of(inputs: Inputs, gravity: Array) -> Array:
@@ -180,7 +190,7 @@ def wrong_inputs(
     *,
     start_s: float | None = None,
     stop_s: float | None = None,
-) -> tuple[Notice, ...]:
+) -> tuple[Finding, ...]:
     """Look for inputs that do not fit, a contact, friction that drifts.
 
     An offset in time or exchanged joints make gains, signs, gravity and contacts look wrong as
@@ -212,7 +222,7 @@ def wrong_inputs(
     # Masses are known less well than joints agree.
     doubts = () if inputs or clipped else gravity
     # A motion that tells little apart cannot tell its own stretches apart either.
-    told = told and not any(REVERSED in notice.message for notice in inputs)
+    told = told and not any(finding.kind == "reversed" for finding in inputs)
     contacts = disturbed(training, names, trimmed_errors(estimate, full)) if told else ()
     return (
         *inputs,

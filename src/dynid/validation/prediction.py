@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Mask, Notice, read_only
+from dynid.core import Array, Finding, Mask, read_only, told
 from dynid.identification import Estimate, autocorrelation, motion_state
 from dynid.recording import ExperimentRecord, identity
 from dynid.signals import (
@@ -128,7 +128,6 @@ POINT = 4
 """Mass and first moments: a load as small as a point leaves less room for other faults."""
 FARTHEST_M = 0.6
 """Of its centre from the last joint's frame."""
-CARRIED = "at the last link than the identification's"
 
 
 def carried_mass(estimate: Estimate, samples: Samples, error: Array) -> tuple[float, float] | None:
@@ -176,24 +175,30 @@ def carried_mass(estimate: Estimate, samples: Samples, error: Array) -> tuple[fl
     return mass, spread
 
 
-def another_payload(estimate: Estimate, samples: Samples, error: Array) -> tuple[Notice, ...]:
+def another_payload(estimate: Estimate, samples: Samples, error: Array) -> tuple[Finding, ...]:
     """`carried_mass` in words."""
     found = carried_mass(estimate, samples, error)
     if found is None:
         return ()
     mass, spread = found
-    text = (
-        f"this record carries {abs(mass):.2f} +- {spread:.2g} kg {'more' if mass > 0 else 'less'} "
-        f"{CARRIED}: predict what is carried, or find it with dynid payload"
+    return (
+        Finding(
+            "payload",
+            f"this record carries {abs(mass):.2f} +- {spread:.2g} kg "
+            f"{'more' if mass > 0 else 'less'} at the last link than the identification's",
+            joints=(estimate.model.robot.joints - 1,),
+            value=mass,
+            std=spread,
+            unit="kg",
+            next_step="predict what is carried, or find it with dynid payload",
+        ),
     )
-    return (Notice("unit_suspect", text),)
 
 
 EXTRAPOLATION = 1.15
 """A record may exceed the identification's speeds, accelerations and ranges of motion by this
 factor before it is said."""
 OVERLAP_S = 0.1
-SAME_RECORD = "part of the record that was identified from"
 REST_SHARE = 0.2
 """More joint samples at rest than this are worth a warning."""
 
@@ -217,7 +222,7 @@ class ValidationResult:
     """Only samples where the joint stands."""
     residual_autocorrelation: Array
     """(n) of the error at one sample."""
-    warnings: tuple[Notice, ...]
+    warnings: tuple[Finding, ...]
 
     def to_json(self) -> dict[str, Any]:
         """METRICS, the same under `moving` and `at_rest`, and the warnings."""
@@ -226,7 +231,8 @@ class ValidationResult:
             "moving": self.moving.to_json(),
             "at_rest": self.at_rest.to_json(),
             "residual_autocorrelation": [float(x) for x in self.residual_autocorrelation],
-            "warnings": [notice.to_json() for notice in self.warnings],
+            "warnings": told(self.warnings),
+            "findings": [finding.to_json() for finding in self.warnings],
         }
 
 
@@ -309,7 +315,7 @@ def _settings(
 
 def _seen_before(
     estimate: Estimate, record: ExperimentRecord, start_s: float | None, stop_s: float | None
-) -> tuple[Notice, ...]:
+) -> tuple[Finding, ...]:
     if identity(record) not in estimate.provenance.inputs.values():
         return ()
     used = estimate.settings
@@ -321,20 +327,20 @@ def _seen_before(
     if last - first < OVERLAP_S:
         return ()
     return (
-        Notice(
-            "over_fitted",
-            f"{first:.1f} to {last:.1f} s of the validation window are {SAME_RECORD}: the error "
-            "says nothing about another motion",
+        Finding(
+            "same_record",
+            f"{first:.1f} to {last:.1f} s of the validation window are part of the record that was "
+            "identified from: the error says nothing about another motion",
         ),
     )
 
 
-def _another_robot(estimate: Estimate, record: ExperimentRecord) -> tuple[Notice, ...]:
+def _another_robot(estimate: Estimate, record: ExperimentRecord) -> tuple[Finding, ...]:
     names, known = record.metadata.robot, estimate.model.robot.name
     builtin = names is not None and names.isalnum()
     if names is None or not builtin or names == known:
         return ()
-    return (Notice("extrapolated", f"the record says robot {names}, the estimate is of {known}"),)
+    return (Finding("another_robot", f"the record says robot {names}, the estimate is of {known}"),)
 
 
 def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:
@@ -358,7 +364,7 @@ def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:
     )
 
 
-def _extrapolated(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
+def _extrapolated(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
     known = estimate.motion
     names = estimate.model.robot.joint_names
     found: list[str] = []
@@ -379,20 +385,20 @@ def _extrapolated(estimate: Estimate, samples: Samples) -> tuple[Notice, ...]:
     if not found:
         return ()
     return (
-        Notice(
-            "extrapolated",
+        Finding(
+            "other_motion",
             "this record goes beyond the identification's: " + "; ".join(found[:4]),
         ),
     )
 
 
-def _at_rest(estimate: Estimate, moving: Mask) -> tuple[Notice, ...]:
+def _at_rest(estimate: Estimate, moving: Mask) -> tuple[Finding, ...]:
     share = 1 - moving.mean(axis=0)
     worst = int(np.argmax(share))
     if share.mean() <= REST_SHARE:
         return ()
     return (
-        Notice(
+        Finding(
             "at_rest",
             f"{100 * share.mean():.0f} % of the joint samples are at rest (most: "
             f"{estimate.model.robot.joint_names[worst]}, {100 * share[worst]:.0f} %): friction "

@@ -7,9 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from dynid.core import Array, Indices, Mask, Notice
+from dynid.core import Array, Finding, Indices, Mask
 from dynid.identification import (
-    DO_NOT_USE,
     Estimate,
     block_mean,
     chunk_size,
@@ -176,13 +175,15 @@ def time_offset(estimate: Estimate, samples: Samples) -> float | None:
     return min(near, key=left) / rate + known_s
 
 
-def offset_notice(offset_s: float) -> Notice:
+def offset_notice(offset_s: float) -> Finding:
     """An offset from `time_offset` in words."""
     when = "later" if offset_s > 0 else "earlier"
-    return Notice(
-        "clock_mismatch",
-        f"the torques were stamped {abs(offset_s):.2f} s {when} than the motion they belong to: "
-        f"two clocks? Shift one of them in the file; {DO_NOT_USE}",
+    return Finding(
+        "clock_offset",
+        f"the torques were stamped {abs(offset_s):.2f} s {when} than the motion they belong to",
+        value=offset_s,
+        unit="s",
+        next_step="two clocks? Shift one of them in the file",
     )
 
 
@@ -207,14 +208,13 @@ LONGEST_TRIMMED = 0.2
 MOST = 3
 """Contacts that are told from a wrong model."""
 LEAST_WINDOWS = 20
-DISTURBED = "do not belong to the motion"
 
 
 def disturbed(
     result: ValidationResult,
     names: tuple[str, ...],
     trimmed: tuple[Array, Array] | None = None,
-) -> tuple[Notice, ...]:
+) -> tuple[Finding, ...]:
     """Say where a few windows stand far above all others in several joints.
 
     Args:
@@ -236,11 +236,15 @@ def disturbed(
         )
     if not found:
         return ()
-    text = (
-        f"torques {DISTURBED} at {'; '.join(found)}: a contact? They bend every parameter; "
-        "leave them out with --from and --to, or record again"
+    return (
+        Finding(
+            "contact",
+            f"torques do not belong to the motion at {'; '.join(found)}: a contact biases every "
+            "parameter",
+            value=float(len(found)),
+            next_step="leave them out with --from and --to, or record again",
+        ),
     )
-    return (Notice("corrupt_rows", text),)
 
 
 def _contacts(ratio: Array, longest: float) -> list[tuple[int, int]]:
@@ -287,7 +291,6 @@ LEAST_CHANGE = 0.05
 """Share of the friction at the joint's usual speed."""
 LEAST_DRIFTING_JOINTS = 0.5
 """Share of the joints: an arm warms up as a whole."""
-DRIFTS = "changes along the record"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -350,7 +353,7 @@ def _line(x: Array, y: Array) -> tuple[float, float]:
 
 def drifting_friction(
     estimate: Estimate, result: ValidationResult, names: tuple[str, ...]
-) -> tuple[Notice, ...]:
+) -> tuple[Finding, ...]:
     """Say where the friction of most joints moves one way along the record."""
     drift = friction_drift(estimate, result)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -360,9 +363,15 @@ def drifting_friction(
     if len(agree) < LEAST_DRIFTING_JOINTS * len(names):
         return ()
     words = ", ".join(f"{names[j]} {100 * drift.change[j]:+.0f} %" for j in agree)
-    text = (
-        f"friction {DRIFTS} ({words} from its start to its end): the joints grow "
-        f"{'warmer' if way < 0 else 'colder'}; the friction given is the record's mean. Move the "
-        "arm until it no longer changes, or identify parts of the record with --from and --to"
+    return (
+        Finding(
+            "friction_drift",
+            f"friction changes along the record ({words} from its start to its end): the joints "
+            f"grow {'warmer' if way < 0 else 'colder'}; the friction given is the record's mean",
+            joints=tuple(agree),
+            value=float(np.mean(drift.change[agree])),
+            unit="1",
+            next_step="move the arm until it no longer changes, or identify parts of the record "
+            "with --from and --to",
+        ),
     )
-    return (Notice("non_white_residuals", text),)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Notice
+from dynid.core import Array, Finding, told
 from dynid.reduction import BaseParametrization, reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel, parse_terms
 from dynid.robot import RobotModel, load_robot
@@ -66,7 +66,7 @@ class Analysis:
     """Which parameters stand for all, and how they were found."""
 
     @property
-    def warnings(self) -> tuple[Notice, ...]:
+    def warnings(self) -> tuple[Finding, ...]:
         """What was set straight to find the structure."""
         return self.base.warnings
 
@@ -97,7 +97,8 @@ class Analysis:
             "combined_names": [names[i] for i in base.classes.combined],
             "unidentifiable_names": [names[i] for i in base.classes.unidentifiable],
             "notes": [*unit_notes(base.model.robot), *base.model.robot.notes],
-            "warnings": [notice.to_json() for notice in self.warnings],
+            "warnings": told(self.warnings),
+            "findings": [finding.to_json() for finding in self.warnings],
         }
 
 

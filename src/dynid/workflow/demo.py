@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import InputError, JobError, Progress, require, silent, write_json
+from dynid.core import InputError, JobError, Progress, require, silent, told, write_json
 from dynid.excitation import ExcitationDesign
 from dynid.identification import write_estimate
 from dynid.recording import ExperimentRecord, read_record
@@ -299,8 +299,8 @@ class Demo:
             "comparison": self.change.to_json(),
             "choices": list(self.best.estimate.choices),
             "warnings": {
-                "best": [notice.to_json() for notice in self.best.warnings],
-                "paper": [notice.to_json() for notice in self.paper.warnings],
+                "best": told(self.best.warnings),
+                "paper": told(self.paper.warnings),
             },
             "files": [str(path) for path in self.files],
             "wall_s": self.wall_s,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, InputError, Notice
+from dynid.core import Array, Finding, InputError, told
 from dynid.export import ExportedFile, write_model
 from dynid.workflow.temperature import estimate_at
 
@@ -29,7 +29,7 @@ class Export:
     to: str
     """The format."""
     written: ExportedFile
-    warnings: tuple[Notice, ...]
+    warnings: tuple[Finding, ...]
 
     def to_json(self) -> dict[str, Any]:
         """The object that `--json` prints."""
@@ -40,7 +40,8 @@ class Export:
             "physical": self.written.model.physical,
             "standard_parameters": self.written.model.origin,
             "left_out": list(self.written.left_out),
-            "warnings": [notice.to_json() for notice in self.warnings],
+            "warnings": told(self.warnings),
+            "findings": [finding.to_json() for finding in self.warnings],
         }
 
 
@@ -94,12 +95,12 @@ def export_file(
     return Export(to=to, written=written, warnings=_warnings(to, written, known.noise))
 
 
-def _warnings(to: str, written: ExportedFile, noise: Array) -> tuple[Notice, ...]:
+def _warnings(to: str, written: ExportedFile, noise: Array) -> tuple[Finding, ...]:
     model, friction = written.model, written.friction
-    found: list[Notice] = []
+    found: list[Finding] = []
     if not model.physical:
         found.append(
-            Notice(
+            Finding(
                 "not_physical",
                 "no bodies that can exist have the identified base parameters"
                 f" ({model.worst}): torques are right, but single masses and inertias mean nothing"
@@ -112,7 +113,7 @@ def _warnings(to: str, written: ExportedFile, noise: Array) -> tuple[Notice, ...
             for j in np.flatnonzero(friction.missing > noise)
         )
         found.append(
-            Notice(
+            Finding(
                 "extrapolated",
                 f"{to} has no place for all friction that was identified; damping and dry friction"
                 " are the nearest to it over the recorded range. What they leave is more than the"

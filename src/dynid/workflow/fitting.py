@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -83,7 +83,7 @@ def fit(
         JobError: A singular problem, or a full disk.
     """
     tell = progress or silent
-    files = [logs] if isinstance(logs, str | Path) else list(logs)
+    files: list[str | Path] = [logs] if isinstance(logs, str | Path) else list(logs)
     if not files:
         raise InputError("needs at least one log")
     model = robot if isinstance(robot, RobotModel) else load_robot(robot)
@@ -91,7 +91,8 @@ def fit(
     records: list[ExperimentRecord] = []
     sources: list[str] = []
     paths: list[Path] = []
-    for k, file in enumerate([*files, *([] if validation is None else [validation])]):
+    others: list[str | Path] = [] if validation is None else [validation]
+    for k, file in enumerate(files + others):
         tell(f"read {Path(file).name}", 0.1 * k / (len(files) + 1))
         record = open_record(file, model, gains)
         record, source = known_gains(record, model)
@@ -158,8 +159,6 @@ def _stem(file: str | Path, k: int, count: int) -> str:
 
 def _named(record: ExperimentRecord, robot: str | Path | RobotModel) -> ExperimentRecord:
     """The recording, which remembers the robot by name or file."""
-    from dataclasses import replace
-
     if isinstance(robot, RobotModel):
         return record
     return replace(record, metadata=replace(record.metadata, robot=robot_reference(robot)))

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core import InputError, Notice, Progress, installed, provenance
+from dynid.core import Finding, InputError, Progress, installed, provenance, told
 from dynid.identification import (
     ESTIMATORS,
     PRIOR_GAIN,
@@ -43,7 +43,7 @@ from dynid.signals import (
     uniform_signals,
     was_smoothed,
 )
-from dynid.validation import CARRIED, ValidationResult, reproduce, validate, wrong_inputs
+from dynid.validation import ValidationResult, reproduce, validate, wrong_inputs
 
 PRESETS = ("best", "paper")
 WEIGHTINGS = ("joint", "size")
@@ -253,7 +253,7 @@ class Identification:
     estimate: Estimate
     training: ValidationResult
     validation: ValidationResult | None
-    warnings: tuple[Notice, ...]
+    warnings: tuple[Finding, ...]
 
     def to_json(self) -> dict[str, Any]:
         """The keys of the design."""
@@ -275,7 +275,8 @@ class Identification:
             "parameters": estimate.parameter_table(),
             "training": self.training.to_json(),
             "validation": None if self.validation is None else self.validation.to_json(),
-            "warnings": [notice.to_json() for notice in self.warnings],
+            "warnings": told(self.warnings),
+            "findings": [finding.to_json() for finding in self.warnings],
             **({} if estimate.standard is None else {"standard": estimate.standard_table()}),
         }
 
@@ -401,7 +402,7 @@ def _identify(
             estimate, validation, start_s=validation_start_s, stop_s=validation_stop_s
         )
         warnings += result.warnings
-        if not any(CARRIED in notice.message for notice in result.warnings):
+        if not any(finding.kind == "payload" for finding in result.warnings):
             warnings += over_fitted(training, result)
     return Identification(
         estimate=replace(estimate, warnings=tuple(warnings)),
@@ -423,7 +424,7 @@ def _check_cutoff(records: Sequence[ExperimentRecord], cutoff_hz: float | None) 
         )
 
 
-def over_fitted(training: ValidationResult, validation: ValidationResult) -> tuple[Notice, ...]:
+def over_fitted(training: ValidationResult, validation: ValidationResult) -> tuple[Finding, ...]:
     """Whether the model does much worse on another record than on its own, where joints move.
 
     At rest friction takes what it likes: more standstill is no sign of a worse model.
@@ -435,7 +436,7 @@ def over_fitted(training: ValidationResult, validation: ValidationResult) -> tup
     if typical <= OVER_FITTED and worst <= 2 * OVER_FITTED:
         return ()
     return (
-        Notice(
+        Finding(
             "over_fitted",
             f"errors on the validation record (moving joints) are {typical:.1f} times those of the "
             f"training record (worst joint {worst:.1f}): the model has learnt this record, not the "

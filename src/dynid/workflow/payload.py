@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core import Array, InputError, Notice, frozen
+from dynid.core import Array, Finding, InputError, frozen
 from dynid.identification import (
     LARGEST_STD,
     PRIOR_GAIN,
@@ -168,7 +168,7 @@ class GainsFromPayload:
     """(n) standard deviations [N.m/A], given for all."""
     found: WeighedGains
     """The fit behind them."""
-    warnings: tuple[Notice, ...]
+    warnings: tuple[Finding, ...]
 
 
 def identify_gains_from_payload(
@@ -234,7 +234,7 @@ def identify_gains_from_payload(
         std=found.std,
         found=found,
         warnings=tuple(
-            Notice(
+            Finding(
                 "low_excitation",
                 f"no drive gain for {model.joint_names[j]}: its standard deviation would be "
                 f"{100 * found.std[j] / found.gain[j]:.0f} %",

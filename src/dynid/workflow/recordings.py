@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import InputError, JobError, RecordError
+from dynid.core import InputError, JobError, RecordError, told
 from dynid.recording import (
     ExperimentRecord,
     content_kind,
@@ -261,7 +261,8 @@ class Imported:
             "channels": list(record.channels),
             "drive_gains": None if metadata.drive_gains is None else list(metadata.drive_gains),
             "dropped_rows": metadata.dropped_rows,
-            "problems": [notice.to_json() for notice in record.problems],
+            "problems": told(record.problems),
+            "findings": [finding.to_json() for finding in record.problems],
             "notes": metadata.extra.get("notes", ""),
         }
 

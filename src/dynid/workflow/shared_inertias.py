@@ -9,7 +9,7 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core import InputError, Progress, provenance
+from dynid.core import InputError, Progress, provenance, told
 from dynid.identification import (
     PRIOR_GAIN,
     Estimate,
@@ -61,7 +61,8 @@ class SharedIdentification:
                     "samples": estimate.samples,
                     "noise": estimate.noise.tolist(),
                     "parameters": estimate.parameter_table(),
-                    "warnings": [notice.to_json() for notice in estimate.warnings],
+                    "warnings": told(estimate.warnings),
+                    "findings": [finding.to_json() for finding in estimate.warnings],
                 }
                 for estimate in self.estimates
             ],

@@ -17,7 +17,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, JsonFields, Notice, Progress, load_object, write_json
+from dynid.core import (
+    Array,
+    Finding,
+    InputError,
+    JsonFields,
+    Progress,
+    finding_from_json,
+    load_object,
+    told,
+    write_json,
+)
 from dynid.identification import (
     LEAST_SPREAD_K,
     Estimate,
@@ -59,7 +69,7 @@ class TemperatureModel:
     """(P, P) of the inertias and of every record's own parameters."""
     naive: Array
     """(P, P) the same as if residuals were not correlated in time."""
-    warnings: tuple[Notice, ...] = ()
+    warnings: tuple[Finding, ...] = ()
 
     @property
     def reference_degC(self) -> Array:
@@ -105,7 +115,7 @@ class TemperatureModel:
         )
 
 
-def beyond(laws: Sequence[JointTemperatureLaw], wanted: Sequence[float]) -> tuple[Notice, ...]:
+def beyond(laws: Sequence[JointTemperatureLaw], wanted: Sequence[float]) -> tuple[Finding, ...]:
     """A word about temperatures [degC] that the records did not have; nothing if they had."""
     far = [
         f"joint {j + 1} at {degC:.3g} degC (records: {law.range_degC[0]:.3g} to "
@@ -115,7 +125,7 @@ def beyond(laws: Sequence[JointTemperatureLaw], wanted: Sequence[float]) -> tupl
     ]
     if not far:
         return ()
-    return (Notice("extrapolated", f"temperatures beyond the records: {', '.join(far)}"),)
+    return (Finding("extrapolated", f"temperatures beyond the records: {', '.join(far)}"),)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,7 +138,7 @@ class TemperatureIdentification:
     """One a joint."""
     temperature_degC: Array
     """(R, n) mean joint temperatures of the records [degC]."""
-    warnings: tuple[Notice, ...]
+    warnings: tuple[Finding, ...]
 
     def estimate_at(self, temperature_degC: ArrayLike) -> Estimate:
         """The estimate for joint temperatures: it predicts, validates and exports as any other.
@@ -186,7 +196,8 @@ class TemperatureIdentification:
                 }
                 for name, law in zip(names, self.laws, strict=True)
             ],
-            "warnings": [notice.to_json() for notice in self.warnings],
+            "warnings": told(self.warnings),
+            "findings": [finding.to_json() for finding in self.warnings],
         }
 
 
@@ -257,12 +268,12 @@ def _mean_temperature(record: ExperimentRecord, settings: IdentifySettings) -> A
     return record.signals["temperature"][part].mean(axis=0)
 
 
-def _findings(laws: Sequence[JointTemperatureLaw]) -> tuple[Notice, ...]:
+def _findings(laws: Sequence[JointTemperatureLaw]) -> tuple[Finding, ...]:
     flat = [str(j + 1) for j, law in enumerate(laws) if law.law == "constant"]
     if not flat:
         return ()
     return (
-        Notice(
+        Finding(
             "low_excitation",
             f"the temperatures of joints {', '.join(flat)} differ by less than "
             f"{LEAST_SPREAD_K:g} K between the records: their friction is taken as constant",
@@ -373,9 +384,7 @@ def _model(estimate: Estimate, fields: JsonFields) -> TemperatureModel:
         order=order,
         covariance=covariance,
         naive=naive,
-        warnings=tuple(
-            Notice(one.text("code"), one.text("message")) for one in fields.objects("warnings")
-        ),
+        warnings=tuple(finding_from_json(one.values) for one in fields.objects("warnings")),
     )
 
 

@@ -17,12 +17,10 @@ from typing import Any
 import numpy as np
 
 from dynid.core import InputError, Progress
-from dynid.identification import DO_NOT_USE, read_estimate, write_estimate
-from dynid.recording import UNWRAPPED, ExperimentRecord
+from dynid.identification import read_estimate, write_estimate
+from dynid.recording import ExperimentRecord
 from dynid.signals import window
 from dynid.validation import (
-    DISTURBED,
-    SAME_RECORD,
     ParameterComparison,
     ValidationResult,
     compare,
@@ -132,10 +130,16 @@ def compare_files(a: str | Path, b: str | Path) -> ParameterComparison:
     return compare(read_estimate(a), read_estimate(b))
 
 
-CARE = frozenset({"not_physical", "over_fitted", "saturated", "unit_suspect", "clock_mismatch"})
+CARE = frozenset(
+    {
+        "not_physical", "over_fitted", "saturated", "unit_suspect", "clock_mismatch", "contact",
+        "delay", "drive_gain", "encoder_zero", "exchanged_joints", "payload", "flexibility",
+        "friction_drift", "torque_kind", "aborted", "dead_channel",
+    }
+)  # fmt: skip
 """Codes that ask for a look before the result is used."""
-INPUTS = frozenset({"clock_mismatch", "unit_suspect"})
-"""Codes that name a wrong input; some of these forbid the result by themselves."""
+EXCITATION = frozenset({"ill_conditioned", "low_excitation"})
+"""Errors of the motion, not of the inputs."""
 UNEXPLAINED = 40.0
 """[%] of the torque of moving joints that the fit to its own record may leave."""
 POOR_PREDICTION = 15.0
@@ -167,16 +171,11 @@ class Verdict:
         return {"level": self.level, "reasons": list(self.reasons)}
 
 
-def _unexplained(fit: float, wrong: bool) -> list[str]:
-    reasons = (
-        []
-        if fit <= UNEXPLAINED
-        else [
-            f"the model leaves {fit:.0f} % of the torques of its own record unexplained: check the "
-            "robot, the order of the joints, units and signs"
-        ]
+def _unexplained(fit: float) -> str:
+    return (
+        f"the model leaves {fit:.0f} % of the torques of its own record unexplained: check the "
+        "robot, the order of the joints, units and signs"
     )
-    return [*reasons, *(["the sign of the torques looks reversed (not_physical)"] * wrong)]
 
 
 def _unlike(error: float, codes: set[str]) -> str:
@@ -190,24 +189,21 @@ def _unlike(error: float, codes: set[str]) -> str:
 
 def verdict(result: Identification) -> Verdict:
     """Judge an identification."""
-    codes = {n.code for n in result.warnings if not n.message.endswith(UNWRAPPED)}
+    found = {f.kind: f for f in result.warnings if f.severity != "info"}
+    codes = {f.code for f in found.values()}
+    errors = {kind: f for kind, f in found.items() if f.severity == "error"}
     fit = result.training.moving.relative_error_overall_percent
-    wrong = any(n.code == "not_physical" and DO_NOT_USE in n.message for n in result.warnings)
-    found_out = [
-        n.message.split(":")[0].removesuffix(f", and {DO_NOT_USE}")
-        for n in result.warnings
-        if n.code in INPUTS and DO_NOT_USE in n.message
-    ]
-    if found_out:
-        return Verdict(level="do_not_use", reasons=tuple(found_out))
-    if wrong or not fit <= UNEXPLAINED:
-        return Verdict(level="do_not_use", reasons=tuple(_unexplained(fit, wrong)))
+    inputs = tuple(f.text for kind, f in errors.items() if kind not in EXCITATION)
+    if inputs:
+        return Verdict(level="do_not_use", reasons=inputs)
+    if not fit <= UNEXPLAINED:
+        return Verdict(level="do_not_use", reasons=(_unexplained(fit),))
     # A mounting that was set straight is called ill_conditioned as well, and forbids nothing.
-    ill = any(n.code == "ill_conditioned" and DO_NOT_USE in n.message for n in result.warnings)
+    ill = "ill_conditioned" in errors
     error = np.inf
     if result.validation is not None:
         error = result.validation.moving.relative_error_overall_percent
-    seen = any(SAME_RECORD in notice.message for notice in result.warnings)
+    seen = "same_record" in found
     what = "reproduces its own record's" if seen else "predicts another motion's"
     predicts = f"it {what} torques to {error:.1f} % (moving joints)"
     if "low_excitation" in codes or (ill and not error <= POOR_PREDICTION):
@@ -218,14 +214,9 @@ def verdict(result: Identification) -> Verdict:
     if result.validation is not None and not seen and error > UNEXPLAINED:
         return Verdict(level="do_not_use", reasons=(_unlike(error, codes),))
     doubts = ["only for motions like these: single values mean nothing (ill_conditioned)"] * ill
-    found = sorted(codes & CARE)
-    if not error <= POOR_PREDICTION and "extrapolated" in codes:
-        # Beyond the known motion a good prediction says more, a poor one less.
-        found.append("extrapolated")
-    if found:
-        doubts.append(f"see the warning{'s' * (len(found) > 1)} {', '.join(found)}")
-    if any(DISTURBED in notice.message for notice in result.warnings):
-        doubts.append("something touched the arm while it was recorded (corrupt_rows)")
+    care = sorted(codes & CARE)
+    if care:
+        doubts.append(f"see the warning{'s' * (len(care) > 1)} {', '.join(care)}")
     if result.validation is None or seen:
         doubts.append("no other motion has confirmed it yet (--validate)")
         return Verdict(level="care", reasons=tuple(doubts))

@@ -201,8 +201,6 @@ def to_joint_side(table: RawTable, robot: RobotModel | None) -> RawTable:
 
 _TURN = 2 * math.pi
 _USE_DEGREES = "If they are degrees, pass --degrees."
-UNWRAPPED = "unwrapped"
-"""Ends the words of this repair, which leaves nothing to check."""
 
 
 def revolute(joints: int, robot: RobotModel | None) -> Mask:
@@ -268,7 +266,7 @@ def unwrap_turns(table: RawTable, robot: RobotModel | None) -> RawTable:
         )
     if not found:
         return table
-    return table.with_signals(changes).report("unit_suspect", f"{'; '.join(found)}; {UNWRAPPED}")
+    return table.with_signals(changes).report("unwrapped", f"{'; '.join(found)}; unwrapped")
 
 
 def shift_turns(table: RawTable, robot: RobotModel | None) -> RawTable:

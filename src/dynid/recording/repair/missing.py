@@ -45,7 +45,7 @@ def drop_missing(table: RawTable) -> RawTable:
         table = _judge(table, quantity, alive)
     table = _without_silence(table)
     if not any(name in table.signals for name in TORQUE_SOURCES):
-        hints = [n.message for n in table.notices if "left out" in n.message]
+        hints = [n.message for n in table.notices if n.kind == "dead_channel"]
         hints += [note for note in table.notes if note.startswith(NOT_TAKEN)]
         raise RecordError(
             "there is neither current nor effort",
@@ -88,7 +88,7 @@ def _without_silence(table: RawTable) -> RawTable:
         return table
     silent = next(name for name, there in loud.items() if not there)
     return table.without(silent).report(
-        "saturated", f"{silent} is 0 on every row of every joint; it is left out"
+        "dead_channel", f"{silent} is 0 on every row of every joint; it is left out"
     )
 
 
