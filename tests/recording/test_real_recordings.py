@@ -130,6 +130,48 @@ def test_documents_are_no_recordings() -> None:
     for path in (DATA / "README.md", DATA / "ur10_unisa" / "ur10_robot.urdf"):
         with pytest.raises(RecordError):
             read_recording(path)
-    with pytest.raises(RecordError, match=r"2 files.*dynid import .*curr_data\.csv"):
+    # Positions and currents of one run, by the names of the files.
+    with pytest.raises(RecordError, match=r"no time.*--rate"):
         read_recording(DATA / "tx40")
+    with pytest.raises(RecordError, match=r"2 files.*dynid import .*RunTrajectory1\.csv"):
+        read_recording(DATA / "kinova_gen3")
     assert read_recording(DATA / "ur10_unisa").samples == 3441
+
+
+@pytest.mark.parametrize("run", ["no5", "no6", "no7"])
+def test_ur5_logs_of_one_run_by_their_own_times(run: str) -> None:
+    """The files of a run differ by up to 50 rows and end in a cut line."""
+    folder = DATA / "ur5_kufieta" / run
+    record = read_recording(folder, robot=load_robot("ur5"))
+    assert {"q", "qd", "current", "target_current", "target_moment"} <= set(record.signals)
+    assert record.rate_hz == pytest.approx(125, rel=1e-6)
+    # Currents and the motion at the same stamps, each as its own file has it.
+    start = float(record.metadata.extra["t0"])
+    for name, quantity in (
+        ("q_actual", "q"),
+        ("i_actual", "current"),
+        ("m_target", "target_moment"),
+    ):
+        lines = (folder / f"log_{name}.csv").read_text().splitlines()
+        cells = [line.split(",") for line in lines]
+        table = np.array([row for row in cells if len(row) == 7], dtype=np.float64)
+        rows = np.searchsorted(table[:, 0], record.t + start - 1e-6)
+        np.testing.assert_array_equal(record.signals[quantity], table[rows, 1:])
+    assert record.samples > 0.99 * 125 * record.duration_s
+
+
+def test_cut_copies_of_a_real_bag_are_read(tmp_path: Path) -> None:
+    """Whatever a cut leaves, its rows are those of the whole bag, each once."""
+    source = DATA / "ur10_unisa" / "ur10_exciting_trajectory.db3"
+    whole, data = read_recording(source), source.read_bytes()
+    stamps = np.round(whole.t + float(whole.metadata.extra["t0"]), 6)
+    rng = np.random.default_rng(3)
+    for share in (*rng.uniform(0.05, 1.0, 9), 0.81):
+        path = tmp_path / "cut.db3"
+        path.write_bytes(data[: int(share * len(data))])
+        record = read_recording(path)
+        own = np.round(record.t + float(record.metadata.extra["t0"]), 6)
+        rows = np.searchsorted(stamps, own)
+        np.testing.assert_array_equal(record.signals["q"], whole.signals["q"][rows])
+        assert record.samples > 0.9 * share * whole.samples - 60
+        assert "truncated_file" in codes(record)

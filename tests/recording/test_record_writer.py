@@ -1,17 +1,29 @@
 from __future__ import annotations
 
+import errno
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import threading
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dynid.core import Finding, JobError, RecordError
-from dynid.recording import MARK, RecordMetadata, RecordWriter, pack, partial_path, read_record
+from dynid.recording import (
+    MARK,
+    RecordMetadata,
+    RecordWriter,
+    pack,
+    partial_path,
+    read_record,
+    read_recording,
+    write_record,
+)
 
 NAMES = ("a", "b")
 PATIENCE_S = 5.0
@@ -234,3 +246,92 @@ def test_partial_without_description_is_one_error(tmp_path: Path) -> None:
         path.write_bytes(data)
         with pytest.raises(RecordError):
             read_record(path)
+
+
+def test_nothing_takes_the_place_of_a_recording_unasked(tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    with open_writer(path) as writer:
+        fill(writer, 30)
+    good = path.read_bytes()
+    with pytest.raises(RecordError, match="--force"):
+        open_writer(path)
+    with pytest.raises(RecordError, match="--force"):
+        write_record(read_record(path), path, force=False)
+    assert path.read_bytes() == good
+    with RecordWriter(path, NAMES, ("q",), force=True) as writer:
+        for k in range(40):
+            writer.append(float(k), {"q": [k, -k]})
+    assert writer.record_path == path
+    assert read_record(path).samples == 40
+    assert os.listdir(tmp_path) == ["run.parquet"]
+
+
+@pytest.mark.parametrize("reported", [True, False])
+def test_a_run_that_stops_is_written_beside_what_exists(tmp_path: Path, reported: bool) -> None:
+    path = tmp_path / "run.parquet"
+    with open_writer(path) as writer:
+        fill(writer, 300)
+    good = path.read_bytes()
+    for number in (1, 2):
+        writer = RecordWriter(path, NAMES, ("q", "current"), channels=("speed",), force=True)
+        with suppress(ZeroDivisionError), writer:
+            fill(writer, 20)
+            if reported:
+                writer.report(Finding("aborted", "the robot was stopped"))
+            else:
+                raise ZeroDivisionError("division by zero")
+        assert path.read_bytes() == good
+        assert writer.record_path == tmp_path / f"run.aborted-{number}.parquet"
+        stopped = read_record(writer.record_path)
+        assert stopped.samples == writer.saved_samples == 20
+        assert [problem.kind for problem in stopped.problems] == ["aborted"]
+
+
+def test_a_full_disk_is_told_before_the_robot_moves(tmp_path: Path, monkeypatch) -> None:
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage._replace(free=100 << 20))
+    with RecordWriter(tmp_path / "a.parquet", NAMES, ("q",), expected_samples=1_000_000) as writer:
+        for k in range(2):
+            writer.append(float(k), {"q": [k, k]})
+    with pytest.raises(JobError, match=r"no room.*100 MB free"):
+        RecordWriter(tmp_path / "b.parquet", NAMES, ("q",), expected_samples=3_000_000)
+    assert not partial_path(tmp_path / "b.parquet").exists()
+
+
+def test_a_disk_that_fills_up_costs_what_it_refused_only(tmp_path: Path, monkeypatch) -> None:
+    """A limit on the size of files stands for a full disk; half a segment is taken back."""
+    path = tmp_path / "run.parquet"
+    writer = open_writer(path)
+    fill(writer, 50)
+    writer.flush()
+    real = os.write
+
+    def half(file: int, data) -> int:
+        if len(data) < 1000:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return real(file, bytes(data[: len(data) // 2]))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "write", half)
+        with pytest.raises(JobError, match=r"50 samples are on the disk.*dynid import .*partial"):
+            fill(writer, 100, 50)
+    assert writer.saved_samples == 50
+    writer.append(1000.0, {"q": [1, 2], "current": [1, 2]}, {"speed": 0.0})
+    writer.close()
+    assert read_record(path).samples == writer.saved_samples == 51
+
+
+def test_rows_that_wait_beside_a_recording_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    with open_writer(path) as writer:
+        fill(writer, 30)
+    killed = open_writer(tmp_path / "other.parquet")
+    fill(killed, 12)
+    killed.flush()
+    waiting = partial_path(path)
+    waiting.write_bytes(partial_path(tmp_path / "other.parquet").read_bytes())
+    killed.close()
+    (found,) = read_record(path).problems
+    assert found.severity == "info"
+    assert found.next_step.endswith(f"dynid import {waiting} -o RECORD.parquet")
+    assert read_recording(waiting).samples == 12

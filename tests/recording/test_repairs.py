@@ -336,7 +336,7 @@ def test_one_odd_row_is_no_coarse_clock(tmp_path: Path) -> None:
 def test_efforts_of_zero_give_way_to_currents() -> None:
     table = raw()
     record = run(signals(table, effort=np.zeros((1500, 6))))
-    assert codes(record) == ["saturated"]
+    assert codes(record) == ["dead_channel"]
     assert set(record.signals) == {"q", "qd", "current"}
     alone = {name: table.signals[name] for name in ("q", "qd")}
     silent = replace(table, signals={**alone, "effort": np.zeros((1500, 6))})

@@ -67,9 +67,9 @@ class Catalog:
             self.topics[topic.name] = topic
         return self.wanted(topic)
 
-    def report(self, code: str, message: str) -> None:
+    def report(self, kind: str, text: str) -> None:
         """Tell of damage."""
-        self.findings.append(Finding(code, message))
+        self.findings.append(Finding(kind, text))
 
     def described(self) -> list[str]:
         """Topics with their types, for messages."""

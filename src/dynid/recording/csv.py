@@ -2,198 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from dynid.core import Array, Finding, RecordError
+from dynid.core import RecordError
 from dynid.recording.budget import Budget
-from dynid.recording.clocks import Clock, stamps_of
+from dynid.recording.clocks import stamps_of
 from dynid.recording.columns import assign, suggest_columns
-from dynid.recording.dialect import Dialect, sniff
-from dynid.recording.grid import Grid, read_grid
+from dynid.recording.dialect import sniff
+from dynid.recording.grid import read_grid
 from dynid.recording.headers import NotRecognised
-from dynid.recording.names import OTHER, RANK, TARGET, TARGET_OF, parse_name
-from dynid.recording.table import Mask, RawTable, ReadOptions, Rows, rows_with
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sheet:
-    """One file's part of the pasted table."""
-
-    dialect: Dialect
-    width: int
-    """Columns that it contributes."""
-    numbers: Grid | None
-    """Read already, for a file of one number a line."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pasted:
-    """Columns of all files, row by row."""
-
-    values: Array
-    """(N, k) the wanted columns."""
-    rows: Rows
-    """(N) line numbers of the first file, from 1."""
-    reported: Mask
-    """(N) rows that `notices` accounts for."""
-    notices: tuple[Finding, ...]
-
-
-def lay_side_by_side(dialects: list[Dialect], joints: int | None = None) -> list[Sheet]:
-    """How many columns each file contributes.
-
-    A file of one number a line that is k times as long as the shortest file is taken row by
-    row as k columns. Where all are as long as each other, and are not as many as the joints,
-    a row has one number a joint.
-
-    Args:
-        dialects: How each file is written.
-        joints: Number of joints, if known.
-
-    Raises:
-        RecordError: A length that is no multiple.
-    """
-    if len(dialects) == 1:
-        return [Sheet(dialect=dialects[0], width=dialects[0].width, numbers=None)]
-    single = {k: read_grid(d, [0]) for k, d in enumerate(dialects) if d.width == 1}
-    # A table with several columns has as many rows as it has lines: it sets the length too.
-    lengths = [len(grid.rows) for grid in single.values()]
-    lengths += [
-        len(read_grid(d, [0]).rows) for k, d in enumerate(dialects) if single and k not in single
-    ]
-    shortest = min(lengths, default=0)
-    if joints and len(single) == len(dialects) and len(dialects) % joints:
-        even = len(set(lengths)) == 1 and lengths[0] % joints == 0
-        shortest = lengths[0] // joints if even else shortest
-    sheets: list[Sheet] = []
-    for k, dialect in enumerate(dialects):
-        if k not in single:
-            sheets.append(Sheet(dialect=dialect, width=dialect.width, numbers=None))
-            continue
-        count, rest = divmod(len(single[k].rows), shortest)
-        if rest:
-            raise RecordError(
-                f"{dialect.path.name} has {len(single[k].rows)} numbers, which is no multiple of "
-                f"the {shortest} rows of the shortest file",
-                next_step="A number is missing in one of the files; give complete files.",
-            )
-        sheets.append(Sheet(dialect=dialect, width=count, numbers=single[k]))
-    return sheets
-
-
-def paste(sheets: list[Sheet], wanted: list[int], soft: frozenset[int], where: str) -> Pasted:
-    """Read columns, counted across files.
-
-    Args:
-        sheets: The files.
-        wanted: Column numbers, ascending.
-        soft: Those among them whose unreadable cells are only missing.
-        where: The files, for messages.
-
-    Raises:
-        RecordError: Files of different lengths, where it is not clear which rows are missing.
-    """
-    parts: list[Array] = []
-    grids: list[Grid] = []
-    reported: list[Mask] = []
-    start = 0
-    for sheet in sheets:
-        local = [k - start for k in wanted if start <= k < start + sheet.width]
-        own_soft = frozenset(k - start for k in soft)
-        start += sheet.width
-        if not local:
-            continue
-        grid = sheet.numbers or read_grid(sheet.dialect, local, own_soft)
-        grids.append(grid)
-        if sheet.numbers is None:
-            parts.append(grid.values)
-            reported.append(grid.reported)
-        else:
-            parts.append(grid.values.reshape(-1, sheet.width)[:, local])
-            reported.append(rows_with(grid.reported.reshape(-1, sheet.width)))
-    lengths = [len(part) for part in parts]
-    shortest = min(lengths)
-    notices = [notice for grid in grids for notice in grid.notices]
-    if max(lengths) > shortest:
-        broken = sum(grid.broken for grid in grids)
-        if broken or max(lengths) > 1.2 * shortest:
-            raise RecordError(
-                "the files do not have the same number of rows",
-                where=where,
-                value=lengths,
-                next_step="Give files that were recorded together, without broken lines.",
-            )
-        notices.append(
-            Finding(
-                "truncated_file",
-                f"the files have {' and '.join(map(str, lengths))} rows; cut to {shortest}, taking "
-                "the missing ones to be the last",
-            )
-        )
-    whole_lines = len(grids[0].rows) == len(parts[0])
-    rows = grids[0].rows if whole_lines else np.arange(1, len(parts[0]) + 1, dtype=np.int64)
-    return Pasted(
-        values=np.concatenate([part[:shortest] for part in parts], axis=1),
-        rows=rows[:shortest],
-        reported=rows_with(np.column_stack([mask[:shortest] for mask in reported])),
-        notices=tuple(notices),
-    )
-
-
-def names_by_files(files: Sequence[Path], widths: Sequence[int]) -> tuple[str, ...] | None:
-    """Column names made of the files' names, where each tells another quantity.
-
-    Args:
-        files: The files, side by side.
-        widths: Columns of each.
-
-    Returns:
-        Names such as `positions[0]`, or None where a file's name says nothing or two say the
-        same.
-    """
-    words = [quantity_word(file.stem) for file in files]
-    meanings = [parse_name(word).meaning for word in words if word]
-    quantities = [meaning[0] for meaning in meanings if meaning]
-    if len(quantities) < len(files) or len(set(quantities)) < len(quantities):
-        return None
-    return tuple(
-        word if width == 1 else f"{word}[{k}]"
-        for word, width in zip(words, widths, strict=True)
-        for k in range(width)
-    )
-
-
-def quantity_word(stem: str) -> str:
-    """The words of a file's name that name a quantity; empty where none or several do.
-
-    Args:
-        stem: The name without its extension.
-    """
-    words = [word for word in parse_name(stem.replace(".", "_")).base.split("_") if word]
-    whole = "_".join(words)
-    if whole in RANK:
-        return whole
-    if OTHER & set(words):
-        return ""
-    # A single letter beside other words is too little to tell by.
-    found = [
-        (j - i, "_".join(words[i:j]))
-        for i in range(len(words))
-        for j in range(i + 1, len(words) + 1)
-        if "_".join(words[i:j]) in RANK and len("_".join(words[i:j])) > 1
-    ]
-    longest = max((length for length, _ in found), default=0)
-    best = {text for length, text in found if length == longest}
-    if len({RANK[text][0] for text in best}) != 1:
-        return ""
-    word = min(best)
-    asked = TARGET & set(words) and RANK[word][0] in TARGET_OF
-    return f"desired_{word}" if asked and not word.startswith("desired") else word
-
+from dynid.recording.names import parse_name
+from dynid.recording.sheets import (
+    Sheet,
+    align,
+    lay_side_by_side,
+    names_by_files,
+    own_clocks,
+    paste,
+    quantity_word,
+)
+from dynid.recording.table import RawTable, ReadOptions
 
 _MAX_CHANNELS = 128
 _MAX_CHANNEL_CELLS = 20_000_000
@@ -229,11 +60,15 @@ def read_csv(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
         for sheet in sheets
         if sheet.width > 1 and sheet.numbers is not None
     )
+    clocks = own_clocks(sheets, names)
     if columns is None and len(sheets) > 1 and not _says_anything(names):
         files = [sheet.dialect.path for sheet in sheets]
-        names = names_by_files(files, [sheet.width for sheet in sheets])
+        names = names_by_files(files, [sheet.width for sheet in sheets], clocks)
         if names is not None:
+            unsaid = [file.name for file in files if not quantity_word(file.stem)]
             notes = (*notes, "the columns are named by their files")
+            if unsaid:
+                notes = (*notes, f"left out, as no quantities of joints: {', '.join(unsaid)}")
     if columns is None and names is None:
         raise _no_header(sheets, where, len(joints) or None)
     try:
@@ -257,12 +92,15 @@ def read_csv(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     needed = main | times if len(found.clocks) == 1 else main
     extras = _channels(sheets, needed | times, names, width)
     wanted = sorted(needed | times | set(extras))
-    pasted = paste(sheets, wanted, frozenset(wanted) - needed, where)
+    soft = frozenset(wanted) - needed
+    if clocks:
+        notes = (*notes, "the files are aligned by their own times")
+        pasted = align(sheets, clocks, wanted, soft, where)
+    else:
+        pasted = paste(sheets, wanted, soft, where)
     values = pasted.values
     position = {column: k for k, column in enumerate(wanted)}
     moments = sheets[0].dialect.stamps if len(sheets) == 1 else frozenset[int]()
-    if len(sheets) > 1:
-        _check_clocks(found.clocks, lambda k: values[:, position[k]], where)
     stamps = stamps_of(found.clocks, lambda k: values[:, position[k]], moments)
     return RawTable(
         source=where,
@@ -323,26 +161,6 @@ def _all_names(sheets: list[Sheet]) -> tuple[str, ...] | None:
             path = f"file{number}/" if again else ""
             found.append(f"{path}{name} [{unit}]" if unit.strip("- ") else f"{path}{name}")
     return tuple(found)
-
-
-def _check_clocks(clocks: Sequence[Clock], column: Callable[[int], Array], where: str) -> None:
-    """Refuse files side by side whose own times are not the same."""
-    own = [clock for clock in clocks if len(clock.columns) == 1]
-    times = [column(clock.columns[0]) for clock in own if clock.label.startswith("file")]
-    if not own or not times:
-        return
-    first = column(own[0].columns[0])
-    step = float(np.nanmedian(np.abs(np.diff(first))))
-    for t in times:
-        apart = float(np.nanmax(np.abs(t - first), initial=0.0))
-        if not apart <= 0.5 * step:
-            raise RecordError(
-                "the times of the files are not the same",
-                where=where,
-                value=f"{apart:.4g} apart",
-                limit=f"half a step, {0.5 * step:.4g}",
-                next_step="Give files that were recorded together, row by row.",
-            )
 
 
 def _no_header(sheets: list[Sheet], where: str, joints: int | None) -> RecordError:

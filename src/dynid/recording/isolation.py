@@ -259,7 +259,7 @@ def _unpack(answer: dict[str, Any], stream: IO[bytes]) -> RawTable | None:
         else:
             facts[name] = value
     facts["said"] = frozenset(facts["said"])
-    facts["notices"] = tuple(finding_from_json(item) for item in facts["notices"])
+    facts["notices"] = tuple(map(finding_from_json, facts["notices"]))
     facts["labels"] = {name: tuple(names) for name, names in facts["labels"].items()}
     for name in ("joint_names", "notes", "clock_columns"):
         facts[name] = tuple(facts[name])

@@ -83,9 +83,9 @@ _SYNONYMS: dict[str, str] = {
         "velocity_cmd vel_cmd target_velocity desired_velocity commanded_velocity"
     ),
     "target_qdd": "target_qdd qdd_target ddq_d ddq_des qdd_des qdd_ref ddq_ref",
-    "target_current": "target_current current_target i_des i_d i_ref current_ref",
+    "target_current": "target_current current_target i_target i_des i_d i_ref current_ref",
     "target_moment": (
-        "target_moment target_torque tau_des tau_d tau_j_d tau_ref tau_cmd torque_cmd "
+        "target_moment m_target target_torque tau_des tau_d tau_j_d tau_ref tau_cmd torque_cmd "
         "desired_torque commanded_torque"
     ),
     "temperature": (

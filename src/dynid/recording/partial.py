@@ -39,6 +39,11 @@ def partial_path(path: Path) -> Path:
     return path.with_name(path.name + ".partial")
 
 
+def read_partial(path: Path) -> str:
+    """The command that makes a recording of a `.partial` file."""
+    return f"What is there can be read: dynid import {path} -o RECORD.parquet"
+
+
 def is_partial(path: Path) -> bool:
     """Whether a file is a recording in progress, by its first bytes."""
     with path.open("rb") as stream:

@@ -21,6 +21,7 @@ from dynid.recording.matlab import read_mat
 from dynid.recording.partial import partial_path
 from dynid.recording.record import ExperimentRecord
 from dynid.recording.repair.pipeline import RepairSettings, repair
+from dynid.recording.sheets import are_one_run
 from dynid.recording.store import read_own
 from dynid.recording.table import RawTable, ReadOptions
 from dynid.robot import RobotModel
@@ -78,7 +79,7 @@ def _in_folder(folder: Path) -> list[Path]:
         for path in folder.iterdir()
         if path.is_file() and path.name.lower().endswith(_EXTENSIONS) and path not in bags
     )
-    if bags or len(others) == 1:
+    if bags or len(others) == 1 or are_one_run(others):
         return bags or others
     if not others:
         raise RecordError(

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, RecordError, cannot_write, file_behind
-from dynid.recording.partial import is_partial, partial_path, recover
+from dynid.core import Array, Finding, RecordError, cannot_write, file_behind
+from dynid.recording.partial import is_partial, partial_path, read_partial, recover
 from dynid.recording.record import (
     UNITS,
     VERSION,
@@ -31,18 +31,34 @@ KEY = b"dynid"
 _FOREIGN = "Import it with: dynid import FILE -o RECORD.parquet"
 
 
-def write_record(record: ExperimentRecord, path: str | Path) -> None:
+def require_absent(path: Path, force: bool) -> None:
+    """Refuse to write where a file stands, unless told to.
+
+    Raises:
+        RecordError: A file stands there.
+    """
+    if path.exists() and not force:
+        raise RecordError(
+            "there is a file already, and nothing replaces it unasked",
+            where=str(path),
+            next_step="Choose another name, or pass --force.",
+        )
+
+
+def write_record(record: ExperimentRecord, path: str | Path, *, force: bool = True) -> None:
     """Write a recording; the file appears whole or not at all.
 
     Args:
         record: The recording.
-        path: The file to write; an existing one is replaced.
+        path: The file to write.
+        force: Whether an existing file is replaced.
 
     Raises:
-        InputError: A place where no such file can be.
+        InputError: A place where no such file can be, or where one is.
         JobError: The disk does not take it.
     """
     target = file_behind(Path(path))
+    require_absent(target, force)
     names, columns = _columns(record)
     description: dict[str, Any] = {
         "schema": VERSION,
@@ -139,7 +155,17 @@ def read_record(path: str | Path) -> ExperimentRecord:
             where=file.name,
             value=" ".join(str(error).split())[:200] or type(error).__name__,
         ) from error
-    return _record(file, description, columns)
+    record = _record(file, description, columns)
+    waiting = partial_path(file)
+    if not waiting.is_file():
+        return record
+    note = Finding(
+        "truncated_file",
+        f"rows of another run, which was cut off, wait in {waiting.name}",
+        severity="info",
+        next_step=read_partial(waiting),
+    )
+    return replace(record, problems=(*record.problems, note))
 
 
 def _columns(record: ExperimentRecord) -> tuple[list[str], list[Array]]:

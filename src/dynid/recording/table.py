@@ -125,9 +125,9 @@ class RawTable:
         """Where a row stands in the file: `line 12`."""
         return f"{self.row_word} {int(self.rows[index])}"
 
-    def report(self, code: str, message: str) -> RawTable:
+    def report(self, kind: str, text: str) -> RawTable:
         """The same table with one more notice."""
-        return replace(self, notices=(*self.notices, Finding(code, message)))
+        return replace(self, notices=(*self.notices, Finding(kind, text)))
 
     def note(self, text: str) -> RawTable:
         """The same table with one more note."""

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import math
 import os
+import shutil
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -17,12 +19,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, Finding, InputError, JobError, RecordError
-from dynid.recording.partial import MARK, create_partial, pack, partial_path, recover
+from dynid.recording.partial import MARK, create_partial, pack, partial_path, read_partial, recover
 from dynid.recording.record import RecordMetadata, check_quantities, metadata_to_json
-from dynid.recording.store import write_record
+from dynid.recording.store import require_absent, write_record
 
 _FLUSH_S = 0.5
 _FLUSH_ROWS = 4096
+_SPARE_BYTES = 32 << 20
+"""Room that must be left whatever the recording takes."""
 
 
 class RecordWriter:
@@ -32,16 +36,23 @@ class RecordWriter:
     so that the control loop never waits for it. Closing turns them into the Parquet file and
     removes the partial file; after a crash `read_record(PATH)` reads the partial file.
 
+    A finding `aborted`, reported or left by an exception inside the context, makes it a recording
+    that was stopped: it keeps the finding, and never takes the place of another recording but is
+    written beside it.
+
     Args:
         path: The Parquet file to make.
         joint_names: One name a joint, in column order.
         quantities: The signals that every row brings; `q` among them.
         metadata: Where the recording comes from; `joint_names` are filled in.
         channels: Names of scalar columns that every row brings.
+        force: Whether a recording that stands there may be replaced, by one that was not stopped.
+        expected_samples: Rows to come, for which the disk must have room; None if not known.
 
     Raises:
-        RecordError: Unknown quantities, no joints, or another writer on the same file.
-        JobError: The file cannot be written.
+        RecordError: Unknown quantities, no joints, another writer on the same file, or a file
+            that stands there.
+        JobError: The file cannot be written, or the disk has no room for it.
     """
 
     def __init__(
@@ -52,8 +63,15 @@ class RecordWriter:
         metadata: RecordMetadata | None = None,
         *,
         channels: Sequence[str] = (),
+        force: bool = False,
+        expected_samples: int | None = None,
     ) -> None:
         self.path = Path(path)
+        self.record_path: Path = partial_path(self.path)
+        """Where the rows are: the partial file, and the recording once it is closed."""
+        self._force = force
+        self._aborted = False
+        require_absent(self.path, force)
         self._quantities = check_quantities(quantities)
         self._channels = tuple(channels)
         self._joints = len(joint_names)
@@ -63,10 +81,11 @@ class RecordWriter:
                 value=(tuple(joint_names), self._channels),
             )
         self._width = 1 + self._joints * len(self._quantities) + len(self._channels)
+        _require_space(self.path, self._width, expected_samples)
         self._buffer: list[Array] = []
         self._last_t = -math.inf
         self._flushed = time.monotonic()
-        self._samples = 0
+        self._samples = self._saved = self._end = 0
         self._sync: Future[None] | None = None
         metadata = replace(metadata or RecordMetadata(), joint_names=tuple(joint_names))
         description = {
@@ -84,6 +103,11 @@ class RecordWriter:
     def samples(self) -> int:
         """Rows appended so far."""
         return self._samples
+
+    @property
+    def saved_samples(self) -> int:
+        """Rows that the file holds: fewer than were appended where the disk refused some."""
+        return self._saved
 
     def append(
         self,
@@ -142,6 +166,7 @@ class RecordWriter:
         Raises:
             JobError: The disk refuses it.
         """
+        self._aborted = self._aborted or problem.kind == "aborted"
         self._write(pack(b"N", json.dumps(problem.to_json()).encode()))
 
     def flush(self) -> None:
@@ -154,6 +179,7 @@ class RecordWriter:
         if self._buffer:
             rows, self._buffer = self._buffer, []
             self._write(pack(b"R", np.stack(rows).astype("<f8").tobytes()))
+            self._saved += len(rows)
         if self._file is not None and (self._sync is None or self._sync.done()):
             self._raise_sync()
             self._sync = self._disk.submit(os.fsync, self._file)
@@ -174,8 +200,12 @@ class RecordWriter:
             os.close(self._file)
             self._file = None
         self._raise_sync()
-        write_record(recover(self._partial, finished=True), self.path)
+        record = recover(self._partial, finished=True)
+        stands = self.path.exists() and (self._aborted or not self._force)
+        target = beside(self.path) if stands else self.path
+        write_record(record, target)
         self._partial.unlink(missing_ok=True)
+        self.record_path, self._saved = target, record.samples
 
     def __enter__(self) -> Self:
         return self
@@ -186,6 +216,13 @@ class RecordWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        try:
+            if error is not None and self._file is not None and not self._aborted:
+                what = " ".join(str(error).split())[:200] or type(error).__name__
+                self.report(Finding("aborted", f"the recording was stopped: {what}"))
+        except JobError:
+            # A disk that takes no more; what it has is closed all the same.
+            self._aborted = True
         try:
             self.close()
         except (InputError, JobError):
@@ -201,12 +238,54 @@ class RecordWriter:
             while view:
                 view = view[os.write(self._file, view) :]
         except OSError as error:
+            with suppress(OSError):
+                # Half a segment would hide all that may still follow.
+                os.ftruncate(self._file, self._end)
+                os.lseek(self._file, self._end, os.SEEK_SET)
             raise JobError(
-                "the recording cannot be written", where=str(self._partial), value=error.strerror
+                f"the recording cannot be written; {self._saved} samples are on the disk",
+                where=str(self._partial),
+                value=error.strerror,
+                next_step=read_partial(self._partial),
             ) from error
+        self._end += len(data)
 
     def _raise_sync(self) -> None:
         if self._sync is not None and self._sync.done() and (error := self._sync.exception()):
             raise JobError(
-                "the disk does not take the recording", where=str(self._partial), value=str(error)
+                "the disk does not take the recording",
+                where=str(self._partial),
+                value=str(error),
+                next_step=read_partial(self._partial),
             ) from error
+
+
+def beside(path: Path) -> Path:
+    """A free name beside a recording that must stay: `run.aborted-1.parquet`."""
+    number = 1
+    while (free := path.with_name(f"{path.stem}.aborted-{number}{path.suffix}")).exists():
+        number += 1
+    return free
+
+
+def _require_space(path: Path, width: int, samples: int | None) -> None:
+    """Refuse to start a recording for which the disk has no room.
+
+    Raises:
+        JobError: It has not.
+    """
+    # Rows are there twice while the Parquet file is made of the partial one.
+    needed = _SPARE_BYTES + 2 * 8 * width * (samples or 0)
+    try:
+        free = shutil.disk_usage(path.parent).free
+    except OSError:
+        # Creating the file says what is wrong with the place.
+        return
+    if free < needed:
+        raise JobError(
+            "the disk has no room for the recording",
+            where=str(path.parent),
+            value=f"{free >> 20} MB free",
+            limit=f"{needed >> 20} MB needed",
+            next_step="Free some space, or record to another disk.",
+        )

@@ -134,7 +134,7 @@ def _judge(table: RawTable, quantity: str, alive: Mask) -> RawTable:
         return table
     joint = int(np.argmax(np.isnan(value[alive]).mean(axis=0)))
     return table.without(quantity).report(
-        "corrupt_rows",
+        "dead_channel" if quantity in TORQUE_SOURCES else "corrupt_rows",
         f"{table.label(quantity, joint)} has no usable number on {round(100 * share)} % of the "
         f"rows; {quantity} is left out",
     )

@@ -1,0 +1,321 @@
+"""Text files of one run: side by side row by row, or each with a clock of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dynid.core import Array, Finding, RecordError
+from dynid.recording.dialect import Dialect
+from dynid.recording.grid import Grid, read_grid
+from dynid.recording.names import OTHER, RANK, TARGET, TARGET_OF, parse_name
+from dynid.recording.table import Mask, Rows, rows_with
+
+_FARTHEST = 1.5
+"""Steps between two rows of a file, across which it is still read between them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sheet:
+    """One file's part of the pasted table."""
+
+    dialect: Dialect
+    width: int
+    """Columns that it contributes."""
+    numbers: Grid | None
+    """Read already, for a file of one number a line."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pasted:
+    """Columns of all files, row by row."""
+
+    values: Array
+    """(N, k) the wanted columns."""
+    rows: Rows
+    """(N) line numbers of the first file, from 1."""
+    reported: Mask
+    """(N) rows that `notices` accounts for."""
+    notices: tuple[Finding, ...]
+
+
+def lay_side_by_side(dialects: list[Dialect], joints: int | None = None) -> list[Sheet]:
+    """How many columns each file contributes.
+
+    A file of one number a line that is k times as long as the shortest file is taken row by
+    row as k columns. Where all are as long as each other, and are not as many as the joints,
+    a row has one number a joint.
+
+    Args:
+        dialects: How each file is written.
+        joints: Number of joints, if known.
+
+    Raises:
+        RecordError: A length that is no multiple.
+    """
+    if len(dialects) == 1:
+        return [Sheet(dialect=dialects[0], width=dialects[0].width, numbers=None)]
+    single = {k: read_grid(d, [0]) for k, d in enumerate(dialects) if d.width == 1}
+    # A table with several columns has as many rows as it has lines: it sets the length too.
+    lengths = [len(grid.rows) for grid in single.values()]
+    lengths += [
+        len(read_grid(d, [0]).rows) for k, d in enumerate(dialects) if single and k not in single
+    ]
+    shortest = min(lengths, default=0)
+    if joints and len(single) == len(dialects) and len(dialects) % joints:
+        even = len(set(lengths)) == 1 and lengths[0] % joints == 0
+        shortest = lengths[0] // joints if even else shortest
+    sheets: list[Sheet] = []
+    for k, dialect in enumerate(dialects):
+        if k not in single:
+            sheets.append(Sheet(dialect=dialect, width=dialect.width, numbers=None))
+            continue
+        count, rest = divmod(len(single[k].rows), shortest)
+        if rest:
+            raise RecordError(
+                f"{dialect.path.name} has {len(single[k].rows)} numbers, which is no multiple of "
+                f"the {shortest} rows of the shortest file",
+                next_step="A number is missing in one of the files; give complete files.",
+            )
+        sheets.append(Sheet(dialect=dialect, width=count, numbers=single[k]))
+    return sheets
+
+
+def paste(sheets: list[Sheet], wanted: list[int], soft: frozenset[int], where: str) -> Pasted:
+    """Read columns, counted across files.
+
+    Args:
+        sheets: The files.
+        wanted: Column numbers, ascending.
+        soft: Those among them whose unreadable cells are only missing.
+        where: The files, for messages.
+
+    Raises:
+        RecordError: Files of different lengths, where it is not clear which rows are missing.
+    """
+    parts: list[Array] = []
+    grids: list[Grid] = []
+    reported: list[Mask] = []
+    start = 0
+    for sheet in sheets:
+        local = [k - start for k in wanted if start <= k < start + sheet.width]
+        own_soft = frozenset(k - start for k in soft)
+        start += sheet.width
+        if not local:
+            continue
+        grid = sheet.numbers or read_grid(sheet.dialect, local, own_soft)
+        grids.append(grid)
+        if sheet.numbers is None:
+            parts.append(grid.values)
+            reported.append(grid.reported)
+        else:
+            parts.append(grid.values.reshape(-1, sheet.width)[:, local])
+            reported.append(rows_with(grid.reported.reshape(-1, sheet.width)))
+    lengths = [len(part) for part in parts]
+    shortest = min(lengths)
+    notices = [notice for grid in grids for notice in grid.notices]
+    if max(lengths) > shortest:
+        broken = sum(grid.broken for grid in grids)
+        if broken or max(lengths) > 1.2 * shortest:
+            raise RecordError(
+                "the files do not have the same number of rows",
+                where=where,
+                value=lengths,
+                next_step="Give files that were recorded together, without broken lines.",
+            )
+        notices.append(
+            Finding(
+                "truncated_file",
+                f"the files have {' and '.join(map(str, lengths))} rows; cut to {shortest}, taking "
+                "the missing ones to be the last",
+            )
+        )
+    whole_lines = len(grids[0].rows) == len(parts[0])
+    rows = grids[0].rows if whole_lines else np.arange(1, len(parts[0]) + 1, dtype=np.int64)
+    return Pasted(
+        values=np.concatenate([part[:shortest] for part in parts], axis=1),
+        rows=rows[:shortest],
+        reported=rows_with(np.column_stack([mask[:shortest] for mask in reported])),
+        notices=tuple(notices),
+    )
+
+
+def own_clocks(sheets: list[Sheet], names: Sequence[str] | None) -> tuple[int, ...]:
+    """The column of time of each file, where several files all have one.
+
+    Without a header it is the first column, where that rises as a clock does.
+
+    Args:
+        sheets: The files.
+        names: Names of all columns; None where there is no header.
+
+    Returns:
+        Column numbers within each file; none where a file has no clock.
+    """
+    found: list[int] = []
+    start = 0
+    for sheet in sheets:
+        own = names[start : start + sheet.width] if names is not None else ()
+        start += sheet.width
+        if sheet.numbers is not None or sheet.width < 2 or len(sheets) < 2:
+            return ()
+        clocks = [k for k, name in enumerate(own) if (parse_name(name).meaning or ("",))[0] == "t"]
+        if names is None and _is_clock(read_grid(sheet.dialect, [0]).values[:, 0]):
+            clocks = [0]
+        if not clocks:
+            return ()
+        found.append(clocks[0])
+    return tuple(found)
+
+
+def _is_clock(x: Array) -> bool:
+    steps = np.diff(x[np.isfinite(x)])
+    return len(steps) > 0 and bool((steps > 0).mean() > 0.98)
+
+
+def align(
+    sheets: list[Sheet],
+    clocks: tuple[int, ...],
+    wanted: list[int],
+    soft: frozenset[int],
+    where: str,
+) -> Pasted:
+    """Read columns, counted across files, at the times of the first file.
+
+    Only the time that all files share is kept. Between its rows a file is read on straight lines;
+    over its gaps it has no values.
+
+    Args:
+        sheets: The files.
+        clocks: The column of time of each.
+        wanted: Column numbers, ascending.
+        soft: Those among them whose unreadable cells are only missing.
+        where: The files, for messages.
+
+    Raises:
+        RecordError: Files of different times.
+    """
+    grids: list[Grid] = []
+    columns: list[list[int]] = []
+    start = 0
+    for sheet, clock in zip(sheets, clocks, strict=True):
+        local = [k - start for k in wanted if start <= k < start + sheet.width]
+        grids.append(
+            read_grid(sheet.dialect, [clock, *local], frozenset(k - start for k in soft) - {clock})
+        )
+        columns.append(local)
+        start += sheet.width
+    spans = [(float(np.nanmin(g.values[:, 0])), float(np.nanmax(g.values[:, 0]))) for g in grids]
+    begin, end = max(low for low, _ in spans), min(high for _, high in spans)
+    if begin >= end:
+        raise RecordError(
+            "the times of the files have nothing in common",
+            where=where,
+            value="; ".join(f"{low:.6g} to {high:.6g}" for low, high in spans),
+            next_step="Give files that were recorded together.",
+        )
+    t = grids[0].values[:, 0]
+    inside: Mask = ~((t < begin) | (t > end))
+    parts = [grids[0].values[:, 1:], *(_at(grid.values, t) for grid in grids[1:])]
+    notices = [notice for grid in grids for notice in grid.notices]
+    if max(abs(low - begin) for low, _ in spans) + max(abs(high - end) for _, high in spans) > 0:
+        notices.append(
+            Finding(
+                "truncated_file",
+                f"the files end at {min(high for _, high in spans):.6g} to "
+                f"{max(high for _, high in spans):.6g}; only the time that all share is taken",
+            )
+        )
+    return Pasted(
+        values=np.concatenate(parts, axis=1)[inside],
+        rows=grids[0].rows[inside],
+        reported=grids[0].reported[inside],
+        notices=tuple(notices),
+    )
+
+
+def _at(values: Array, t: Array) -> Array:
+    """Columns of a file, of which the first is its time, at other times."""
+    there = np.isfinite(values[:, 0])
+    own, rows = np.unique(values[there, 0], return_index=True)
+    columns = values[there, 1:][rows]
+    after = np.clip(np.searchsorted(own, t), 1, len(own) - 1)
+    gap = own[after] - own[after - 1] > _FARTHEST * float(np.median(np.diff(own)))
+    out = np.empty((len(t), columns.shape[1]))
+    for k, column in enumerate(columns.T):
+        out[:, k] = np.interp(t, own, column)
+    # A stamp that the file has needs nothing between its rows.
+    exact = (own[after] == t) | (own[after - 1] == t)
+    out[(gap & ~exact) | ~np.isfinite(t)] = np.nan
+    return out
+
+
+def names_by_files(
+    files: Sequence[Path], widths: Sequence[int], clocks: Sequence[int] = ()
+) -> tuple[str, ...] | None:
+    """Column names made of the files' names, where each tells another quantity.
+
+    Args:
+        files: The files, side by side.
+        widths: Columns of each.
+        clocks: The column of time of each, where they have one; then files whose names say no
+            quantity, or one that another says as well, are left out.
+
+    Returns:
+        Names such as `positions[0]`, empty ones for columns that are left out; None where the
+        files' names do not say what they hold.
+    """
+    words = [quantity_word(file.stem) for file in files]
+    quantities = [(parse_name(word).meaning or ("",))[0] for word in words]
+    told = [quantities.count(quantity) == 1 and quantity != "" for quantity in quantities]
+    if not (any(told) if clocks else all(told)):
+        return None
+    names: list[str] = []
+    for number, (word, width) in enumerate(zip(words, widths, strict=True)):
+        clock = clocks[number] if clocks else -1
+        count = 0
+        for k in range(width):
+            if k == clock:
+                names.append("time" if number == 0 else f"file{number}/time")
+                continue
+            single = width - bool(clocks) == 1
+            names.append("" if not told[number] else word if single else f"{word}[{count}]")
+            count += 1
+    return tuple(names)
+
+
+def are_one_run(files: Sequence[Path]) -> bool:
+    """Whether files are the signals of one run: their names say positions and torques."""
+    said = {(parse_name(quantity_word(file.stem)).meaning or ("",))[0] for file in files}
+    return "q" in said and bool(said & {"current", "effort"})
+
+
+def quantity_word(stem: str) -> str:
+    """The words of a file's name that name a quantity; empty where none or several do.
+
+    Args:
+        stem: The name without its extension.
+    """
+    words = [word for word in parse_name(stem.replace(".", "_")).base.split("_") if word]
+    whole = "_".join(words)
+    if whole in RANK:
+        return whole
+    if OTHER & set(words):
+        return ""
+    # A single letter beside other words is too little to tell by.
+    found = [
+        (j - i, "_".join(words[i:j]))
+        for i in range(len(words))
+        for j in range(i + 1, len(words) + 1)
+        if "_".join(words[i:j]) in RANK and len("_".join(words[i:j])) > 1
+    ]
+    longest = max((length for length, _ in found), default=0)
+    best = {text for length, text in found if length == longest}
+    if len({RANK[text][0] for text in best}) != 1:
+        return ""
+    word = min(best)
+    asked = TARGET & set(words) and RANK[word][0] in TARGET_OF
+    return f"desired_{word}" if asked and not word.startswith("desired") else word
