@@ -7,7 +7,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynid.core import InputError
-from dynid.excitation import CRITERIA, GramKernel, all_criteria, parse_criterion, prior_scale
+from dynid.excitation import (
+    CRITERIA,
+    GramKernel,
+    all_criteria,
+    parse_criterion,
+    prior_scale,
+    scaled_condition_number,
+)
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import load_robot
@@ -35,12 +42,18 @@ def _definitions(w: np.ndarray) -> dict[str, float]:
     pseudo = np.linalg.pinv(w)
     return {
         "cond": condition,
-        "scaled-cond": float(np.linalg.cond(w / np.linalg.norm(w, axis=0))),
+        "prediction": _guarded(pseudo @ pseudo.T),
         "d-opt": -2.0 * float(np.log(singular).sum()),
         "a-opt": float(np.square(pseudo).sum()),
         "e-opt": 1.0 / singular[-1] ** 2,
         "cond+sigma": condition + 100.0 / singular[-1],
     }
+
+
+def _guarded(covariance: np.ndarray) -> float:
+    """The trace times the 8-norm of the variances to the power 0.3."""
+    worst = np.sum(np.diag(covariance) ** 8.0) ** (1 / 8)
+    return float(np.trace(covariance) * worst**0.3)
 
 
 @given(seed=st.integers(0, 2**31), columns=st.integers(2, 52), spread=st.floats(0.1, 4))
@@ -149,19 +162,25 @@ def test_scales_and_earlier_records_act_as_they_are_defined() -> None:
     scale = np.logspace(-1, 1, 10)
     together = np.vstack([w, before]) * scale
     truth = _definitions(together)
+    # What is predicted does not depend on the units of the parameters.
+    truth["prediction"] = _definitions(np.vstack([w, before]))["prediction"]
     for name in CRITERIA:
         ours = parse_criterion(name, scale=scale, previous=previous).value(gram)
         assert ours == pytest.approx(truth[name], rel=SAME_CONDITION)
     # Units cancel where the columns are scaled to unit norm, and shift the log determinant.
     plain = all_criteria(gram)
     scaled = {name: parse_criterion(name, scale=scale).value(gram) for name in CRITERIA}
-    assert scaled["scaled-cond"] == pytest.approx(plain["scaled-cond"], rel=SAME)
+    assert scaled_condition_number(gram) == pytest.approx(
+        scaled_condition_number(gram * np.outer(scale, scale)), rel=SAME
+    )
+    unit = w / np.linalg.norm(w, axis=0)
+    assert scaled_condition_number(gram) == pytest.approx(np.linalg.cond(unit), rel=SAME_CONDITION)
     shift = 2 * float(np.log(scale).sum())
     assert scaled["d-opt"] == pytest.approx(plain["d-opt"] - shift, rel=SAME)
     assert all_criteria(gram, scale=scale) == plain | {"a-opt": scaled["a-opt"]}
 
 
-@pytest.mark.parametrize("name", ["d-opt", "a-opt", "e-opt"])
+@pytest.mark.parametrize("name", ["prediction", "d-opt", "a-opt", "e-opt"])
 def test_more_data_never_hurts(name: str) -> None:
     base = reduced(chain(50, 4))
     kernel = GramKernel(base.model, base)
@@ -172,9 +191,7 @@ def test_more_data_never_hurts(name: str) -> None:
 
 
 def test_wrong_options_are_refused() -> None:
-    with pytest.raises(
-        InputError, match=r"--criterion: unknown criterion; got best; .*scaled-cond"
-    ):
+    with pytest.raises(InputError, match=r"--criterion: unknown criterion; got best; .*a-opt"):
         parse_criterion("best")
     with pytest.raises(InputError, match="must be positive"):
         parse_criterion("cond", scale=np.array([1.0, 0.0]))

@@ -29,7 +29,7 @@ def test_value_is_the_condition_number_of_the_observation_matrix(family: str) ->
     assert np.exp(evaluation.value(x)) == pytest.approx(cond, rel=1e-8)
 
 
-@pytest.mark.parametrize("criterion", ["cond", "scaled-cond", "d-opt", "a-opt", "cond+sigma"])
+@pytest.mark.parametrize("criterion", ["prediction", "cond", "d-opt", "a-opt", "cond+sigma"])
 @pytest.mark.parametrize("safe", [False, True])
 def test_search_has_the_gradient_of_its_value(criterion: str, safe: bool) -> None:
     evaluation = DesignEvaluation(problem(arm(torque=30.0), criterion=criterion, safe=safe))

@@ -7,7 +7,7 @@ from design_arms import Floats
 from dynid.excitation import CRITERIA, parse_criterion
 from dynid.excitation.evaluation import smoothed
 
-EXTREME = ("cond", "scaled-cond", "e-opt", "cond+sigma")
+EXTREME = ("cond", "e-opt", "cond+sigma")
 SLOPE = 1e-6
 
 

@@ -18,12 +18,13 @@ import dynid
 from dynid.cli.app import main
 from dynid.trajectory import FAMILY_NAMES
 from dynid.workflow.design_files import given_limits
-from dynid.workflow.designing import DEFAULT_STARTS
+from dynid.workflow.design_settings import DEFAULT_STARTS
 
 QUICK = ("--harmonics", "3", "--period", "6", "--starts", "2", "--jobs", "1")
 BINDING = {
     "condition_number", "scaled_condition_number", "log_det", "criterion", "method", "feasible",
-    "margins", "evaluations", "wall_s", "seed",
+    "margins", "evaluations", "wall_s", "seed", "predicted_torque_error_percent",
+    "largest_parameter_std",
 }  # fmt: skip
 MARGINS = {
     "position", "velocity", "acceleration", "torque", "tcp_speed", "self_collision_m",
@@ -90,7 +91,10 @@ def test_the_default_search_is_a_number_of_starts(tmp_path: Path) -> None:
     one, two = (
         dynid.design(arm, dynid.DesignSettings(jobs=jobs, seed=5, **quick)) for jobs in (1, 2)
     )
-    assert (one.ended_by, one.starts, two.starts) == ("starts", DEFAULT_STARTS, DEFAULT_STARTS)
+    assert (one.ended_by, one.starts, two.starts) == (
+        "starts",
+        *(DEFAULT_STARTS["prediction"],) * 2,
+    )
     for name in ("offset", "a", "b"):
         ours, theirs = (getattr(found.trajectory, name) for found in (one, two))
         np.testing.assert_array_equal(ours, theirs)
@@ -187,7 +191,7 @@ def test_an_infeasible_design_is_named_as_such(
     run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # The arm holds its own weight only where it stands upright; nobody looks there.
-    monkeypatch.setattr("dynid.excitation.finishing.rescued", lambda *_, **__: [])
+    monkeypatch.setattr("dynid.excitation.gradient.free_poses", lambda *_, **__: [])
     arm, file = written_arm(tmp_path, torque=0.5), tmp_path / "design.json"
     code, found, err = run("design", arm, "-o", file, *QUICK, "--starts", "1", "--json")
     assert code == 1
@@ -285,7 +289,7 @@ def test_ctrl_c_writes_the_best_design_so_far(tmp_path: Path) -> None:
     file = tmp_path / "design.json"
     script = """
 import sys
-from dynid.workflow import designing
+import dynid.workflow as designing
 from dynid.cli.app import main
 # A line on stdout with every better motion: when to interrupt.
 real = designing.design
@@ -306,7 +310,7 @@ sys.exit(main(sys.argv[1:]))
     )
     assert process.stdout is not None
     for _ in range(3):
-        assert "cond" in process.stdout.readline()
+        assert "prediction" in process.stdout.readline()
     # The whole group, as a terminal does.
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=60)

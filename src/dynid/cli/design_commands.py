@@ -64,8 +64,9 @@ def register_design(app: typer.Typer) -> None:
         "design",
         epilog=examples(
             "dynid design ur5 -o design.json",
-            "dynid design ur5 -o paper.json --limits paper --criterion cond --method ga",
-            "dynid design arm.urdf -o design.json --scene cell.json --budget 60",
+            "dynid design ur5 -o design.json --accuracy 3 --noise 2,2.5,1.5,0.4,0.4,0.3",
+            "dynid design arm.urdf -o design.json --scene cell.json --motion task.parquet",
+            "dynid design ur5 -o paper.json --limits paper --method ga",
         ),
     )(_design)
 
@@ -83,25 +84,49 @@ def _design(
     criterion: Annotated[
         str | None,
         typer.Option(
-            metavar="cond|scaled-cond|d-opt|a-opt|e-opt|cond+sigma", help="What is made smallest."
+            metavar="prediction|cond|cond+sigma|d-opt|a-opt|e-opt",
+            help="What is made smallest, in place of --for.",
         ),
     ] = None,
+    purpose: Annotated[
+        str,
+        typer.Option(
+            "--for",
+            metavar="prediction|parameters|cond",
+            help="What the model is for. [default: prediction; cond with ga or paper limits]",
+        ),
+    ] = "",
+    motion: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="TASK", help="A design, recording or poses that the model is for."),
+    ] = None,
+    accuracy: Annotated[
+        float | None,
+        typer.Option(metavar="PERCENT", help="The shortest motion expected to reach it."),
+    ] = None,
+    accept_weak: Annotated[
+        bool, typer.Option("--accept-weak", help="Exit 0 even if the motion excites too little.")
+    ] = False,
     trajectory: Annotated[
         str,
         typer.Option(
             metavar="fourier|modified-fourier|fourier-quintic|bspline|poses", help="Kind of motion."
         ),
     ] = "fourier",
-    harmonics: Annotated[int, typer.Option(metavar="H", help="Harmonics of the series.")] = 5,
+    harmonics: Annotated[
+        int | None,
+        typer.Option(metavar="H", help="Of the series. [default: up to 1 Hz; 5 for cond]"),
+    ] = None,
     period: Annotated[float, typer.Option(metavar="S", help="Time of one period.")] = 10.0,
     population: Annotated[int, typer.Option(metavar="N", help="Of the genetic algorithm.")] = 300,
     generations: Annotated[int, typer.Option(metavar="N", help="Of the genetic algorithm.")] = 5,
     starts: Annotated[
         int | None,
-        typer.Option(metavar="N", help="Of the gradient method. [default: 12]"),
+        typer.Option(metavar="N", help="Of the gradient method. [default: 4; 12 for cond]"),
     ] = None,
     budget: Annotated[
-        float | None, typer.Option(metavar="S", help="Time to search; default: 12 starts.")
+        float | None,
+        typer.Option(metavar="S", help="Time to search; the result then depends on the machine."),
     ] = None,
     seed: SeedOption = 0,
     limits: Annotated[
@@ -157,9 +182,9 @@ def _design(
 ) -> int:
     """Optimal excitation trajectory, certified (paper 2.2)."""
     from dynid.cli.output import check_output, print_json, progress_bar
-    from dynid.workflow import DEFAULT_CRITERION, DesignSettings, design, export_motion
+    from dynid.workflow import DesignSettings, design, export_motion
 
-    inputs = [path for path in (scene, *(previous or ())) if path is not None]
+    inputs = [path for path in (scene, *(previous or ()), *(motion or ())) if path is not None]
     check_output(output, inputs=inputs, suffix=".json")
     exports = {"csv": csv, "urscript": urscript, "ros": ros}
     for kind, path in exports.items():
@@ -168,7 +193,10 @@ def _design(
     _check_apart({"-o": output, **{f"--{kind}": path for kind, path in exports.items()}})
     settings = DesignSettings(
         method=method,
-        criterion=DEFAULT_CRITERION if criterion is None else criterion,
+        purpose=purpose,
+        motions=tuple(str(path) for path in motion or ()),
+        criterion=criterion or "",
+        accuracy_percent=accuracy,
         trajectory=trajectory,
         harmonics=harmonics,
         period_s=period,
@@ -207,6 +235,10 @@ def _design(
         broken = ", ".join(found.certificate.broken)
         print(f"dynid: {output} is NOT feasible: {broken}. Do not run it.", file=sys.stderr)
         return 1
+    if found.findings and not accept_weak:
+        for item in found.findings:
+            print(f"dynid: {item['message']}. {item['next_step']}", file=sys.stderr)
+        return 1
     return 0
 
 
@@ -242,12 +274,19 @@ def _show(data: Mapping[str, Any], output: Path) -> None:
     screen = console()
     verdict = "feasible" if data["feasible"] else "NOT feasible"
     state = ", interrupted: the best so far" if data["interrupted"] else ""
+    runs = f"{data['repetitions']} x " if data["repetitions"] > 1 else ""
     screen.print(
-        f"{data['robot']}: condition number {number(data['condition_number'])}, {verdict}{state}",
+        f"{data['robot']}: expected torque error {number(data['predicted_torque_error_percent'])} %"
+        f" from {runs}{data['duration_s']:g} s of motion, {verdict}{state}",
         style="bold",
     )
     screen.print(
-        f"scaled columns {number(data['scaled_condition_number'])}, log det "
+        f"for {data['for']} on {data['purpose_motions']}, by torque noise alone; largest standard "
+        f"deviation of a parameter {number(data['largest_parameter_std'])}"
+    )
+    screen.print(
+        f"condition number {number(data['condition_number'])}, scaled columns "
+        f"{number(data['scaled_condition_number'])}, log det "
         f"{number(data['log_det'])}; {data['base_parameters']} base parameters, "
         f"{data['samples']} samples, {data['frames']} frames"
     )

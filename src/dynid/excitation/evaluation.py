@@ -24,9 +24,7 @@ from dynid.excitation.criteria import (
     ConditionAndSigma,
     Criterion,
     EOptimal,
-    ScaledCondition,
     eigenvectors,
-    normalised,
 )
 from dynid.excitation.gram import DESIGN_WIDTH, GramKernel
 from dynid.excitation.problem import ExcitationProblem
@@ -46,8 +44,6 @@ def smoothed(criterion: Criterion, sharpness: float) -> Criterion:
     match criterion:
         case Condition():
             return SmoothCondition(scale=scale, previous=previous, sharpness=sharpness)
-        case ScaledCondition():
-            return SmoothScaledCondition(scale=scale, previous=previous, sharpness=sharpness)
         case EOptimal():
             return SmoothEOptimal(scale=scale, previous=previous, sharpness=sharpness)
         case ConditionAndSigma():
@@ -73,23 +69,6 @@ class SmoothCondition(Condition):
             return value, value / 2 * (largest[1] - smallest[1])
 
         return _of_extremes(matrix, self.sharpness, ratio)
-
-
-@dataclass(frozen=True, kw_only=True)
-class SmoothScaledCondition(ScaledCondition):
-    """The same of the columns scaled to unit norm."""
-
-    sharpness: float
-
-    def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
-        """See `Criterion`."""
-        unit = normalised(matrix)
-        inner = SmoothCondition(sharpness=self.sharpness)
-        found = None if unit is None else inner.evaluate(unit[0], slope=slope)
-        if unit is None or found is None:
-            return found
-        through_norms = (found[1] * unit[0]).sum(axis=1) / np.square(unit[1])
-        return found[0], found[1] / unit[1][:, None] / unit[1] - np.diag(through_norms)
 
 
 @dataclass(frozen=True, kw_only=True)

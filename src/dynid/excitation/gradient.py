@@ -10,7 +10,7 @@ Quasi-Newton descent inside a polytope: the barrier's exact curvature, BFGS for 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -18,6 +18,7 @@ import numpy as np
 
 from dynid.core import Array
 from dynid.excitation.evaluation import DesignEvaluation, smoothed
+from dynid.excitation.feasible import free_poses, grown_motion
 from dynid.excitation.problem import Candidate, Found, Stop
 from dynid.excitation.region import MotionRegion, random_numbers
 
@@ -150,6 +151,8 @@ def _damped_update(curvature: Array, step: Array, change: Array) -> Array:
 
 BATCH = 30
 """Random motions of which a start takes the best."""
+GROWN = 6
+"""Motions that a start grows out of free poses beside them."""
 TIGHTEN = 0.02
 """Share by which limits beside the bounds shrink during the search."""
 IDLE = 1e-4
@@ -205,11 +208,9 @@ def one_start(
     random = np.random.default_rng([seed, number])
     best: Array | None = None
     least = math.inf
-    for _ in range(BATCH):
+    for x in _drawn(evaluation, region, random):
         if stop():
             break
-        fill = float(random.uniform(*FILLS)) if evaluation.constrained else FILLS[1]
-        x = random_numbers(region, 1, random, fill=fill)[0]
         value = evaluation.value(x) + evaluation.search_violation(x, TIGHTEN)
         if best is None or value < least:
             best, least = x, value
@@ -218,6 +219,23 @@ def one_start(
     drawn = judged(evaluation, best)
     found(drawn)
     return improve(evaluation, region, drawn, stop=stop, found=found)
+
+
+def _drawn(
+    evaluation: DesignEvaluation, region: MotionRegion, random: np.random.Generator
+) -> Iterator[Array]:
+    """Random motions; where more than bounds is held, some that grew out of free poses too."""
+    for _ in range(BATCH):
+        fill = float(random.uniform(*FILLS)) if evaluation.constrained else FILLS[1]
+        yield random_numbers(region, 1, random, fill=fill)[0]
+    if not evaluation.constrained:
+        return
+    poses = free_poses(evaluation.constraints, region, random)
+    for _ in range(GROWN if len(poses) else 0):
+        pose = poses[random.integers(len(poses))]
+        x = grown_motion(evaluation, region, pose, random, fill=FILLS[1], tighten=TIGHTEN)
+        if x is not None:
+            yield x
 
 
 def improve(

@@ -282,6 +282,8 @@ class _Run:
         # Not the time left: a worker may need seconds before it begins.
         deadline = None if budget is None else time.time() + budget - self.search.wall_s
         number = self._next()
+        # A worker that is being born inherits the mask: Ctrl-C is for the calling process alone.
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             future = executor.submit(
                 run_start, self.problem, self.token, self.seed, number, deadline
@@ -289,6 +291,8 @@ class _Run:
         except BaseException:
             self.lost.append(number)
             raise
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         self.pending[future] = number
 
     def start_here(self) -> None:

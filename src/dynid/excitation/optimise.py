@@ -22,6 +22,7 @@ from dynid.excitation.genetic import elite_count, evolve
 from dynid.excitation.gradient import TIGHTEN
 from dynid.excitation.multistart import Effort, multistart
 from dynid.excitation.problem import Candidate, ExcitationProblem, HistoryEntry, Search
+from dynid.excitation.purpose import Expected
 from dynid.excitation.region import region_of
 from dynid.trajectory import MotionBounds, Trajectory
 
@@ -44,12 +45,24 @@ class ExcitationDesign:
     """Friction terms beside the inertial parameters."""
     limits: MotionBounds
     """Bounds of position, velocity and acceleration."""
+    purpose: str
+    """What the model is for: `prediction`, `parameters` or `cond`."""
+    purpose_motions: str
+    """The motions on which torque errors are expected, in words."""
     criterion: str
     """What was minimised."""
     method: str
     """`ga` or `gradient`."""
     criteria: Mapping[str, float]
     """Every criterion by name, of all samples of one period, Coulomb steps as they are."""
+    expected: Expected
+    """What an identification from all repetitions is expected to know."""
+    repetitions: int
+    """How often the period is to be run: more than 1 only where an accuracy asks for it."""
+    findings: tuple[Mapping[str, Any], ...]
+    """`weak_excitation`, where the motion excites too little."""
+    scaled_condition_number: float
+    """Of one period, with the columns scaled to unit norm."""
     base_parameters: int
     """How many the motion shows."""
     samples: int
@@ -81,11 +94,6 @@ class ExcitationDesign:
         return self.criteria["cond"]
 
     @property
-    def scaled_condition_number(self) -> float:
-        """With the columns scaled to unit norm."""
-        return self.criteria["scaled-cond"]
-
-    @property
     def log_det(self) -> float:
         """Logarithm of the determinant of the Gram matrix."""
         return -self.criteria["d-opt"]
@@ -114,6 +122,15 @@ class ExcitationDesign:
             "condition_number": _known(self.condition_number),
             "scaled_condition_number": _known(self.scaled_condition_number),
             "log_det": _known(self.log_det),
+            "for": self.purpose,
+            "purpose_motions": self.purpose_motions,
+            "predicted_torque_error_percent": _known(self.expected.torque_error_percent),
+            "predicted_torque_error_bound_percent": _known(self.expected.bound_percent),
+            "predicted_torque_error": [_known(x) for x in self.expected.torque_error.tolist()],
+            "largest_parameter_std": _known(self.expected.largest_parameter_std),
+            "noise": self.expected.noise.tolist(),
+            "repetitions": self.repetitions,
+            "findings": [dict(item) for item in self.findings],
             "criterion": self.criterion,
             "criteria": {name: _known(value) for name, value in self.criteria.items()},
             "method": self.method,

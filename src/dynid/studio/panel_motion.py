@@ -116,7 +116,7 @@ class DesignPanel:
     ) -> None:
         self._session, self._opened = session, opened
         gui = server.gui
-        self.criterion = gui.add_dropdown("Criterion", tuple(CRITERIA), initial_value="cond")
+        self.criterion = gui.add_dropdown("Criterion", tuple(CRITERIA), initial_value="prediction")
         self.period = gui.add_number("Period [s]", 10.0, min=1.0, max=600.0, step=0.5)
         self.harmonics = gui.add_number("Harmonics", 5, min=2, max=20, step=1)
         self.budget = gui.add_number("Time to search [s]", 15.0, min=1.0, max=_MOST_S, step=1.0)

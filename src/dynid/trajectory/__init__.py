@@ -19,7 +19,7 @@ from dynid.trajectory.files import (
 )
 from dynid.trajectory.fourier import FourierSeries, harmonic_basis
 from dynid.trajectory.quintic import FourierQuintic, Quintic
-from dynid.trajectory.sequence import MotionSequence, Repetition
+from dynid.trajectory.sequence import MotionSequence, Repetition, through_poses
 from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory
 from dynid.trajectory.urscript import (
     Piece,
@@ -52,6 +52,7 @@ __all__ = [
     "pieces",
     "random_excitation",
     "read_trajectory",
+    "through_poses",
     "ur_program",
     "usable_bounds",
     "write_trajectory",

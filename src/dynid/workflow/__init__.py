@@ -10,7 +10,8 @@ from dynid.workflow.design_files import (
     read_design,
     write_design,
 )
-from dynid.workflow.designing import DEFAULT_CRITERION, DesignSettings, design
+from dynid.workflow.design_settings import DesignSettings
+from dynid.workflow.designing import design
 from dynid.workflow.exporting import check_suffix, export_file
 from dynid.workflow.fitting import Fit, fit
 from dynid.workflow.identify import Identification, IdentifySettings, identify
@@ -37,7 +38,6 @@ from dynid.workflow.validating import (
 )
 
 __all__ = [
-    "DEFAULT_CRITERION",
     "Analysis",
     "Check",
     "DesignLimits",

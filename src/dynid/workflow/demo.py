@@ -214,6 +214,7 @@ def make_recordings(robot: str, folder: Path, quick: bool, tell: Progress) -> Re
     for k, (name, seed) in enumerate(PURPOSES):
         tell(f"design a motion ({k + 1} of {len(PURPOSES)})", k / 4)
         settings = DesignSettings(
+            purpose="cond",
             harmonics=HARMONICS,
             period_s=PERIOD_S,
             starts=1 if quick else STARTS,

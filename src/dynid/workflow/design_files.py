@@ -9,10 +9,12 @@ The motion of a design in the formats of others: CSV, URScript, ROS.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from dynid.constraints import (
     PRESETS,
@@ -25,21 +27,30 @@ from dynid.constraints import (
     scene_from_json,
 )
 from dynid.core import InputError, JsonFields, load_object, write_text
-from dynid.excitation import ExcitationDesign
+from dynid.excitation import ExcitationDesign, Purpose, purpose_of
+from dynid.reduction import BaseParametrization
 from dynid.robot import RobotModel, load_robot
+from dynid.signals import process
 from dynid.trajectory import (
+    JointMotion,
     StoredTrajectory,
     csv_text,
     joint_trajectory_yaml,
     read_trajectory,
+    through_poses,
     ur_program,
     write_trajectory,
 )
 from dynid.workflow.analyze import unit_notes
+from dynid.workflow.recordings import open_record
 
 CLEARANCE = 0.01
 """Kept to the scene [m]. An arm that stands on its table has no more under its shoulder: the UR5
 keeps 13 mm there whatever it does."""
+POSE_ACCELERATION = 5.0
+"""Between the poses of a task, where the robot knows no limit [rad/s^2 or m/s^2]."""
+POSE_RATE_HZ = 25.0
+"""At which motions of a task are sampled."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -321,3 +332,32 @@ def export_motion(design: ExcitationDesign, kind: str, path: str | Path) -> None
         case _:
             raise InputError("unknown format", value=kind, limit=", ".join(KINDS))
     write_text(Path(path), text)
+
+
+def purpose_from(paths: Sequence[str], base: BaseParametrization) -> Purpose:
+    """The purpose that files stand for.
+
+    Args:
+        paths: Designs or other trajectory files, recordings, or JSON objects with a list `poses`,
+            through which the arm is moved at half its speed.
+        base: The base parameters.
+
+    Raises:
+        InputError: A file that is none of these, or one of another robot.
+    """
+    robot = base.model.robot
+    motions: list[JointMotion] = []
+    for path in paths:
+        if Path(path).suffix.lower() != ".json":
+            samples = process(open_record(path, robot), robot)
+            motions.append(JointMotion(t=samples.t, q=samples.q, dq=samples.dq, ddq=samples.ddq))
+            continue
+        fields = load_object(path)
+        trajectory = (
+            through_poses(fields.matrix("poses"), robot.limits, acceleration=POSE_ACCELERATION)
+            if "poses" in fields.values
+            else read_trajectory(path).trajectory
+        )
+        times = np.arange(0.0, trajectory.duration, 1 / POSE_RATE_HZ)
+        motions.append(trajectory.evaluate(times))
+    return purpose_of(base, motions, ", ".join(paths))

@@ -1,173 +1,66 @@
-"""`dynid design`: from a robot to a certified excitation trajectory in a file.
-
-What `dynid design` can be told.
-"""
+"""`dynid design`: from a robot and a purpose to a certified excitation trajectory in a file."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dynid.constraints import PRESETS, MotionConstraints
-from dynid.core import Array, InputError, Progress, file_hash, provenance
+from dynid.constraints import MotionConstraints
+from dynid.core import Array, InputError, JobError, Progress, file_hash, provenance
 from dynid.excitation import (
-    CRITERIA,
-    METHODS,
     AOptimal,
-    Criterion,
-    DesignEvaluation,
     Effort,
     ExcitationDesign,
     ExcitationProblem,
+    Expected,
     GramKernel,
     Optimised,
+    Purpose,
     all_criteria,
+    assumed_noise,
     by_genetic_algorithm,
     by_gradient,
     check_room,
+    expected,
     parse_criterion,
     prior_scale,
     region_of,
+    scaled_condition_number,
+    whole_workspace,
+    without_friction,
     workers,
 )
 from dynid.reduction import BaseParametrization, reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
 from dynid.robot import RobotModel, load_robot, with_mount
 from dynid.signals import process
-from dynid.trajectory import FAMILY_NAMES, copied_bounds, motion_family
+from dynid.trajectory import copied_bounds, motion_family
 from dynid.workflow.analyze import unit_notes
-from dynid.workflow.design_files import DesignLimits, given_limits, write_design
+from dynid.workflow.design_files import DesignLimits, given_limits, purpose_from, write_design
+from dynid.workflow.design_settings import DEFAULT_STARTS, MOST_STARTS, PATIENCE, DesignSettings
 from dynid.workflow.recordings import open_record, robot_reference
 
-DEFAULT_CRITERION = "cond"
-DEFAULT_STARTS = 12
-"""Of the gradient method, where neither starts nor a budget are given."""
-DEFAULT_BUDGET_S = 120.0
-"""[s] Time after which the default number of starts is cut short: ten times what they take on two
-idle cores, so that a seed gives the same answer again."""
-POPULATION, GENERATIONS = 300, 5
-"""The paper's."""
-MOST_HARMONICS = 100
-PATIENCE = 60
-"""Starts without a better motion that end a search with a budget."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DesignSettings:
-    """How to design.
-
-    Raises:
-        InputError: A word that is not known, or a number that makes no sense.
-    """
-
-    method: str = "gradient"
-    """`gradient`, or `ga` for the paper's genetic algorithm."""
-    criterion: str = DEFAULT_CRITERION
-    """One of `CRITERIA`."""
-    trajectory: str = "fourier"
-    """One of `FAMILY_NAMES`."""
-    harmonics: int = 5
-    """Of the series; a B-spline gets as many free numbers."""
-    period_s: float = 10.0
-    """Time of one period [s]."""
-    rate_hz: float = 125.0
-    """Samples a second at which criteria are computed."""
-    population: int = POPULATION
-    """Of the genetic algorithm."""
-    generations: int = GENERATIONS
-    """Of the genetic algorithm, after the random one."""
-    starts: int | None = None
-    """Of the gradient method; None for the default, or for as many as fit into the budget."""
-    budget_s: float | None = None
-    """Time [s]; None for none beside the default's."""
-    seed: int = 0
-    """Of all random numbers."""
-    limits: str = "safe"
-    """`safe`: all that is known of the robot; `paper`: position, velocity, acceleration."""
-    scene: str | None = None
-    """Scene file: what stands around the robot and what it carries."""
-    collision: bool = True
-    """Whether collisions are looked at, with `safe`."""
-    frames: str = ""
-    """`dh`, `mdh` or `urdf`; empty for the robot's own."""
-    mount: str | None = None
-    """Mounting; None for the robot's own."""
-    terms: str = "fc,fv,im"
-    """Friction terms beside the inertial parameters."""
-    start_pose: tuple[float, ...] | None = None
-    """Where the motion starts and ends, for families that can [rad or m]."""
-    noise: tuple[float, ...] | None = None
-    """Standard deviation of each joint's torque, by which its rows are divided [N.m or N]."""
-    previous: tuple[str, ...] = ()
-    """Recordings whose information the new motion shall complete."""
-    jobs: int = 1
-    """Processes, the calling one included."""
-    dask: str | None = None
-    """Address of a Dask scheduler whose workers take part."""
-
-    def __post_init__(self) -> None:
-        for name, value, words in (
-            ("--method", self.method, METHODS),
-            ("--criterion", self.criterion, tuple(CRITERIA)),
-            ("--trajectory", self.trajectory, FAMILY_NAMES),
-            ("--limits", self.limits, PRESETS),
-        ):
-            if value not in words:
-                raise InputError("unknown word", where=name, value=value, limit=", ".join(words))
-        least = 1 if self.trajectory in ("bspline", "poses") else 2
-        if not least <= self.harmonics <= MOST_HARMONICS:
-            raise InputError(
-                "too few harmonics to move" if self.harmonics < least else "too many harmonics",
-                where="--harmonics",
-                value=self.harmonics,
-                limit=f"{least} to {MOST_HARMONICS}",
-            )
-        if not 0.1 <= self.period_s <= 3600:
-            raise InputError(
-                "must be a time", where="--period", value=self.period_s, limit="0.1 to 3600 s"
-            )
-        if self.seed < 0:
-            raise InputError("must not be negative", where="--seed", value=self.seed)
-        for name, numbers in (("--start", self.start_pose), ("--noise", self.noise)):
-            if numbers is not None and not all(math.isfinite(number) for number in numbers):
-                raise InputError("needs finite numbers", where=name, value=list(numbers))
-        if self.noise is not None and not all(number > 0 for number in self.noise):
-            raise InputError("must be positive", where="--noise", value=list(self.noise))
-        if self.scene is not None and (self.limits == "paper" or not self.collision):
-            raise InputError(
-                "a scene is looked at only with --limits safe and collisions on",
-                where="--scene",
-                value=self.scene,
-            )
-
-    @property
-    def unused(self) -> tuple[str, ...]:
-        """Options that were given and that the method has no use for."""
-        genetic = self.method == "ga"
-        given = {
-            "--population": not genetic and self.population != POPULATION,
-            "--generations": not genetic and self.generations != GENERATIONS,
-            "--starts": genetic and self.starts is not None,
-            "--dask": genetic and self.dask is not None,
-        }
-        return tuple(name for name, wrongly in given.items() if wrongly)
-
-    def to_json(self) -> dict[str, Any]:
-        """A JSON object."""
-        data: dict[str, Any] = asdict(self)
-        for name in ("start_pose", "noise", "previous"):
-            if data[name] is not None:
-                data[name] = list(data[name])
-        return data
-
-    @property
-    def scene_path(self) -> Path | None:
-        """The scene file."""
-        return None if self.scene is None else Path(self.scene)
+PAPER = ("cond", "cond+sigma")
+"""Criteria of rows as they are, not over the noise of their joint."""
+LONGEST_S = 600.0
+"""Robot time that `--accuracy` may ask for."""
+SHORTEST_S = 4.0
+"""Period below which `--accuracy` does not go: ramps would take most of it."""
+TRIES = 3
+"""Periods that `--accuracy` designs."""
+MARGIN = 1.05
+"""Of the time that the last design says is needed: shorter periods lose a little."""
+WEAK_PERCENT = 20.0
+"""Expected torque error of a run of `RUN` periods above which a design excites too little."""
+WEAK_SHARE = 1.0
+"""Standard deviation over the parameter's expected size above which a motion says nothing of it."""
+RUN = 3
+"""Periods that `dynid run` records by default."""
 
 
 def design(
@@ -191,69 +84,219 @@ def design(
 
     Raises:
         InputError: Settings, limits or a scene that make no sense; a budget that is too short.
-        JobError: No motion within the limits excites every parameter.
+        JobError: No motion within the limits excites every parameter, or none reaches the
+            accuracy within ten minutes.
     """
     asked = settings or DesignSettings()
     model = robot if isinstance(robot, RobotModel) else load_robot(robot, mount=asked.mount)
     if isinstance(robot, RobotModel) and asked.mount is not None:
         model = with_mount(model, asked.mount)
-    limits = given_limits(asked.limits, asked.collision, asked.scene_path)
-    judge = limits.constraints(model)
-    problem = _problem(model, judge, asked)
-    optimised = _optimised(problem, asked, progress)
     reference = model.name if isinstance(robot, RobotModel) else robot_reference(robot)
-    result = _design(reference, problem, optimised, asked, limits)
+    job = _Job(model, reference, asked, progress)
+    accuracy = asked.accuracy_percent
+    result = job.design(asked.period_s) if accuracy is None else job.shortest(accuracy)
     if output is not None:
         write_design(result, output)
     return result
 
 
-def _problem(
-    robot: RobotModel, judge: MotionConstraints, asked: DesignSettings
-) -> ExcitationProblem:
-    model = InverseDynamicModel(robot=robot, frames=asked.frames, friction=parse_terms(asked.terms))
-    base = reduce_model(model)
-    noise = None if asked.noise is None else np.array(asked.noise)
-    if noise is not None and len(noise) != robot.joints:
-        raise InputError(
-            "needs a number a joint", where="--noise", value=len(noise), limit=robot.joints
+class _Job:
+    """What designs of one robot for one purpose share, whatever their period."""
+
+    def __init__(
+        self, robot: RobotModel, reference: str, asked: DesignSettings, progress: Progress | None
+    ) -> None:
+        self.robot, self.reference = robot, reference
+        self.asked, self.progress = asked, progress
+        self.limits: DesignLimits = given_limits(asked.limits, asked.collision, asked.scene_path)
+        self.judge: MotionConstraints = self.limits.constraints(robot)
+        if asked.start_pose is not None:
+            self.judge.check_pose(_each(asked.start_pose, robot.joints, "--start"))
+        terms = parse_terms(asked.terms)
+        model = InverseDynamicModel(robot=robot, frames=asked.frames, friction=terms)
+        self.base: BaseParametrization = reduce_model(model)
+        given = None if asked.noise is None else _each(asked.noise, robot.joints, "--noise")
+        self.noise: Array = assumed_noise(robot) if given is None else given
+        self.weights: Array | None = given if asked.minimised in PAPER else self.noise
+        check_room(self.judge, region_of(self._problem(asked.period_s, None)))
+        self.purpose: Purpose = (
+            purpose_from(asked.motions, self.base)
+            if asked.motions
+            else whole_workspace(self.base, self.judge.settings)
         )
-    if asked.start_pose is not None:
-        judge.check_pose(_pose(asked.start_pose, robot.joints))
-    problem = ExcitationProblem(
-        base=base,
-        criterion=_criterion(asked, base, noise),
-        family=motion_family(asked.trajectory, asked.period_s, asked.harmonics),
-        constraints=judge.settings,
-        rate_hz=asked.rate_hz,
-        noise=noise,
-        start_pose=None if asked.start_pose is None else np.array(asked.start_pose),
-    )
-    check_room(judge, region_of(problem))
-    return problem
+        self.previous: Array | None = self._information(self.noise) if asked.previous else None
 
+    def design(self, period_s: float, repetitions: int = 1) -> ExcitationDesign:
+        """The design of one period."""
+        optimised = _optimised(self._problem(period_s, self.purpose), self.asked, self.progress)
+        return self._told(optimised, period_s, repetitions)
 
-def _criterion(asked: DesignSettings, base: BaseParametrization, noise: Array | None) -> Criterion:
-    # Variances can be added only where the parameters have a common scale.
-    scaled = asked.criterion == AOptimal.name
-    return parse_criterion(
-        asked.criterion,
-        scale=prior_scale(base.model.robot, base) if scaled else None,
-        previous=_information(asked, base, noise) if asked.previous else None,
-    )
+    def shortest(self, percent: float) -> ExcitationDesign:
+        """The shortest whole number of periods that is expected to reach an accuracy.
 
+        Noise averages out with time, so that one design tells how much time is needed; a period
+        that fits it is designed next, until nothing is gained.
+        """
+        best, period = None, self.asked.period_s
+        for _ in range(TRIES):
+            found = self.design(period)
+            needed = period * self._repetitions(found, percent)
+            count = max(math.ceil(needed / period), 1)
+            if needed > LONGEST_S:
+                raise JobError(
+                    f"the accuracy of {percent:g} % would take {needed:.0f} s of motion",
+                    next_step=f"Ask for less: {LONGEST_S:g} s are the most that are designed for.",
+                )
+            if best is None or count * period < best.repetitions * best.trajectory.duration:
+                best = self._repeated(found, count)
+            count = max(round(needed / self.asked.period_s), 1)
+            step = 25 / self.asked.rate_hz
+            fitting = max(math.ceil(MARGIN * needed / count / step) * step, SHORTEST_S)
+            total = best.repetitions * best.trajectory.duration
+            if found.interrupted or fitting * count >= 0.97 * total:
+                break
+            period = fitting
+        assert best is not None
+        return best
 
-def _information(asked: DesignSettings, base: BaseParametrization, noise: Array | None) -> Array:
-    """The Gram matrix (b, b) of the recordings that were made before."""
-    total = np.zeros((base.rank, base.rank))
-    kernel = GramKernel(base.model, base, noise=noise, coulomb_width=None)
-    robot = base.model.robot
-    for path in asked.previous:
-        samples = process(open_record(path, robot), robot)
-        # Per second of motion, at the rate of the design: neither side counts by its sampling.
-        weight = asked.rate_hz / samples.rate_hz
-        total += weight * kernel.gram(samples.q, samples.dq, samples.ddq)
-    return total
+    def _problem(self, period_s: float, purpose: Purpose | None) -> ExcitationProblem:
+        asked, base = self.asked, self.base
+        # Variances can be added only where the parameters have a common scale.
+        scaled = asked.minimised == AOptimal.name
+        previous = self._information(self.weights) if asked.previous and purpose else None
+        start = asked.start_pose
+        return ExcitationProblem(
+            base=base,
+            criterion=parse_criterion(
+                asked.minimised,
+                scale=prior_scale(self.robot, base) if scaled else None,
+                previous=previous,
+                moment=None if purpose is None else purpose.moment(self.noise),
+            ),
+            family=motion_family(
+                asked.trajectory, period_s, replace(asked, period_s=period_s).order
+            ),
+            constraints=self.judge.settings,
+            rate_hz=asked.rate_hz,
+            noise=self.weights,
+            start_pose=None if start is None else np.array(start),
+        )
+
+    def _information(self, noise: Array | None) -> Array:
+        """The Gram matrix (b, b) of earlier recordings, their friction free to be another."""
+        total = np.zeros((self.base.rank, self.base.rank))
+        kernel = GramKernel(self.base.model, self.base, noise=noise, coulomb_width=None)
+        for path in self.asked.previous:
+            samples = process(open_record(path, self.robot), self.robot)
+            # Per second of motion, at the rate of the design: neither side counts by its sampling.
+            weight = self.asked.rate_hz / samples.rate_hz
+            gram = weight * kernel.gram(samples.q, samples.dq, samples.ddq)
+            total += without_friction(gram, self.base)
+        return total
+
+    def _weighted_gram(self, found: ExcitationDesign) -> Array:
+        kernel = GramKernel(self.base.model, self.base, noise=self.noise, coulomb_width=None)
+        motion = found.trajectory.evaluate(np.arange(found.samples) / self.asked.rate_hz)
+        return kernel.gram(motion.q, motion.dq, motion.ddq)
+
+    def _expected(self, gram: Array, repetitions: float) -> Expected:
+        return expected(repetitions * gram, self.purpose, self.noise, self.previous)
+
+    def _repetitions(self, found: ExcitationDesign, percent: float) -> float:
+        """How many periods reach the accuracy, as a real number."""
+        gram = self._weighted_gram(found)
+        if not math.isfinite(self._expected(gram, 1.0).bound_percent):
+            raise InputError(
+                "the torque of this robot is unknown, so no error of it is a percentage",
+                where="--accuracy",
+                next_step="Give masses and centres of mass of its links.",
+            )
+        low, high = 1e-3, 1e5
+        while high / low > 1.001:
+            middle = math.sqrt(low * high)
+            if self._expected(gram, middle).bound_percent > percent:
+                low = middle
+            else:
+                high = middle
+        return high
+
+    def _repeated(self, found: ExcitationDesign, count: int) -> ExcitationDesign:
+        told = self._expected(self._weighted_gram(found), count)
+        return replace(found, repetitions=count, expected=told, findings=self._findings(told, 1))
+
+    def _told(self, optimised: Optimised, period_s: float, repetitions: int) -> ExcitationDesign:
+        asked, base, finished = self.asked, self.base, optimised.finished
+        problem, search = self._problem(period_s, None), optimised.search
+        certificate, robot = finished.certificate, self.robot
+        motion = finished.trajectory.evaluate(problem.times)
+        state = (motion.q, motion.dq, motion.ddq)
+        # The figures are those of the motion alone and of rows as they are, whatever was optimised;
+        # an expected error needs rows over their noise.
+        plain = GramKernel(base.model, base, coulomb_width=None).gram(*state)
+        gram = GramKernel(base.model, base, noise=self.noise, coulomb_width=None).gram(*state)
+        prediction = parse_criterion("prediction", moment=self.purpose.moment(self.noise))
+        criteria = all_criteria(plain, scale=prior_scale(robot, base))
+        inputs = (*asked.previous, *asked.motions, asked.scene or "")
+        return ExcitationDesign(
+            trajectory=finished.trajectory,
+            robot=self.reference,
+            robot_name=robot.name,
+            mount=robot.mount,
+            frames=base.model.frames,
+            terms=base.model.friction.describe(),
+            limits=copied_bounds(robot.limits),
+            purpose=asked.goal,
+            purpose_motions=self.purpose.source,
+            criterion=asked.minimised,
+            method=asked.method,
+            criteria=criteria | {"prediction": prediction.value(gram)},
+            expected=self._expected(gram, repetitions),
+            repetitions=repetitions,
+            findings=self._findings(self._expected(gram, RUN), RUN),
+            scaled_condition_number=scaled_condition_number(plain),
+            base_parameters=base.rank,
+            samples=problem.samples,
+            certificate=replace(certificate, notes=(*unit_notes(robot), *certificate.notes)),
+            repair=finished.repair,
+            evaluations=optimised.evaluations,
+            starts=search.starts,
+            wall_s=optimised.wall_s,
+            seed=asked.seed,
+            ended_by=search.ended_by,
+            history=tuple(search.history),
+            provenance=provenance(
+                {path: file_hash(Path(path)) for path in inputs if path},
+                asked.to_json(),
+                asked.seed,
+            ),
+            settings=self.limits.to_json(),
+        )
+
+    def _findings(self, told: Expected, periods: int) -> tuple[dict[str, Any], ...]:
+        """What the motion does not excite."""
+        if not told.torque_error_percent > WEAK_PERCENT:
+            return ()
+        share = told.parameter_std / prior_scale(self.robot, self.base)
+        worst = [int(k) for k in np.argsort(-share) if share[k] > WEAK_SHARE]
+        columns = self.base.model.columns
+        joints = sorted({columns[self.base.independent[k]].joint + 1 for k in worst})
+        names = ", ".join(self.base.names[k] for k in worst[:6])
+        lost = f"; not identified: {len(worst)} parameters, the first {names}" if worst else ""
+        return (
+            {
+                "kind": "weak_excitation",
+                "code": "low_excitation",
+                "severity": "error",
+                "joints": joints,
+                "value": round(told.torque_error_percent, 2),
+                "std": None,
+                "unit": "%",
+                "message": f"the motion excites too little: {periods} periods leave an expected "
+                f"torque error of {told.torque_error_percent:.3g} %, limit {WEAK_PERCENT:g} %"
+                f"{lost}",
+                "next_step": "Give the arm more room or a longer period, or pass --accept-weak.",
+            },
+        )
 
 
 def _optimised(
@@ -268,11 +311,12 @@ def _optimised(
             budget_s=asked.budget_s,
             tell=progress,
         )
-    if asked.starts is None and asked.budget_s is None:
-        effort = Effort(starts=DEFAULT_STARTS, budget_s=DEFAULT_BUDGET_S)
-    else:
-        patience = PATIENCE if asked.starts is None else None
-        effort = Effort(starts=asked.starts, budget_s=asked.budget_s, patience=patience)
+    starts, patience = asked.starts, None
+    if starts is None and asked.budget_s is None:
+        starts = DEFAULT_STARTS.get(asked.minimised, MOST_STARTS)
+    elif starts is None:
+        patience = PATIENCE
+    effort = Effort(starts=starts, budget_s=asked.budget_s, patience=patience)
     with workers(asked.jobs, asked.dask) as found:
         return by_gradient(
             problem,
@@ -284,53 +328,7 @@ def _optimised(
         )
 
 
-def _design(
-    reference: str,
-    problem: ExcitationProblem,
-    optimised: Optimised,
-    asked: DesignSettings,
-    limits: DesignLimits,
-) -> ExcitationDesign:
-    base, finished, search = problem.base, optimised.finished, optimised.search
-    robot, certificate = base.model.robot, finished.certificate
-    # The figures are those of the motion alone and of rows as they are, whatever was optimised.
-    judge = DesignEvaluation(problem) if problem.noise is None else None
-    kernel = GramKernel(base.model, base, coulomb_width=None)
-    motion = finished.trajectory.evaluate(problem.times)
-    gram = judge.gram(finished.x) if judge else kernel.gram(motion.q, motion.dq, motion.ddq)
-    inputs = {path: file_hash(Path(path)) for path in (*asked.previous, asked.scene or "") if path}
-    return ExcitationDesign(
-        trajectory=finished.trajectory,
-        robot=reference,
-        robot_name=robot.name,
-        mount=robot.mount,
-        frames=base.model.frames,
-        terms=base.model.friction.describe(),
-        limits=copied_bounds(robot.limits),
-        criterion=asked.criterion,
-        method=asked.method,
-        criteria=all_criteria(gram, scale=prior_scale(robot, base)),
-        base_parameters=base.rank,
-        samples=problem.samples,
-        certificate=replace(certificate, notes=(*unit_notes(robot), *certificate.notes)),
-        repair=finished.repair,
-        evaluations=optimised.evaluations,
-        starts=search.starts,
-        wall_s=optimised.wall_s,
-        seed=asked.seed,
-        ended_by=search.ended_by,
-        history=tuple(search.history),
-        provenance=provenance(inputs, asked.to_json(), asked.seed),
-        settings=limits.to_json(),
-    )
-
-
-def _pose(values: tuple[float, ...], joints: int) -> Array:
+def _each(values: Sequence[float], joints: int, where: str) -> Array:
     if len(values) != joints:
-        raise InputError(
-            "a start pose needs a number a joint",
-            where="--start",
-            value=len(values),
-            limit=joints,
-        )
+        raise InputError("needs a number a joint", where=where, value=len(values), limit=joints)
     return np.array(values)
