@@ -1,24 +1,34 @@
 # Two doors: `make demo` and `make test`. Both set up .venv by themselves.
-# On a fresh machine: git, make and Python 3.11 or 3.12, nothing else.
+# On a fresh machine: git, make and Python 3.11 to 3.13, nothing else.
 
 VENV := .venv
 BIN := $(VENV)/bin
-STAMP := $(VENV)/.installed
-PYTHON ?= $(shell for p in python3.12 python3.11 python3; do \
-	$$p -c 'import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))' 2>/dev/null \
+# What users need, and the tools of developers on top of it.
+USER := $(VENV)/.user-installed
+DEV := $(VENV)/.dev-installed
+PYTHON ?= $(shell for p in python3.12 python3.11 python3.13 python3; do \
+	$$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null \
 	&& echo $$p && break; done)
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+PATHS := src tests urtwin docs benchmarks examples README.md CHANGELOG.md CONTRIBUTING.md
 
-.PHONY: install chromium demo test lint types floors unit bench readme clean
+.PHONY: install develop chromium demo test lint types floors unit bench proof readme clean
 
-install: $(STAMP)
+install: $(USER)
+
+develop: $(DEV)
 
 $(BIN)/python:
-	@test -n "$(PYTHON)" || { echo "dynid needs Python 3.11 or 3.12; name one: make PYTHON=/path/to/python" >&2; exit 1; }
+	@test -n "$(PYTHON)" || { echo "dynid needs Python 3.11 to 3.13; name one: make PYTHON=/path/to/python" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
-$(STAMP): pyproject.toml urtwin/pyproject.toml | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[all,dev]' -e ./urtwin
-	@# Numba compiles once a machine: better now than in somebody's first design.
+$(USER): pyproject.toml urtwin/pyproject.toml | $(BIN)/python
+	$(PIP) -e '.[sim,sdp]' -e ./urtwin
+	@touch $@
+
+$(DEV): $(USER)
+	$(PIP) -e '.[all,dev]'
+	@# Numba compiles once a machine: better now than in the middle of a test.
 	-@$(BIN)/dynid design ur5 -o $(VENV)/first.json --starts 1 --jobs 1 >/dev/null 2>&1
 	@touch $@
 
@@ -34,27 +44,31 @@ chromium:
 	{ apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq chromium >/dev/null; } || \
 	echo "no Chromium: the tests in a browser are skipped" >&2
 
-lint: install
+lint: develop
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
-	$(BIN)/codespell src tests urtwin docs benchmarks examples README.md CHANGELOG.md CONTRIBUTING.md
+	$(BIN)/codespell $(PATHS)
 
-types: install
+types: develop
 	$(BIN)/pyright --warnings
 
-floors: install
+floors: develop
 	$(BIN)/lint-imports
 
-unit: install chromium
-	$(BIN)/python -m pytest -n 2 -m "not realtime"
+unit: develop chromium
+	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not realtime"
 	$(BIN)/python -m pytest -m realtime
 
-bench: install
+bench: develop
 	$(BIN)/python benchmarks/startup.py
 	@for script in $(filter-out benchmarks/startup.py,$(wildcard benchmarks/*.py)); do \
 		echo "== $$script"; $(BIN)/python $$script || exit 1; done
 
-readme: install
+# What is too long for every commit; writes docs/proof.md. ONLY="answers benchmarks" takes some.
+proof: develop
+	$(BIN)/python benchmarks/proof/proof.py $(ONLY)
+
+readme: develop
 	$(BIN)/python benchmarks/readme/fill_tables.py
 
 clean:
