@@ -340,7 +340,7 @@ def test_efforts_of_zero_give_way_to_currents() -> None:
     assert set(record.signals) == {"q", "qd", "current"}
     alone = {name: table.signals[name] for name in ("q", "qd")}
     silent = replace(table, signals={**alone, "effort": np.zeros((1500, 6))})
-    assert codes(run(silent)) == ["saturated"] * 6
+    assert codes(run(silent)) == ["dead_channel"] * 6
 
 
 def runs_in_one(*pieces: slice, restart: bool = True) -> RawTable:
@@ -470,8 +470,8 @@ def test_clipped_and_dead_torques_are_reported() -> None:
     dead = table.signals["current"].copy()
     dead[:, 3] = 0.0
     record = run(signals(table, current=dead))
-    assert codes(record) == ["saturated"]
-    assert "current of joint 4 is 0 on every row" in record.problems[0].message
+    (found,) = record.problems
+    assert (found.kind, found.joints, found.value) == ("dead_channel", (3,), 0.0)
 
 
 def test_a_stopped_end_is_left_out() -> None:

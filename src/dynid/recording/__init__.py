@@ -1,6 +1,7 @@
 """Recordings: every format in, one checked and repaired value out, and the file that keeps it."""
 
 from dynid.recording.bagfiles import Catalog, Topic
+from dynid.recording.checks import check_channels, checked_records
 from dynid.recording.columns import parse_columns, select
 from dynid.recording.formats import content_kind
 from dynid.recording.headers import match_headers
@@ -29,6 +30,8 @@ __all__ = [
     "RecordWriter",
     "RepairSettings",
     "Topic",
+    "check_channels",
+    "checked_records",
     "content_kind",
     "factor_of",
     "identity",

@@ -9,7 +9,7 @@ from typing import Any
 
 from dynid.core import DynidError, InputError, Progress, silent
 from dynid.identification import write_estimate
-from dynid.recording import ExperimentRecord, write_record
+from dynid.recording import ExperimentRecord, checked_records, write_record
 from dynid.robot import RobotModel, load_robot
 from dynid.workflow.exporting import Export, export_file
 from dynid.workflow.identify import Identification, IdentifySettings, identify
@@ -101,7 +101,7 @@ def fit(
         paths.append(folder / f"{_stem(file, k, len(files))}.parquet")
     other = None if validation is None else records[-1]
     result = identify(
-        records[: len(files)],
+        checked_records(records[: len(files)]),
         model,
         settings,
         validation=other,

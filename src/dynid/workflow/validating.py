@@ -18,7 +18,7 @@ import numpy as np
 
 from dynid.core import InputError, Progress
 from dynid.identification import read_estimate, write_estimate
-from dynid.recording import ExperimentRecord
+from dynid.recording import ExperimentRecord, checked_records
 from dynid.signals import window
 from dynid.validation import (
     ParameterComparison,
@@ -62,6 +62,7 @@ def identify_files(
         JobError: A singular problem.
     """
     records, model = open_records(recordings, robot, gains)
+    records = checked_records(records)
     other: ExperimentRecord | None = None
     if validation is not None:
         other = open_record(validation, model, gains)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, RecordError
+from dynid.recording.checks import check_channels
 from dynid.recording.record import ExperimentRecord, RecordMetadata
 from dynid.recording.repair.clock import (
     join_runs,
@@ -73,7 +74,7 @@ def _moving(t: Array, q: Array) -> Mask:
 
 
 def report_saturation(table: RawTable) -> RawTable:
-    """Report torques and currents that are clipped, or do not change at all."""
+    """Report torques and currents that are clipped."""
     if table.t is None or table.samples < 50:
         return table
     moving = _moving(table.t, table.signals["q"])
@@ -85,10 +86,7 @@ def report_saturation(table: RawTable) -> RawTable:
             column = value[:, joint]
             low, high = float(column.min()), float(column.max())
             if low == high:
-                if moving.any():
-                    table = table.report(
-                        "saturated", f"{table.label(quantity, joint)} is {low:.4g} on every row"
-                    )
+                # A dead channel; `check_channels` names it.
                 continue
             clipped = (_at_extreme(column, high) | _at_extreme(column, low)) & moving
             # Clipped values pile up at the limit; a coarse but true peak has neighbours.
@@ -252,10 +250,11 @@ def _record(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
         dropped_rows=table.dropped,
         extra=extra,
     )
-    return ExperimentRecord(
+    record = ExperimentRecord(
         t=t - t[0],
         signals=table.signals,
         metadata=metadata,
         problems=table.notices,
         channels=table.channels,
     )
+    return replace(record, problems=(*record.problems, *check_channels(record)))

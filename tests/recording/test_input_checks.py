@@ -1,0 +1,77 @@
+"""Recordings that no algebra should see, named before it does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dynid.core import RecordError
+from dynid.recording import ExperimentRecord, check_channels, checked_records
+
+
+def record(seed: int = 0, **changes) -> ExperimentRecord:
+    rng = np.random.default_rng(seed)
+    t = np.arange(200) / 125
+    signals = {"q": np.sin(t[:, None] + np.arange(3)), "current": rng.normal(size=(200, 3))}
+    return ExperimentRecord(t=t, signals={**signals, **changes})
+
+
+def damaged(quantity: str, joint: int, value) -> ExperimentRecord:
+    signals = {name: values.copy() for name, values in record().signals.items()}
+    signals.setdefault("qd", np.cos(record().t[:, None] + np.arange(3)))
+    signals[quantity][:, joint] = value
+    return record(**signals)
+
+
+def test_a_sound_recording_has_no_findings() -> None:
+    (kept,) = checked_records([record()])
+    assert kept.problems == ()
+
+
+@pytest.mark.parametrize(("quantity", "value"), [("current", 0.0), ("current", 1.5), ("q", 0.2)])
+def test_dead_channels_are_named_by_joint(quantity: str, value: float) -> None:
+    (kept,) = checked_records([damaged(quantity, 1, value)])
+    (found,) = kept.problems
+    assert (found.kind, found.joints, found.value) == ("dead_channel", (1,), value)
+    # Once is enough.
+    assert checked_records([kept])[0].problems == (found,)
+
+
+def test_a_locked_joint_is_no_dead_channel() -> None:
+    signals = {name: values.copy() for name, values in record().signals.items()}
+    signals["q"][:, 2] = 0.4
+    assert check_channels(record(**signals)) == ()
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1e-12, 1e9, 1e200])
+@pytest.mark.parametrize("quantity", ["effort", "current"])
+def test_absurd_scales_are_refused_by_channel(quantity: str, scale: float) -> None:
+    values = np.random.default_rng(0).normal(size=(200, 3))
+    values[:, 2] *= scale
+    with pytest.raises(RecordError, match=f"{quantity} of joint 3 reaches"):
+        checked_records([record(**{quantity: values})])
+
+
+def test_positions_of_another_world_are_refused() -> None:
+    with pytest.raises(RecordError, match="q of joint 1 reaches"):
+        checked_records([damaged("q", 0, np.linspace(0, 1e100, 200))])
+
+
+@pytest.mark.parametrize("value", [0.0, 3.0])
+def test_torques_that_never_change_are_refused(value: float) -> None:
+    with pytest.raises(RecordError, match="the same on every row"):
+        checked_records([record(current=np.full((200, 3), value))])
+
+
+def test_the_same_recording_counts_once() -> None:
+    one, other = record(), record(seed=1)
+    kept = checked_records([one, other, record()])
+    assert len(kept) == 2
+    (found,) = kept[0].problems
+    assert (found.kind, found.value) == ("duplicate_record", 3.0)
+    assert kept[1].problems == ()
+    # The same run in two files of other names has the same numbers.
+    renamed = replace(one, metadata=replace(one.metadata, origin="copy.csv"))
+    assert len(checked_records([one, renamed])) == 1
