@@ -24,7 +24,7 @@ from urtwin.network import Network, on_this_machine
 from urtwin.primary import packets, realtime_state, robot_state, version_message
 from urtwin.rtde import Packer
 from urtwin.server.clients import Client, LeavingClient, RtdeClient, WatchingClient
-from urtwin.server.clock import TOGETHER_S, Pace, VirtualPace
+from urtwin.server.clock import COMPILER_PRIORITY, TOGETHER_S, Pace, VirtualPace, first_in_first_out
 from urtwin.server.connection import Connection
 from urtwin.server.listeners import (
     PRIMARY,
@@ -100,10 +100,11 @@ class ScriptCompiler:
 
     Args:
         compile_: Turns text into a program; called in the thread.
+        real_time: Whether the loop is to have a real-time priority, and the thread with it.
     """
 
-    def __init__(self, compile_: Callable[[str], Program]) -> None:
-        self._compile = compile_
+    def __init__(self, compile_: Callable[[str], Program], *, real_time: bool) -> None:
+        self._compile, self._real_time = compile_, real_time
         self._scripts: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._finished: queue.SimpleQueue[Compiled] = queue.SimpleQueue()
         self._pending = 0
@@ -146,6 +147,8 @@ class ScriptCompiler:
             self._wake.close()
 
     def _work(self) -> None:
+        if self._real_time:
+            first_in_first_out(COMPILER_PRIORITY)
         while (text := self._scripts.get()) is not None:
             self._finished.put(self._one(text))
             self._wake.send(b"!")
@@ -270,7 +273,7 @@ class ControllerServer:
         self._clients: dict[int, Client] = {}
         self._rtde: list[RtdeClient] = []
         self._reception = Reception(machine, settings, self._submit)
-        self._compiler = ScriptCompiler(machine.compile)
+        self._compiler = ScriptCompiler(machine.compile, real_time=not settings.virtual)
         self._broadcast = Broadcast(machine, TOGETHER_S if settings.virtual else 0.0)
         if not on_this_machine(settings.host):
             machine.core.network = Network(lambda _: True)
