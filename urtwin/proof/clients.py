@@ -58,7 +58,7 @@ EXAMPLES = (
     Example("rtde_client", "rtde_client_example", ("10",), r"target_speed_fraction: \[", 400),
     Example("full_driver", "driver_example", (), "Movement done", 1),
     Example("instruction_executor", "instruction_executor", (), "result SUCCESS", 5),
-    Example("trajectory_point_interface", "trajectory_point_interface_example", (), "success", 3),
+    Example("trajectory_point_interface", "trajectory_point_interface_example", (), "SUCCESS", 3),
     Example("spline", "spline_example", (), "Movement done", 2, 150.0),
     Example("freedrive", "freedrive_example", ("10",), "Robot connected to reverse interface", 1),
     Example("force_mode", "force_mode_example", ("10",), "Robot connected to reverse interface", 1),
@@ -101,7 +101,7 @@ def run(example: Example, rate_hz: float, build: Path, source: Path) -> tuple[bo
                     output = done.communicate(timeout=example.limit_s)[0].decode(errors="replace")
                 except subprocess.TimeoutExpired:
                     done.kill()
-                    return False, f"not over within {example.limit_s:g} s"
+                    return False, f"not over in {example.limit_s:g} s; {controller.said()[-300:]}"
             taken = time.monotonic() - begun
             count = len(re.findall(example.counted, output)) if example.counted else 0
             if controller.process.poll() is not None:
