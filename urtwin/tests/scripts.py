@@ -7,14 +7,13 @@ import numpy as np
 from urtwin import BUILTINS, ControllerMachine
 from urtwin.urscript import Execution, compile_script
 
-CYCLE = 0.008
 HOME = np.array([0.0, -1.4, 1.2, -1.3, -1.2, 0.3])
 """A pose in which no joint is at a limit and the tool is free."""
 
 
 def execution(text: str) -> tuple[Execution, dict[str, int]]:
     program = compile_script(text, BUILTINS)
-    return program.execution(None, CYCLE), dict(program.variables)
+    return program.execution(None), dict(program.variables)
 
 
 def variables(text: str, cycles: int = 20) -> dict[str, Any]:

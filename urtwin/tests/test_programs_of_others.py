@@ -105,3 +105,32 @@ def test_calls_of_other_peoples_programs_compile_and_run(
     machine.run_script(f'def p():\n {call}\n textmsg("after")\nend\n')
     ticks(machine, 0.1)
     assert "after" in said(machine)
+
+
+def test_modbus_signals_of_several_registers_read_back_what_was_written(
+    machine: ControllerMachine,
+) -> None:
+    machine.run_script(
+        "def p():\n"
+        ' modbus_add_signal("10.0.0.1", 255, 0, 0, "in", True, 4)\n'
+        ' modbus_add_rw_signal("10.0.0.1", 255, 100, 2, 0, 2, "both", True)\n'
+        ' modbus_set_output_register("both", [7, 8], False)\n'
+        ' a = modbus_get_signal_status("in")\n b = modbus_get_signal_status("both", False)\n'
+        " textmsg(a, b)\nend"
+    )
+    ticks(machine, 0.1)
+    assert "[0, 0, 0, 0][7, 8]" in said(machine)
+
+
+def test_a_program_asks_for_an_rtde_output(machine: ControllerMachine) -> None:
+    machine.run_script(
+        "def p():\n"
+        ' q = get_rtde_value("target_q")\n'
+        ' write_output_float_register(0, q[1] + get_rtde_value("speed_scaling"))\nend'
+    )
+    ticks(machine, 0.1)
+    expected = machine.output("target_q")[1] + 1.0
+    assert machine.output("output_double_register_0") == pytest.approx(expected)
+    machine.run_script('def p():\n get_rtde_value("nothing")\nend')
+    ticks(machine, 0.1)
+    assert any("no RTDE output has this name" in line for line in said(machine))

@@ -6,6 +6,7 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
 
 import numpy as np
 
@@ -91,6 +92,8 @@ class Signals:
         """Share of the range, 0 to 1."""
         self.analog_types = 0
         self.tool_voltage = 0
+        self.modbus: dict[str, Any] = {}
+        """Modbus signals by name: a number, or a list where the signal has several registers."""
         self.flags = [False] * FLAGS
         """What programs remember between runs."""
 

@@ -51,7 +51,8 @@ def program_folder(folder: Path) -> FindProgram:
             if not path.is_relative_to(root) or path.stat().st_size > MAX_CHARACTERS:
                 return None
             return path.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError):
+        except (OSError, ValueError):
+            # ValueError: a name that no file can have, or a file that is no text.
             return None
 
     return find

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dynid.core import InputError, JobError
+from dynid.core import InputError
 from dynid.protocol import RobotMode, SafetyMode
 from dynid.simulation import SimulatedArm, Thermal
 from urtwin.arm import ControlledArm
@@ -191,18 +191,21 @@ class ControllerMachine:
         """Run one control cycle."""
         core = self.core
         core.cycles += 1
-        core.network.listening = False
+        core.network.listening, core.network.reads = False, 0
         self._inputs.apply()
         self._power.step()
         core.scale()
         self._guard_watchdogs()
-        self._programs.step()
-        watch(core)
-        if core.safety.stopped:
-            self._programs.stop("")
         try:
+            self._programs.step()
+        except Exception as error:
+            self._programs.stop(f"internal fault of urtwin: {type(error).__name__}: {error}")
+        try:
+            watch(core)
+            if core.safety.stopped:
+                self._programs.stop("")
             core.arm.tick(powered=core.mode == RobotMode.RUNNING)
-        except JobError as error:
+        except Exception as error:
             self._fail(str(error))
         core.history.appendleft(core.arm.state.q.tolist())
 

@@ -123,6 +123,8 @@ class Network:
         self._allowed = allowed
         self.listening = False
         """Whether a thread has waited for a socket in this cycle."""
+        self.reads = 0
+        """What threads have got from sockets in this cycle."""
         self._links: dict[str, Link] = {}
 
     def open(self, name: str, host: str, port: int) -> Link | str:

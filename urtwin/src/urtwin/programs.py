@@ -19,7 +19,17 @@ def compile_program(text: str) -> Program:
     Raises:
         ScriptError: It does not compile, or is too long.
     """
-    return compile_script(text, BUILTINS)
+    try:
+        return compile_script(text, BUILTINS)
+    except ScriptError:
+        raise
+    except RecursionError as error:
+        raise ScriptError("nested too deeply to compile", 1) from error
+    except MemoryError as error:
+        raise ScriptError("the script needs more memory than there is", 1) from error
+    except Exception as error:
+        # A fault of ours refuses one script; it ends neither the compiler nor the controller.
+        raise ScriptError(f"internal fault: {type(error).__name__}: {error}", 1) from error
 
 
 def refuse(core: Core, error: ScriptError) -> None:
@@ -62,7 +72,7 @@ class Programs:
         if core.mode != RobotMode.RUNNING or core.safety.stopped:
             core.say(f"{program.name}: the robot is not ready to run a program", "controller", 1)
             return
-        execution = program.execution(core, core.arm.cycle)
+        execution = program.execution(core)
         if program.secondary:
             if len(self._beside) >= _SECONDARY:
                 core.say("too many secondary programs", "controller", 1)

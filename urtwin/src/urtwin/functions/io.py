@@ -134,6 +134,8 @@ def _set_tool_voltage(core: Core, voltage: Value) -> None:
     core.signals.tool_voltage = int(number(voltage))
 
 
+_REGISTERS = 128
+"""Modbus signals of a program, and registers of one."""
 _KINDS = {"integer": "int", "float": "double", "boolean": "bit"}
 _INSTANT: dict[str, Any] = {
     "rtde_set_watchdog": _rtde_set_watchdog,
@@ -162,6 +164,77 @@ for _group, _shift, _count in (
     _INSTANT[f"get_{_group}digital_out"] = _digital(_shift, _count, inputs=False)
     _INSTANT[f"get_{_group}digital_in"] = _digital(_shift, _count, inputs=True)
 
+
+def _add_signal(
+    core: Core,
+    IP: Value,
+    slave_number: Value,
+    signal_address: Value,
+    signal_type: Value,
+    signal_name: Value,
+    sequential_mode: Value = False,
+    register_count: Value = 1,
+) -> bool:
+    return _signal(core, signal_name, register_count)
+
+
+def _add_rw_signal(
+    core: Core,
+    IP: Value,
+    slave_number: Value,
+    read_address: Value,
+    read_register_count: Value,
+    write_address: Value,
+    write_register_count: Value,
+    signal_name: Value,
+    sequential_mode: Value = False,
+) -> bool:
+    return _signal(core, signal_name, read_register_count)
+
+
+def _signal(core: Core, name: Value, count: Value) -> bool:
+    # No device answers: inputs are zero, outputs what was written last.
+    core.lacks("modbus")
+    many = int(number(count))
+    if not 1 <= many <= _REGISTERS or len(core.signals.modbus) >= _REGISTERS:
+        raise ScriptFault("registers of a Modbus signal, or signals", limit=(1, _REGISTERS))
+    core.signals.modbus[shown(name)] = 0 if many == 1 else [0] * many
+    return True
+
+
+def _delete_signal(core: Core, signal_name: Value) -> bool:
+    return core.signals.modbus.pop(shown(signal_name), None) is not None
+
+
+def _signal_status(core: Core, signal_name: Value, is_secondary_program: Value = False) -> Value:
+    value = core.signals.modbus.get(shown(signal_name), 0)
+    return list(value) if isinstance(value, list) else value
+
+
+def _set_signal(
+    core: Core, signal_name: Value, register_value: Value, is_secondary_program: Value = False
+) -> bool:
+    name = shown(signal_name)
+    known = name in core.signals.modbus
+    if known:
+        core.signals.modbus[name] = register_value
+    return known
+
+
+def _set_digital_signal(
+    core: Core, signal_name: Value, digital_value: Value, is_secondary_program: Value = False
+) -> bool:
+    return _set_signal(core, signal_name, digital_value)
+
+
+_INSTANT |= {
+    "modbus_add_signal": _add_signal,
+    "modbus_add_rw_signal": _add_rw_signal,
+    "modbus_delete_signal": _delete_signal,
+    "modbus_get_signal_status": _signal_status,
+    "modbus_set_output_register": _set_signal,
+    "modbus_set_output_signal": _set_digital_signal,
+}
 IO: list[Builtin] = [
     *(builtin(function, Kind.INSTANT, name=name) for name, function in _INSTANT.items()),
     builtin(_textmsg, Kind.INSTANT, name="textmsg", weight=_MESSAGE_WEIGHT),
@@ -201,16 +274,11 @@ _NOUGHT: dict[int, str] = {
     2: "encoder_unwind_delta_tick_count",
 }
 _BY_NAME: dict[str, tuple[bool | int, str]] = {
-    "modbus_add_signal": (
-        True,
-        "IP slave_number signal_address signal_type signal_name sequential_mode",
-    ),
-    "modbus_delete_signal": (True, "signal_name"),
-    "modbus_get_signal_status": (0, "signal_name is_secondary_program"),
+    "modbus_get_error": (0, "signal_name"),
+    "modbus_get_time_since_signal_invalid": (0, "signal_name"),
     "modbus_send_custom_command": (True, "IP slave_number function_code data"),
-    "modbus_set_output_register": (True, "signal_name register_value is_secondary_program"),
-    "modbus_set_output_signal": (True, "signal_name digital_value is_secondary_program"),
     "modbus_set_signal_update_frequency": (True, "signal_name update_frequency"),
+    "modbus_set_signal_watchdog": (True, "signal_name timeout"),
 }
 """Those whose arguments programs name: the answer, and the names."""
 

@@ -32,6 +32,9 @@ Waiting = Generator[str | None, None, T]
 _NAME, _TIMEOUT_S, _CONNECT_S = "socket_0", 2.0, 2.0
 _WEIGHT, _MOST = 100, 255
 _INT = 4
+_READS = 16
+"""Answers of sockets in a control cycle; a program with more to read goes on in the next one, so
+that commands that have piled up are no endless loop."""
 
 
 def _open(core: Core, address: Value, port: Value, socket_name: Value = _NAME) -> Waiting[bool]:
@@ -65,6 +68,9 @@ def _until(
         yield LISTENING
     if waited:
         yield BACK
+    core.network.reads += 1
+    if core.network.reads > _READS:
+        yield
     return found
 
 

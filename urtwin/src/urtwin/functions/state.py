@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from urtwin.urscript import (
     number,
     numbers,
     pose_of,
+    shown,
 )
 from urtwin.variables import READERS
 
@@ -148,6 +149,14 @@ def _protective_stop(core: Core) -> None:
     core.protective_stop("Protective stop asked for by the program")
 
 
+def _rtde_value(core: Core, variable_name: Value) -> Value:
+    reader = READERS.get(shown(variable_name))
+    if reader is None:
+        raise ScriptFault("no RTDE output has this name", value=shown(variable_name))
+    value = reader(core)
+    return list(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
+
+
 _ASK: dict[str, Callable[[Core], Value]] = {
     "get_joint_positions": lambda core: core.arm.measured("position"),
     "get_actual_joint_positions": lambda core: core.arm.measured("position"),
@@ -186,6 +195,7 @@ _KINEMATICS: dict[str, Callable[[Core], Value]] = {
     ),
 }
 _WITH_ARGUMENTS: dict[str, Any] = {
+    "get_rtde_value": _rtde_value,
     "get_actual_joint_positions_history": _history,
     "get_joint_temp": _joint_temperature,
     "set_payload": _set_payload,

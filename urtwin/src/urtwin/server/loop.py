@@ -7,13 +7,15 @@ import select
 import socket
 import threading
 import time
+import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TextIO
 
-from dynid.core import DynidError
 from dynid.protocol import rtde
 from urtwin.core import Message
 from urtwin.dashboard import obey
@@ -22,7 +24,7 @@ from urtwin.network import Network, on_this_machine
 from urtwin.primary import packets, realtime_state, robot_state, version_message
 from urtwin.rtde import Packer
 from urtwin.server.clients import Client, LeavingClient, RtdeClient, WatchingClient
-from urtwin.server.clock import TOGETHER_S, Pace, VirtualPace
+from urtwin.server.clock import COMPILER_PRIORITY, TOGETHER_S, Pace, VirtualPace, first_in_first_out
 from urtwin.server.connection import Connection
 from urtwin.server.listeners import (
     PRIMARY,
@@ -98,10 +100,11 @@ class ScriptCompiler:
 
     Args:
         compile_: Turns text into a program; called in the thread.
+        real_time: Whether the loop is to have a real-time priority, and the thread with it.
     """
 
-    def __init__(self, compile_: Callable[[str], Program]) -> None:
-        self._compile = compile_
+    def __init__(self, compile_: Callable[[str], Program], *, real_time: bool) -> None:
+        self._compile, self._real_time = compile_, real_time
         self._scripts: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._finished: queue.SimpleQueue[Compiled] = queue.SimpleQueue()
         self._pending = 0
@@ -144,6 +147,8 @@ class ScriptCompiler:
             self._wake.close()
 
     def _work(self) -> None:
+        if self._real_time:
+            first_in_first_out(COMPILER_PRIORITY)
         while (text := self._scripts.get()) is not None:
             self._finished.put(self._one(text))
             self._wake.send(b"!")
@@ -153,12 +158,6 @@ class ScriptCompiler:
             return Compiled(self._compile(text))
         except ScriptError as error:
             return Compiled(None, error)
-        except DynidError as error:
-            return Compiled(None, ScriptError(str(error), 1))
-        except RecursionError:
-            return Compiled(None, ScriptError("nested too deeply to compile", 1))
-        except MemoryError:
-            return Compiled(None, ScriptError("the script needs more memory than there is", 1))
 
 
 _STATES_HZ = 10
@@ -176,7 +175,10 @@ class Broadcast:
     def __init__(self, machine: ControllerMachine, together_s: float = 0.0) -> None:
         self._machine, self._packer = machine, Packer(machine)
         self._together = together_s / machine.cycle
-        self._states = 0
+        self._states, self._due = 0, False
+        self._messages: Sequence[Message] = ()
+        self._news = b""
+        self._packed: dict[tuple[bool, bool], bytes] = {}
 
     def greet(self, client: Client) -> None:
         """What a client reads before it says anything."""
@@ -186,38 +188,40 @@ class Broadcast:
         else:
             client.connection.send(client.greeting)
 
-    def cycle(self, clients: Iterable[Client], messages: Sequence[Message]) -> None:
-        """After a control cycle.
+    def next_cycle(self, messages: Sequence[Message]) -> None:
+        """A control cycle is over.
 
         Args:
-            clients: Everybody.
             messages: What the machine has said in it.
         """
         machine = self._machine
         self._packer.next_cycle()
+        self._packed.clear()
         # Ten states a second, also where 10 Hz is no whole number of cycles.
         states = int(machine.core.cycles * machine.cycle * _STATES_HZ + 1e-9)
-        due, self._states = states != self._states, states
-        states_due = _States(machine)
-        news = b"".join(packets(message) for message in messages) if messages else b""
-        for client in clients:
-            if isinstance(client, RtdeClient):
-                self._tell(client, messages)
-            elif isinstance(client, WatchingClient):
-                stream = _stream(client)
-                if stream == PRIMARY and news:
-                    client.connection.offer(news)
-                # Whoever never reads this port (ur_rtde does not) costs nothing.
-                if (due or stream == REALTIME) and not client.connection.still_full():
-                    first = not client.introduced
-                    if client.connection.offer(states_due.of(stream, first=first)):
-                        client.introduced = True
+        self._due, self._states = states != self._states, states
+        self._messages = messages
+        self._news = b"".join(packets(message) for message in messages)
 
-    def _tell(self, client: RtdeClient, messages: Sequence[Message]) -> None:
+    def tell(self, client: Client) -> None:
+        """Send a client what it gets in this cycle."""
+        if isinstance(client, RtdeClient):
+            self._tell_rtde(client)
+        elif isinstance(client, WatchingClient):
+            stream = _stream(client)
+            if stream == PRIMARY and self._news:
+                client.connection.offer(self._news)
+            # Whoever never reads this port (ur_rtde does not) costs nothing.
+            if (self._due or stream == REALTIME) and not client.connection.still_full():
+                first = not client.introduced
+                if client.connection.offer(self._state(stream, first=first)):
+                    client.introduced = True
+
+    def _tell_rtde(self, client: RtdeClient) -> None:
         session = client.session
         if not session.streaming:
             return
-        for message in messages:
+        for message in self._messages:
             if message.level < rtde.Level.WARNING:
                 client.connection.offer(session.text(message.words, message.source, message.level))
         recipe = session.outputs
@@ -226,16 +230,8 @@ class Broadcast:
             client.connection.offer(self._packer.package(recipe), together)
             session.queue.asked = True
 
-
-class _States:
-    """The states of one cycle, each packed once."""
-
-    def __init__(self, machine: ControllerMachine) -> None:
-        self._machine = machine
-        self._packed: dict[tuple[bool, bool], bytes] = {}
-
-    def of(self, stream: int, *, first: bool) -> bytes:
-        """What a port sends in this cycle."""
+    def _state(self, stream: int, *, first: bool) -> bytes:
+        """What a port sends in this cycle, packed once for all."""
         realtime = stream == REALTIME
         key = (realtime, first and not realtime)
         packed = self._packed.get(key)
@@ -277,7 +273,7 @@ class ControllerServer:
         self._clients: dict[int, Client] = {}
         self._rtde: list[RtdeClient] = []
         self._reception = Reception(machine, settings, self._submit)
-        self._compiler = ScriptCompiler(machine.compile)
+        self._compiler = ScriptCompiler(machine.compile, real_time=not settings.virtual)
         self._broadcast = Broadcast(machine, TOGETHER_S if settings.virtual else 0.0)
         if not on_this_machine(settings.host):
             machine.core.network = Network(lambda _: True)
@@ -305,6 +301,18 @@ class ControllerServer:
             if wait <= 0:
                 self._cycle(now)
             self._sweep(now)
+
+    @contextmanager
+    def _isolated(self, client: Client | None = None) -> Generator[None]:
+        """A fault of ours ends the connection that met it, never the server."""
+        try:
+            yield
+        except Exception as error:
+            place = traceback.extract_tb(error.__traceback__)[-1]
+            words = f"internal fault: {type(error).__name__}: {error}"
+            self._log.say(f"{words} ({Path(place.filename).name}:{place.lineno})")
+            if client is not None:
+                client.connection.lost = client.connection.lost or words
 
     def close(self) -> None:
         """Hang up on everybody and free the ports."""
@@ -337,12 +345,14 @@ class ControllerServer:
 
     def _serve(self) -> None:
         for fd, _ in self._epoll.poll(0, _EVENTS):
-            if fd in self._doors:
-                self._welcome(self._doors[fd])
-            elif fd in self._clients:
-                self._clients[fd].readable()
-            else:
-                self._run_compiled()
+            client = self._clients.get(fd)
+            with self._isolated(client):
+                if fd in self._doors:
+                    self._welcome(self._doors[fd])
+                elif client is not None:
+                    client.readable()
+                else:
+                    self._run_compiled()
 
     def _cycle(self, now: float) -> None:
         if self._virtual is None or not self._started():
@@ -351,9 +361,14 @@ class ControllerServer:
             self.pace.restart(now)
         guided = any(client.session.queue.guided(now) for client in self._rtde)
         for client in self._rtde:
-            client.session.queue.apply_next(guided)
-        self._machine.tick()
-        self._broadcast.cycle(self._clients.values(), self._news())
+            with self._isolated(client):
+                client.session.queue.apply_next(guided)
+        with self._isolated():
+            self._machine.tick()
+            self._broadcast.next_cycle(self._news())
+        for client in self._clients.values():
+            with self._isolated(client):
+                self._broadcast.tell(client)
 
     def _news(self) -> list[Message]:
         """What the machine has said; people read it too."""
@@ -396,8 +411,13 @@ class ControllerServer:
         if accepted is None:
             return
         now = time.monotonic()
-        connection = Connection(*accepted)
-        client = self._reception.client(connection, door.port)
+        try:
+            connection = Connection(*accepted)
+            client = self._reception.client(connection, door.port)
+        except OSError:
+            # It has left while it waited to be let in.
+            accepted[0].close()
+            return
         others = [c for c in self._clients.values() if c.port == door.port]
         free, leaver = place_for_another(others, now)
         if leaver is not None:
@@ -417,7 +437,8 @@ class ControllerServer:
     def _part(self, client: Client, now: float) -> None:
         """Say goodbye: at once to who has left, politely to who is sent away."""
         connection = client.connection
-        client.left()
+        with self._isolated():
+            client.left()
         if isinstance(client, RtdeClient):
             self._rtde.remove(client)
         if connection.skipped and client.port == rtde.PORT:

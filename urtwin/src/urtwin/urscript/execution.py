@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Generator
 from typing import Any
@@ -106,8 +107,11 @@ MAX_SLOTS = 20_000
 """Most variables alive at a time, over all calls and threads."""
 MAX_MEMORY = 2_000_000
 """Most numbers and characters in all variables."""
-OPERATIONS_PER_SECOND = 6_000_000
-"""Operations that a script may do, spread over the control cycles."""
+CYCLE_CPU_S = 0.05
+"""Processor time that a program may take in one control cycle [s]; what needs longer is an endless
+loop. Where the cycle is shorter, the cycles that follow are late and catch up."""
+_LOOK = 5_000
+"""Operations between two looks at the clock, 1 ms or less."""
 
 
 class Execution:
@@ -116,13 +120,13 @@ class Execution:
     Args:
         port: The controller, handed to built-ins.
         slots: Number of program variables.
-        cycle: Length of a control cycle [s].
     """
 
     __slots__ = (
+        "_began",
+        "_granted",
         "_handles",
         "_slots",
-        "budget",
         "copied",
         "fault",
         "finished",
@@ -134,11 +138,12 @@ class Execution:
         "threads",
     )
 
-    def __init__(self, port: Any, slots: int, cycle: float) -> None:
+    def __init__(self, port: Any, slots: int) -> None:
         self.port = port
         self.shared: Frame = [None] * slots
-        self.budget = round(OPERATIONS_PER_SECOND * cycle)
-        self.left = self.budget
+        self.left = self._granted = _LOOK
+        """Operations until the next look at the clock."""
+        self._began = 0.0
         self.copied = 0
         self.threads: list[Thread] = []
         self.thread = Thread(0)
@@ -171,13 +176,17 @@ class Execution:
         Who stands before a critical section runs as soon as it is free, in the same cycle,
         those who came first before the others.
         """
-        self.left = self.budget
+        self.left = self._granted = _LOOK
+        self._began = time.thread_time()
         section = self.section
         pending, progress = self.threads, True
         while pending and progress:
             again: list[Thread] = []
             progress = section.passed = False
             for thread in pending:
+                if not thread.alive:
+                    # Another thread has killed it in this cycle.
+                    continue
                 if (section.holder or thread.waits) and section.stops(thread):
                     section.passed = section.passed or thread.waits is None
                     again.append(thread)
@@ -216,17 +225,25 @@ class Execution:
         """A call ends."""
         self._slots -= len(self.thread.frames.pop())
 
-    def exhausted(self) -> None:
-        """The operations of this cycle are used up.
+    @property
+    def operations(self) -> int:
+        """Operations of this cycle until now."""
+        return self._granted - self.left
+
+    def look(self) -> None:
+        """Enough is done to look at the clock.
 
         Raises:
-            ScriptFault: Always.
+            ScriptFault: The time of this cycle is used up.
         """
-        raise ScriptFault(
-            "endless loop: the program does too much without waiting",
-            limit=f"{self.budget} operations in a control cycle",
-            next_step="Call sync() in the loop.",
-        )
+        if time.thread_time() - self._began > CYCLE_CPU_S:
+            raise ScriptFault(
+                "endless loop: the program does too much without waiting",
+                limit=f"{CYCLE_CPU_S:g} s of processor time in a control cycle",
+                next_step="Call sync() in the loop.",
+            )
+        self._granted += _LOOK - self.left
+        self.left = _LOOK
 
     def charge(self, value: Value) -> None:
         """Account for a copy of a value.
@@ -238,7 +255,7 @@ class Execution:
         self.left -= amount >> 3
         self.copied += amount
         if self.left < 0:
-            self.exhausted()
+            self.look()
         if self.copied > MAX_MEMORY // 4:
             self.copied = 0
             frames = [self.shared, *(frame for each in self.threads for frame in each.frames)]
@@ -291,6 +308,9 @@ class Execution:
             self._fail("calls are nested too deeply")
         except DynidError as error:
             self._fail(str(error))
+        except Exception as error:
+            # A fault of ours ends the script that met it, not the controller.
+            self._fail(f"internal fault of urtwin: {type(error).__name__}: {error}")
         if self.threads and thread is self.threads[0] and not self.finished:
             # The program ends with its main thread.
             self.stop()

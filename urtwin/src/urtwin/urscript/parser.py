@@ -1,4 +1,10 @@
-"""From tokens to the syntax tree: expressions and statements."""
+"""From tokens to the syntax tree: expressions and statements.
+
+By hand, not with lark: of the script of UR's drivers (48 kB, 1 100 lines) lark 1.3 (LALR) makes a
+bare tree in 0.20 s of processor time, after 0.27 s to load it and its grammar; this makes the final
+tree in 0.05 s. Universal Robots' client library waits 0.5 s for that program to run, compiled while
+control cycles go on. A grammar and its transformer would save about 180 lines.
+"""
 
 from __future__ import annotations
 

@@ -244,14 +244,13 @@ class Program:
         """Program variables and their places."""
         return self.context.names.shared
 
-    def execution(self, port: Any, cycle: float) -> Execution:
+    def execution(self, port: Any) -> Execution:
         """The program, ready for its first cycle.
 
         Args:
             port: The controller, handed to the built-ins.
-            cycle: Length of a control cycle [s].
         """
-        execution = Execution(port, len(self.variables), cycle)
+        execution = Execution(port, len(self.variables))
         execution.start(
             execution.new_thread(), routine_of(self.body, execution, [None] * self.locals)
         )

@@ -34,7 +34,7 @@ def _at_once(codes: list[Code], lines: list[int], weight: int) -> Runner:
     def run(x: Execution, v: Frame) -> Any:
         x.left -= weight
         if x.left < 0:
-            x.exhausted()
+            x.look()
         done = 0
         try:
             for step in steps:
@@ -59,7 +59,7 @@ def _waiting(codes: list[Code], lines: list[int], weight: int) -> Runner:
     def run(x: Execution, v: Frame) -> Routine:
         x.left -= weight
         if x.left < 0:
-            x.exhausted()
+            x.look()
         done = 0
         try:
             for step, wait, waits in steps:
