@@ -80,7 +80,8 @@ def test_version(run: Run) -> None:
 def test_robots(run: Run) -> None:
     robots = run("robots", "--json").json()["robots"]
     assert [set(robot) for robot in robots] == [{"name", "joints", "source"}] * len(robots)
-    assert {"ur3", "ur5", "ur10", "ur3e", "ur5e", "ur10e"} <= {robot["name"] for robot in robots}
+    names = {robot["name"] for robot in robots}
+    assert {"ur3", "ur5", "ur10", "ur3e", "ur5e", "ur10e", "ur16e"} <= names
     assert "UR5" in run("robots").out
 
 

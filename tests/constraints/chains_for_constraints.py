@@ -1,21 +1,25 @@
-"""Random arms with capsules, and states to judge them at."""
+"""Random arms with collision bodies, states to judge them at, and coal's distances."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
+import coal
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
-from dynid.robot import Capsule, RobotModel, from_body, from_xyz_rpy
+from dynid.robot import Body, RobotModel, from_body, from_xyz_rpy
 from dynid.robot.dh import robot_from_chain
 from dynid.robot.model import JointLimits, SafetyLimits
 
 Floats = NDArray[np.float64]
+CYLINDER_WITHIN = 0.0087
+"""A cylinder is judged as a prism around it: this share of its radius nearer."""
 
 
 def random_arm(joints: int, seed: int, *, slides: bool = True) -> RobotModel:
-    """An arm with everything known: limits, safety limits, inertias, two capsules a link."""
+    """An arm with everything known: limits, safety limits, inertias, two bodies a link."""
     random = np.random.default_rng(seed)
     placements = np.array(
         [
@@ -50,13 +54,12 @@ def random_arm(joints: int, seed: int, *, slides: bool = True) -> RobotModel:
         safety=SafetyLimits(
             tcp_speed=0.3, elbow_speed=0.2, momentum=0.8, power=8.0, elbow=max(1, joints // 2)
         ),
-        capsules=tuple(
-            Capsule(
+        bodies=tuple(
+            Body(
                 name=f"link {k} {side}",
                 link=k,
-                start=random.uniform(-0.15, 0.15, 3),
-                end=random.uniform(-0.15, 0.15, 3),
-                radius=random.uniform(0.02, 0.06),
+                points=random.uniform(-0.15, 0.15, (2 + 6 * side, 3)),
+                radius=random.uniform(0.02, 0.06) * (1 - side),
             )
             for k in range(joints + 1)
             for side in range(2)
@@ -70,3 +73,28 @@ def random_states(joints: int, samples: int, seed: int) -> tuple[Floats, Floats,
     spread = (2.2, 2.2, 6.0)
     q, dq, ddq = (random.uniform(-s, s, (samples, joints)) for s in spread)
     return q, dq, ddq
+
+
+def coal_distance(a: object, at_a: np.ndarray, b: object, at_b: np.ndarray) -> float:
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    request.gjk_tolerance = request.epa_tolerance = 1e-12
+    places = [coal.Transform3s(pose[:3, :3], pose[:3, 3]) for pose in (at_a, at_b)]
+    return float(coal.distance(a, places[0], b, places[1], request, result))
+
+
+def hull_in_coal(body: Body) -> coal.Convex:
+    """The hull of a body's points; its radius is not counted."""
+    points = np.array(body.points)
+    if len(points) == 2:
+        # A needle: coal knows no segments.
+        across = np.linalg.svd((points[1] - points[0])[None])[2][1:]
+        points = np.concatenate([points, points.mean(axis=0) + 1e-9 * across])
+    corners, faces = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    for point in points:
+        corners.append(point)
+    hull = ConvexHull(points, qhull_options="QJ")
+    for face, plane in zip(hull.simplices.tolist(), hull.equations, strict=True):
+        i, j, k = face
+        outward = np.cross(points[j] - points[i], points[k] - points[i]) @ plane[:3] > 0
+        faces.append(coal.Triangle(i, j, k) if outward else coal.Triangle(i, k, j))
+    return coal.Convex(corners, faces)

@@ -17,7 +17,7 @@ from dynid.constraints import (
     scene_from_json,
 )
 from dynid.core import InputError, JsonFields
-from dynid.robot import RobotModel, load_robot
+from dynid.robot import Body, RobotModel, load_robot
 from dynid.trajectory import (
     FourierSeries,
     JointMotion,
@@ -163,9 +163,9 @@ def test_a_short_collision_between_samples_is_found() -> None:
         robot,
         placements=np.array([np.eye(4), np.eye(4)]),
         axes=np.array([[0.0, 0, 1], [0.0, 0, 1]]),
-        capsules=(
-            replace(robot.capsules[0], link=0, start=[0.0, 0.5, 0], end=[0.0, 0.6, 0], radius=0.05),
-            replace(robot.capsules[0], link=2, start=[0.4, 0.0, 0], end=[0.5, 0.0, 0], radius=0.05),
+        bodies=(
+            Body(name="post", link=0, points=[[0.0, 0.5, 0], [0.0, 0.6, 0]], radius=0.05),
+            Body(name="tip", link=2, points=[[0.4, 0.0, 0], [0.5, 0.0, 0]], radius=0.05),
         ),
     )
     wide = MotionBounds(
@@ -182,7 +182,7 @@ def test_a_short_collision_between_samples_is_found() -> None:
 
 @pytest.mark.parametrize("kind", ["velocity", "acceleration", "position", "torque", "tcp_speed"])
 def test_one_broken_limit_is_named(kind: str) -> None:
-    robot = replace(load_robot("ur5"), capsules=())
+    robot = replace(load_robot("ur5"), bodies=())
     home = np.array([0.0, -1.2, 0.9, -1.2, -1.5, 0.0])
     series = random_excitation(robot.limits, seed=2, margin=0.3, offset=home)
     judge = safe_constraints(robot)

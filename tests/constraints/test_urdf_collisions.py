@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from dynid.constraints import certify, safe_constraints
-from dynid.robot import Capsule, load_robot
+from dynid.robot import Body, load_robot
 from dynid.trajectory import FourierSeries
 
 DATA = Path(sys.prefix) / (
@@ -20,7 +20,6 @@ needs_models = pytest.mark.skipif(
     not DATA.is_dir(), reason="the package example-robot-data is not installed"
 )
 PANDA = DATA / "panda_description" / "urdf" / "panda.urdf"
-UR5 = DATA / "ur_description" / "urdf" / "ur5_robot.urdf"
 
 
 @needs_models
@@ -63,61 +62,31 @@ def test_a_panda_is_judged_and_what_is_judged_is_proven() -> None:
 
 
 @needs_models
-def test_wide_capsules_of_near_links_are_named_and_nothing_is_called_proven() -> None:
-    judge = safe_constraints(load_robot(UR5), acceleration=np.full(6, 10.0))
-    assert any("not judged against each other" in note for note in judge.notes)
-    still = FourierSeries(
-        period=10.0,
-        offset=np.array([0.0, -1.2, 0.9, 0.0, -1.57, 0.0]),
-        a=np.zeros((6, 1)),
-        b=np.zeros((6, 1)),
-    )
-    certificate = certify(still, judge)
-    assert np.isfinite(certificate.worst["self_collision"].margin)
-    assert "self_collision" not in certificate.proven
+def test_bodies_of_near_links_that_are_too_wide_are_named_and_nothing_is_called_proven() -> None:
+    robot = load_robot("ur5")
+    wide = Body(name="wide", link=5, points=np.zeros((1, 3)), radius=0.3)
+    judge = safe_constraints(replace(robot, bodies=(*robot.bodies, wide)))
+    assert any("wide are not judged" in note for note in judge.notes)
+    assert judge.surroundings is not None
+    assert not judge.surroundings.complete["self_collision"]
+    assert "shoulder 1 - wide" in judge.surroundings.names["self_collision"]
+    assert "forearm 1 - wide" not in judge.surroundings.names["self_collision"]
 
 
-def test_what_a_robot_says_of_its_capsules_is_passed_on() -> None:
-    assert any("not fitted to meshes" in note for note in safe_e_series("ur5e").notes)
+def test_what_a_robot_says_of_its_bodies_is_passed_on() -> None:
     built_in = load_robot("ur5")
     assert not any("mesh" in note for note in safe_constraints(built_in).notes)
     bare = replace(
         built_in,
-        capsules=tuple(item for item in built_in.capsules if item.link != 4),
-        capsule_notes=("a mesh was not found",),
+        bodies=tuple(body for body in built_in.bodies if body.link != 4),
+        body_notes=("a mesh was not found",),
     )
     notes = safe_constraints(bare).notes
     assert "a mesh was not found" in notes
     assert any("wrist_1_joint" in note and "not judged" in note for note in notes)
 
 
-def test_a_robot_without_shapes_is_not_judged() -> None:
-    robot = replace(load_robot("ur5"), capsules=(), apart=(), overlap=())
-    judge = safe_constraints(robot)
+def test_a_robot_without_bodies_is_not_judged() -> None:
+    judge = safe_constraints(replace(load_robot("ur5"), bodies=()))
     assert judge.surroundings is None
-    assert any("no shapes are known" in note for note in judge.notes)
-
-
-def test_far_links_are_judged_however_wide() -> None:
-    robot = load_robot("ur5")
-    wide = Capsule(name="wide", link=5, start=np.zeros(3), end=np.zeros(3), radius=0.6)
-    judge = safe_constraints(replace(robot, capsules=(*robot.capsules, wide)))
-    assert judge.surroundings is not None
-    bodies = judge.surroundings.bodies
-    links = bodies.link[bodies.pairs]
-    assert ((links == [1, 5]).all(axis=1)).any()
-    assert not ((links == [3, 5]).all(axis=1)).any()
-    # Three links on, but in each other in every pose: shapes that say nothing, and no design.
-    inside = [
-        Capsule(name="in", link=k, start=[0, 0, 0], end=[0, 0, 0], radius=2.0) for k in (2, 5)
-    ]
-    judge = safe_constraints(replace(robot, capsules=(*robot.capsules, *inside)))
-    assert judge.surroundings is not None
-    bodies = judge.surroundings.bodies
-    assert not (bodies.link[bodies.pairs] == [2, 5]).all(axis=1).any()
-    assert any("100% of all poses" in note for note in judge.notes)
-    assert not judge.surroundings.complete["self_collision"]
-
-
-def safe_e_series(name: str):
-    return safe_constraints(load_robot(name), acceleration=np.full(6, 10.0))
+    assert any("no bodies are known" in note for note in judge.notes)

@@ -113,7 +113,7 @@ def test_what_is_unknown_does_not_bind_and_is_null() -> None:
     robot = random_arm(3, 0)
     bare = replace(
         robot,
-        capsules=(),
+        bodies=(),
         safety=type(robot.safety)(),
         limits=replace(
             robot.limits,
@@ -136,7 +136,7 @@ def test_what_is_unknown_does_not_bind_and_is_null() -> None:
         "self_collision_m",
         "environment_m",
     }
-    assert any("no shapes are known" in note for note in judge.notes)
+    assert any("no bodies are known" in note for note in judge.notes)
     assert any("torque and power are not judged" in note for note in judge.notes)
     text = "; ".join(judge.notes)
     assert "no position limits are known of joint_2: taken as -3.142 to 2" in text

@@ -6,7 +6,7 @@ from robot_oracles import UR5_DH, classes
 from urdf_samples import ARM, URS
 
 from dynid.robot import (
-    Capsule,
+    Body,
     from_xyz_rpy,
     joint_poses,
     load_robot,
@@ -99,21 +99,21 @@ def test_what_is_not_nearly_right_stays() -> None:
     np.testing.assert_allclose(nominal.placements, robot.placements, atol=1e-9)
 
 
-def test_inertias_and_capsules_move_along() -> None:
+def test_inertias_and_bodies_move_along() -> None:
     table = {key: np.array(v, dtype=float) for key, v in UR5_DH.items()}
     table["alpha"][0] += 1e-3
-    capsule = Capsule(name="x", link=2, start=np.zeros(3), end=np.ones(3), radius=0.1)
-    base = Capsule(name="y", link=0, start=np.zeros(3), end=np.ones(3), radius=0.1)
+    body = Body(name="x", link=2, points=np.array([np.zeros(3), np.ones(3)]), radius=0.1)
+    base = Body(name="y", link=0, points=np.array([np.zeros(3), np.ones(3)]), radius=0.1)
     robot = replace(
         robot_from_dh(**table),
         inertias=np.array(load_robot("ur10").inertias),
-        capsules=(base, capsule),
+        bodies=(base, body),
     )
     nominal, _ = nominal_geometry(robot)
-    assert nominal.capsules[0] == base
+    assert nominal.bodies[0] is base
     assert nominal.joint_names == robot.joint_names
     np.testing.assert_allclose(nominal.inertias, robot.inertias, atol=0.05)
-    np.testing.assert_allclose(nominal.capsules[1].end, capsule.end, atol=0.01)
+    np.testing.assert_allclose(nominal.bodies[1].points, body.points, atol=0.01)
     np.testing.assert_array_equal(nominal.inertias[:, 0], robot.inertias[:, 0])
 
 

@@ -69,13 +69,11 @@ link = "base"
 start = [0, 0, 0]
 end = [0, 0, 1]
 radius = 0.1
-[[capsule]]
+[[body]]
 name = "shin"
 link = "knee"
 frames = "dh"
-start = [0, 0, 0]
-end = [0, 0, 0]
-radius = 0.05
+points = [[0, 0, 0], [0.1, 0, 0], [0, 0.2, 0]]
 """
 
 
@@ -104,9 +102,9 @@ def test_a_full_file(tmp_path: Path) -> None:
     np.testing.assert_allclose(robot.inertias[0], expected, atol=1e-14)
     assert np.isnan(robot.inertias[1]).all()
     assert robot.counterbalances[0].joint == 0
-    base, shin = robot.capsules
+    shin, base = robot.bodies
     assert (base.link, shin.link, shin.name) == (0, 2, "shin")
-    np.testing.assert_allclose(shin.start, robot.parameter_frames["dh"][1][:3, 3])
+    np.testing.assert_allclose(shin.points[0], robot.parameter_frames["dh"][1][:3, 3])
     np.testing.assert_array_equal(robot.parameter_frames["urdf"][0][:3, 3], [0, 0, 0.1])
     for part in ("made up", "dh: a ruler", "limits velocity: a stopwatch", "drives: a nameplate"):
         assert part in robot.source
@@ -207,6 +205,8 @@ BROKEN = {
         DH + '[[capsule]]\nlink="base"\nstart=[0,0,0]\nend=[0,0,0]\nradius=0',
         "positive radius",
     ),
+    "no points": (DH + '[[body]]\nlink="base"\npoints=[]\nradius=1', "given by points"),
+    "flat point": (DH + '[[body]]\nlink="base"\npoints=[[0,0]]\nradius=1', "wrong number"),
     "source": (DH + "source = 3", "'source' must be a text"),
     "key lines": ('"a\\nb" = 1\n' + DH, r"unknown key 'a\?b'"),
     "joint rows": ("joint = []", "number of"),

@@ -22,7 +22,7 @@ from dynid.robot.kinematics import flange_pose
 from dynid.robot.transforms import rotation_z
 from dynid.robot.urdf import robot_from_urdf
 
-NAMES = ["ur10", "ur10e", "ur3", "ur3e", "ur5", "ur5e"]
+NAMES = ["ur10", "ur10e", "ur16e", "ur3", "ur3e", "ur5", "ur5e"]
 ROS_NAMES = (
     "shoulder_pan_joint",
     "shoulder_lift_joint",
@@ -120,7 +120,7 @@ def test_what_is_neither_name_nor_file(name: str) -> None:
         RobotError, match=r"neither a built-in robot nor a file|no such file"
     ) as caught:
         load_robot(name)
-    assert "ur10, ur10e, ur3, ur3e, ur5, ur5e" in str(caught.value)
+    assert "ur10, ur10e, ur16e, ur3, ur3e, ur5, ur5e" in str(caught.value)
     assert "\n" not in str(caught.value)
     if name == "ur6":
         assert "Did you mean" in str(caught.value)

@@ -30,9 +30,10 @@ def test_safety_limits_are_read() -> None:
     assert "safety: me" in robot.source
 
 
-def test_links_that_stay_apart_are_read() -> None:
+def test_pairs_that_release_0_1_took_on_trust_are_judged() -> None:
     robot = robot_of('[collision]\napart = [["b", "base"], ["a", "b"]]\n')
-    assert robot.apart == ((0, 2), (1, 2))
+    assert any("count no more" in note for note in robot.notes)
+    assert not robot.body_notes
 
 
 @pytest.mark.parametrize(
@@ -42,8 +43,6 @@ def test_links_that_stay_apart_are_read() -> None:
         ("[safety]\ntcp_sped = 1\n", "unknown key 'tcp_sped'.*Did you mean tcp_speed"),
         ("[safety]\nelbow_speed = 1\n", "needs 'elbow'"),
         ('[safety]\nelbow = "c"\n', "'elbow' unknown word"),
-        ('[collision]\napart = [["a", "c"]]\n', "'apart' unknown word"),
-        ('[collision]\napart = [["a"]]\n', "'apart' wrong number of entries"),
     ],
 )
 def test_wrong_tables_are_named(text: str, message: str) -> None:
@@ -58,11 +57,11 @@ def test_wrong_values_are_refused() -> None:
         SafetyLimits(elbow=-1)
 
 
-@pytest.mark.parametrize("name", ["ur10", "ur10e", "ur3", "ur3e", "ur5", "ur5e"])
+@pytest.mark.parametrize("name", ["ur10", "ur10e", "ur16e", "ur3", "ur3e", "ur5", "ur5e"])
 def test_the_library_knows_safety_limits_and_shapes(name: str) -> None:
     robot = load_robot(name)
     assert (robot.safety.tcp_speed, robot.safety.momentum, robot.safety.power) == (1.5, 25.0, 300.0)
     assert robot.safety.elbow == 3
-    assert {item.link for item in robot.capsules} == set(range(7))
-    for group in ("safety:", "collision overlap:", "capsule:"):
+    assert {item.link for item in robot.bodies} == set(range(7))
+    for group in ("safety:", "body:"):
         assert group in robot.source

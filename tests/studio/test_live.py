@@ -6,6 +6,7 @@ import pytest
 from dynid.constraints import safe_constraints, scene_from_json
 from dynid.core import JsonFields
 from dynid.robot import joint_poses, load_robot
+from dynid.robot.body import beyond
 from dynid.studio.live import instant
 
 CLOSE = 1e-9
@@ -23,19 +24,17 @@ SCENE = scene_from_json(
 )
 
 
-def distance_to_capsules(point: np.ndarray, q: np.ndarray) -> float:
-    """From a point to the surface of the moving arm, by brute force over its capsules."""
+def distance_to_bodies(point: np.ndarray, q: np.ndarray) -> float:
+    """From a point to the surface of the moving arm, by brute force over its bodies."""
     poses = np.concatenate([np.eye(4)[None], joint_poses(UR5, q)])
     least = np.inf
-    for item in UR5.capsules:
+    for item in UR5.bodies:
         if item.link == 0:
             # The base is not judged against the scene it stands on.
             continue
         pose = poses[item.link]
-        a, b = (pose[:3, :3] @ end + pose[:3, 3] for end in (item.start, item.end))
-        way = b - a
-        share = np.clip((point - a) @ way / max(way @ way, 1e-30), 0, 1)
-        least = min(least, float(np.linalg.norm(point - a - share * way)) - item.radius)
+        local = (point - pose[:3, 3]) @ pose[:3, :3]
+        least = min(least, float(beyond(local[None], item.points)[0]) - item.radius)
     return least
 
 
@@ -51,9 +50,9 @@ def test_the_drawn_ways_are_as_long_as_the_distances_that_are_judged(seed: int) 
         assert item.names == usage.worst[item.kind].what
         if item.kind == "environment" and item.distance > 0:
             assert np.linalg.norm(item.end - item.start) == pytest.approx(item.distance, abs=1e-6)
-            # It starts on the arm and ends on the shape, as a sweep over all capsules sees it.
-            assert distance_to_capsules(item.start, q) <= 1e-6
-            assert distance_to_capsules(item.end, q) == pytest.approx(item.distance, abs=1e-6)
+            # It starts on the arm and ends on the shape, as a sweep over all bodies sees it.
+            assert distance_to_bodies(item.start, q) <= 1e-6
+            assert distance_to_bodies(item.end, q) == pytest.approx(item.distance, abs=1e-6)
 
 
 def test_the_margins_of_an_instant_are_those_of_the_judge() -> None:

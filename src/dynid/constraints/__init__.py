@@ -2,7 +2,6 @@
 
 from dynid.constraints.certificate import Certificate, certify
 from dynid.constraints.collision import Bodies
-from dynid.constraints.distance import closest_on_segments, place_shapes, segment_to_shape
 from dynid.constraints.dynamic import prior_dynamics
 from dynid.constraints.limits import DISTANCES, RATIOS, Worst
 from dynid.constraints.motion import (
@@ -19,6 +18,7 @@ from dynid.constraints.scene import (
     ConstraintSettings,
     Scene,
     Shape,
+    body_of,
     scene_from_json,
 )
 
@@ -37,12 +37,10 @@ __all__ = [
     "Scene",
     "Shape",
     "Worst",
+    "body_of",
     "certify",
-    "closest_on_segments",
     "paper_constraints",
-    "place_shapes",
     "prior_dynamics",
     "safe_constraints",
     "scene_from_json",
-    "segment_to_shape",
 ]

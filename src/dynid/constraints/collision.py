@@ -1,203 +1,21 @@
-"""Distances between the bodies of the arm and from them to the scene."""
+"""Distances between the bodies of the arm and from them to the scene, and how they change."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numba import njit
 
-from dynid.constraints.arm import ArmGeometry, collect, place_point, samples_of
-from dynid.constraints.distance import (
-    all_distances,
-    closest_on_segments,
-    group_distance,
-    nearest,
-    place_capsules,
-    place_shapes,
-    point_to_segment,
-    segment_to_shape,
-    signed_distance,
-)
+from dynid.constraints.arm import ArmGeometry, collect, place_joints, place_point, samples_of
+from dynid.constraints.distance import WORK, gap_along, separation
 from dynid.core import Array, Indices
 
 LENGTH = 0.1
 """The distance that counts as much as a limit exceeded by its whole value [m]."""
-
-
-@njit(cache=True, error_model="numpy")
-def _push(force: Array, moment: Array, x: float, y: float, z: float, way: Array, by: float) -> None:
-    """Add the force `by * way` at a point to a link's force (3) and moment (3)."""
-    f0, f1, f2 = by * way[0], by * way[1], by * way[2]
-    force[0] += f0
-    force[1] += f1
-    force[2] += f2
-    moment[0] += y * f2 - z * f1
-    moment[1] += z * f0 - x * f2
-    moment[2] += x * f1 - y * f0
-
-
-@njit(cache=True, error_model="numpy")
-def _along(segment: Array, t: float) -> tuple[float, float, float]:
-    """The point of a segment (2, 3) at t, 0 to 1."""
-    return (
-        segment[0, 0] + t * (segment[1, 0] - segment[0, 0]),
-        segment[0, 1] + t * (segment[1, 1] - segment[0, 1]),
-        segment[0, 2] + t * (segment[1, 2] - segment[0, 2]),
-    )
-
-
-@njit(cache=True, error_model="numpy")
-def _from_shapes(
-    meetings: Indices,
-    nearer: Array,
-    groups: Indices,
-    link: Indices,
-    radius: Array,
-    spheres: Array,
-    centres: Array,
-    shapes: Array,
-    placed: Array,
-    middles: Array,
-    half: Array,
-    clearance: float,
-    carried: bool,
-    force: Array,
-    moment: Array,
-    way: Array,
-) -> float:
-    """Sum of squared shortfalls towards shapes; adds what pushes the links away from them.
-
-    Shapes that are carried push back on the last link.
-    """
-    total = 0.0
-    for g in range(len(groups)):
-        if group_distance(True, groups[g], spheres, centres, shapes, way) >= clearance:
-            continue
-        for p in range(groups[g, 2], groups[g, 3]):
-            a, b = meetings[p]
-            touch = float(radius[a] + clearance - nearer[p])
-            x0, x1, x2 = middles[a, 0], middles[a, 1], middles[a, 2]
-            if signed_distance(shapes[b], x0, x1, x2, way) >= touch + half[a]:
-                continue
-            far, t = segment_to_shape(shapes[b], placed[a, 0], placed[a, 1], way)
-            if far >= touch:
-                continue
-            short = (touch - far) / LENGTH
-            total += short * short
-            x0, x1, x2 = _along(placed[a], t)
-            by = -2.0 * short / LENGTH
-            _push(force[link[a]], moment[link[a]], x0, x1, x2, way, by)
-            if carried:
-                # Along the line of action the same moment, wherever on it the shape is hit.
-                _push(force[-1], moment[-1], x0, x1, x2, way, -by)
-    return total
-
-
-@njit(cache=True, error_model="numpy")
-def shortfalls(
-    joints: Array,
-    prismatic: Indices,
-    link: Indices,
-    ends: Array,
-    radius: Array,
-    spheres: Array,
-    shapes: Array,
-    carried: int,
-    pairs: Indices,
-    overlap: Array,
-    pair_groups: Indices,
-    holds: Indices,
-    hold_groups: Indices,
-    meetings: Indices,
-    nearer: Array,
-    meeting_groups: Indices,
-    q: Array,
-    own: float,
-    around: float,
-    out: Array,
-) -> float:
-    """Sum of squared shortfalls of two clearances; adds its derivative (N, n) to `out`."""
-    n = q.shape[1]
-    turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
-    placed, way, solids = np.empty((len(link), 2, 3)), np.empty(3), shapes.copy()
-    force, moment, centres = np.empty((n + 1, 3)), np.empty((n + 1, 3)), np.empty((n + 1, 3))
-    half, middles = np.empty(len(link)), np.empty((len(link), 3))
-    for c in range(len(link)):
-        square = 0.0
-        for r in range(3):
-            square += (ends[c, 1, r] - ends[c, 0, r]) ** 2
-        half[c] = 0.5 * math.sqrt(square)
-    none = np.zeros(len(holds))
-    total = 0.0
-    for k in range(len(q)):
-        place_capsules(joints, link, ends, q[k], turn, origin, axis, placed)
-        place_shapes(shapes, carried, turn[n], origin[n], solids)
-        for i in range(n + 1):
-            place_point(turn[i], origin[i], spheres[i, :3], centres[i])
-        for c in range(len(link)):
-            middles[c, 0], middles[c, 1], middles[c, 2] = _along(placed[c], 0.5)
-        force[:] = 0.0
-        moment[:] = 0.0
-        before = total
-        for g in range(len(pair_groups)):
-            if group_distance(False, pair_groups[g], spheres, centres, solids, way) >= own:
-                continue
-            outer, last, far_off = pair_groups[g, 1], -1, False
-            for p in range(pair_groups[g, 2], pair_groups[g, 3]):
-                a, b = pairs[p]
-                if a != last:
-                    # Pairs stand capsule by capsule: one look spares all those of this capsule.
-                    last = a
-                    far = point_to_segment(centres[outer], placed[a, 0], placed[a, 1])
-                    far_off = far >= spheres[outer, 3] + radius[a] + own
-                if far_off:
-                    continue
-                touch = float(radius[a] + radius[b] + own - overlap[p])
-                room = touch + half[a] + half[b]
-                x0 = middles[a, 0] - middles[b, 0]
-                x1 = middles[a, 1] - middles[b, 1]
-                x2 = middles[a, 2] - middles[b, 2]
-                if x0 * x0 + x1 * x1 + x2 * x2 >= room * room:
-                    continue
-                far, s, t = closest_on_segments(
-                    placed[a, 0], placed[a, 1], placed[b, 0], placed[b, 1]
-                )
-                if far >= touch:
-                    continue
-                short = (touch - far) / LENGTH
-                total += short * short
-                if far <= 0.0:
-                    continue
-                by = -2.0 * short / LENGTH / far
-                x0, x1, x2 = _along(placed[a], s)
-                y0, y1, y2 = _along(placed[b], t)
-                way[0], way[1], way[2] = x0 - y0, x1 - y1, x2 - y2
-                _push(force[link[a]], moment[link[a]], x0, x1, x2, way, by)
-                _push(force[link[b]], moment[link[b]], y0, y1, y2, way, -by)
-        for inside in (True, False):
-            total += _from_shapes(
-                holds if inside else meetings,
-                none if inside else nearer,
-                hold_groups if inside else meeting_groups,
-                link,
-                radius,
-                spheres,
-                centres,
-                solids,
-                placed,
-                middles,
-                half,
-                own if inside else around,
-                inside,
-                force,
-                moment,
-                way,
-            )
-        if total > before:
-            collect(origin, axis, prismatic, force, moment, out[k])
-    return total
+_MOST_CELLS = 40_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -214,80 +32,44 @@ class Nearest:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bodies:
-    """Capsules on the links, shapes in the base frame, and the pairs that are judged.
+    """Convex bodies fixed in links or in the base frame, half-spaces, and the judged pairs.
 
-    Pairs stand in groups, those of two links or of a link and a shape: a sphere around all
-    capsules of a link tells when a whole group is too far away to matter.
+    A body is the hull of points, inflated by a radius. In a pair the body of the inner link
+    stands first; a first number of B + h stands for half-space h.
     """
 
     arm: ArmGeometry
     link: Indices
-    """(C) the link of each capsule, 0 the base."""
-    ends: Array
-    """(C, 2, 3) ends of the segments in the joint frames of their links [m]."""
+    """(B) the link of each body; 0 the base, and what stands in its frame."""
+    starts: Indices
+    """(B + 1) where each body's points start."""
+    points: Array
+    """(3, T) points in the joint frames of their links [m]."""
     radius: Array
-    """(C) [m]"""
+    """(B) [m]"""
     spheres: Array
-    """(n + 1, 4) centre and radius of a sphere around each link's capsules [m]."""
-    shapes: Array
-    """(S, 16) packed shapes: those of the scene, then what the flange carries, which stands in
-    the joint frame of the last link."""
-    corners: Array
-    """(K, 8, 3) outermost points of the K carried shapes in the last link [m]."""
-    pairs: Indices
-    """(P, 2) capsules that must not meet, the one of the inner link first, group by group."""
-    overlap: Array
-    """(P) how far the capsules of a pair may overlap before the links touch [m]."""
-    holds: Indices
-    """(H, 2) capsule of the arm and carried shape that must not meet, group by group."""
-    meetings: Indices
-    """(E, 2) capsule and shape of the scene that must not meet, group by group."""
+    """(B, 4) centre and radius of a sphere around each body [m]."""
+    planes: Array
+    """(H, 4) outward unit normal of each half-space, and its height along that [m]."""
+    own: Indices
+    """(P, 2) pairs of bodies of the arm and of what it carries."""
+    around: Indices
+    """(E, 2) pairs with the scene."""
     nearer: Array
-    """(E) how much nearer than the clearance a meeting may be [m]."""
-    pair_groups: Indices = field(init=False)
-    """(G, 4) inner link, outer link, first pair, last pair + 1."""
-    hold_groups: Indices = field(init=False)
-    """(G, 4) link, carried shape, first hold, last hold + 1."""
-    meeting_groups: Indices = field(init=False)
-    """(G, 4) link, shape, first meeting, last meeting + 1."""
-
-    def __post_init__(self) -> None:
-        inner, outer = self.link[self.pairs].T
-        object.__setattr__(self, "pair_groups", _runs(inner, outer))
-        for name, rows in (("hold_groups", self.holds), ("meeting_groups", self.meetings)):
-            capsule, shape = rows.T
-            object.__setattr__(self, name, _runs(self.link[capsule], shape))
+    """(P) how much nearer than the clearance an own pair may be, as it can never be far apart:
+    what is added to its distance [m]."""
 
     def distances(self, q: Array) -> tuple[Array, Array]:
-        """Signed distances of all pairs.
+        """Signed distances (N, P) of the own pairs and (N, E) to the scene at q (N, n) [m].
 
-        Args:
-            q: (N, n) positions [rad or m].
-
-        Returns:
-            (N, P + H) between capsules, their overlap added, and from them to what is carried,
-            and (N, E) from capsules to shapes of the scene, `nearer` added [m]. Capsules that
-            intersect deeper than to their middle lines keep their least value.
+        Negative where bodies overlap: the least way that parts them.
         """
-        own = np.empty((len(q), len(self.pairs) + len(self.holds)))
-        around = np.empty((len(q), len(self.meetings)))
-        all_distances(
-            self.arm.joints,
-            self.link,
-            self.ends,
-            self.radius,
-            self.shapes,
-            len(self.corners),
-            self.pairs,
-            self.overlap,
-            self.holds,
-            self.meetings,
-            self.nearer,
-            samples_of(q),
-            own,
-            around,
-        )
-        return own, around
+        found: list[Array] = []
+        for pairs in (self.own, self.around):
+            rows = np.empty((len(q), len(pairs)))
+            _distances(self.arm.joints, self._parts, pairs, samples_of(q), rows)
+            found.append(rows)
+        return found[0] + self.nearer, found[1]
 
     def nearest(
         self, q: Array, *, around: bool, travel: Array | None = None, way: Array | None = None
@@ -300,117 +82,353 @@ class Bodies:
             travel: (n) largest |q| of each joint anywhere [rad or m].
             way: (N, n) how far each joint may move from q [rad or m]; None for not at all.
         """
-        if around:
-            groups = self.meeting_groups
-            return self._nearest(q, self.meetings, groups, self.nearer, True, travel, way)
-        groups = self.pair_groups
-        found = self._nearest(q, self.pairs, groups, self.overlap, False, travel, way)
-        if not len(self.holds):
-            return found
-        none = np.zeros(len(self.holds))
-        held = self._nearest(q, self.holds, self.hold_groups, none, True, travel, way)
-        nearer = held.distance < found.distance
-        return Nearest(
-            distance=np.where(nearer, held.distance, found.distance),
-            pair=np.where(nearer, len(self.pairs) + held.pair, found.pair),
-            bound=np.minimum(held.bound, found.bound),
-        )
-
-    def _nearest(
-        self,
-        q: Array,
-        pairs: Indices,
-        groups: Indices,
-        overlap: Array,
-        solid: bool,
-        travel: Array | None,
-        way: Array | None,
-    ) -> Nearest:
-        """The nearest of some pairs: of capsule and shape if `solid`, else of capsules."""
-        slack = np.zeros((len(q), len(groups)))
+        pairs = self.around if around else self.own
+        nearer = np.zeros(len(pairs)) if around else np.array(self.nearer)
+        slack = np.zeros((len(q), len(pairs)))
         if way is not None and travel is not None:
-            slack = way @ self._rates(groups, solid, travel).T
-        found = np.empty((2, len(q)))
-        pair = np.empty(len(q), dtype=np.intp)
-        nearest(
-            self.arm.joints,
-            self.link,
-            self.ends,
-            self.radius,
-            self.spheres,
-            self.shapes,
-            len(self.corners),
-            pairs,
-            np.array(overlap),
-            groups,
-            solid,
-            samples_of(q),
-            np.ascontiguousarray(slack),
-            found,
-            pair,
-        )
+            slack = np.ascontiguousarray(way @ self.rates(pairs, travel).T)
+        found, pair = np.empty((2, len(q))), np.empty(len(q), dtype=np.intp)
+        _nearest(self.arm.joints, self._parts, pairs, samples_of(q), nearer, slack, found, pair)
         return Nearest(distance=found[0], pair=pair, bound=found[1])
 
     def violation(self, q: Array, own: float, around: float) -> tuple[float, Array]:
-        """Sum of squared shortfalls of the clearances, in units of `shortfall_kernels.LENGTH`.
+        """Sum of squared clearance violations, in units of `LENGTH`.
 
         Args:
             q: (N, n) positions [rad or m].
-            own: Smallest allowed distance between capsules [m].
-            around: Smallest allowed distance to shapes [m].
+            own: Smallest allowed distance between the arm's bodies [m].
+            around: Smallest allowed distance to the scene [m].
 
         Returns:
             The sum over samples and pairs, and its derivative (N, n).
         """
         slope = np.zeros(q.shape)
-        total = shortfalls(
-            self.arm.joints,
-            self.arm.prismatic,
-            self.link,
-            self.ends,
-            self.radius,
-            self.spheres,
-            self.shapes,
-            len(self.corners),
-            self.pairs,
-            self.overlap,
-            self.pair_groups,
-            self.holds,
-            self.hold_groups,
-            self.meetings,
-            self.nearer,
-            self.meeting_groups,
-            samples_of(q),
-            own,
-            around,
-            slope,
+        pairs = np.concatenate([self.own, self.around])
+        clearance = np.concatenate([own - self.nearer, np.full(len(self.around), around)])
+        arm = self.arm
+        total = _violation(
+            arm.joints, arm.prismatic, self._parts, pairs, clearance, samples_of(q), slope
         )
         return float(total), slope
 
-    def _rates(self, groups: Indices, solid: bool, travel: Array) -> Array:
-        """(G, n) how fast each joint can change the distances of a group [m/rad or 1]."""
-        reach = np.zeros((self.arm.count + 1, self.arm.count))
-        for link, ends in zip(self.link, self.ends, strict=True):
-            for end in ends:
-                reach[link] = np.maximum(reach[link], self.arm.reach(int(link), end, travel))
-        rates = reach[groups[:, 0 if solid else 1]]
-        scene = len(self.shapes) - len(self.corners)
-        for row, (inner, other) in zip(rates, groups[:, :2], strict=True):
-            if solid and other < scene:
-                continue
-            if solid:
-                points = self.corners[other - scene]
-                row[:] = np.max([self.arm.reach(self.arm.count, p, travel) for p in points], axis=0)
+    def closest(self, q: Array, a: int, b: int) -> tuple[float, Array]:
+        """Signed distance of one pair at q (n), and the nearest points (2, 3) of both bodies.
+
+        In the base frame [m].
+        """
+        pair, ends = np.array([[a, b]], dtype=np.intp), np.empty((2, 3))
+        return float(_closest(self.arm.joints, self._parts, pair, samples_of(q), ends)), ends
+
+    def least_distance(self, a: int, b: int, lower: Array, upper: Array, sure: float) -> float:
+        """A distance that bodies keep wherever the joints between them stand.
+
+        Args:
+            a: The inner body, or a half-space.
+            b: The outer body.
+            lower: (n) lower ends of the joints' ranges [rad or m].
+            upper: (n) upper ends.
+            sure: The distance to be proven [m].
+
+        Returns:
+            At least `sure` if that is proven (branch and bound); else a distance that was seen
+            and is smaller, or -inf where the search was cut short.
+        """
+        pair = np.array([[a, b]], dtype=np.intp)
+        rates = self.rates(pair, np.maximum(np.abs(lower), np.abs(upper)))[0]
+        half = np.where(rates > 0, (upper - lower) / 2, 0.0)
+        # A whole turn is all of a joint's range.
+        half = np.where(self.arm.prismatic, half, np.minimum(half, np.pi))
+        middle = (upper + lower) / 2
+        return float(
+            _least(self.arm.joints, self._parts, pair, middle, half, rates, sure, _MOST_CELLS)
+        )
+
+    def rates(self, pairs: Indices, travel: Array) -> Array:
+        """(P, n) how fast each joint can change the distance of a pair [m/rad or 1]."""
+        used = np.unique(pairs[:, 1])
+        reach = {int(b): self._reach(int(b), travel) for b in used}
+        rates = np.array([reach[int(b)] for b in pairs[:, 1]]).reshape(-1, self.arm.count)
+        for row, a in zip(rates, pairs[:, 0], strict=True):
             # Joints up to the inner link move both bodies together.
-            row[:inner] = 0.0
+            row[: self.link[a] if a < len(self.link) else 0] = 0.0
         return rates
 
+    def _reach(self, body: int, travel: Array) -> Array:
+        points = self.points[:, self.starts[body] : self.starts[body + 1]].T
+        link = int(self.link[body])
+        return np.max([self.arm.reach(link, point, travel) for point in points], axis=0)
 
-def _runs(first: Indices, second: Indices) -> Indices:
-    """(G, 4) both numbers of each run of equal rows, where it starts and where it stops."""
-    if not len(first):
-        return np.empty((0, 4), dtype=np.intp)
-    keys = np.column_stack([first, second])
-    starts = np.flatnonzero(np.r_[True, (keys[1:] != keys[:-1]).any(axis=1)])
-    stops = np.r_[starts[1:], len(keys)]
-    return np.ascontiguousarray(np.column_stack([keys[starts], starts, stops]), dtype=np.intp)
+    @property
+    def _parts(self) -> tuple[Indices, Indices, Array, Array, Array, Array]:
+        # Writable copies: read-only arrays would make Numba compile once more.
+        return (
+            self.link.copy(), self.starts.copy(), self.points.copy(),
+            self.radius.copy(), self.spheres.copy(), self.planes.copy(),
+        )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
+def _place(joints: Array, parts: Any, q: Array, turn: Array, origin: Array, axis: Array,
+           centres: Array) -> None:  # fmt: skip
+    """Write the joint frames, and the middles (B, 3) of the bodies in the base frame."""
+    link, spheres = parts[0], parts[4]
+    place_joints(joints, q, turn, origin, axis)
+    for b in range(len(link)):
+        place_point(turn[link[b]], origin[link[b]], spheres[b, :3], centres[b])
+
+
+@njit(cache=True, error_model="numpy")
+def _distance(
+    parts: Any,
+    a: int,
+    b: int,
+    turn: Array,
+    origin: Array,
+    centres: Array,
+    enough: float,
+    axis: Array,
+    touch: Array,
+    frame: Array,
+    work: Array,
+) -> float:
+    """Signed distance of a pair, or something not above it that is at least `enough` [m].
+
+    Writes the direction from a to b and a's nearest point in the frame of a's link; of a
+    half-space the other body's, which is on the same line.
+    """
+    link, starts, points, radius, spheres, planes = parts
+    if a >= len(link):
+        normal = planes[a - len(link)]
+        height = normal[3] + radius[b]
+        low = -height - spheres[b, 3] + radius[b]
+        for r in range(3):
+            axis[r] = normal[r]
+            low += normal[r] * centres[b, r]
+        if low >= enough:
+            return low
+        least = np.inf
+        x, y, z = np.empty(3), np.empty(3), np.empty(3)
+        for k in range(starts[b], starts[b + 1]):
+            for r in range(3):
+                x[r] = points[r, k]
+            place_point(turn[link[b]], origin[link[b]], x, y)
+            along = normal[0] * y[0] + normal[1] * y[1] + normal[2] * y[2] - height
+            if along < least:
+                least = along
+                z[0], z[1], z[2] = y[0], y[1], y[2]
+        touch[0], touch[1], touch[2] = z[0], z[1], z[2]
+        return least
+    x0 = centres[b, 0] - centres[a, 0]
+    x1 = centres[b, 1] - centres[a, 1]
+    x2 = centres[b, 2] - centres[a, 2]
+    far = math.sqrt(x0 * x0 + x1 * x1 + x2 * x2)
+    low = far - spheres[a, 3] - spheres[b, 3]
+    if low >= enough:
+        return low
+    la, lb = link[a], link[b]
+    inner, outer = turn[la], turn[lb]
+    relative, place = frame[:3], frame[3]
+    for r in range(3):
+        for c in range(3):
+            relative[r, c] = (
+                inner[0, r] * outer[0, c] + inner[1, r] * outer[1, c] + inner[2, r] * outer[2, c]
+            )
+        place[r] = (
+            inner[0, r] * (origin[lb, 0] - origin[la, 0])
+            + inner[1, r] * (origin[lb, 1] - origin[la, 1])
+            + inner[2, r] * (origin[lb, 2] - origin[la, 2])
+        )
+    if axis[0] == 0.0 and axis[1] == 0.0 and axis[2] == 0.0:
+        if far > 0.0:
+            for r in range(3):
+                axis[r] = (inner[0, r] * x0 + inner[1, r] * x1 + inner[2, r] * x2) / far
+        else:
+            axis[0] = 1.0
+    wide = radius[a] + radius[b]
+    first, second = starts[a : a + 2], starts[b : b + 2]
+    low = gap_along(points, first, second, relative, place, axis) - wide
+    if low >= enough:
+        return low
+    return (
+        separation(points, first, second, relative, place, enough + wide, axis, touch, work) - wide
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _distances(joints: Array, parts: Any, pairs: Indices, q: Array, out: Array) -> None:
+    """Write the distances (N, P)."""
+    n = q.shape[1]
+    turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
+    centres, work, touch = np.empty((len(parts[0]), 3)), np.empty((WORK, 6)), np.empty(3)
+    frame = np.empty((4, 3))
+    axes = np.zeros((len(pairs), 3))
+    for k in range(len(q)):
+        _place(joints, parts, q[k], turn, origin, axis, centres)
+        for p in range(len(pairs)):
+            a, b = pairs[p]
+            out[k, p] = _distance(
+                parts, a, b, turn, origin, centres, np.inf, axes[p], touch, frame, work
+            )
+
+
+@njit(cache=True, error_model="numpy")
+def _nearest(
+    joints: Array,
+    parts: Any,
+    pairs: Indices,
+    q: Array,
+    nearer: Array,
+    slack: Array,
+    found: Array,
+    pair: Indices,
+) -> None:
+    """Write the least distance and the least of distance less slack (2, N), and the pair (N)."""
+    n = q.shape[1]
+    turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
+    centres, work, touch = np.empty((len(parts[0]), 3)), np.empty((WORK, 6)), np.empty(3)
+    frame = np.empty((4, 3))
+    axes = np.zeros((len(pairs), 3))
+    last = 0
+    for k in range(len(q)):
+        _place(joints, parts, q[k], turn, origin, axis, centres)
+        least, low, index = np.inf, np.inf, 0
+        # The nearest pair of the last sample first: it may spare the others.
+        for turned in range(len(pairs)):
+            p = (last + turned) % len(pairs)
+            off = slack[k, p]
+            enough = max(least, low + off) - nearer[p]
+            a, b = pairs[p]
+            far = _distance(parts, a, b, turn, origin, centres, enough, axes[p], touch, frame, work)
+            far += nearer[p]
+            if far < least:
+                least, index = far, p
+            low = min(low, far - off)
+        found[0, k], found[1, k], pair[k] = least, low, index
+        last = index
+
+
+@njit(cache=True, error_model="numpy")
+def _violation(
+    joints: Array,
+    prismatic: Indices,
+    parts: Any,
+    pairs: Indices,
+    clearance: Array,
+    q: Array,
+    out: Array,
+) -> float:
+    """Sum of squared violations of clearances (P); adds its derivative (N, n) to `out`."""
+    n = q.shape[1]
+    link = parts[0]
+    turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
+    centres, work, touch = np.empty((len(link), 3)), np.empty((WORK, 6)), np.empty(3)
+    frame = np.empty((4, 3))
+    force, moment, way, at = np.empty((n + 1, 3)), np.empty((n + 1, 3)), np.empty(3), np.empty(3)
+    axes = np.zeros((len(pairs), 3))
+    total = 0.0
+    for k in range(len(q)):
+        _place(joints, parts, q[k], turn, origin, axis, centres)
+        before = total
+        for p in range(len(pairs)):
+            a, b = pairs[p]
+            far = _distance(
+                parts, a, b, turn, origin, centres, clearance[p], axes[p], touch, frame, work
+            )
+            if far >= clearance[p]:
+                continue
+            if total == before:
+                force[:] = 0.0
+                moment[:] = 0.0
+            short = (clearance[p] - far) / LENGTH
+            total += short * short
+            first = link[a] if a < len(link) else 0
+            place_point(turn[first], origin[first], touch, at)
+            for r in range(3):
+                way[r] = (-2.0 * short / LENGTH) * (
+                    turn[first, r, 0] * axes[p, 0]
+                    + turn[first, r, 1] * axes[p, 1]
+                    + turn[first, r, 2] * axes[p, 2]
+                )
+            # Along the line of action the moment is the same, wherever on it the bodies touch.
+            m0 = at[1] * way[2] - at[2] * way[1]
+            m1 = at[2] * way[0] - at[0] * way[2]
+            m2 = at[0] * way[1] - at[1] * way[0]
+            for r in range(3):
+                force[link[b], r] += way[r]
+                force[first, r] -= way[r]
+            moment[link[b], 0] += m0
+            moment[link[b], 1] += m1
+            moment[link[b], 2] += m2
+            moment[first, 0] -= m0
+            moment[first, 1] -= m1
+            moment[first, 2] -= m2
+        if total > before:
+            collect(origin, axis, prismatic, force, moment, out[k])
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def _closest(joints: Array, parts: Any, pairs: Indices, q: Array, ends: Array) -> float:
+    """Signed distance of the first pair at the first sample; writes the nearest points (2, 3)."""
+    n = q.shape[1]
+    turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
+    link, radius = parts[0], parts[3]
+    centres, work, touch = np.empty((len(link), 3)), np.empty((WORK, 6)), np.empty(3)
+    frame = np.empty((4, 3))
+    way, (a, b) = np.zeros(3), pairs[0]
+    _place(joints, parts, q[0], turn, origin, axis, centres)
+    far = _distance(parts, a, b, turn, origin, centres, np.inf, way, touch, frame, work)
+    plane = a >= len(link)
+    first = 0 if plane else link[a]
+    place_point(turn[first], origin[first], touch, ends[0])
+    for r in range(3):
+        along = turn[first, r, 0] * way[0] + turn[first, r, 1] * way[1] + turn[first, r, 2] * way[2]
+        ends[0, r] += (-far - radius[b] if plane else radius[a]) * along
+        ends[1, r] = ends[0, r] + far * along
+    return far
+
+
+@njit(cache=True, error_model="numpy")
+def _least(
+    joints: Array,
+    parts: Any,
+    pairs: Indices,
+    middle: Array,
+    half: Array,
+    rates: Array,
+    sure: float,
+    most: int,
+) -> float:
+    """Branch and bound over the joints that have a rate: see `Bodies.least_distance`."""
+    n = len(middle)
+    turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
+    centres, work, touch = np.empty((len(parts[0]), 3)), np.empty((WORK, 6)), np.empty(3)
+    frame = np.empty((4, 3))
+    cells, way, (a, b) = np.empty((256, 2, n)), np.zeros(3), pairs[0]
+    cells[0, 0], cells[0, 1] = middle, half
+    open_, low = 1, np.inf
+    for _ in range(most):
+        open_ -= 1
+        q, wide = cells[open_, 0].copy(), cells[open_, 1].copy()
+        slack, widest = 0.0, 0
+        for j in range(n):
+            slack += rates[j] * wide[j]
+            if rates[j] * wide[j] > rates[widest] * wide[widest]:
+                widest = j
+        _place(joints, parts, q, turn, origin, axis, centres)
+        far = _distance(parts, a, b, turn, origin, centres, sure + slack, way, touch, frame, work)
+        if far < sure:
+            return far
+        if far - slack >= sure:
+            low = min(low, far - slack)
+            if open_ == 0:
+                return low
+            continue
+        if open_ + 2 > len(cells):
+            break
+        wide[widest] /= 2
+        for side in (-1.0, 1.0):
+            cells[open_, 0], cells[open_, 1] = q, wide
+            cells[open_, 0, widest] += side * wide[widest]
+            open_ += 1
+    return -np.inf

@@ -1,4 +1,10 @@
-"""Distances between bodies, compiled."""
+"""Signed distances between convex bodies, compiled.
+
+A body is the hull of points, inflated by a radius. Gilbert, Johnson and Keerthi (1988) walk to
+the point of the Minkowski difference A - B that is nearest to the origin; where the hulls
+overlap, the expanding polytope (van den Bergh 2001) gives the depth. The direction found last is
+kept by the caller, so that a far pair costs one look along it.
+"""
 
 from __future__ import annotations
 
@@ -7,330 +13,325 @@ import math
 import numpy as np
 from numba import njit
 
-from dynid.constraints.arm import place_joints, place_point
-from dynid.constraints.scene import BOX, CYLINDER, HALF_SPACE
 from dynid.core import Array, Indices
 
-_PARALLEL = 1e-12
-_HALVINGS = 48
+_WITHIN = 1e-14
+"""Relative error of a distance; that of its direction is as the root of it."""
+_DEPTH_WITHIN = 1e-13
+"""Error of a depth [m]."""
+_STEPS = 64
+_CORNERS, _FACES = 64, 160
+"""Of the polytope that measures a depth."""
+WORK = _CORNERS + 4
+"""Rows of the work array."""
 
 
-@njit(cache=True, error_model="numpy")
-def closest_on_segments(a: Array, b: Array, c: Array, d: Array) -> tuple[float, float, float]:
-    """Distance between segments ab and cd, and where on each (0 to 1) they are closest."""
-    u0, u1, u2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    v0, v1, v2 = d[0] - c[0], d[1] - c[1], d[2] - c[2]
-    w0, w1, w2 = a[0] - c[0], a[1] - c[1], a[2] - c[2]
-    uu = u0 * u0 + u1 * u1 + u2 * u2
-    vv = v0 * v0 + v1 * v1 + v2 * v2
-    uw = u0 * w0 + u1 * w1 + u2 * w2
-    vw = v0 * w0 + v1 * w1 + v2 * w2
-    uv = u0 * v0 + u1 * v1 + u2 * v2
-    s, t = 0.0, 0.0
-    if uu > 0.0 and vv > 0.0:
-        across = uu * vv - uv * uv
-        if across > _PARALLEL * uu * vv:
-            s = min(max((uv * vw - uw * vv) / across, 0.0), 1.0)
-        t = (uv * s + vw) / vv
-        if t < 0.0:
-            t, s = 0.0, min(max(-uw / uu, 0.0), 1.0)
-        elif t > 1.0:
-            t, s = 1.0, min(max((uv - uw) / uu, 0.0), 1.0)
-    elif uu > 0.0:
-        s = min(max(-uw / uu, 0.0), 1.0)
-    elif vv > 0.0:
-        t = min(max(vw / vv, 0.0), 1.0)
-    x = w0 + s * u0 - t * v0
-    y = w1 + s * u1 - t * v1
-    z = w2 + s * u2 - t * v2
-    return math.sqrt(x * x + y * y + z * z), s, t
-
-
-@njit(cache=True, error_model="numpy")
-def point_to_segment(point: Array, a: Array, b: Array) -> float:
-    """Distance from a point to the segment ab."""
-    along = square = off = 0.0
-    for r in range(3):
-        u, w = b[r] - a[r], point[r] - a[r]
-        along += u * w
-        square += u * u
-        off += w * w
-    if along > 0.0:
-        off -= along * along / square if along < square else 2.0 * along - square
-    return math.sqrt(max(off, 0.0))
-
-
-@njit(cache=True, error_model="numpy")
-def _corner(x: float, y: float) -> tuple[float, float, float]:
-    """Signed distance to the quadrant x, y <= 0, and its slopes."""
-    if x > 0.0 and y > 0.0:
-        far = math.sqrt(x * x + y * y)
-        return far, x / far, y / far
-    return (x, 1.0, 0.0) if x > y else (y, 0.0, 1.0)
-
-
-@njit(cache=True, error_model="numpy")
-def signed_distance(shape: Array, x: float, y: float, z: float, slope: Array) -> float:
-    """Signed distance from a point in the base frame to a shape, and its gradient (3).
+@njit(cache=True, fastmath=True, error_model="numpy")
+def gap_along(
+    points: Array, a: Indices, b: Indices, turn: Array, place: Array, axis: Array
+) -> float:
+    """How far apart two hulls are along a direction from A to B: no more than their distance.
 
     Args:
-        shape: (16) a row of `shapes.packed`.
-        x: First coordinate of the point [m].
-        y: Second.
-        z: Third.
-        slope: (3) where the gradient is written.
+        points: (3, T) points of all bodies in the frames of their links [m].
+        a: (2) where A's points start and stop.
+        b: (2) where B's points do.
+        turn: (3, 3) rotation of B's link in the frame of A's.
+        place: (3) its origin there [m].
+        axis: (3) unit direction in A's frame.
     """
-    x, y, z = x - shape[10], y - shape[11], z - shape[12]
-    p = shape[1] * x + shape[2] * y + shape[3] * z
-    q = shape[4] * x + shape[5] * y + shape[6] * z
-    r = shape[7] * x + shape[8] * y + shape[9] * z
-    kind = int(shape[0])
-    e, f, g = 0.0, 0.0, 0.0
-    if kind == HALF_SPACE:
-        far, g = r, 1.0
-    elif kind == BOX:
-        u, v, w = abs(p) - shape[13], abs(q) - shape[14], abs(r) - shape[15]
-        if u > 0.0 or v > 0.0 or w > 0.0:
-            e, f, g = max(u, 0.0), max(v, 0.0), max(w, 0.0)
-            far = math.sqrt(e * e + f * f + g * g)
-            e, f, g = e / far, f / far, g / far
-        elif u >= v and u >= w:
-            far, e = u, 1.0
-        elif v >= w:
-            far, f = v, 1.0
-        else:
-            far, g = w, 1.0
-        e, f, g = math.copysign(e, p), math.copysign(f, q), math.copysign(g, r)
-    elif kind == CYLINDER:
-        rho = math.sqrt(p * p + q * q)
-        far, radial, g = _corner(rho - shape[13], abs(r) - shape[14])
-        if rho > 0.0:
-            e, f = radial * p / rho, radial * q / rho
-        g = math.copysign(g, r)
-    else:
-        rho = math.sqrt(p * p + q * q + r * r)
-        far = rho - shape[13]
-        if rho > 0.0:
-            e, f, g = p / rho, q / rho, r / rho
-    slope[0] = shape[1] * e + shape[4] * f + shape[7] * g
-    slope[1] = shape[2] * e + shape[5] * f + shape[8] * g
-    slope[2] = shape[3] * e + shape[6] * f + shape[9] * g
+    x, y, z = axis[0], axis[1], axis[2]
+    most = -1e300
+    for k in range(a[0], a[1]):
+        most = max(most, points[0, k] * x + points[1, k] * y + points[2, k] * z)
+    u = turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z
+    v = turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z
+    w = turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z
+    least = 1e300
+    for k in range(b[0], b[1]):
+        least = min(least, points[0, k] * u + points[1, k] * v + points[2, k] * w)
+    return place[0] * x + place[1] * y + place[2] * z + least - most
+
+
+@njit(cache=True, error_model="numpy")
+def _corner(
+    points: Array,
+    a: Indices,
+    b: Indices,
+    turn: Array,
+    place: Array,
+    axis: Array,
+    row: Array,
+) -> float:
+    """Write the corner (3) of A - B farthest along an axis, then its point (3) of A.
+
+    Returns how far that is.
+    """
+    x, y, z = axis[0], axis[1], axis[2]
+    most, i = -np.inf, 0
+    for k in range(a[0], a[1]):
+        along = points[0, k] * x + points[1, k] * y + points[2, k] * z
+        if along > most:
+            most, i = along, k
+    u = turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z
+    v = turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z
+    w = turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z
+    least, j = np.inf, 0
+    for k in range(b[0], b[1]):
+        along = points[0, k] * u + points[1, k] * v + points[2, k] * w
+        if along < least:
+            least, j = along, k
+    for r in range(3):
+        row[3 + r] = points[r, i]
+        row[r] = points[r, i] - place[r]
+        for c in range(3):
+            row[r] -= turn[r, c] * points[c, j]
+    return most - least - (place[0] * x + place[1] * y + place[2] * z)
+
+
+@njit(cache=True, error_model="numpy")
+def _dot(a: Array, b: Array) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True, error_model="numpy")
+def _normal(a: Array, b: Array, c: Array, out: Array) -> float:
+    """Write (b - a) x (c - a); returns its squared length."""
+    u0, u1, u2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    v0, v1, v2 = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+    out[0], out[1], out[2] = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
+    return out[0] * out[0] + out[1] * out[1] + out[2] * out[2]
+
+
+@njit(cache=True, error_model="numpy")
+def _near_edge(a: Array, b: Array) -> tuple[float, float]:
+    """Squared distance of the origin from segment ab, and the share of b."""
+    u0, u1, u2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    square = u0 * u0 + u1 * u1 + u2 * u2
+    t = -(a[0] * u0 + a[1] * u1 + a[2] * u2)
+    t = min(max(t / square, 0.0), 1.0) if square > 0.0 else 0.0
+    x, y, z = a[0] + t * u0, a[1] + t * u1, a[2] + t * u2
+    return x * x + y * y + z * z, t
+
+
+@njit(cache=True, error_model="numpy")
+def _near_face(a: Array, b: Array, c: Array, share: Array, normal: Array) -> float:
+    """Squared distance of the origin from triangle abc; writes the shares (3) of its corners."""
+    square = _normal(a, b, c, normal)
+    if square > 0.0:
+        # Areas of the triangles between the origin's foot and each edge.
+        u = normal[0] * (b[1] * c[2] - b[2] * c[1])
+        u += normal[1] * (b[2] * c[0] - b[0] * c[2]) + normal[2] * (b[0] * c[1] - b[1] * c[0])
+        v = normal[0] * (c[1] * a[2] - c[2] * a[1])
+        v += normal[1] * (c[2] * a[0] - c[0] * a[2]) + normal[2] * (c[0] * a[1] - c[1] * a[0])
+        w = square - u - v
+        if u >= 0.0 and v >= 0.0 and w >= 0.0:
+            share[0], share[1], share[2] = u / square, v / square, w / square
+            height = _dot(normal, a)
+            return height * height / square
+    far, t = _near_edge(a, b)
+    share[0], share[1], share[2] = 1.0 - t, t, 0.0
+    other, t = _near_edge(b, c)
+    if other < far:
+        far = other
+        share[0], share[1], share[2] = 0.0, 1.0 - t, t
+    other, t = _near_edge(c, a)
+    if other < far:
+        far = other
+        share[0], share[1], share[2] = t, 0.0, 1.0 - t
     return far
 
 
 @njit(cache=True, error_model="numpy")
-def segment_to_shape(shape: Array, a: Array, b: Array, slope: Array) -> tuple[float, float]:
-    """Least signed distance from segment ab to a shape, and where on it (0 to 1).
+def _reduce(rows: Array, count: int, share: Array, three: Array, normal: Array) -> int:
+    """Keep the corners of a simplex (count, 6) that hold its point nearest to the origin.
 
-    The gradient (3) at that place is written into `slope`.
+    Writes their shares (4). Returns how many are left, 4 where the origin is inside.
     """
-    u0, u1, u2 = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-    if u0 * u0 + u1 * u1 + u2 * u2 == 0.0:
-        return signed_distance(shape, a[0], a[1], a[2], slope), 0.0
-    far = signed_distance(shape, a[0], a[1], a[2], slope)
-    falls = slope[0] * u0 + slope[1] * u1 + slope[2] * u2
-    if falls >= 0.0:
-        return far, 0.0
-    f0, f1, f2 = slope[0], slope[1], slope[2]
-    far = signed_distance(shape, b[0], b[1], b[2], slope)
-    rises = slope[0] * u0 + slope[1] * u1 + slope[2] * u2
-    if rises <= 0.0:
-        return far, 1.0
-    r0, r1, r2 = slope[0], slope[1], slope[2]
-    low, high, t = 0.0, 1.0, 0.5
-    for _ in range(_HALVINGS):
-        t = 0.5 * (low + high)
-        far = signed_distance(shape, a[0] + t * u0, a[1] + t * u1, a[2] + t * u2, slope)
-        along = slope[0] * u0 + slope[1] * u1 + slope[2] * u2
-        if along > 0.0:
-            high, rises = t, along
-            r0, r1, r2 = slope[0], slope[1], slope[2]
-        elif along < 0.0:
-            low, falls = t, along
-            f0, f1, f2 = slope[0], slope[1], slope[2]
-        else:
-            return far, t
-    # Inside a solid the least value may lie where two faces are equally near: the gradient
-    # is the mean of both sides that has no part along the segment.
-    share = rises / (rises - falls)
-    slope[0] = share * f0 + (1.0 - share) * r0
-    slope[1] = share * f1 + (1.0 - share) * r1
-    slope[2] = share * f2 + (1.0 - share) * r2
-    return far, t
-
-
-@njit(cache=True, error_model="numpy")
-def place_capsules(
-    joints: Array,
-    link: Indices,
-    ends: Array,
-    q: Array,
-    turn: Array,
-    origin: Array,
-    axis: Array,
-    placed: Array,
-) -> None:
-    """Write the capsules' ends in the base frame (C, 2, 3)."""
-    place_joints(joints, q, turn, origin, axis)
-    for c in range(len(link)):
-        for side in range(2):
-            place_point(turn[link[c]], origin[link[c]], ends[c, side], placed[c, side])
-
-
-@njit(cache=True, error_model="numpy")
-def place_shapes(shapes: Array, carried: int, turn: Array, origin: Array, placed: Array) -> None:
-    """Write the last `carried` shapes, which stand on one link, in the base frame.
-
-    Args:
-        shapes: (S, 16) packed; the last ones in the link's frame.
-        carried: How many.
-        turn: (3, 3) rotation of the link's frame.
-        origin: (3) its origin [m].
-        placed: (S, 16) where they are written; kind and size stand there already.
-    """
-    for s in range(len(shapes) - carried, len(shapes)):
-        place_point(turn, origin, shapes[s, 10:13], placed[s, 10:13])
-        for r in range(3):
-            for c in range(3):
-                placed[s, 1 + 3 * r + c] = (
-                    shapes[s, 1 + 3 * r] * turn[c, 0]
-                    + shapes[s, 2 + 3 * r] * turn[c, 1]
-                    + shapes[s, 3 + 3 * r] * turn[c, 2]
-                )
-
-
-@njit(cache=True, error_model="numpy")
-def all_distances(
-    joints: Array,
-    link: Indices,
-    ends: Array,
-    radius: Array,
-    shapes: Array,
-    carried: int,
-    pairs: Indices,
-    overlap: Array,
-    holds: Indices,
-    meetings: Indices,
-    nearer: Array,
-    q: Array,
-    own: Array,
-    around: Array,
-) -> None:
-    """Write the distances of all pairs, (N, P + H) and (N, E)."""
-    n = q.shape[1]
-    turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
-    placed, slope, solids = np.empty((len(link), 2, 3)), np.empty(3), shapes.copy()
-    for k in range(len(q)):
-        place_capsules(joints, link, ends, q[k], turn, origin, axis, placed)
-        place_shapes(shapes, carried, turn[n], origin[n], solids)
-        for p in range(len(pairs)):
-            a, b = pairs[p]
-            far = closest_on_segments(placed[a, 0], placed[a, 1], placed[b, 0], placed[b, 1])[0]
-            own[k, p] = far - radius[a] - radius[b] + overlap[p]
-        for p in range(len(holds)):
-            a, s = holds[p]
-            far = segment_to_shape(solids[s], placed[a, 0], placed[a, 1], slope)[0]
-            own[k, len(pairs) + p] = far - radius[a]
-        for p in range(len(meetings)):
-            a, s = meetings[p]
-            far = segment_to_shape(solids[s], placed[a, 0], placed[a, 1], slope)[0]
-            around[k, p] = far - radius[a] + nearer[p]
-
-
-@njit(cache=True, error_model="numpy")
-def group_distance(
-    around: bool,
-    group: Indices,
-    spheres: Array,
-    centres: Array,
-    shapes: Array,
-    slope: Array,
-) -> float:
-    """What no pair of a group is below, from the spheres around the links."""
-    a, b = group[0], group[1]
-    if around:
-        far = signed_distance(shapes[b], centres[a, 0], centres[a, 1], centres[a, 2], slope)
-        return far - spheres[a, 3]
-    x, y, z = (
-        centres[a, 0] - centres[b, 0],
-        centres[a, 1] - centres[b, 1],
-        centres[a, 2] - centres[b, 2],
-    )
-    return math.sqrt(x * x + y * y + z * z) - spheres[a, 3] - spheres[b, 3]
-
-
-@njit(cache=True, error_model="numpy")
-def nearest(
-    joints: Array,
-    link: Indices,
-    ends: Array,
-    radius: Array,
-    spheres: Array,
-    shapes: Array,
-    carried: int,
-    pairs: Indices,
-    overlap: Array,
-    groups: Indices,
-    around: bool,
-    q: Array,
-    slack: Array,
-    found: Array,
-    pair: Indices,
-) -> None:
-    """Write the least distance, its pair, and the least of distance less slack.
-
-    Args:
-        joints: See `ArmGeometry`; the next six see `Bodies`.
-        link: (C).
-        ends: (C, 2, 3).
-        radius: (C).
-        spheres: (n + 1, 4).
-        shapes: (S, 16).
-        carried: How many of them, the last ones, stand on the last link.
-        pairs: (P, 2) pairs of capsules, or of capsule and shape if `around`.
-        overlap: (P) added to the distances [m].
-        groups: (G, 4) two links, or link and shape; first and last + 1 of its pairs.
-        around: Whether pairs are with shapes.
-        q: (N, n) positions.
-        slack: (N, G) what is taken off the distances of a group [m].
-        found: (2, N) least distance, and least distance less slack [m].
-        pair: (N) the pair of least distance.
-    """
-    n = q.shape[1]
-    turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
-    placed, slope, solids = np.empty((len(link), 2, 3)), np.empty(3), shapes.copy()
-    centres = np.empty((n + 1, 3))
-    for k in range(len(q)):
-        place_capsules(joints, link, ends, q[k], turn, origin, axis, placed)
-        place_shapes(shapes, carried, turn[n], origin[n], solids)
-        for i in range(n + 1):
-            place_point(turn[i], origin[i], spheres[i, :3], centres[i])
-        least, low, index = np.inf, np.inf, 0
-        for g in range(len(groups)):
-            off = slack[k, g]
-            floor = group_distance(around, groups[g], spheres, centres, solids, slope)
-            if floor >= least and floor - off >= low:
+    if count == 1:
+        share[0] = 1.0
+    elif count == 2:
+        share[1] = _near_edge(rows[0], rows[1])[1]
+        share[0] = 1.0 - share[1]
+    elif count == 3:
+        _near_face(rows[0], rows[1], rows[2], share, normal)
+    else:
+        best, inside = np.inf, True
+        for f in range(4):
+            i, j, k = (f + 1) % 4, (f + 2) % 4, (f + 3) % 4
+            square = _normal(rows[i], rows[j], rows[k], normal)
+            height = _dot(normal, rows[i])
+            other = _dot(normal, rows[f]) - height
+            # Of a flat tetrahedron every face counts.
+            if other * other > 1e-20 * square and height * other < 0.0:
                 continue
-            outer, last, far_off = groups[g, 1], -1, False
-            for p in range(groups[g, 2], groups[g, 3]):
-                a, b = pairs[p]
-                if a != last and not around:
-                    # Pairs stand capsule by capsule: one look may spare all those of this one.
-                    last = a
-                    floor = point_to_segment(centres[outer], placed[a, 0], placed[a, 1])
-                    floor -= spheres[outer, 3] + radius[a]
-                    far_off = floor >= least and floor - off >= low
-                if far_off:
-                    continue
-                if around:
-                    far = segment_to_shape(solids[b], placed[a, 0], placed[a, 1], slope)[0]
-                    far -= radius[a] - overlap[p]
+            inside = False
+            far = _near_face(rows[i], rows[j], rows[k], three, normal)
+            if far < best:
+                best = far
+                share[f] = 0.0
+                share[i], share[j], share[k] = three[0], three[1], three[2]
+        if inside:
+            return 4
+    left = 0
+    for k in range(count):
+        if share[k] > 0.0:
+            rows[left] = rows[k]
+            share[left] = share[k]
+            left += 1
+    return left
+
+
+@njit(cache=True, error_model="numpy")
+def separation(
+    points: Array,
+    a: Indices,
+    b: Indices,
+    turn: Array,
+    place: Array,
+    enough: float,
+    axis: Array,
+    touch: Array,
+    work: Array,
+) -> float:
+    """Signed distance between two hulls, or a lower bound of it that is at least `enough`.
+
+    Args:
+        points: (3, T) points of all bodies in the frames of their links [m].
+        a: (2) where A's points start and stop.
+        b: (2) where B's points do.
+        turn: (3, 3) rotation of B's link in the frame of A's.
+        place: (3) its origin there [m].
+        enough: A distance beyond which the pair is of no interest [m].
+        axis: (3) unit direction from A to B in A's frame: a guess, replaced by the one found. The
+            distance grows as B moves along it.
+        touch: (3) A's point nearest to B, in A's frame; written unless the pair is far apart.
+        work: (WORK, 6).
+
+    Returns:
+        The distance [m]; where the hulls overlap, less the depth.
+    """
+    share, three, normal = np.empty(4), np.empty(3), np.empty(3)
+    _corner(points, a, b, turn, place, axis, work[0])
+    count, far = 0, np.inf
+    for _ in range(_STEPS):
+        count = _reduce(work, count + 1, share, three, normal)
+        if count == 4:
+            return -_depth(points, a, b, turn, place, axis, touch, work)
+        x = y = z = 0.0
+        for k in range(count):
+            x += share[k] * work[k, 0]
+            y += share[k] * work[k, 1]
+            z += share[k] * work[k, 2]
+        last, far = far, math.sqrt(x * x + y * y + z * z)
+        if far < 1e-9 or far >= last:
+            break
+        axis[0], axis[1], axis[2] = -x / far, -y / far, -z / far
+        low = -_corner(points, a, b, turn, place, axis, work[count])
+        if low >= enough:
+            return low
+        if far - low <= _WITHIN * far:
+            break
+    for r in range(3):
+        touch[r] = 0.0
+        for k in range(count):
+            touch[r] += share[k] * work[k, 3 + r]
+    return far
+
+
+@njit(cache=True, error_model="numpy")
+def _depth(
+    points: Array,
+    a: Indices,
+    b: Indices,
+    turn: Array,
+    place: Array,
+    axis: Array,
+    touch: Array,
+    rows: Array,
+) -> float:
+    """How deep the origin is in A - B, from a tetrahedron (4, 6) around it."""
+    faces, edges = np.empty((_FACES, 3), dtype=np.intp), np.empty((3 * _FACES, 2), dtype=np.intp)
+    normals, heights = np.empty((_FACES, 3)), np.empty(_FACES)
+    share, spare = np.empty(3), np.empty(3)
+    count, corners = 0, 4
+    for f in range(4):
+        i, j, k = (f + 1) % 4, (f + 2) % 4, (f + 3) % 4
+        _normal(rows[i], rows[j], rows[k], spare)
+        if _dot(spare, rows[f]) > _dot(spare, rows[i]):
+            j, k = k, j
+        count = _add_face(rows, i, j, k, faces, normals, heights, count)
+    nearest = 0
+    while True:
+        nearest = 0
+        for f in range(1, count):
+            if heights[f] < heights[nearest]:
+                nearest = f
+        if corners == _CORNERS or count > _FACES - 32:
+            break
+        top = rows[corners]
+        reach = _corner(points, a, b, turn, place, normals[nearest], top)
+        if reach - heights[nearest] <= _DEPTH_WITHIN:
+            break
+        kept = loose = 0
+        for f in range(count):
+            if _dot(normals[f], top) <= heights[f] + 1e-12:
+                faces[kept] = faces[f]
+                normals[kept] = normals[f]
+                heights[kept] = heights[f]
+                kept += 1
+                continue
+            # Edges that two such faces share are inside the hole; the others are its rim.
+            for s in range(3):
+                i, j = faces[f, s], faces[f, (s + 1) % 3]
+                found = -1
+                for e in range(loose):
+                    if edges[e, 0] == j and edges[e, 1] == i:
+                        found = e
+                if found >= 0:
+                    loose -= 1
+                    edges[found, 0], edges[found, 1] = edges[loose, 0], edges[loose, 1]
                 else:
-                    far = closest_on_segments(
-                        placed[a, 0], placed[a, 1], placed[b, 0], placed[b, 1]
-                    )[0]
-                    far -= radius[a] + radius[b] - overlap[p]
-                if far < least:
-                    least, index = far, p
-                low = min(low, far - off)
-        found[0, k], found[1, k], pair[k] = least, low, index
+                    edges[loose, 0], edges[loose, 1] = i, j
+                    loose += 1
+        count = kept
+        for e in range(min(loose, _FACES - kept)):
+            i, j = edges[e]
+            count = _add_face(rows, i, j, corners, faces, normals, heights, count)
+        corners += 1
+    # Of faces in one plane, the one over the origin.
+    height, best = heights[nearest], np.inf
+    for f in range(count):
+        if heights[f] <= height + 1e-9:
+            i, j, k = faces[f]
+            far = _near_face(rows[i], rows[j], rows[k], share, spare)
+            if far < best:
+                best, nearest = far, f
+    i, j, k = faces[nearest]
+    _near_face(rows[i], rows[j], rows[k], share, spare)
+    for r in range(3):
+        axis[r] = normals[nearest, r]
+        touch[r] = share[0] * rows[i, 3 + r] + share[1] * rows[j, 3 + r] + share[2] * rows[k, 3 + r]
+    return heights[nearest]
+
+
+@njit(cache=True, error_model="numpy")
+def _add_face(
+    rows: Array,
+    i: int,
+    j: int,
+    k: int,
+    faces: Indices,
+    normals: Array,
+    heights: Array,
+    count: int,
+) -> int:
+    """Add a face with its unit normal and its height above the origin; returns the new count."""
+    square = _normal(rows[i], rows[j], rows[k], normals[count])
+    size = math.sqrt(square)
+    for r in range(3):
+        normals[count, r] = normals[count, r] / size if size > 1e-15 else 0.0
+    # A face that is a line is no candidate, and goes as soon as it can be seen.
+    heights[count] = _dot(normals[count], rows[i]) if size > 1e-15 else np.inf
+    faces[count, 0], faces[count, 1], faces[count, 2] = i, j, k
+    return count + 1

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from dynid.core import Array, read_only
 from dynid.regressor import FrictionTerms, InverseDynamicModel, torque_adjoint
-from dynid.robot import Capsule, RobotModel, from_body, inverse, move, tensor
+from dynid.robot import Body, RobotModel, from_body, inverse, move, tensor
 
 COULOMB_SHARE = 0.06
 """Coulomb torque over the torque limit."""
@@ -40,9 +39,9 @@ def prior_dynamics(robot: RobotModel) -> PriorDynamics | None:
     notes: list[str] = []
     links = np.array([prior_link(robot, k) for k in range(robot.joints)])
     unknown = np.isnan(robot.inertias).any(axis=1)
-    shaped = np.isin(np.arange(robot.joints) + 1, [item.link for item in robot.capsules])
+    shaped = np.isin(np.arange(robot.joints) + 1, [body.link for body in robot.bodies])
     for rows, guess in (
-        (unknown & shaped, "uniform solids in their capsules"),
+        (unknown & shaped, "uniform solids in the shape of their bodies"),
         (unknown & ~shaped, "point masses"),
     ):
         if rows.any():
@@ -84,31 +83,28 @@ def prior_link(robot: RobotModel, k: int) -> Array:
         return row
     mass = float(row[0])
     centre = row[1:4] / mass if mass > 0 else np.zeros(3)
-    solids = [item for item in robot.capsules if item.link == k + 1]
+    solids = [body for body in robot.bodies if body.link == k + 1]
     if not solids or mass == 0:
         return from_body(mass, centre, np.zeros((3, 3)))
-    volumes = np.array([_volume(item) for item in solids])
-    shares = mass * volumes / volumes.sum()
-    whole = np.sum([_solid(part, item) for part, item in zip(shares, solids, strict=True)], axis=0)
+    whole = np.sum([_uniform(body) for body in solids], axis=0)
+    whole *= mass / whole[0]
     own = whole[1:4] / mass
     central = tensor(whole) - mass * (own @ own * np.eye(3) - np.outer(own, own))
     return from_body(mass, centre, (central + central.T) / 2)
 
 
-def _volume(item: Capsule) -> float:
-    length = float(np.linalg.norm(item.end - item.start))
-    return math.pi * item.radius**2 * (length + 4 / 3 * item.radius)
-
-
-def _solid(mass: float, item: Capsule) -> Array:
-    """The ten parameters of a cylinder with a capsule's radius and volume."""
-    way = item.end - item.start
-    length = float(np.linalg.norm(way))
-    along = way / length if length > 0 else np.array([0.0, 0.0, 1.0])
-    height, radius = length + 4 / 3 * item.radius, item.radius
-    across = mass * (3 * radius**2 + height**2) / 12
-    central = across * np.eye(3) + (mass * radius**2 / 2 - across) * np.outer(along, along)
-    return from_body(mass, (item.start + item.end) / 2, central)
+def _uniform(body: Body) -> Array:
+    """The ten parameters of a body of density 1, summed over tetrahedra from the origin."""
+    vertices, faces = body.surface()
+    corners = vertices[faces]
+    volume = np.linalg.det(corners) / 6
+    total = corners.sum(axis=1)
+    first = volume @ total / 4
+    second = np.einsum("f,fcx,fcy->xy", volume, corners, corners)
+    second = (second + np.einsum("f,fx,fy->xy", volume, total, total)) / 20
+    about = np.trace(second) * np.eye(3) - second
+    six = about[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
+    return np.array([volume.sum(), *first, *six])
 
 
 _STEP = 1e-5

@@ -144,7 +144,7 @@ class MotionConstraints:
             q_bar, dq_bar = q_bar + a, dq_bar + b
         if self.surroundings is not None:
             own, around = ((1.0 + tighten) * x for x in self.settings.clearances.values())
-            more, a = self.surroundings.likely.violation(q, own, around)
+            more, a = self.surroundings.bodies.violation(q, own, around)
             total += more
             q_bar = q_bar + a
         return total, q_bar, dq_bar, ddq_bar

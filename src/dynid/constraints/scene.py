@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 
 from dynid.core import Array, InputError, JsonFields, frozen, load_object
-from dynid.robot import from_axes, from_xyz_rpy
+from dynid.robot import Body, box_points, cylinder_points, from_axes, from_xyz_rpy
 from dynid.trajectory import MotionBounds
 
 HALF_SPACE, BOX, CYLINDER, SPHERE = 0, 1, 2, 3
@@ -47,31 +47,26 @@ class Shape:
             raise InputError("sizes must be positive", where=self.name)
 
 
-def outer_half(shape: Shape) -> Array:
-    """(3) half the sides of the box around a solid along its own axes; zeros for a sphere [m]."""
-    if shape.kind == SPHERE:
-        return np.zeros(3)
-    return np.array(shape.size if shape.kind == BOX else shape.size[[0, 0, 1]])
+def body_of(shape: Shape, link: int = 0, frame: Array | None = None) -> Body:
+    """A solid that is no half-space as a collision body.
 
-
-def outermost(shape: Shape) -> Array:
-    """(8, 3) points whose hull, widened by a sphere's radius, holds a solid that is no half-space.
-
-    In the frame that the shape stands in: corners of the box around it, a sphere's centre [m].
+    Args:
+        shape: The solid.
+        link: The link that it is fixed in.
+        frame: (4, 4) the frame of its pose in the joint frame of that link; the same if None.
     """
-    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    return shape.pose[:3, 3] + (signs * outer_half(shape)) @ shape.pose[:3, :3].T
-
-
-def packed(shapes: tuple[Shape, ...]) -> Array:
-    """(S, 16) kind, rotation base to shape (row-major), origin, size: what the kernels read."""
-    rows = np.zeros((len(shapes), 16))
-    for row, shape in zip(rows, shapes, strict=True):
-        row[0] = shape.kind
-        row[1:10] = shape.pose[:3, :3].T.ravel()
-        row[10:13] = shape.pose[:3, 3]
-        row[13:16] = shape.size
-    return rows
+    pose = shape.pose if frame is None else frame @ shape.pose
+    points, radius = np.zeros((1, 3)), float(shape.size[0])
+    if shape.kind != SPHERE:
+        radius = 0.0
+        points = (
+            box_points(shape.size)
+            if shape.kind == BOX
+            else cylinder_points(float(shape.size[0]), float(shape.size[1]))
+        )
+    return Body(
+        name=shape.name, link=link, points=points @ pose[:3, :3].T + pose[:3, 3], radius=radius
+    )
 
 
 MOST_SHAPES = 500
@@ -225,7 +220,7 @@ _HEAVIEST = 1000.0
 class ConstraintSettings:
     """The limits that are switched on.
 
-    What is on but unknown for a robot (no torque limits, no capsules) does not bind; the
+    What is on but unknown for a robot (no torque limits, no bodies) does not bind; the
     judge reports it as not judged.
 
     Raises:

@@ -31,7 +31,7 @@ _FAR = 0.1
 
 _NEXT = {
     "self_collision": "Check the payload's size and place (metres, in the flange's frame), or the"
-    " capsules of the robot.",
+    " bodies of the robot.",
     "environment": "Check the scene: metres, in the robot's base frame; shapes are solid.",
     "torque": "Check the torque limits, the masses and the payload; the prediction counts doubt and"
     " friction in.",

@@ -3,6 +3,7 @@
 Start with `dynid.robot.load.load_robot`.
 """
 
+from dynid.robot.body import Body, box_points, cylinder_points
 from dynid.robot.inertia import (
     PARAMETERS,
     frame_map,
@@ -24,7 +25,7 @@ from dynid.robot.load import (
     robot_to_json,
     robots,
 )
-from dynid.robot.model import Capsule, Counterbalance, RobotModel
+from dynid.robot.model import Counterbalance, RobotModel
 from dynid.robot.tables import read_limited, shown, shown_path
 from dynid.robot.transforms import (
     from_axes,
@@ -33,6 +34,7 @@ from dynid.robot.transforms import (
     translation,
 )
 from dynid.robot.urdf import MAX_BYTES, find_trunk, place_links
+from dynid.robot.urdf_bodies import mesh_places
 from dynid.robot.urdf_xml import (
     parse_root,
     parse_urdf,
@@ -44,9 +46,11 @@ from dynid.robot.urdf_xml import (
 __all__ = [
     "MAX_BYTES",
     "PARAMETERS",
-    "Capsule",
+    "Body",
     "Counterbalance",
     "RobotModel",
+    "box_points",
+    "cylinder_points",
     "find_trunk",
     "frame_map",
     "from_axes",
@@ -56,6 +60,7 @@ __all__ = [
     "inverse",
     "joint_poses",
     "load_robot",
+    "mesh_places",
     "move",
     "nominal_geometry",
     "parse_root",

@@ -121,7 +121,7 @@ def nominal_geometry(robot: RobotModel) -> tuple[RobotModel, tuple[str, ...]]:
     """A copy whose axes are exactly parallel, square or crossing where they nearly are.
 
     Angles within 0.5 degrees of a multiple of 90 degrees become it, distances below 3 mm
-    become zero. The parameter frames, inertias and capsules follow. A robot that is exact
+    become zero. The parameter frames, inertias and bodies follow. A robot that is exact
     already is returned as it is.
 
     Returns:
@@ -159,13 +159,14 @@ def nominal_geometry(robot: RobotModel) -> tuple[RobotModel, tuple[str, ...]]:
         flange=moves[-1] @ robot.flange,
         parameter_frames=frames,
         inertias=np.array([move(p, t) for p, t in zip(robot.inertias, moves, strict=True)]),
-        capsules=tuple(
+        bodies=tuple(
             replace(
-                c, start=_place(moves[c.link - 1], c.start), end=_place(moves[c.link - 1], c.end)
+                body,
+                points=body.points @ moves[body.link - 1, :3, :3].T + moves[body.link - 1, :3, 3],
             )
-            if c.link
-            else c
-            for c in robot.capsules
+            if body.link
+            else body
+            for body in robot.bodies
         ),
     )
     return nominal, tuple(notes)

@@ -15,21 +15,18 @@ import numpy as np
 
 from dynid.core import Array, InputError, RobotError
 from dynid.robot import library
-from dynid.robot.capsules import with_collision_geometry
+from dynid.robot.body import Body
 from dynid.robot.kinematics import with_mount
-from dynid.robot.model import (
-    Capsule,
-    Counterbalance,
-    Drives,
-    JointLimits,
-    RobotModel,
-    SafetyLimits,
-)
+from dynid.robot.model import Counterbalance, Drives, JointLimits, RobotModel, SafetyLimits
 from dynid.robot.robotfile import MAX_BYTES as MAX_TOML
 from dynid.robot.robotfile import robot_from_toml
 from dynid.robot.tables import is_there, read_limited, shown, shown_path
 from dynid.robot.urdf import MAX_BYTES as MAX_URDF
 from dynid.robot.urdf import robot_from_urdf
+from dynid.robot.urdf_bodies import with_collision_geometry
+
+_CALIBRATED = 3e-3
+"""Placements of one arm and its factory calibration differ by less [m]."""
 
 
 class BuiltinRobot(NamedTuple):
@@ -48,7 +45,11 @@ def robots() -> list[BuiltinRobot]:
 
 
 def load_robot(
-    name_or_path: str | Path, *, mount: str | None = None, collision: bool = True
+    name_or_path: str | Path,
+    *,
+    mount: str | None = None,
+    collision: bool = True,
+    mesh_dirs: Sequence[Path] = (),
 ) -> RobotModel:
     """A robot by built-in name, URDF file or robot file (TOML).
 
@@ -58,17 +59,18 @@ def load_robot(
         name_or_path: A name that `robots` lists, or a path.
         mount: `floor`, `wall`, `ceiling` or `tilt:DEG`, in place of what the file says.
         collision: Whether to read the collision geometry of a URDF, meshes included, where the
-            robot has no capsules; what cannot be read is in the robot's `capsule_notes`.
+            robot has no bodies; what cannot be read is in the robot's `body_notes`.
+        mesh_dirs: Further folders where meshes are looked for.
 
     Raises:
         RobotError: No such robot or file (the message lists the built-in ones), a file that
             cannot be read or understood, or an unknown mounting.
     """
-    robot = _load(name_or_path, collision)
+    robot = _load(name_or_path, collision, mesh_dirs)
     return robot if mount is None else with_mount(robot, mount)
 
 
-def _load(name_or_path: str | Path, collision: bool) -> RobotModel:
+def _load(name_or_path: str | Path, collision: bool, mesh_dirs: Sequence[Path] = ()) -> RobotModel:
     text = str(name_or_path)
     names = _names()
     if text.lower() in names:
@@ -88,12 +90,14 @@ def _load(name_or_path: str | Path, collision: bool) -> RobotModel:
     data = read_limited(path, MAX_URDF)
     if data.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] == b"<" or path.suffix.lower() == ".urdf":
         robot = robot_from_urdf(data, where=shown_path(path), stem=path.stem)
-        return with_collision_geometry(robot, path) if collision else robot
+        if not collision:
+            return robot
+        return with_collision_geometry(robot, path, mesh_dirs=mesh_dirs)
     if len(data) > MAX_TOML:
         raise RobotError(
             "the file is too large for a robot file", where=shown_path(path), limit=MAX_TOML
         )
-    return robot_from_toml(data, path, collision=collision)
+    return robot_from_toml(data, path, collision=collision, mesh_dirs=mesh_dirs)
 
 
 def _names() -> list[str]:
@@ -127,18 +131,16 @@ def robot_to_json(robot: RobotModel) -> dict[str, Any]:
         "inertias": _listed(robot.inertias),
         "flange": _listed(robot.flange),
         "counterbalances": [asdict(spring) for spring in robot.counterbalances],
-        "capsules": [
+        "bodies": [
             {
                 "name": item.name,
                 "link": item.link,
-                "start": _listed(item.start),
-                "end": _listed(item.end),
+                "points": _listed(item.points),
                 "radius": item.radius,
             }
-            for item in robot.capsules
+            for item in robot.bodies
         ],
-        "apart": [list(pair) for pair in robot.apart],
-        "overlap": [list(row) for row in robot.overlap],
+        "body_notes": list(robot.body_notes),
         "safety": {key: _null(value) for key, value in asdict(robot.safety).items()},
         "locked": dict(robot.locked),
         "notes": list(robot.notes),
@@ -178,10 +180,9 @@ def robot_from_json(data: Mapping[str, Any]) -> RobotModel:
             inertias=_array(data["inertias"]),
             flange=_array(data["flange"]),
             counterbalances=tuple(Counterbalance(**spring) for spring in data["counterbalances"]),
-            capsules=tuple(Capsule(**item) for item in data["capsules"]),
-            # Files of the first versions know none of these three.
-            overlap=tuple((int(a), int(b), float(c)) for a, b, c in data.get("overlap", [])),
-            apart=tuple((int(a), int(b)) for a, b in data.get("apart", [])),
+            bodies=_bodies(data),
+            # Files of the first versions know neither of these.
+            body_notes=tuple(str(note) for note in data.get("body_notes", [])),
             safety=_safety(data.get("safety", {})),
             locked={str(k): float(v) for k, v in data["locked"].items()},
             notes=tuple(str(note) for note in data["notes"]),
@@ -193,6 +194,32 @@ def robot_from_json(data: Mapping[str, Any]) -> RobotModel:
         raise RobotError(
             "the robot stored in this file cannot be read", value=f"{type(error).__name__}: {error}"
         ) from error
+
+
+def _bodies(data: Mapping[str, Any]) -> tuple[Body, ...]:
+    """The collision bodies of a stored robot.
+
+    Those of a built-in arm that release 0.1 stored were capsules that nothing had checked:
+    today's take their place.
+    """
+    if "bodies" in data:
+        return tuple(Body(**item) for item in data["bodies"])
+    if data["name"] in _names():
+        today = _load(str(data["name"]), collision=False)
+        there = _array(data["placements"])
+        if there.shape == today.placements.shape and np.allclose(
+            there, today.placements, atol=_CALIBRATED
+        ):
+            return today.bodies
+    return tuple(
+        Body(
+            name=str(item["name"]),
+            link=int(item["link"]),
+            points=_array([item["start"], item["end"]]),
+            radius=float(item["radius"]),
+        )
+        for item in data["capsules"]
+    )
 
 
 def _safety(data: Mapping[str, Any]) -> SafetyLimits:

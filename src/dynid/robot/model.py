@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, RobotError, frozen
+from dynid.robot.body import Body
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,35 +213,6 @@ class Counterbalance:
         return -arm * self.gas_work / volume * self.piston_area
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Capsule:
-    """All points within a radius of a segment (a sphere where the two ends coincide).
-
-    Raises:
-        RobotError: A negative link, or a radius that is not positive and finite.
-        InputError: Ends that are not three finite numbers.
-    """
-
-    name: str
-    link: int
-    """0 for the base, i for the link that joint i moves."""
-    start: Array
-    """(3) one end of the segment in the joint frame of the link [m]."""
-    end: Array
-    """(3) the other end [m]."""
-    radius: float
-    """[m]"""
-
-    def __post_init__(self) -> None:
-        for name in ("start", "end"):
-            value = frozen(getattr(self, name), shape=(3,), name=f"capsule {name}")
-            object.__setattr__(self, name, value)
-        if self.link < 0:
-            raise RobotError("a capsule's link counts from 0, the base", value=self.link)
-        if not math.isfinite(self.radius) or self.radius <= 0:
-            raise RobotError("a capsule needs a positive radius", value=self.radius)
-
-
 FRAMES = ("dh", "mdh", "urdf")
 STANDARD_GRAVITY = 9.80665
 """[m/s^2]"""
@@ -284,14 +256,10 @@ class RobotModel:
     """(4, 4) the chain's end (tool flange) in the last joint frame [m]."""
     counterbalances: tuple[Counterbalance, ...] = ()
     """Springs and cylinders whose torque is known."""
-    capsules: tuple[Capsule, ...] = ()
-    """Self-collision shapes."""
-    apart: tuple[tuple[int, int], ...] = ()
-    """Pairs of links (0 the base) that cannot meet, whatever their capsules say."""
-    overlap: tuple[tuple[int, int, float], ...] = ()
-    """Two links, and how far their capsules may overlap before the links touch [m]."""
-    capsule_notes: tuple[str, ...] = ()
-    """What a verdict on collisions should say of the capsules, in words."""
+    bodies: tuple[Body, ...] = ()
+    """Collision bodies."""
+    body_notes: tuple[str, ...] = ()
+    """What a verdict on collisions should say of the bodies, in words."""
     safety: SafetyLimits = field(default_factory=SafetyLimits)
     """Limits of the whole arm, as its controller watches them."""
     locked: Mapping[str, float] = field(default_factory=dict[str, float])
@@ -336,11 +304,8 @@ class RobotModel:
                 raise RobotError(f"{name} for every joint", where=self.name, value=length, limit=n)
         if any(not 0 <= item.joint < n for item in self.counterbalances):
             raise RobotError("a counterbalance acts on no joint of this robot", where=self.name)
-        if any(item.link > n for item in self.capsules):
-            raise RobotError("a capsule is fixed in no link of this robot", where=self.name)
-        named = [*self.apart, *(row[:2] for row in self.overlap)]
-        if any(not 0 <= link <= n for pair in named for link in pair):
-            raise RobotError("pairs of links that are not of this robot", where=self.name)
+        if any(item.link > n for item in self.bodies):
+            raise RobotError("a body is fixed in no link of this robot", where=self.name)
         if self.safety.elbow > n:
             raise RobotError("the elbow is no joint of this robot", where=self.name)
 

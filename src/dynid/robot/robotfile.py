@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,13 +10,12 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, RobotError
-from dynid.robot.capsules import with_collision_geometry
+from dynid.robot.body import Body
 from dynid.robot.dh import CONVENTIONS, MAX_JOINTS, robot_from_chain, robot_from_dh
 from dynid.robot.inertia import from_body, move
 from dynid.robot.kinematics import mount_gravity
 from dynid.robot.model import (
     FRAMES,
-    Capsule,
     Counterbalance,
     Drives,
     JointLimits,
@@ -33,6 +33,7 @@ from dynid.robot.tables import (
 )
 from dynid.robot.transforms import from_xyz_rpy
 from dynid.robot.urdf import load_urdf
+from dynid.robot.urdf_bodies import with_collision_geometry
 
 Part = tuple[dict[str, Any], list[str]]
 """Fields of RobotModel that change, and sources."""
@@ -128,50 +129,54 @@ def read_counterbalances(values: object, robot: RobotModel) -> Part:
     return {"counterbalances": tuple(found)}, texts
 
 
+def read_bodies(values: object, robot: RobotModel) -> Part:
+    """The tables `body`; `link` is `base` or the joint that moves the link."""
+    return _bodies(values, robot, "body", lambda table: table.rows("points", None, 3))
+
+
 def read_capsules(values: object, robot: RobotModel) -> Part:
-    """The tables `capsule`; `link` is `base` or the joint that moves the link."""
-    found: list[Capsule] = []
+    """The tables `capsule`: bodies of two points, `start` and `end`."""
+    return _bodies(
+        values,
+        robot,
+        "capsule",
+        lambda table: np.array([table.numbers(key, 3) for key in ("start", "end")]),
+    )
+
+
+def _bodies(values: object, robot: RobotModel, kind: str, points: Callable[[Table], Array]) -> Part:
+    found: list[Body] = []
     texts: list[str] = []
-    known = ("name", "link", "frames", "start", "end", "radius")
-    for k, table in enumerate(tables(values, "capsule", "", known)):
+    known = ("name", "link", "frames", "points", "start", "end", "radius")
+    for k, table in enumerate(tables(values, kind, "", known)):
         links = ("base", *robot.joint_names)
         link = links.index(table.text("link", links))
         placed = _frames(table, robot)[link - 1] if link else np.eye(4)
-        start, end = (
-            placed[:3, :3] @ table.numbers(key, 3) + placed[:3, 3] for key in ("start", "end")
-        )
-        name = table.text("name") if "name" in table else f"{links[link]} {k + 1}"
         found.append(
-            Capsule(name=name, link=link, start=start, end=end, radius=table.number("radius"))
+            Body(
+                name=table.text("name") if "name" in table else f"{links[link]} {k + 1}",
+                link=link,
+                points=points(table) @ placed[:3, :3].T + placed[:3, 3],
+                radius=table.number("radius") if "radius" in table else 0.0,
+            )
         )
-        texts += table.sources("capsule")
-    return {"capsules": tuple(found)}, texts
+        texts += table.sources(kind)
+    return {"bodies": (*robot.bodies, *found)}, texts
 
 
 def read_collision(values: object, robot: RobotModel) -> Part:
-    """The table `collision`: a note on the capsules, and what they say too strictly."""
+    """The table `collision`: a note on the bodies.
+
+    What release 0.1 took on trust, `apart` and `overlap`, is read and counts no more.
+    """
     table = Table(values, "", "collision", ("note", "apart", "overlap", "overlap_by"))
-    links = ("base", *robot.joint_names)
-    found: dict[str, Any] = {}
-    if "note" in table:
-        found["capsule_notes"] = (table.text("note"),)
-    if "apart" in table:
-        found["apart"] = tuple(_sorted_pair(links, pair) for pair in table.pairs("apart", links))
-    if "overlap" in table:
-        pairs = table.pairs("overlap", links)
-        lengths = table.numbers("overlap_by", len(pairs)).tolist()
-        if not all(0 <= length < 1 for length in lengths):
-            raise RobotError("'overlap_by' is out of range", value=lengths, limit="0 to 1 m")
-        found["overlap"] = tuple(
-            (*_sorted_pair(links, pair), length)
-            for pair, length in zip(pairs, lengths, strict=True)
-        )
-    return found, table.sources("collision")
-
-
-def _sorted_pair(links: tuple[str, ...], pair: tuple[str, str]) -> tuple[int, int]:
-    first, second = sorted(links.index(name) for name in pair)
-    return first, second
+    notes = (*robot.body_notes, *((table.text("note"),) if "note" in table else ()))
+    told = ["'apart' and 'overlap' of the table 'collision' count no more: bodies are judged"]
+    trusted = "apart" in table or "overlap" in table
+    return {
+        "body_notes": notes,
+        "notes": (*robot.notes, *(told if trusted else [])),
+    }, table.sources("collision")
 
 
 def _frames(table: Table, robot: RobotModel) -> Array:
@@ -197,20 +202,23 @@ MAX_BYTES = 1_000_000
 
 _TOP = (
     "name", "joint_names", "frames", "urdf", "tip", "locked", "dh", "joint", "base", "flange",
-    "urdf_frames", "mount", "limits", "safety", "drives", "inertia", "counterbalance", "capsule",
-    "collision",
+    "urdf_frames", "mount", "limits", "safety", "drives", "inertia", "counterbalance", "body",
+    "capsule", "collision",
 )  # fmt: skip
 _TYPES = ("revolute", "prismatic")
 
 
-def robot_from_toml(data: bytes, path: Path, *, collision: bool = False) -> RobotModel:
+def robot_from_toml(
+    data: bytes, path: Path, *, collision: bool = False, mesh_dirs: Sequence[Path] = ()
+) -> RobotModel:
     """A robot from the text of a robot file.
 
     Args:
         data: The text's bytes.
         path: Where the text is from: names the robot if it has no name, and is where a
             relative `urdf` path starts.
-        collision: Whether to read a URDF's collision geometry where there is no `capsule`.
+        collision: Whether to read a URDF's collision geometry where no bodies are given.
+        mesh_dirs: Further folders where meshes are looked for.
 
     Raises:
         RobotError: Anything that is not a sound robot file; names table and key.
@@ -227,13 +235,14 @@ def robot_from_toml(data: bytes, path: Path, *, collision: bool = False) -> Robo
             ("drives", read_drives),
             ("inertia", read_inertias),
             ("counterbalance", read_counterbalances),
+            ("body", read_bodies),
             ("capsule", read_capsules),
             ("collision", read_collision),
         ):
             if name in top:
                 with located(name):
                     found, texts = read(top.raw(name), robot)
-                changes |= found
+                robot = replace(robot, **found)
                 sources += texts
         if "name" in top:
             changes["name"] = top.text("name")
@@ -242,7 +251,8 @@ def robot_from_toml(data: bytes, path: Path, *, collision: bool = False) -> Robo
         robot = replace(robot, **changes, source="; ".join(top.sources("") + sources))
         if collision and "urdf" in top:
             tip = top.text("tip") if "tip" in top else None
-            robot = with_collision_geometry(robot, path.parent / top.text("urdf"), tip=tip)
+            file = path.parent / top.text("urdf")
+            robot = with_collision_geometry(robot, file, tip=tip, mesh_dirs=mesh_dirs)
         return robot
 
 

@@ -165,22 +165,11 @@ class Table:
         items = self._list(key, count)
         return np.array([self._number(key, item, unknown) for item in items], dtype=np.float64)
 
-    def rows(self, key: str, count: int, width: int, *, unknown: bool = False) -> Array:
-        """A list of lists of numbers (count, width); `unknown` allows nan."""
+    def rows(self, key: str, count: int | None, width: int, *, unknown: bool = False) -> Array:
+        """A list of lists of numbers (count, width), of any count if None; `unknown` allows nan."""
         rows = [self._check_list(key, row, width) for row in self._list(key, count)]
         values = [[self._number(key, item, unknown) for item in row] for row in rows]
-        return np.array(values, dtype=np.float64).reshape(count, width)
-
-    def pairs(self, key: str, choices: Sequence[str]) -> list[tuple[str, str]]:
-        """A list of pairs of words, each one of `choices`."""
-        found: list[tuple[str, str]] = []
-        for item in self._list(key, None):
-            two = self._check_list(key, item, 2)
-            for word in two:
-                if word not in choices:
-                    raise self._wrong(key, "unknown word", shown(word), ", ".join(choices))
-            found.append((str(two[0]), str(two[1])))
-        return found
+        return np.array(values, dtype=np.float64).reshape(len(rows), width)
 
     def _required(self, key: str) -> object:
         if key not in self._values:

@@ -19,9 +19,6 @@ from dynid.constraints import (
     Bodies,
     MotionConstraints,
     Worst,
-    closest_on_segments,
-    place_shapes,
-    segment_to_shape,
 )
 from dynid.core import Array, RecordError
 from dynid.recording import ExperimentRecord, partial_path, recover
@@ -36,7 +33,7 @@ class Near:
     """`self_collision` or `environment`."""
     names: str
     distance: float
-    """Between their surfaces, less what they may overlap [m]."""
+    """Between their surfaces [m]."""
     clearance: float
     """The smallest that is allowed [m]."""
     start: Array
@@ -95,42 +92,18 @@ def _near(
     around = kind == "environment"
     found = bodies.nearest(q, around=around)
     row = int(found.pair[0])
-    held = row - len(bodies.pairs)
-    solid = around or held >= 0
-    first, second = (
-        bodies.meetings[row] if around else bodies.holds[held] if solid else bodies.pairs[row]
-    )
-    a, b = _segment(bodies, int(first), poses)
-    radius = float(bodies.radius[first])
-    if solid:
-        slope, shapes = np.empty(3), np.array(bodies.shapes)
-        carried = np.ascontiguousarray(poses[-1, :3, :3]), np.array(poses[-1, :3, 3])
-        place_shapes(np.array(bodies.shapes), len(bodies.corners), *carried, shapes)
-        far, share = segment_to_shape(shapes[second], a, b, slope)
-        middle = a + share * (b - a)
-        start, end = middle - radius * slope, middle - far * slope
-    else:
-        c, d = _segment(bodies, int(second), poses)
-        far, s, t = closest_on_segments(a, b, c, d)
-        p, r = a + s * (b - a), c + t * (d - c)
-        way = (r - p) / far if far > 0 else np.zeros(3)
-        start, end = p + radius * way, r - float(bodies.radius[second]) * way
+    first, second = (bodies.around if around else bodies.own)[row]
+    distance, ends = bodies.closest(q[0], int(first), int(second))
+    # The arm first: names stand so.
+    start, end = ends[::-1] if around else ends
     return Near(
         kind=kind,
         names=names[row],
-        distance=float(found.distance[0]),
+        distance=distance,
         clearance=constraints.settings.clearances[kind],
         start=start,
         end=end,
     )
-
-
-def _segment(bodies: Bodies, capsule: int, poses: Array) -> tuple[Array, Array]:
-    """Both ends (3) of a capsule's middle line in the base frame."""
-    link = int(bodies.link[capsule])
-    pose = np.eye(4) if link == 0 else poses[link - 1]
-    a, b = (pose[:3, :3] @ end + pose[:3, 3] for end in bodies.ends[capsule])
-    return a, b
 
 
 SHOWN_S = 10.0

@@ -1,26 +1,27 @@
-"""Triangles of the arm's capsules and of the shapes of a scene.
+"""Triangles of the arm's bodies and of the shapes of a scene.
 
 The meshes that a URDF gives its links to be looked at.
 """
 
 from __future__ import annotations
 
-import math
-import os
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dynid.constraints import BOX, CYLINDER, HALF_SPACE, SPHERE, Shape
+from dynid.constraints import BOX, CYLINDER, HALF_SPACE, SPHERE, Shape, body_of
 from dynid.core import Array, DynidError, Indices, require
 from dynid.robot import (
     MAX_BYTES,
+    Body,
     RobotModel,
+    box_points,
     find_trunk,
     joint_poses,
+    mesh_places,
     parse_root,
     parse_urdf,
     place_links,
@@ -32,8 +33,6 @@ from dynid.robot import (
     shown_path,
 )
 
-AROUND, ALONG = 20, 6
-"""Segments of a capsule's circle, and of each of its caps."""
 STICK = 0.035
 """Radius of the arm's bodies where none are known, as a share of its reach."""
 PLANE = 3.0
@@ -55,12 +54,11 @@ class LinkMesh:
 
 
 def arm_meshes(robot: RobotModel) -> tuple[LinkMesh, ...]:
-    """The robot's capsules; thin ones from joint to joint where it has none."""
-    if not robot.capsules:
-        return _sticks(robot)
+    """The robot's bodies; thin ones from joint to joint where it has none."""
     return tuple(
-        _link_mesh(item.name, item.link, item.start, item.end, item.radius)
-        for item in robot.capsules
+        LinkMesh(name=body.name, link=body.link, vertices=vertices, faces=faces)
+        for body in robot.bodies or _sticks(robot)
+        for vertices, faces in [body.surface()]
     )
 
 
@@ -70,62 +68,18 @@ def reach(robot: RobotModel) -> float:
     return float(sum(np.linalg.norm(step) for step in steps)) or 1.0
 
 
-def _sticks(robot: RobotModel) -> tuple[LinkMesh, ...]:
+def _sticks(robot: RobotModel) -> tuple[Body, ...]:
     radius = STICK * reach(robot)
     ends = [*robot.placements[:, :3, 3], robot.flange[:3, 3]]
-    zero = np.zeros(3)
     return tuple(
-        _link_mesh(f"link {k}", k, zero, end, radius * (1.0 - 0.5 * k / len(ends)))
+        Body(
+            name=f"link {k}",
+            link=k,
+            points=np.array([np.zeros(3), end]),
+            radius=radius * (1.0 - 0.5 * k / len(ends)),
+        )
         for k, end in enumerate(ends)
     )
-
-
-def _link_mesh(name: str, link: int, start: Array, end: Array, radius: float) -> LinkMesh:
-    vertices, faces = capsule(start, end, radius)
-    return LinkMesh(name=name, link=link, vertices=vertices, faces=faces)
-
-
-def capsule(start: Array, end: Array, radius: float) -> tuple[Array, Indices]:
-    """Triangles of a capsule; its vertices lie on its surface.
-
-    Args:
-        start: (3) one end of the middle line [m].
-        end: (3) the other one.
-        radius: [m]
-
-    Returns:
-        (V, 3) vertices and (F, 3) faces, seen from outside.
-    """
-    way = end - start
-    length = float(np.linalg.norm(way))
-    z = way / length if length > 0 else np.array([0.0, 0.0, 1.0])
-    side = np.eye(3)[int(np.argmin(np.abs(z)))]
-    x = side - (side @ z) * z
-    x = x / np.linalg.norm(x)
-    y = np.cross(z, x)
-    low = np.linspace(-math.pi / 2, 0.0, ALONG + 1)
-    heights = np.concatenate([low, -low[::-1]])
-    lifts = np.repeat([0.0, length], ALONG + 1)
-    turns = np.linspace(0.0, 2 * math.pi, AROUND, endpoint=False)
-    circle = np.cos(turns)[:, None] * x + np.sin(turns)[:, None] * y
-    vertices = (
-        start
-        + lifts[:, None, None] * z
-        + radius * np.sin(heights)[:, None, None] * z
-        + radius * np.cos(heights)[:, None, None] * circle
-    ).reshape(-1, 3)
-    return vertices, _bands(len(heights), AROUND)
-
-
-def _bands(rings: int, around: int) -> Indices:
-    first = np.arange(around)
-    after = (first + 1) % around
-    base = (np.arange(rings - 1) * around)[:, None]
-    quads = [
-        np.stack([base + first, base + after, base + around + after], axis=-1),
-        np.stack([base + first, base + around + after, base + around + first], axis=-1),
-    ]
-    return np.concatenate(quads).reshape(-1, 3).astype(np.intp)
 
 
 def shape_mesh(shape: Shape) -> tuple[Array, Indices]:
@@ -135,30 +89,10 @@ def shape_mesh(shape: Shape) -> tuple[Array, Indices]:
         (V, 3) vertices [m] and (F, 3) faces.
     """
     if shape.kind == HALF_SPACE:
-        vertices, faces = _box(np.array([PLANE / 2, PLANE / 2, _THIN / 2]))
-        return vertices - np.array([0.0, 0.0, _THIN / 2]), faces
-    if shape.kind == BOX:
-        return _box(shape.size)
-    if shape.kind == CYLINDER:
-        return _cylinder(float(shape.size[0]), float(shape.size[1]))
-    return capsule(np.zeros(3), np.zeros(3), float(shape.size[0]))
-
-
-def _box(half: Array) -> tuple[Array, Indices]:
-    signs = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)])
-    quads = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
-    faces = [(a, b, c) for a, b, c, _ in quads] + [(a, c, d) for a, _, c, d in quads]
-    return signs * half, np.array(faces, dtype=np.intp)
-
-
-def _cylinder(radius: float, half: float) -> tuple[Array, Indices]:
-    turns = np.linspace(0.0, 2 * math.pi, AROUND, endpoint=False)
-    circle = np.stack([radius * np.cos(turns), radius * np.sin(turns)], axis=1)
-    rings = [
-        np.c_[share * circle, np.full(AROUND, z)]
-        for share, z in ((0.0, -half), (1.0, -half), (1.0, half), (0.0, half))
-    ]
-    return np.concatenate(rings), _bands(4, AROUND)
+        half = np.array([PLANE / 2, PLANE / 2, _THIN / 2])
+        points = box_points(half) - np.array([0.0, 0.0, _THIN / 2])
+        return Body(name=shape.name, link=0, points=points, radius=0.0).surface()
+    return body_of(replace(shape, pose=np.eye(4))).surface()
 
 
 def link_poses(robot: RobotModel, q: Array) -> Array:
@@ -172,7 +106,7 @@ Triangles = tuple[Array, Any]
 
 
 def robot_meshes(robot: RobotModel, reference: str, notes: list[str]) -> tuple[LinkMesh, ...]:
-    """What to draw of a robot: a URDF's `visual` elements where they can be read, else capsules.
+    """What to draw of a robot: a URDF's `visual` elements where they can be read, else its bodies.
 
     Args:
         robot: The robot.
@@ -243,7 +177,7 @@ def _triangles(element: ET.Element, where: str, folder: Path, notes: list[str]) 
     if shape.tag != "mesh":
         return None
     name = (shape.get("filename") or "").strip()
-    file = mesh_file(name, folder)
+    file = next((one for one in mesh_places(name, (folder,)) if one.is_file()), None)
     if file is None or file.stat().st_size > MAX_MESH:
         notes.append(f"the mesh {shown(name)} was not found, or is too large: not drawn")
         return None
@@ -268,17 +202,3 @@ def _read(file: Path, scale: Array) -> Triangles:
     if not len(faces) or not np.isfinite(vertices).all():
         raise ValueError("no triangles in it")
     return vertices, faces
-
-
-def mesh_file(name: str, folder: Path) -> Path | None:
-    """A mesh file: beside the URDF, or in its package's folder above it; None if not found."""
-    plain = name.removeprefix("file://")
-    if not plain.startswith("package://"):
-        tries = [folder / plain]
-    else:
-        inner = Path(plain.removeprefix("package://"))
-        roots = [folder, *folder.parents]
-        roots += [Path(p) for p in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
-        tries = [root / inner for root in roots]
-        tries += [root / Path(*inner.parts[1:]) for root in roots if len(inner.parts) > 1]
-    return next((one for one in tries if one.is_file()), None)

@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from robot_oracles import DATA, needs_models
 
-from dynid.robot import Capsule, load_robot
-from dynid.robot.capsules import around_triangles, with_collision_geometry
+from dynid.robot import Body, load_robot
+from dynid.robot.body import around_triangles, beyond
 from dynid.robot.urdf import load_urdf
+from dynid.robot.urdf_bodies import with_collision_geometry
 
 ROUNDING = 1e-9
 
@@ -34,10 +35,8 @@ def arm(tmp_path: Path, *shapes: str) -> tuple[Path, Any]:
     return path, load_urdf(path)
 
 
-def depth(points: np.ndarray, item: Capsule) -> np.ndarray:
-    way = item.end - item.start
-    t = np.clip((points - item.start) @ way / max(way @ way, 1e-18), 0, 1)
-    return np.linalg.norm(points - item.start - t[:, None] * way, axis=1) - item.radius
+def depth(points: np.ndarray, body: Body) -> np.ndarray:
+    return beyond(points, body.points) - body.radius
 
 
 def rotation() -> np.ndarray:
@@ -47,39 +46,42 @@ def rotation() -> np.ndarray:
     return turn_z @ turn_x
 
 
-@pytest.mark.parametrize("sides", [(0.1, 0.2, 0.6), (0.3, 0.3, 0.3), (0.5, 0.4, 0.02)])
-def test_boxes_are_enclosed(tmp_path: Path, sides: tuple[float, ...]) -> None:
+@pytest.mark.parametrize("sides", [(0.1, 0.2, 0.6), (0.5, 0.4, 0.02)])
+def test_boxes_are_judged_as_they_are(tmp_path: Path, sides: tuple[float, ...]) -> None:
     path, robot = arm(tmp_path, f'<box size="{sides[0]} {sides[1]} {sides[2]}"/>')
     found = with_collision_geometry(robot, path)
     signs = np.array(np.meshgrid(*[[-0.5, 0.5]] * 3)).reshape(3, -1).T
     corners = signs * sides @ rotation().T + [0.1, 0, 0.2]
-    assert depth(corners, found.capsules[0]).max() <= ROUNDING
-    assert found.capsules[0].radius < 0.8 * np.linalg.norm(sides)
+    gaps = np.linalg.norm(corners[:, None] - found.bodies[0].points, axis=2).min(axis=1)
+    assert gaps.max() <= ROUNDING
+    assert found.bodies[0].radius == 0
 
 
 @pytest.mark.parametrize(("radius", "length"), [(0.05, 0.4), (0.2, 0.05)])
-def test_cylinders_are_enclosed(tmp_path: Path, radius: float, length: float) -> None:
+def test_cylinders_are_held_and_hardly_more(tmp_path: Path, radius: float, length: float) -> None:
     path, robot = arm(tmp_path, f'<cylinder radius="{radius}" length="{length}"/>')
-    item = with_collision_geometry(robot, path).capsules[0]
+    body = with_collision_geometry(robot, path).bodies[0]
     turn = np.linspace(0, 2 * np.pi, 50)
     rim = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), np.full(50, length / 2)])
     points = np.concatenate([rim, rim * [1, 1, -1]]) @ rotation().T + [0.1, 0, 0.2]
-    assert depth(points, item).max() <= ROUNDING
+    assert depth(points, body).max() <= ROUNDING
+    local = (body.points - [0.1, 0, 0.2]) @ rotation()
+    assert np.hypot(local[:, 0], local[:, 1]).max() < 1.01 * radius
 
 
 def test_fixed_links_carry_their_shapes(tmp_path: Path) -> None:
     path, robot = arm(tmp_path)
-    (ball,) = with_collision_geometry(robot, path).capsules
+    (ball,) = with_collision_geometry(robot, path).bodies
     assert (ball.name, ball.link, ball.radius) == ("hand 1", 1, 0.05)
-    np.testing.assert_allclose(ball.start, [0, 0, 0.5], atol=1e-12)
+    np.testing.assert_allclose(ball.points[0], [0, 0, 0.5], atol=1e-12)
 
 
 def test_what_cannot_be_read_is_noted(tmp_path: Path) -> None:
     path, robot = arm(tmp_path, '<mesh filename="none.stl"/>', '<capsule radius="1"/>')
     found = with_collision_geometry(robot, path)
-    assert len(found.capsules) == 1
-    assert any("none.stl was not found" in note for note in found.capsule_notes)
-    assert any("no capsule for a capsule" in note for note in found.capsule_notes)
+    assert len(found.bodies) == 1
+    assert any("none.stl was not found" in note for note in found.body_notes)
+    assert any("no body for a capsule" in note for note in found.body_notes)
 
 
 @pytest.mark.parametrize(
@@ -94,8 +96,8 @@ def test_what_cannot_be_read_is_noted(tmp_path: Path) -> None:
 def test_broken_elements_are_noted_and_refuse_nothing(tmp_path: Path, shape: str) -> None:
     path, robot = arm(tmp_path, shape)
     found = with_collision_geometry(robot, path)
-    assert [item.name for item in found.capsules] == ["hand 1"]
-    (note,) = found.capsule_notes
+    assert [item.name for item in found.bodies] == ["hand 1"]
+    (note,) = found.body_notes
     assert note.startswith("link one: collision 1 is not judged")
 
 
@@ -104,8 +106,8 @@ def test_broken_meshes_are_noted(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "part.stl").write_bytes(content)
     path, robot = arm(tmp_path, '<mesh filename="part.stl"/>')
     found = with_collision_geometry(robot, path)
-    assert len(found.capsules) == 1
-    assert any("part.stl" in note for note in found.capsule_notes)
+    assert len(found.bodies) == 1
+    assert any("part.stl" in note for note in found.body_notes)
 
 
 def test_meshes_without_the_extra_are_noted_once(
@@ -114,51 +116,45 @@ def test_meshes_without_the_extra_are_noted_once(
     (tmp_path / "part.stl").write_bytes(b"solid")
     path, robot = arm(tmp_path, *['<mesh filename="part.stl"/>'] * 2)
     monkeypatch.setitem(sys.modules, "coal", None)
-    (note,) = with_collision_geometry(robot, path).capsule_notes
+    (note,) = with_collision_geometry(robot, path).body_notes
     assert note == "meshes of one are not judged: pip install 'dynid[collision]' reads them"
 
 
 def test_the_door_reads_them_unless_told_otherwise(tmp_path: Path) -> None:
     path, _ = arm(tmp_path)
-    assert load_robot(path).capsules
-    assert not load_robot(path, collision=False).capsules
+    assert load_robot(path).bodies
+    assert not load_robot(path, collision=False).bodies
     toml = tmp_path / "arm.toml"
     toml.write_text('urdf = "arm.urdf"\n')
-    assert [item.name for item in load_robot(toml).capsules] == ["hand 1"]
+    assert [item.name for item in load_robot(toml).bodies] == ["hand 1"]
     toml.write_text(
         'urdf = "arm.urdf"\n[[capsule]]\nname = "own"\nlink = "j"\n'
         "start = [0, 0, 0]\nend = [0, 0, 1]\nradius = 0.1\n"
     )
-    assert [item.name for item in load_robot(toml).capsules] == ["own"]
+    assert [item.name for item in load_robot(toml).bodies] == ["own"]
 
 
 def test_a_tip_keeps_its_numbers(tmp_path: Path) -> None:
     arm(tmp_path)
     toml = tmp_path / "arm.toml"
     toml.write_text('urdf = "arm.urdf"\ntip = "one"\n')
-    (ball,) = load_robot(toml).capsules
+    (ball,) = load_robot(toml).bodies
     assert ball.link == 1
-    np.testing.assert_allclose(ball.start, [0, 0, 0.5], atol=1e-12)
+    np.testing.assert_allclose(ball.points[0], [0, 0, 0.5], atol=1e-12)
 
 
 @given(
     points=arrays(np.float64, (8, 3, 3), elements=st.floats(-1, 1)),
     stretch=arrays(np.float64, 3, elements=st.sampled_from([0.0, 1e-3, 0.1, 1.0])),
 )
-@settings(max_examples=40, deadline=None)
-def test_every_triangle_is_in_capsules(points: np.ndarray, stretch: np.ndarray) -> None:
+@settings(max_examples=15, deadline=None)
+def test_every_triangle_is_in_one_body(points: np.ndarray, stretch: np.ndarray) -> None:
     faces = points * stretch
-    found = around_triangles(faces)
-    assert 1 <= len(found) <= 8
-    shares = np.random.default_rng(0).dirichlet(np.ones(3), 20)
-    inside = np.concatenate(
-        [faces.reshape(-1, 3), np.einsum("sk,tkx->tsx", shares, faces).reshape(-1, 3)]
-    )
-    items = [
-        Capsule(name="", link=1, start=start, end=end, radius=radius)
-        for start, end, radius in found
-    ]
-    assert np.min([depth(inside, item) for item in items], axis=0).max() <= ROUNDING
+    found = around_triangles(faces, steps=100)
+    assert 1 <= len(found) <= 3
+    far = np.array([beyond(faces.reshape(-1, 3), body) - radius for body, radius in found])
+    held = (far <= ROUNDING).reshape(len(found), -1, 3).all(axis=2)
+    assert held.any(axis=0).all()
 
 
 def rod(start: np.ndarray, end: np.ndarray, radius: float) -> np.ndarray:
@@ -172,36 +168,73 @@ def rod(start: np.ndarray, end: np.ndarray, radius: float) -> np.ndarray:
     return np.concatenate([first, np.stack([low[1:], high[1:], high[:-1]], axis=1)])
 
 
-def room(found: list[tuple[np.ndarray, np.ndarray, float]]) -> float:
-    return sum(
-        np.pi * r**2 * (float(np.linalg.norm(end - start)) + 4 / 3 * r) for start, end, r in found
-    )
-
-
-def test_a_straight_body_gets_one_capsule_and_not_a_larger_one_than_it_needs() -> None:
+def test_a_straight_part_gets_one_body_and_not_a_larger_one_than_it_needs() -> None:
     ends = np.array([[0.1, 0.2, -0.1], [0.5, -0.2, 0.4]])
-    ((start, end, radius),) = around_triangles(rod(*ends, 0.05))
-    length = float(np.linalg.norm(ends[1] - ends[0]))
-    assert 0.05 <= radius < 0.06
-    assert float(np.linalg.norm(end - start)) < 1.001 * length
-    assert room([(start, end, radius)]) < 1.25 * np.pi * 0.05**2 * length
+    ((points, radius),) = around_triangles(rod(*ends, 0.05))
+    turns = np.linspace(0, 2 * np.pi, 60)
+    across = np.linalg.svd((ends[1] - ends[0])[None])[2][1:]
+    ways = np.outer(np.cos(turns), across[0]) + np.outer(np.sin(turns), across[1])
+    reach = ((points - ends[0]) @ ways.T).max(axis=0) + radius
+    assert reach.min() > 0.049
+    assert reach.max() < 0.062
 
 
-def test_a_bent_body_is_halved_where_that_leaves_more_room() -> None:
+def test_a_bent_part_is_cut_where_that_leaves_more_room() -> None:
     corner = np.array([0.5, 0.0, 0.0])
     arms = [rod(np.zeros(3), corner, 0.04), rod(corner, np.array([0.5, 0.5, 0.0]), 0.04)]
     found = around_triangles(np.concatenate(arms))
-    tight = room([around_triangles(one)[0] for one in arms])
     assert len(found) > 1
-    assert room(found) < 2.5 * tight
+    inside = np.array([[0.25, 0.25, 0.0]])
+    assert all(beyond(inside, points)[0] > radius + 0.05 for points, radius in found)
+
+
+STL = """solid one
+facet normal 0 0 1
+outer loop
+vertex 0 0 0
+vertex 0.1 0 0
+vertex 0 0.2 0
+endloop
+endfacet
+endsolid one
+"""
+
+
+@pytest.mark.parametrize("where", ["beside", "above", "ament", "ros", "ros package", "given"])
+def test_meshes_are_found_as_ros_finds_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
+) -> None:
+    home = tmp_path / "ws" / "urdf"
+    home.mkdir(parents=True)
+    path, robot = arm(home, '<mesh filename="package://kit/meshes/part.stl"/>')
+    there = {
+        "beside": home / "meshes",
+        "above": tmp_path / "ws" / "kit" / "meshes",
+        "ament": tmp_path / "opt" / "share" / "kit" / "meshes",
+        "ros": tmp_path / "src" / "kit" / "meshes",
+        "ros package": tmp_path / "src" / "kit" / "meshes",
+        "given": tmp_path / "own",
+    }[where]
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{tmp_path / 'none'}:{tmp_path / 'opt'}")
+    roots = tmp_path / "src" / ("kit" if where == "ros package" else "")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(roots))
+    found = with_collision_geometry(robot, path, mesh_dirs=[tmp_path / "own"])
+    (note,) = found.body_notes
+    for place in ("opt/share/kit/meshes/part.stl", "own/part.stl", "--mesh-dir"):
+        assert place in note
+    there.mkdir(parents=True)
+    (there / "part.stl").write_text(STL)
+    found = with_collision_geometry(robot, path, mesh_dirs=[tmp_path / "own"])
+    assert not found.body_notes
+    assert len(found.bodies) == 2
 
 
 @needs_models
 def test_meshes_are_enclosed() -> None:
     path = DATA / "panda_description" / "urdf" / "panda.urdf"
     robot = load_robot(path)
-    assert {item.link for item in robot.capsules} == set(range(8))
-    assert not robot.capsule_notes
+    assert {item.link for item in robot.bodies} == set(range(8))
+    assert not robot.body_notes
     model = pin.buildModelFromUrdf(str(path))
     geometry = pin.buildGeomFromUrdf(
         model, str(path), pin.GeometryType.COLLISION, package_dirs=[str(DATA.parent.parent)]
@@ -211,5 +244,6 @@ def test_meshes_are_enclosed() -> None:
             continue
         corners = np.asarray(item.geometry.vertices())
         placed = corners @ item.placement.rotation.T + item.placement.translation
-        own = [capsule for capsule in robot.capsules if capsule.link == min(item.parentJoint, 7)]
-        assert np.min([depth(placed, capsule) for capsule in own], axis=0).max() <= ROUNDING
+        own = [body for body in robot.bodies if body.link == min(item.parentJoint, 7)]
+        corners = np.unique(placed, axis=0)
+        assert np.min([depth(corners, body) for body in own], axis=0).max() <= ROUNDING
