@@ -24,7 +24,7 @@ from dynid.robot.load import (
     robot_to_json,
     robots,
 )
-from dynid.robot.model import Capsule, Counterbalance, RobotModel
+from dynid.robot.model import Capsule, Counterbalance, RobotModel, Tool, with_tool
 from dynid.robot.tables import read_limited, shown, shown_path
 from dynid.robot.transforms import (
     from_axes,
@@ -47,6 +47,7 @@ __all__ = [
     "Capsule",
     "Counterbalance",
     "RobotModel",
+    "Tool",
     "find_trunk",
     "frame_map",
     "from_axes",
@@ -75,4 +76,5 @@ __all__ = [
     "to_pseudo_inertia",
     "translation",
     "with_mount",
+    "with_tool",
 ]
