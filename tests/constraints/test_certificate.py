@@ -174,7 +174,7 @@ def test_a_short_collision_between_samples_is_found() -> None:
     )  # fmt: skip
     off = dict.fromkeys(("torque", "power", "tcp_speed", "elbow_speed", "momentum"), False)
     judge = MotionConstraints(arm, ConstraintSettings(bounds=wide, **off))
-    assert certify(Spike(1.0003, 0.02, 1.0), judge).feasible
+    assert certify(Spike(1.0003, 0.02, 1.0), judge).holds
     hit = certify(Spike(1.0003, 0.02, 1.5), judge)
     assert hit.broken == ("self_collision",)
     assert hit.worst["self_collision"].t == pytest.approx(1.0003, abs=0.01)
@@ -185,9 +185,9 @@ def test_one_broken_limit_is_named(kind: str) -> None:
     robot = replace(load_robot("ur5"), bodies=())
     home = np.array([0.0, -1.2, 0.9, -1.2, -1.5, 0.0])
     series = random_excitation(robot.limits, seed=2, margin=0.3, offset=home)
-    judge = safe_constraints(robot)
+    judge = safe_constraints(robot, margin=0.0)
     before = certify(series, judge)
-    assert before.feasible
+    assert before.holds
     assert before.broken == ()
     safety, limits = robot.safety, robot.limits
     shrink = (1 - before.worst[kind].margin) * 0.995
@@ -201,7 +201,7 @@ def test_one_broken_limit_is_named(kind: str) -> None:
         )
     else:
         changed = replace(robot, limits=replace(limits, **{kind: getattr(limits, kind) * shrink}))
-    after = certify(series, safe_constraints(changed))
+    after = certify(series, safe_constraints(changed, margin=0.0))
     if kind == "torque":  # the anchors of friction shrink with the limits
         assert after.worst[kind].margin < before.worst[kind].margin
     else:
@@ -238,9 +238,12 @@ def test_json_has_the_keys_of_dynid_check() -> None:
     assert isinstance(document["feasible"], bool)
     for key in ("position", "velocity", "acceleration", "torque", "tcp_speed", "self_collision_m"):
         assert isinstance(document["margins"][key], float)
-    assert document["margins"]["environment_m"] is None
-    assert document["worst"]["velocity"].keys() == {"t", "joint", "value", "limit"}
-    assert document["worst"]["self_collision"].keys() == {"t", "bodies", "value", "limit"}
+    assert isinstance(document["margins"]["environment_m"], float)
+    assert document["worst"]["velocity"].keys() == {"t", "joint", "value", "limit", "required"}
+    assert document["worst"]["velocity"]["required"] == 0.05
+    assert document["worst"]["self_collision"].keys() == {
+        "t", "bodies", "value", "limit", "required",
+    }  # fmt: skip
 
 
 def test_a_motion_of_another_robot_is_refused() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from dynid.constraints import safe_constraints
 from dynid.core import InputError
-from dynid.robot import joint_poses, load_robot
+from dynid.robot import joint_poses, load_robot, with_tool
 
 MASS, COM = 4.0, np.array([0.02, -0.01, 0.08])
 CLOSE = 1e-9
@@ -31,7 +31,7 @@ def pinocchio_arm() -> tuple[pin.Model, np.ndarray]:
 
 def test_momentum_is_pinocchios_with_the_payload_on() -> None:
     robot = load_robot("ur5")
-    judge = safe_constraints(robot, collision=False, payload_mass=MASS, payload_com=COM)
+    judge = safe_constraints(with_tool(robot, payload=[MASS, *COM]), collision=False)
     model, place = pinocchio_arm()
     model.appendBodyToJoint(6, pin.Inertia(MASS, place, np.zeros((3, 3))), pin.SE3.Identity())
     data = model.createData()
@@ -60,7 +60,7 @@ def test_torque_at_rest_grows_by_the_payloads_weight() -> None:
     weight = MASS * -robot.gravity[2]
     expected = weight * (np.array(height[:6]) - np.array(height[6:])).T / (2 * step)
     bare, loaded = (
-        safe_constraints(robot, collision=False, payload_mass=mass, payload_com=COM)
+        safe_constraints(with_tool(robot, payload=[mass, *COM]), collision=False)
         for mass in (0.0, MASS)
     )
     assert bare.torque is not None
@@ -79,12 +79,13 @@ def test_torque_at_rest_grows_by_the_payloads_weight() -> None:
 def test_no_mass_changes_nothing_and_unknown_arms_stay_unjudged() -> None:
     robot = load_robot("ur5")
     bare = replace(robot, inertias=np.full((6, 10), np.nan))
-    judge = safe_constraints(bare, collision=False, payload_mass=MASS, payload_com=COM)
+    judge = safe_constraints(with_tool(bare, payload=[MASS, *COM]), collision=False)
     assert judge.torque is None
     assert "momentum" not in judge.points
+    assert {item.kind for item in judge.unjudged} == {"torque", "power", "momentum"}
 
 
 @pytest.mark.parametrize("mass", [-1.0, np.nan, np.inf, 1e6])
 def test_a_mass_that_cannot_be_is_refused(mass: float) -> None:
-    with pytest.raises(InputError, match="mass of the payload"):
-        safe_constraints(load_robot("ur5"), payload_mass=mass)
+    with pytest.raises(InputError, match="payload's mass"):
+        with_tool(load_robot("ur5"), payload=[mass, 0, 0, 0])

@@ -168,7 +168,7 @@ def test_what_hardly_reaches_a_wall_is_still_judged_against_it() -> None:
     # Of the poses tried none comes nearer than 7 mm to a wall that is 1 mm within reach.
     x, y = np.cos(turn), np.sin(turn)
     wall = {"type": "wall", "point": [0.499 * x, 0.499 * y, 0], "normal": [-x, -y, 0]}
-    judge = safe_constraints(arm, scene(wall), acceleration=10.0)
+    judge = safe_constraints(arm, scene(wall), acceleration=10.0, floor="none")
     usage = judge.usage(pointing, still, still)
     assert not usage.feasible
     assert usage.distance("environment") < 0.01

@@ -12,14 +12,13 @@ from dynid.core import InputError, JobError
 from dynid.drivers import ControllerState
 from dynid.experiment import (
     ExperimentPlan,
-    Payload,
     check_design,
     check_robot,
     plan_approach,
     require_ready,
 )
 from dynid.experiment.preflight import Check
-from dynid.robot import load_robot
+from dynid.robot import load_robot, with_tool
 from dynid.trajectory.fourier import rest_series
 
 UR5 = load_robot("ur5")
@@ -73,6 +72,7 @@ def test_a_robot_that_is_ready_passes() -> None:
         ({"speed_fraction": 0.8}, "speed slider"),
         ({"target_qd": np.full(6, 0.1)}, "at rest"),
         ({"payload": 1.2}, "payload"),
+        ({"tcp_offset": np.array([0.0, 0.0, 0.15])}, "tool"),
     ],
 )
 def test_each_thing_alone_keeps_it_from_moving(changes: dict[str, object], name: str) -> None:
@@ -98,7 +98,7 @@ def test_an_e_series_robot_needs_an_e_series_controller() -> None:
 
 
 def test_the_payload_asked_for_must_be_set_with_its_centre() -> None:
-    plan = replace(PLAN, payload=Payload(mass=1.2, com=(0.0, 0.0, 0.05)))
+    plan = replace(PLAN, robot=with_tool(UR5, payload=[1.2, 0.0, 0.0, 0.05]))
     assert failed(READY, plan) == ["payload"]
     held = replace(READY, payload=1.2, payload_cog=np.array([0.0, 0.0, 0.05]))
     assert failed(held, plan) == []
@@ -119,3 +119,18 @@ def test_a_design_beyond_the_limits_is_refused() -> None:
 def test_a_way_to_the_start_beyond_the_limits_is_refused() -> None:
     far = replace(READY, q=PLAN.start + np.array([0, 0, 0, 0, 0, 9.0]))
     assert failed(far) == ["way to the start"]
+
+
+def test_what_cannot_be_judged_must_be_accepted_by_name() -> None:
+    bare = safe_constraints(replace(UR5, bodies=()))
+    with pytest.raises(InputError, match=r"cannot be judged.*--accept-unjudged"):
+        check_design(PLAN, bare)
+    with pytest.raises(InputError, match="environment cannot be judged"):
+        check_design(PLAN, bare, ("self_collision",))
+    assert check_design(PLAN, bare, ("self_collision", "environment")).verdict == "unjudged"
+
+
+def test_the_tool_is_compared_with_the_controllers() -> None:
+    plan = replace(PLAN, robot=with_tool(UR5, tcp=[0.0, 0.0, 0.15]))
+    assert failed(replace(READY, tcp_offset=np.array([0.0, 0.0, 0.15])), plan) == []
+    assert failed(replace(READY, tcp_offset=np.zeros(3)), plan) == ["tool"]

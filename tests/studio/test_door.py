@@ -11,18 +11,17 @@ from dynid.studio.server import cookie_name, make_door, open_server, rule
 
 TOKEN = "correct-horse-battery"
 HOME = {"host": "127.0.0.1:8080"}
+KNOWN = HOME | {"cookie": f"{cookie_name(8080)}={TOKEN}"}
 
 
-def test_only_this_machine_comes_in_without_a_token() -> None:
-    assert make_door("127.0.0.1", None).token is None
+def test_nobody_comes_in_without_a_token() -> None:
     assert make_door("localhost", None).host == "127.0.0.1"
-    assert make_door("::1", None).token is None
-    for host in ("0.0.0.0", "192.168.0.7", "::"):
+    for host in ("127.0.0.1", "::1", "0.0.0.0", "192.168.0.7", "::"):
         first, second = make_door(host, None).token, make_door(host, None).token
-        assert first is not None
         assert len(first) >= 24
         assert first != second
         assert make_door(host, TOKEN).url(8080).endswith(f":8080/?token={TOKEN}")
+    assert rule(make_door("127.0.0.1", None), 8080, "/", HOME).status == 403
 
 
 @pytest.mark.parametrize(
@@ -40,12 +39,12 @@ def test_what_is_no_address_is_refused() -> None:
 
 
 def test_pages_of_other_sites_may_not_ask() -> None:
-    door = make_door("127.0.0.1", None)
-    assert rule(door, 8080, "/", HOME).status == 200
-    own = HOME | {"origin": "http://127.0.0.1:8080"}
+    door = make_door("127.0.0.1", TOKEN)
+    assert rule(door, 8080, "/", KNOWN).status == 200
+    own = KNOWN | {"origin": "http://127.0.0.1:8080"}
     assert rule(door, 8080, "/", own).status == 200
     for origin in ("http://evil.example", "null", "http://127.0.0.1:9", "https://x@127.0.0.1"):
-        assert rule(door, 8080, "/", HOME | {"origin": origin}).status == 403
+        assert rule(door, 8080, "/", KNOWN | {"origin": origin}).status == 403
     # A name of the attacker's that was made to point at this machine.
     for host in ("evil.example:8080", "127.0.0.1.evil.example", "", "[::1"):
         found = rule(door, 8080, "/", {"host": host, "origin": f"http://{host}"})
@@ -104,7 +103,15 @@ def test_the_server_itself_keeps_the_door(guarded: Any) -> None:
     assert status == 200
     assert b"<title>dynid studio</title>" in page
     assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
+    assert "object-src 'none'" in headers["Content-Security-Policy"]
     assert ask(port, "/", Cookie=cookie, **upgrade)[0] == 101
+    # What asks for no encoding gets the page, too.
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
+    connection.putrequest("GET", "/", skip_accept_encoding=True)
+    connection.putheader("Cookie", cookie)
+    connection.endheaders()
+    assert connection.getresponse().status == 200
+    connection.close()
     elsewhere = {"Origin": "http://evil.example"}
     assert ask(port, "/", Cookie=cookie, **upgrade, **elsewhere)[0] == 403
 

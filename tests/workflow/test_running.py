@@ -8,6 +8,7 @@ import os
 import signal
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +19,14 @@ from dynid.recording import read_record
 from dynid.robot import load_robot
 from dynid.trajectory import write_trajectory
 from dynid.trajectory.fourier import rest_series
-from dynid.workflow import RunSettings, parse_payload, parse_thermal, run_design
+from dynid.workflow import (
+    RunSettings,
+    parse_floor,
+    parse_payload,
+    parse_thermal,
+    parse_tool,
+    run_design,
+)
 
 UR5 = load_robot("ur5")
 PERIOD, CYCLES = 2.0, 250
@@ -147,7 +155,7 @@ def test_ctrl_c_keeps_the_record(
     assert record.samples == data["samples"]
     assert 10 < record.samples < 100 * CYCLES
     assert record.metadata.extra["aborted"] == "it was interrupted"
-    assert [notice.code for notice in record.problems] == ["truncated_file"]
+    assert [finding.kind for finding in record.problems] == ["aborted"]
 
 
 def test_a_run_that_is_stopped_at_once_leaves_nothing(design: Path, tmp_path: Path) -> None:
@@ -184,6 +192,7 @@ def test_a_full_disk_keeps_what_fitted(
     assert len(message.strip().splitlines()) == 1
     record = read_record(path)
     assert 100 < record.samples <= room / (8 * 50)
+    assert f"{record.samples} samples are kept in {path}" in message
 
 
 def test_a_disk_that_refuses_the_end_loses_no_rows(
@@ -202,6 +211,45 @@ def test_a_disk_that_refuses_the_end_loses_no_rows(
     with pytest.raises(JobError, match=r"No space left.*250 samples are kept"):
         run.raise_if_aborted()
     assert read_record(path).samples == CYCLES
+
+
+def test_nothing_is_replaced_unasked(design: Path, tmp_path: Path) -> None:
+    path, cancel = tmp_path / "run.parquet", threading.Event()
+    run_design(design, path, settings=RunSettings(repeat=1))
+    before = path.read_bytes()
+    with pytest.raises(InputError, match=r"exists.*--force"):
+        run_design(design, path, settings=RunSettings(repeat=1, seed=1))
+    assert path.read_bytes() == before
+    forced = RunSettings(repeat=1, seed=1, force=True)
+    assert run_design(design, path, settings=forced).record == path
+    after = path.read_bytes()
+    assert after != before
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["run.parquet", "run_truth.json"]
+
+    def stop(what: str, share: float) -> None:
+        if what and share > 0.3:
+            cancel.set()
+
+    long = RunSettings(repeat=20, force=True)
+    run = run_design(design, path, settings=long, cancel=cancel, progress=stop)
+    assert run.record == tmp_path / "run.aborted-1.parquet"
+    assert path.read_bytes() == after
+    record = read_record(run.record)
+    assert record.samples == run.result.outcome.samples > 10
+    assert [finding.kind for finding in record.problems] == ["aborted"]
+    # The truth alone is a file too.
+    path.unlink()
+    with pytest.raises(InputError, match="run_truth"):
+        run_design(design, path)
+
+
+def test_a_disk_without_room_is_seen_before_anything_moves(
+    design: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("shutil.disk_usage", lambda _: SimpleNamespace(free=1_200_000))
+    with pytest.raises(JobError, match="no room"):
+        run_design(design, tmp_path / "run.parquet", settings=RunSettings(repeat=5))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_bad_settings_are_refused(design: Path, tmp_path: Path) -> None:
@@ -259,9 +307,19 @@ def test_bad_usage_is_one_line_and_exit_2(
 def test_words_of_the_command_line() -> None:
     assert parse_thermal("cold") == "cold"
     assert parse_thermal("31.5") == 31.5
-    assert parse_payload(None).mass == 0.0
-    payload = parse_payload("1.5,0,0.01,0.05")
-    assert (payload.mass, payload.com) == (1.5, (0.0, 0.01, 0.05))
+    assert parse_payload(None) is None
+    assert parse_payload("1.5,0,0.01,0.05") == (1.5, 0.0, 0.01, 0.05)
+    assert parse_payload("2") == (2.0, 0.0, 0.0, 0.0)
+    assert (parse_floor("none"), parse_floor("-0.8"), parse_floor(None)) == ("none", -0.8, None)
+    assert parse_tool("0,0,0.3") == (0.0, 0.0, 0.3)
+    for text in ("0,0", "a,b,c", "0,0,inf"):
+        with pytest.raises(InputError, match="--tool"):
+            parse_tool(text)
+    with pytest.raises(InputError, match="--floor"):
+        parse_floor("low")
+    with pytest.raises(InputError, match="--accept-unjudged"):
+        RunSettings(accept_unjudged=("everything",))
+    assert RunSettings(accept_unjudged=("self-collision",)).accept_unjudged == ("self_collision",)
     for text in ("-1", "1,2", "1,2,3,nan", "inf", ""):
         with pytest.raises(InputError, match="payload"):
             parse_payload(text)

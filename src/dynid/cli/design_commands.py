@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dynid.cli.options import Interrupted, JsonFlag, SeedOption, examples
+from dynid.cli.options import (
+    ClearanceOption,
+    FloorOption,
+    Interrupted,
+    JsonFlag,
+    MarginOption,
+    PayloadOption,
+    SeedOption,
+    ToolOption,
+    examples,
+)
 from dynid.cli.output import number, print_table
 
 if TYPE_CHECKING:
@@ -31,14 +41,15 @@ def print_certificate(screen: Console, data: Mapping[str, Any]) -> None:
         kind = key.removesuffix("_m")
         worst = data["worst"].get(kind)
         if worst is None:
-            rows.append((kind.replace("_", " "), "not judged", "-", "-", ""))
+            rows.append((kind.replace("_", " "), "not judged", "", "-", "-", ""))
             continue
         left = f"{1000 * margin:.1f} mm apart" if key.endswith("_m") else f"{100 * margin:.1f} %"
-        time = worst["t"]
+        time, least = worst["t"], worst["required"]
         rows.append(
             (
                 kind.replace("_", " "),
                 left,
+                f"{1000 * least:.3g} mm" if key.endswith("_m") else f"{100 * least:.3g} %",
                 number(worst["limit"]),
                 "-" if time is None else f"{time:.2f}",
                 str(worst.get("joint") or worst.get("bodies") or ""),
@@ -47,10 +58,12 @@ def print_certificate(screen: Console, data: Mapping[str, Any]) -> None:
     print_table(
         screen,
         "What is left of each limit",
-        ("limit", "left", "limit [SI]", "at [s]", "where"),
+        ("limit", "left", "asked", "limit [SI]", "at [s]", "where"),
         rows,
-        words=(0, 4),
+        words=(0, 5),
     )
+    for item in data["unjudged"]:
+        screen.print(f"- unjudged: {item['kind']}: {item['message']}. {item['next_step']}")
     for note in data["notes"]:
         screen.print(f"- {note}.")
 
@@ -141,6 +154,11 @@ def _design(
     no_collision: Annotated[
         bool, typer.Option("--no-collision", help="Do not look at collisions.")
     ] = False,
+    floor: FloorOption = None,
+    tool: ToolOption = None,
+    payload: PayloadOption = None,
+    margin: MarginOption = None,
+    clearance: ClearanceOption = None,
     start: Annotated[
         str | None,
         typer.Option(metavar="Q1,..,QN", help="Pose at both ends; not for --trajectory fourier."),
@@ -182,7 +200,14 @@ def _design(
 ) -> int:
     """Optimal excitation trajectory, certified (paper 2.2)."""
     from dynid.cli.output import check_output, print_json, progress_bar
-    from dynid.workflow import DesignSettings, design, export_motion
+    from dynid.workflow import (
+        DesignSettings,
+        design,
+        export_motion,
+        parse_floor,
+        parse_payload,
+        parse_tool,
+    )
 
     inputs = [path for path in (scene, *(previous or ()), *(motion or ())) if path is not None]
     check_output(output, inputs=inputs, suffix=".json")
@@ -208,6 +233,11 @@ def _design(
         limits=limits,
         scene=None if scene is None else str(scene),
         collision=not no_collision,
+        floor=parse_floor(floor),
+        tool=parse_tool(tool),
+        payload=parse_payload(payload),
+        margin_percent=margin,
+        clearance=clearance,
         frames=frames,
         mount=mount,
         terms=terms,
@@ -226,14 +256,15 @@ def _design(
     if json:
         print_json(data)
     else:
-        _show(data, output)
+        _show(data, output, found.certificate.headline)
     for name in settings.unused:
         print(f"dynid: {name} is not used by --method {method}", file=sys.stderr)
     if found.interrupted:
         raise Interrupted(f"interrupted; the best design so far is in {output}")
+    certificate = found.certificate
     if not found.feasible:
-        broken = ", ".join(found.certificate.broken)
-        print(f"dynid: {output} is NOT feasible: {broken}. Do not run it.", file=sys.stderr)
+        print(f"dynid: {output} is {certificate.headline}. Do not run it.", file=sys.stderr)
+    if not certificate.holds:
         return 1
     if found.findings and not accept_weak:
         for item in found.findings:
@@ -268,11 +299,10 @@ def _numbers(text: str | None, where: str) -> tuple[float, ...] | None:
         ) from error
 
 
-def _show(data: Mapping[str, Any], output: Path) -> None:
+def _show(data: Mapping[str, Any], output: Path, verdict: str) -> None:
     from dynid.cli.output import console, count, number
 
     screen = console()
-    verdict = "feasible" if data["feasible"] else "NOT feasible"
     state = ", interrupted: the best so far" if data["interrupted"] else ""
     runs = f"{data['repetitions']} x " if data["repetitions"] > 1 else ""
     screen.print(
@@ -339,14 +369,29 @@ def _check(
             metavar="floor|wall|ceiling|tilt:DEG", help="Mounting; default: the design's."
         ),
     ] = None,
+    floor: FloorOption = None,
+    tool: ToolOption = None,
+    payload: PayloadOption = None,
+    margin: MarginOption = None,
+    clearance: ClearanceOption = None,
     json: JsonFlag = False,
 ) -> int:
     """Certify limits and collisions, between samples too."""
     from dynid.cli.output import print_json
-    from dynid.workflow import check
+    from dynid.workflow import check, parse_floor, parse_payload, parse_tool
 
     result = check(
-        design, limits=limits, scene=scene, collision=not no_collision, robot=robot, mount=mount
+        design,
+        limits=limits,
+        scene=scene,
+        collision=not no_collision,
+        robot=robot,
+        mount=mount,
+        floor=parse_floor(floor),
+        tool=parse_tool(tool),
+        payload=parse_payload(payload),
+        margin_percent=margin,
+        clearance=clearance,
     )
     if json:
         print_json(result.to_json())
@@ -360,8 +405,10 @@ def _check_show(result: Check) -> None:
 
     data = result.to_json()
     screen = console()
-    verdict = "feasible" if result.feasible else f"NOT feasible: {', '.join(data['broken'])}"
+    verdict = result.certificate.headline
     screen.print(f"{data['robot']}, {data['duration_s']:g} s: {verdict}", style="bold")
+    if (said := result.design.describe_digest()) is not None:
+        screen.print(f"{said}; certified anew")
     if data["designed_for"] not in (None, data["limits"]):
         screen.print(f"designed with --limits {data['designed_for']}, held to {data['limits']}")
     print_certificate(screen, data)

@@ -67,6 +67,28 @@ def parse_gains(text: str | None) -> tuple[float, ...] | None:
         ) from error
 
 
+FloorOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="HEIGHT|none",
+        help="Floor, wall or ceiling, in the base frame [m]. [default: the mounting plane]",
+    ),
+]
+ToolOption = Annotated[
+    str | None, typer.Option(metavar="X,Y,Z", help="Tool point in the flange's frame [m].")
+]
+PayloadOption = Annotated[
+    str | None, typer.Option(metavar="KG[,X,Y,Z]", help="Mass at the flange [kg], its centre [m].")
+]
+MarginOption = Annotated[
+    float | None,
+    typer.Option(metavar="PERCENT", help="Kept free of speed, torque and power. [default: 5]"),
+]
+ClearanceOption = Annotated[
+    float | None, typer.Option(metavar="M", help="Smallest distance of bodies [m]. [default: 0.01]")
+]
+
+
 def examples(*lines: str) -> str:
     """The end of a help page: command lines to copy."""
     return "\b\nExample:\n" + "\n".join(f"  {line}" for line in lines)

@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dynid.cli.options import GainsOption, JsonFlag, SeedOption, examples, parse_gains
+from dynid.cli.options import (
+    FloorOption,
+    GainsOption,
+    JsonFlag,
+    PayloadOption,
+    SeedOption,
+    ToolOption,
+    examples,
+    parse_gains,
+)
 from dynid.core import InputError, MissingExtraError
 
 if TYPE_CHECKING:
@@ -62,16 +71,30 @@ def _run(
     scene: Annotated[
         str | None, typer.Option(metavar="SCENE.json", help="Surroundings, if not the design's.")
     ] = None,
-    payload: Annotated[
-        str | None, typer.Option(metavar="KG[,X,Y,Z]", help="Mass [kg] and its centre [m].")
+    floor: FloorOption = None,
+    tool: ToolOption = None,
+    payload: PayloadOption = None,
+    accept_unjudged: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KIND", help="Move though this cannot be judged, as self-collision."),
     ] = None,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace the recording if it exists.")
+    ] = False,
     seed: SeedOption = 0,
     json: JsonFlag = False,
 ) -> None:
     """Execute a design and record it (paper 2.2, 3)."""
     from dynid.cli.output import check_output, print_json, progress_bar
     from dynid.experiment import stop_on_signals
-    from dynid.workflow import RunSettings, parse_payload, parse_thermal, run_design
+    from dynid.workflow import (
+        RunSettings,
+        parse_floor,
+        parse_payload,
+        parse_thermal,
+        parse_tool,
+        run_design,
+    )
 
     settings = RunSettings(
         repeat=repeat,
@@ -84,7 +107,11 @@ def _run(
         robot=robot,
         mount=mount,
         scene=scene,
+        floor=parse_floor(floor),
+        tool=parse_tool(tool),
         payload=parse_payload(payload),
+        accept_unjudged=tuple(accept_unjudged or ()),
+        force=force,
     )
     check_output(output, inputs=[design], suffix=".parquet")
     with stop_on_signals() as cancel, progress_bar("run") as progress:
@@ -97,6 +124,8 @@ def _run(
             cancel=cancel,
             progress=progress,
         )
+    if (said := result.design.describe_digest()) is not None and result.design.changed:
+        print(f"dynid: {design}: {said}", file=sys.stderr)
     if json:
         print_json(result.to_json())
     elif result.abort is None:

@@ -131,7 +131,7 @@ def _studio(
     ] = None,
     host: Annotated[
         str,
-        typer.Option(metavar="ADDRESS", help="Where to listen; a token guards all but 127.x."),
+        typer.Option(metavar="ADDRESS", help="Where to listen."),
     ] = "127.0.0.1",
     port: Annotated[
         int | None,

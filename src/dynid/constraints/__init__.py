@@ -3,8 +3,10 @@
 from dynid.constraints.certificate import Certificate, certify
 from dynid.constraints.collision import Bodies
 from dynid.constraints.dynamic import prior_dynamics
-from dynid.constraints.limits import DISTANCES, RATIOS, Worst
+from dynid.constraints.limits import DISTANCES, RATIOS, Unjudged, Worst
 from dynid.constraints.motion import (
+    CLEARANCE,
+    MARGIN,
     PRESETS,
     MotionConstraints,
     paper_constraints,
@@ -13,6 +15,7 @@ from dynid.constraints.motion import (
 from dynid.constraints.scene import (
     BOX,
     CYLINDER,
+    FLOORS,
     HALF_SPACE,
     SPHERE,
     ConstraintSettings,
@@ -24,9 +27,12 @@ from dynid.constraints.scene import (
 
 __all__ = [
     "BOX",
+    "CLEARANCE",
     "CYLINDER",
     "DISTANCES",
+    "FLOORS",
     "HALF_SPACE",
+    "MARGIN",
     "PRESETS",
     "RATIOS",
     "SPHERE",
@@ -36,6 +42,7 @@ __all__ = [
     "MotionConstraints",
     "Scene",
     "Shape",
+    "Unjudged",
     "Worst",
     "body_of",
     "certify",

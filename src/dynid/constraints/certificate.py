@@ -10,6 +10,7 @@ dense, not proven; `proven` says which kinds are.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,7 +18,14 @@ import numpy as np
 
 from dynid.constraints.collision import Bodies
 from dynid.constraints.extremes import Extremes, Least, dense_times, extremes, least_value
-from dynid.constraints.limits import MovingPoints, Worst, bound_ratios, margins_of
+from dynid.constraints.limits import (
+    MovingPoints,
+    Unjudged,
+    Worst,
+    bound_ratios,
+    left_over,
+    margins_of,
+)
 from dynid.constraints.motion import MotionConstraints
 from dynid.core import Array, InputError
 from dynid.trajectory import Trajectory
@@ -33,8 +41,6 @@ _INTERVALS_HZ = 50.0
 class Certificate:
     """The verdict on one motion."""
 
-    feasible: bool
-    """No limit is broken and no clearance missed, at any time."""
     worst: dict[str, Worst]
     """Kind to its guaranteed margin, and where it is smallest."""
     proven: tuple[str, ...]
@@ -42,7 +48,42 @@ class Certificate:
     hold the links. The others are dense samples with an allowance, or leave something out, which
     the notes say."""
     notes: tuple[str, ...]
-    """What is not judged, and what was assumed."""
+    """What was assumed."""
+    unjudged: tuple[Unjudged, ...] = ()
+    """What was asked for and could not be judged."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether no limit that is judged is broken and no clearance missed, at any time."""
+        return not self.broken
+
+    @property
+    def verdict(self) -> str:
+        """`violated`, `unjudged` where something asked for could not be judged, or `certified`."""
+        if not self.holds:
+            return "violated"
+        return "unjudged" if self.unjudged else "certified"
+
+    @property
+    def feasible(self) -> bool:
+        """Whether everything asked for was judged and holds."""
+        return self.verdict == "certified"
+
+    @property
+    def headline(self) -> str:
+        """The verdict in words."""
+        match self.verdict:
+            case "violated":
+                return f"NOT feasible: {', '.join(self.broken)}"
+            case "unjudged":
+                kinds = dict.fromkeys(item.kind for item in self.unjudged)
+                return f"NOT certified: {', '.join(kinds)} unjudged"
+            case _:
+                return "certified, feasible"
+
+    def allows(self, accepted: Collection[str]) -> bool:
+        """Whether it holds, and only kinds that are accepted are unjudged."""
+        return self.holds and all(item.kind in accepted for item in self.unjudged)
 
     @property
     def margins(self) -> dict[str, float | None]:
@@ -58,7 +99,9 @@ class Certificate:
     def to_json(self) -> dict[str, Any]:
         """The form that `dynid check --json` prints."""
         return {
+            "certificate": self.verdict,
             "feasible": self.feasible,
+            "unjudged": [item.to_json() for item in self.unjudged],
             "margins": self.margins,
             "worst": {
                 kind: item.to_json()
@@ -124,18 +167,20 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
         worst[kind] = _settled(worst[kind], found, found.value)
         proven += [kind] if ends.proven and around.complete[kind] else []
     return Certificate(
-        feasible=all(item.room >= -ROUNDING for item in worst.values()),
         worst=worst,
         proven=tuple(kind for kind in proven if math.isfinite(worst[kind].margin)),
         notes=constraints.notes,
+        unjudged=constraints.unjudged,
     )
 
 
 def _settled(before: Worst, found: Least, value: float) -> Worst:
     """The worst of samples and search, with the search's bound for its margin."""
-    if found.value < before.margin:
+    # Shares are sought of what the limit is less its margin.
+    free = 0.0 if before.distance else before.required
+    if left_over(1.0 - found.value, free) < before.margin:
         before = replace(before, t=found.t, value=value)
-    return replace(before, margin=min(found.bound, before.margin))
+    return replace(before, margin=min(left_over(1.0 - found.bound, free), before.margin))
 
 
 def _between_samples(
@@ -149,7 +194,8 @@ def _between_samples(
     ):
         item = worst[kind]
         if math.isfinite(item.margin):
-            worst[kind] = replace(item, margin=min(item.margin, 1.0 - float(ratio.max())))
+            least = left_over(float(ratio.max()), item.required)
+            worst[kind] = replace(item, margin=min(item.margin, least))
 
 
 def _add_allowance(
@@ -165,7 +211,7 @@ def _add_allowance(
         if math.isfinite(item.margin):
             bow = np.zeros(values.shape)
             bow[1:-1] = np.abs(values[2:] - 2 * values[1:-1] + values[:-2]) / 4
-            least = 1.0 - float(np.nanmax((values + bow) / limit))
+            least = left_over(float(np.nanmax((values + bow) / limit)), item.required)
             worst[kind] = replace(item, margin=min(item.margin, least))
 
 

@@ -133,14 +133,31 @@ def _norms(
     return total
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unjudged:
+    """Something asked for that could not be judged."""
+
+    kind: str
+    """One of `RATIOS` or `DISTANCES`."""
+    message: str
+    """What is missing."""
+    next_step: str
+    """What to give."""
+
+    def to_json(self) -> dict[str, str]:
+        """The form that `--json` prints."""
+        return {"kind": self.kind, "message": self.message, "next_step": self.next_step}
+
+
 def judged_points(
-    robot: RobotModel, settings: ConstraintSettings, notes: list[str]
+    robot: RobotModel, settings: ConstraintSettings, unjudged: list[Unjudged]
 ) -> dict[str, tuple[MovingPoints, float]]:
-    """Kind to its points and its limit [m/s or kg.m/s], for the kinds that are held."""
+    """Kind to its points and the limit they are held to [m/s or kg.m/s], where one is known."""
     arm, safety = arm_geometry(robot), robot.safety
+    share = 1.0 - settings.margin
     found: dict[str, tuple[MovingPoints, float]] = {}
     if settings.tcp_speed and not math.isnan(safety.tcp_speed):
-        tool = robot.flange[:3, :3] @ settings.tcp + robot.flange[:3, 3]
+        tool = robot.flange[:3, :3] @ robot.tool.tcp + robot.flange[:3, 3]
         found["tcp_speed"] = (
             MovingPoints(
                 arm=arm,
@@ -148,7 +165,7 @@ def judged_points(
                 points=read_only(tool[None].copy()),
                 weights=read_only(np.ones(1)),
             ),
-            safety.tcp_speed,
+            share * safety.tcp_speed,
         )
     if settings.elbow_speed and not math.isnan(safety.elbow_speed) and safety.elbow:
         place = robot.parameter_frames["urdf"][safety.elbow - 1, :3, 3]
@@ -159,12 +176,12 @@ def judged_points(
                 points=read_only(place[None].copy()),
                 weights=read_only(np.ones(1)),
             ),
-            safety.elbow_speed,
+            share * safety.elbow_speed,
         )
     if settings.momentum and not math.isnan(safety.momentum):
         known = robot.inertias[:, :4]
         if np.isnan(known).any():
-            notes.append("momentum is not judged: a mass or centre of mass is unknown")
+            unjudged.append(unknown_masses("momentum"))
             return found
         heavy = np.flatnonzero(known[:, 0] > 0)
         if len(heavy):
@@ -175,9 +192,18 @@ def judged_points(
                     points=read_only(known[heavy, 1:] / known[heavy, :1]),
                     weights=read_only(known[heavy, 0].copy()),
                 ),
-                safety.momentum,
+                share * safety.momentum,
             )
     return found
+
+
+def unknown_masses(kind: str) -> Unjudged:
+    """That a kind needs masses which the robot does not give."""
+    return Unjudged(
+        kind=kind,
+        message="a mass or centre of mass is unknown",
+        next_step="Give [inertia] in a robot file.",
+    )
 
 
 RATIOS = (
@@ -203,15 +229,15 @@ class Worst:
     """The quantity itself [SI]."""
     limit: float = math.nan
     """Its limit [SI]."""
+    required: float = 0.0
+    """What the margin must not fall below: the clearance of a distance [m], else a share."""
     distance: bool = False
     """Whether it is a distance, which must not fall below its limit."""
 
     @property
     def room(self) -> float:
-        """What is left: the margin, less the clearance of a distance; infinite if not judged."""
-        if math.isnan(self.margin):
-            return math.inf
-        return self.margin - self.limit if self.distance else self.margin
+        """The margin less what it must be; infinite if not judged."""
+        return math.inf if math.isnan(self.margin) else self.margin - self.required
 
     def to_json(self) -> dict[str, Any]:
         """The form that `--json` prints."""
@@ -221,6 +247,7 @@ class Worst:
             **({key: self.what} if self.what else {}),
             "value": _known(self.value),
             "limit": _known(self.limit),
+            "required": self.required,
         }
 
 
@@ -248,6 +275,11 @@ class Usage:
     def margins(self) -> dict[str, float | None]:
         """The margins as `--json` prints them; null where not judged."""
         return margins_of(self.worst)
+
+
+def left_over(ratio: float, free: float) -> float:
+    """The share left of a limit of which `free` is kept free, where `ratio` of the rest is used."""
+    return 1.0 - (1.0 - free) * ratio
 
 
 def margins_of(worst: dict[str, Worst]) -> dict[str, float | None]:
@@ -293,25 +325,47 @@ def bound_violation(
     return total, slopes[0], slopes[1], slopes[2]
 
 
-def bound_notes(robot: RobotModel, bounds: MotionBounds) -> list[str]:
-    """What the robot does not say of its bounds, in words: what is unknown does not bind."""
-    notes: list[str] = []
+def bound_notes(robot: RobotModel, bounds: MotionBounds, unjudged: list[Unjudged]) -> list[str]:
+    """What was assumed of the bounds, in words; what is unknown does not bind and is `unjudged`."""
+    free = np.isinf(bounds.velocity)
+    if free.any():
+        unjudged.append(unknown_limit(robot, "velocity", free))
     unknown = np.isnan(robot.limits.lower) | np.isnan(robot.limits.upper)
     taken = unknown & np.isfinite(bounds.lower) & np.isfinite(bounds.upper)
-    if taken.any():
-        low, high = float(bounds.lower[taken].min()), float(bounds.upper[taken].max())
-        notes.append(
-            f"no position limits are known of {_joints(robot, taken)}: taken as {low:.4g} to"
-            f" {high:.4g}"
-        )
-    for name, values in (("velocity", bounds.velocity), ("acceleration", bounds.acceleration)):
-        free = np.isinf(values)
-        if free.any():
-            notes.append(
-                f"{name} is not judged of {_joints(robot, free)}: no limit is known ([limits] in a"
-                " robot file)"
-            )
-    return notes
+    if not taken.any():
+        return []
+    low, high = float(bounds.lower[taken].min()), float(bounds.upper[taken].max())
+    names = _joints(robot, taken)
+    return [f"no position limits are known of {names}: taken as {low:.4g} to {high:.4g}"]
+
+
+def acceleration_notes(
+    robot: RobotModel, bounds: MotionBounds, torque: Mask, unjudged: list[Unjudged]
+) -> list[str]:
+    """How accelerations without a limit of their own are held: by the torque limits, or not.
+
+    Args:
+        robot: The robot.
+        bounds: Infinite where there is no limit.
+        torque: (n) whether a joint's torque is judged.
+        unjudged: Told of joints where nothing limits the acceleration.
+    """
+    free = np.isinf(bounds.acceleration)
+    if (free & ~torque).any():
+        unjudged.append(unknown_limit(robot, "acceleration", free & ~torque))
+    if not (free & torque).any():
+        return []
+    names = _joints(robot, free & torque)
+    return [f"no acceleration limit is known of {names}: only the torque limits hold there"]
+
+
+def unknown_limit(robot: RobotModel, kind: str, which: Mask) -> Unjudged:
+    """That the robot gives no limit of a kind for some joints."""
+    return Unjudged(
+        kind=kind,
+        message=f"no {kind} limit is known of {_joints(robot, which)}",
+        next_step=f"Give [limits] {kind} in a robot file.",
+    )
 
 
 def _joints(robot: RobotModel, which: Mask) -> str:

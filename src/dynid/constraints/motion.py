@@ -11,20 +11,25 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.constraints.bodies import surroundings_of
+from dynid.constraints.bodies import Surroundings, surroundings_of
 from dynid.constraints.dynamic import TorqueJudge, prior_dynamics, prior_link
 from dynid.constraints.limits import (
     DISTANCES,
     RATIOS,
     MovingPoints,
+    Unjudged,
     Usage,
     Worst,
+    acceleration_notes,
     bound_notes,
     bound_ratios,
     bound_violation,
     judged_points,
+    left_over,
+    unknown_limit,
+    unknown_masses,
 )
-from dynid.constraints.scene import ConstraintSettings, Scene
+from dynid.constraints.scene import ConstraintSettings, Scene, surrounded
 from dynid.core import Array, InputError
 from dynid.robot import RobotModel, from_body
 from dynid.trajectory import usable_bounds
@@ -49,13 +54,21 @@ class MotionConstraints:
             )
         self.robot = robot
         self.settings = settings
-        notes = bound_notes(robot, settings.bounds)
-        self.surroundings = surroundings_of(robot, settings, notes)
-        loaded = _loaded(robot, settings)
-        self.torque = _torque_judge(loaded, settings, notes)
-        self.points: dict[str, tuple[MovingPoints, float]] = judged_points(loaded, settings, notes)
+        unjudged: list[Unjudged] = []
+        notes = bound_notes(robot, settings.bounds, unjudged)
+        self.surroundings = _surroundings(robot, settings, notes, unjudged)
+        loaded = _loaded(robot)
+        self.torque = _torque_judge(loaded, settings, notes, unjudged)
+        self.points: dict[str, tuple[MovingPoints, float]] = judged_points(
+            loaded, settings, unjudged
+        )
+        torque = np.zeros(robot.joints) if self.torque is None else self.torque.limits
+        held = (self.torque is not None) & np.isfinite(torque)
+        notes += acceleration_notes(robot, settings.bounds, held, unjudged)
         self.notes = tuple(notes)
-        """What is not judged, and what was assumed, in words."""
+        """What was assumed, in words."""
+        self.unjudged = tuple(unjudged)
+        """What was asked for and cannot be judged."""
 
     def usage(self, q: Array, dq: Array, ddq: Array, t: Array | None = None) -> Usage:
         """The worst of every kind at samples.
@@ -71,32 +84,29 @@ class MotionConstraints:
         worst = {kind: Worst(margin=math.nan) for kind in (*RATIOS, *DISTANCES)}
         bounds, joints = self.settings.bounds, self.robot.joint_names
         kinds = ("position", "velocity", "acceleration")
+        free = self.settings.required
         limits = (bounds.upper, bounds.velocity, bounds.acceleration)
         ratios = bound_ratios(bounds, q, dq, ddq)
         for kind, value, limit, ratio in zip(kinds, (q, dq, ddq), limits, ratios, strict=True):
             if np.isfinite(limit).any():
-                worst[kind] = _largest(ratio, value, limit, times, joints)
+                worst[kind] = _largest(ratio, value, limit, times, joints, free(kind))
         position = worst["position"]
         if position.what:
             joint = joints.index(position.what)
             if position.value < (bounds.lower[joint] + bounds.upper[joint]) / 2:
                 lower = float(bounds.lower[joint])
-                worst["position"] = Worst(
-                    margin=position.margin,
-                    t=position.t,
-                    what=position.what,
-                    value=position.value,
-                    limit=lower,
-                )
+                worst["position"] = replace(position, limit=lower)
         if self.torque is not None:
             torque, power = self.torque.largest(q, dq, ddq)
             if np.isfinite(self.torque.limits).any():
                 limit = self.torque.limits
-                worst["torque"] = _largest(torque / limit, torque, limit, times, joints)
+                worst["torque"] = _largest(
+                    torque / limit, torque, limit, times, joints, free("torque")
+                )
             if not math.isnan(self.torque.power):
-                worst["power"] = _over(power, self.torque.power, times)
+                worst["power"] = _over(power, self.torque.power, times, free("power"))
         for kind, (points, limit) in self.points.items():
-            worst[kind] = _over(points.norms(q, dq), limit, times)
+            worst[kind] = _over(points.norms(q, dq), limit, times, free(kind))
         if self.surroundings is not None:
             for kind, names in self.surroundings.names.items():
                 if names:
@@ -108,7 +118,8 @@ class MotionConstraints:
                         t=float(times[k]),
                         what=names[int(found.pair[k])],
                         value=least,
-                        limit=self.settings.clearances[kind],
+                        limit=free(kind),
+                        required=free(kind),
                         distance=True,
                     )
         return Usage(worst=worst)
@@ -185,31 +196,75 @@ class MotionConstraints:
                 raise InputError(f"{name} does not fit", value=array.shape, limit=expected)
 
 
-def _loaded(robot: RobotModel, settings: ConstraintSettings) -> RobotModel:
+def _surroundings(
+    robot: RobotModel, settings: ConstraintSettings, notes: list[str], unjudged: list[Unjudged]
+) -> Surroundings | None:
+    """The bodies to judge, the floor and the tool among them."""
+    said = len(notes)
+    whole = surrounded(settings, robot.tool)
+    try:
+        found = surroundings_of(robot, whole, notes)
+    except InputError as error:
+        # Nobody asked for the floor at the mounting plane: where it cannot be, one must say so.
+        if settings.floor != "mount":
+            raise
+        del notes[said:]
+        whole = surrounded(settings, robot.tool, floor=False)
+        found = surroundings_of(robot, whole, notes)
+        unjudged.append(
+            Unjudged(
+                kind="environment",
+                message=f"there can be no floor at the mounting plane: {error.what}",
+                next_step="Say where it is: --floor HEIGHT, or --floor none.",
+            )
+        )
+    asked = {
+        "self_collision": settings.self_collision,
+        "environment": whole.scene is not None and bool(whole.scene.shapes),
+    }
+    for kind, on in asked.items():
+        if on and (found is None or not found.complete[kind]):
+            unjudged.append(
+                Unjudged(
+                    kind=kind,
+                    message="; ".join(notes[said:]) or "no shapes are known of the robot",
+                    next_step="Give its links shapes: [[capsule]] in a robot file, or meshes.",
+                )
+            )
+    return found
+
+
+def _loaded(robot: RobotModel) -> RobotModel:
     """The robot with its payload as a part of the last link."""
-    if not settings.payload_mass or np.isnan(robot.inertias[-1, :4]).any():
+    tool = robot.tool
+    if not tool.mass or np.isnan(robot.inertias[-1, :4]).any():
         return robot
-    place = robot.flange[:3, :3] @ settings.payload_com + robot.flange[:3, 3]
+    place = robot.flange[:3, :3] @ tool.com + robot.flange[:3, 3]
     inertias = np.array(robot.inertias)
     inertias[-1] = prior_link(robot, robot.joints - 1) + from_body(
-        settings.payload_mass, place, np.zeros((3, 3))
+        tool.mass, place, np.zeros((3, 3))
     )
     return replace(robot, inertias=inertias)
 
 
 def _torque_judge(
-    robot: RobotModel, settings: ConstraintSettings, notes: list[str]
+    robot: RobotModel,
+    settings: ConstraintSettings,
+    notes: list[str],
+    unjudged: list[Unjudged],
 ) -> TorqueJudge | None:
-    nan = np.full(robot.joints, np.nan)
-    limits = robot.limits.torque if settings.torque else nan
-    power = robot.safety.power if settings.power else math.nan
-    if settings.torque and np.isnan(robot.limits.torque).any():
-        notes.append("torque is not judged where the robot gives no torque limit")
+    share = 1.0 - settings.margin
+    limits = share * robot.limits.torque if settings.torque else np.full(robot.joints, np.nan)
+    power = share * robot.safety.power if settings.power else math.nan
+    unknown = np.isnan(robot.limits.torque)
+    if settings.torque and unknown.any():
+        unjudged.append(unknown_limit(robot, "torque", unknown))
     if np.isnan(limits).all() and math.isnan(power):
         return None
     prior = prior_dynamics(robot)
     if prior is None:
-        notes.append("torque and power are not judged: a mass or centre of mass is unknown")
+        known = {"torque": not np.isnan(limits).all(), "power": not math.isnan(power)}
+        unjudged += [unknown_masses(kind) for kind, is_known in known.items() if is_known]
         return None
     notes.extend(prior.notes)
     return TorqueJudge(
@@ -218,30 +273,39 @@ def _torque_judge(
 
 
 def _largest(
-    ratio: Array, value: Array, limit: Array, times: Array, joints: tuple[str, ...]
+    ratio: Array, value: Array, limit: Array, times: Array, joints: tuple[str, ...], free: float
 ) -> Worst:
     k, j = divmod(int(np.nanargmax(ratio)), ratio.shape[1])
     return Worst(
-        margin=1.0 - float(ratio[k, j]),
+        margin=left_over(float(ratio[k, j]), free),
         t=float(times[k]),
         what=joints[j],
         value=float(value[k, j]),
-        limit=float(limit[j]),
+        limit=float(limit[j]) / (1.0 - free),
+        required=free,
     )
 
 
-def _over(value: Array, limit: float, times: Array) -> Worst:
+def _over(value: Array, limit: float, times: Array, free: float) -> Worst:
     k = int(np.argmax(value))
     return Worst(
-        margin=1.0 - float(value[k]) / limit,
+        margin=left_over(float(value[k]) / limit, free),
         t=float(times[k]),
         value=float(value[k]),
-        limit=limit,
+        limit=limit / (1.0 - free),
+        required=free,
     )
 
 
 PRESETS = ("safe", "paper")
 """The words of `--limits`."""
+MARGIN = 0.05
+"""Share of a limit that a safe motion keeps free."""
+CLEARANCE = 0.01
+"""What a safe motion keeps to the scene [m]. An arm that stands on its table has no more under
+its shoulder: the UR5 keeps 13 mm there whatever it does."""
+SELF_CLEARANCE = 0.001
+"""What it keeps between bodies of the arm [m]."""
 
 
 def paper_constraints(
@@ -274,30 +338,32 @@ def safe_constraints(
     *,
     collision: bool = True,
     acceleration: ArrayLike | None = None,
-    clearance: float = 0.01,
-    payload_mass: float = 0.0,
-    payload_com: ArrayLike = (0.0, 0.0, 0.0),
+    clearance: float | None = None,
+    margin: float = MARGIN,
+    floor: float | str = "mount",
 ) -> MotionConstraints:
-    """Everything that is known of the robot, and its surroundings.
+    """Everything that is known of the robot with its tool, and its surroundings.
 
     Args:
         robot: The robot.
         scene: What stands around it and what it carries.
         collision: Whether to look at collisions (`--no-collision` switches it off).
         acceleration: Bounds where the robot knows none [rad/s^2 or m/s^2].
-        clearance: Smallest distance to the scene [m].
-        payload_mass: Mass of what the flange carries [kg].
-        payload_com: (3) its centre of mass in the flange's frame [m].
+        clearance: Smallest distance between bodies, and to the scene [m]; None for the usual ones.
+        margin: Share kept free of the limits of velocity, speed, torque, momentum and power.
+        floor: Where the floor is; see `ConstraintSettings`.
 
     Raises:
         InputError: Bounds that leave no room, or a scene in which the robot cannot stand.
     """
+    bounds = usable_bounds(robot.limits, acceleration)
     settings = ConstraintSettings(
-        bounds=usable_bounds(robot.limits, acceleration),
+        bounds=replace(bounds, velocity=(1.0 - margin) * bounds.velocity),
         self_collision=collision,
         scene=scene if collision else None,
-        clearance=clearance,
-        payload_mass=payload_mass,
-        payload_com=np.asarray(payload_com, dtype=np.float64),
+        clearance=CLEARANCE if clearance is None else clearance,
+        self_clearance=SELF_CLEARANCE if clearance is None else clearance,
+        margin=margin,
+        floor=floor if collision else "none",
     )
     return MotionConstraints(robot, settings)

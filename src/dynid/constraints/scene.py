@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
 from dynid.core import Array, InputError, JsonFields, frozen, load_object
-from dynid.robot import Body, box_points, cylinder_points, from_axes, from_xyz_rpy
+from dynid.robot import Body, Tool, box_points, cylinder_points, from_axes, from_xyz_rpy
 from dynid.trajectory import MotionBounds
 
 HALF_SPACE, BOX, CYLINDER, SPHERE = 0, 1, 2, 3
@@ -213,7 +213,10 @@ def _some(fields: JsonFields, key: str, count: int) -> Array:
     return values
 
 
-_HEAVIEST = 1000.0
+FLOORS = ("mount", "none")
+MARGIN_KINDS = ("velocity", "torque", "tcp_speed", "elbow_speed", "momentum", "power")
+_FARTHEST = 100.0
+_UPRIGHT = 0.9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -241,15 +244,14 @@ class ConstraintSettings:
     clearance: float = 0.01
     """Smallest distance to the scene that counts as safe [m]."""
     self_clearance: float = 0.001
-    """The same between bodies of the arm, whose places are known better [m]."""
+    """The same between bodies of the arm [m]."""
+    floor: float | str = "none"
+    """Height in the base frame below which everything is solid [m], `mount` for the mounting plane
+    unless the scene brings a floor, or `none`; walls and ceilings that the robot hangs on too."""
+    margin: float = 0.0
+    """Share of the limits in `MARGIN_KINDS` that is kept free; `bounds` is less it already."""
     torque_uncertainty: float = 0.15
     """Share by which the prior model may underestimate a torque."""
-    tcp: Array = field(default_factory=lambda: np.zeros(3))
-    """(3) the tool's point in the flange's frame [m]."""
-    payload_mass: float = 0.0
-    """What the flange carries, as a point: it counts for torque, momentum and power [kg]."""
-    payload_com: Array = field(default_factory=lambda: np.zeros(3))
-    """(3) its centre of mass in the flange's frame [m]."""
 
     def __post_init__(self) -> None:
         for name in ("lower", "upper", "velocity", "acceleration"):
@@ -263,13 +265,12 @@ class ConstraintSettings:
                 f"joint {joint + 1}: the position limits leave no room to move",
                 value=(float(self.bounds.lower[joint]), float(self.bounds.upper[joint])),
             )
-        object.__setattr__(self, "tcp", frozen(self.tcp, shape=(3,), name="tool point"))
-        centre = frozen(self.payload_com, shape=(3,), name="centre of the payload")
-        object.__setattr__(self, "payload_com", centre)
-        if not (math.isfinite(self.payload_mass) and 0 <= self.payload_mass < _HEAVIEST):
-            raise InputError(
-                "mass of the payload", value=self.payload_mass, limit=f"0 to {_HEAVIEST:g} kg"
-            )
+        if not (isinstance(self.floor, str) or abs(self.floor) < _FARTHEST):
+            raise InputError("height of the floor", value=self.floor, limit=f"{_FARTHEST:g} m")
+        if isinstance(self.floor, str) and self.floor not in FLOORS:
+            raise InputError("unknown floor", value=self.floor, limit="HEIGHT, mount or none")
+        if not 0 <= self.margin < 1:
+            raise InputError("margin of the limits", value=self.margin, limit="0 to 1")
         for name in ("clearance", "self_clearance"):
             value = getattr(self, name)
             if not (math.isfinite(value) and 0 <= value < 1):
@@ -281,3 +282,44 @@ class ConstraintSettings:
     def clearances(self) -> dict[str, float]:
         """Kind of distance to the smallest that is allowed [m]."""
         return {"self_collision": self.self_clearance, "environment": self.clearance}
+
+    def required(self, kind: str) -> float:
+        """What must be left of a limit: a distance [m], or a share."""
+        if kind in self.clearances:
+            return self.clearances[kind]
+        return self.margin if kind in MARGIN_KINDS else 0.0
+
+
+def surrounded(
+    settings: ConstraintSettings, tool: Tool, *, floor: bool = True
+) -> ConstraintSettings:
+    """The settings with a scene that holds the floor and the tool's body too.
+
+    Args:
+        settings: What was asked for.
+        tool: What the flange carries: a rod to its point, and one to its centre of mass where the
+            scene gives the payload no shape.
+        floor: Whether to add the floor.
+    """
+    scene = settings.scene or Scene()
+    shapes, payload = list(scene.shapes), list(scene.payload)
+    known = any(
+        item.kind == HALF_SPACE and float(item.pose[2, 2]) > _UPRIGHT for item in scene.shapes
+    )
+    if floor and settings.floor != "none" and not (settings.floor == "mount" and known):
+        height = 0.0 if isinstance(settings.floor, str) else settings.floor
+        pose = from_xyz_rpy([0, 0, height], [0, 0, 0])
+        shapes.append(Shape(name="floor", kind=HALF_SPACE, pose=pose, size=np.zeros(3)))
+    ends = {"tool": tool.tcp}
+    if tool.mass and not scene.payload:
+        ends["centre"] = tool.com
+    for name, end in ends.items():
+        length = float(np.linalg.norm(end))
+        if length > 0:
+            pose = _facing(end / 2, end)
+            size = np.array([tool.radius, length / 2, 0.0])
+            payload.append(Shape(name=name, kind=CYLINDER, pose=pose, size=size))
+    if not shapes and not payload:
+        return settings
+    whole = Scene(shapes=tuple(shapes), payload=tuple(payload), source=scene.source)
+    return replace(settings, scene=whole)

@@ -23,6 +23,8 @@ from dynid.core.errors import (
 from dynid.core.files import (
     Provenance,
     cannot_write,
+    content_hash,
+    dynid_version,
     file_behind,
     file_hash,
     provenance,
@@ -55,6 +57,8 @@ __all__ = [
     "RecordError",
     "RobotError",
     "cannot_write",
+    "content_hash",
+    "dynid_version",
     "file_behind",
     "file_hash",
     "finding_from_json",

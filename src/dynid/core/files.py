@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from dynid.core.errors import DynidError, InputError, JobError
 
@@ -161,6 +161,37 @@ def provenance(
         settings=dict(settings or {}),
         seed=seed,
     )
+
+
+def dynid_version() -> str:
+    """The version of this package; `unknown` where it is not installed."""
+    try:
+        return version("dynid")
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def content_hash(value: object, digits: int = 17) -> str:
+    """SHA-256 of JSON values, as hex; the order of keys and the type of a number do not count.
+
+    Args:
+        value: Mappings, sequences, texts, numbers, truth values and None.
+        digits: Of a number; fewer leave room for the rounding of other machines.
+    """
+    text = json.dumps(_canonical(value, digits), sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _canonical(value: object, digits: int) -> object:
+    if isinstance(value, Mapping):
+        items = cast("Mapping[str, object]", value).items()
+        return {str(key): _canonical(item, digits) for key, item in items}
+    if isinstance(value, list | tuple):
+        return [_canonical(item, digits) for item in cast("list[object]", value)]
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        # Adding zero makes no difference between 0 and -0.
+        return f"{value + 0.0:.{digits}g}" if abs(value) < 1e300 else repr(value)
+    return value
 
 
 def file_hash(path: Path) -> str:

@@ -93,7 +93,9 @@ def load_object(path: str | Path) -> JsonFields:
     except ValueError as error:
         raise InputError("this can be no file's name", where=where) from error
     try:
-        document = json.loads(content.decode("utf-8"), parse_constant=_refuse)
+        document = json.loads(
+            content.decode("utf-8"), parse_constant=_refuse, object_pairs_hook=_once
+        )
     except UnicodeDecodeError as error:
         raise InputError("the file is no text, so not JSON", where=where) from error
     except RecursionError as error:
@@ -115,6 +117,15 @@ def _fault(error: ValueError, content: bytes) -> str:
         return f"the JSON stops in its midst, in line {error.lineno}: the file was cut short"
     said = error.msg[0].lower() + error.msg[1:]
     return f"the file is not JSON: {said} in line {error.lineno}, column {error.colno}"
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        seen: set[str] = set()
+        twice = next(key for key, _ in pairs if key in seen or seen.add(key))
+        raise ValueError(f"the key {twice!r} stands twice in one object")
+    return found
 
 
 def _refuse(constant: str) -> float:

@@ -32,7 +32,8 @@ _FAR = 0.1
 _NEXT = {
     "self_collision": "Check the payload's size and place (metres, in the flange's frame), or the"
     " bodies of the robot.",
-    "environment": "Check the scene: metres, in the robot's base frame; shapes are solid.",
+    "environment": "Check the scene: metres, in the robot's base frame; shapes are solid. The"
+    " floor is at the mounting plane unless --floor says otherwise.",
     "torque": "Check the torque limits, the masses and the payload; the prediction counts doubt and"
     " friction in.",
 }

@@ -51,7 +51,7 @@ def finish(
     seen: list[Finished] = []
     for candidate, _ in search.candidates:
         seen.append(tried(candidate.x, ""))
-        if seen[-1].certificate.feasible:
+        if seen[-1].certificate.holds:
             return seen[-1]
     first = search.candidates[0][0]
     for share in TIGHTER:
@@ -67,7 +67,7 @@ def finish(
             tighten=share,
         )
         found = tried(better.x, "tightened")
-        if found.certificate.feasible:
+        if found.certificate.holds:
             return found
     return _smaller(evaluation, first.x) or seen[0]
 
@@ -117,7 +117,7 @@ def _smaller(evaluation: DesignEvaluation, x: Array) -> Finished | None:
         size = np.ones(x.shape)
         size[:, 1:] = share
         found = _certified(evaluation, x * size, "smaller")
-        if found.certificate.feasible:
+        if found.certificate.holds:
             best, low = found, share
         else:
             high = share

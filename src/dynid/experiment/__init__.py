@@ -1,7 +1,7 @@
 """From a design to an experiment: the plan, the checks before it, the run."""
 
 from dynid.experiment.approach import plan_approach
-from dynid.experiment.plan import ExperimentPlan, Payload
+from dynid.experiment.plan import ExperimentPlan
 from dynid.experiment.preflight import check_design, check_robot, require_ready
 from dynid.experiment.run import (
     RunResult,
@@ -12,7 +12,6 @@ from dynid.experiment.run import (
 
 __all__ = [
     "ExperimentPlan",
-    "Payload",
     "RunResult",
     "check_design",
     "check_robot",

@@ -227,13 +227,13 @@ def plan_approach(
     if np.abs(start - q).max() <= _NEAR:
         return Approach(poses=straight)
     verdict = certify_straight(q, start, constraints)
-    if verdict.feasible:
+    if verdict.holds:
         return Approach(poses=straight)
     for number, (room, growths) in enumerate(SEARCHES):
         space = FreeSpace(constraints, q, start, speed=APPROACH_SPEED, room=room)
         poses = find_way(space, np.random.default_rng([seed, number]), growths)
         if poses is not None and all(
-            certify_straight(a, b, constraints).feasible for a, b in pairwise(poses)
+            certify_straight(a, b, constraints).holds for a, b in pairwise(poses)
         ):
             return Approach(poses=poses)
     return Approach(poses=straight, refused=verdict)

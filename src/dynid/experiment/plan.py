@@ -6,7 +6,7 @@ The same path, slower: the first pass on a robot.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -122,16 +122,6 @@ _WHOLE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Payload:
-    """What the robot carries, as its controller should be told."""
-
-    mass: float = 0.0
-    """[kg]"""
-    com: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Centre of mass in the flange's frame [m]."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Pass:
     """One execution of the plan."""
 
@@ -154,7 +144,7 @@ class ExperimentPlan:
     """
 
     robot: RobotModel
-    """The robot as it is mounted."""
+    """The robot as it is mounted, with its tool."""
     trajectory: Trajectory
     """One period of the motion."""
     periods: int = 3
@@ -167,8 +157,6 @@ class ExperimentPlan:
     """Time to repeat the motion before the recording [s]."""
     rate_hz: float = 125.0
     """Control cycles a second."""
-    payload: Payload = field(default_factory=Payload)
-    """What the robot carries."""
     via: tuple[Array, ...] = ()
     """Way points, each (n), on the way to the start of the first pass [rad or m]."""
 

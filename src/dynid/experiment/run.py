@@ -130,9 +130,7 @@ def _recorded(
 def _mark(recorder: Recorder, abort: Abort, samples: int) -> None:
     """Write the cause into the recording; what refuses the rows may refuse this too."""
     if abort.code != "recording":
-        recorder.report(
-            Finding("truncated_file", f"aborted after {samples} samples: {abort.message}")
-        )
+        recorder.report(Finding("aborted", f"aborted after {samples} samples: {abort.message}"))
 
 
 def _nothing(outcome: Outcome) -> Outcome:

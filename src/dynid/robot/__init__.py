@@ -25,7 +25,7 @@ from dynid.robot.load import (
     robot_to_json,
     robots,
 )
-from dynid.robot.model import Counterbalance, RobotModel
+from dynid.robot.model import Counterbalance, RobotModel, Tool, with_tool
 from dynid.robot.tables import read_limited, shown, shown_path
 from dynid.robot.transforms import (
     from_axes,
@@ -49,6 +49,7 @@ __all__ = [
     "Body",
     "Counterbalance",
     "RobotModel",
+    "Tool",
     "box_points",
     "cylinder_points",
     "find_trunk",
@@ -80,4 +81,5 @@ __all__ = [
     "to_pseudo_inertia",
     "translation",
     "with_mount",
+    "with_tool",
 ]

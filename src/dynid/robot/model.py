@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dynid.core import Array, RobotError, frozen
 from dynid.robot.body import Body
@@ -213,6 +214,39 @@ class Counterbalance:
         return -arm * self.gas_work / volume * self.piston_area
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tool:
+    """What the flange carries, in the flange's frame.
+
+    Raises:
+        RobotError: A mass or radius that makes no sense.
+        InputError: A place that is not three finite numbers.
+    """
+
+    tcp: Array = field(default_factory=lambda: np.zeros(3))
+    """(3) the tool's point [m]."""
+    mass: float = 0.0
+    """All that the flange carries, as the controller is told [kg]."""
+    com: Array = field(default_factory=lambda: np.zeros(3))
+    """(3) its centre of mass [m]."""
+    radius: float = 0.03
+    """Of the rods from the flange to the tool's point and to the centre of mass that stand for its
+    body [m]."""
+
+    def __post_init__(self) -> None:
+        for name in ("tcp", "com"):
+            value = frozen(getattr(self, name), shape=(3,), name=f"tool {name}")
+            object.__setattr__(self, name, value)
+            if not (np.abs(value) < _FARTHEST).all():
+                raise RobotError(f"the tool's {name}", value=value.tolist(), limit="10 m")
+        if not (math.isfinite(self.mass) and 0 <= self.mass < _HEAVIEST):
+            raise RobotError("the payload's mass", value=self.mass, limit=f"0 to {_HEAVIEST:g} kg")
+        if not (math.isfinite(self.radius) and 0 < self.radius < 1):
+            raise RobotError("the tool's radius", value=self.radius, limit="0 to 1 m")
+
+
+_FARTHEST, _HEAVIEST = 10.0, 1000.0
+
 FRAMES = ("dh", "mdh", "urdf")
 STANDARD_GRAVITY = 9.80665
 """[m/s^2]"""
@@ -262,6 +296,8 @@ class RobotModel:
     """What a verdict on collisions should say of the bodies, in words."""
     safety: SafetyLimits = field(default_factory=SafetyLimits)
     """Limits of the whole arm, as its controller watches them."""
+    tool: Tool = field(default_factory=Tool)
+    """What the flange carries; limits and collisions count it, identification does not."""
     locked: Mapping[str, float] = field(default_factory=dict[str, float])
     """Joints frozen into the links, and where [rad or m]."""
     notes: tuple[str, ...] = ()
@@ -325,6 +361,28 @@ class RobotModel:
     def prismatic(self) -> tuple[bool, ...]:
         """For each joint, whether it slides."""
         return tuple(kind == "prismatic" for kind in self.joint_types)
+
+
+def with_tool(
+    robot: RobotModel, *, tcp: ArrayLike | None = None, payload: ArrayLike | None = None
+) -> RobotModel:
+    """The robot with another tool's point or payload; None leaves what the robot file says.
+
+    Args:
+        robot: The robot.
+        tcp: (3) the tool's point in the flange's frame [m].
+        payload: (4) mass of all that the flange carries [kg], and its centre of mass [m].
+
+    Raises:
+        RobotError: Values that make no sense.
+    """
+    tool = robot.tool
+    if tcp is not None:
+        tool = replace(tool, tcp=np.asarray(tcp, dtype=np.float64))
+    if payload is not None:
+        mass, *com = np.asarray(payload, dtype=np.float64).tolist()
+        tool = replace(tool, mass=mass, com=np.array(com))
+    return robot if tool is robot.tool else replace(robot, tool=tool)
 
 
 def _rebuild(values: dict[str, Any]) -> RobotModel:

@@ -21,6 +21,7 @@ from dynid.robot.model import (
     JointLimits,
     RobotModel,
     SafetyLimits,
+    Tool,
 )
 from dynid.robot.tables import (
     Table,
@@ -84,6 +85,15 @@ def read_safety(values: object, robot: RobotModel) -> Part:
     elif "elbow_speed" in table:
         raise RobotError("'elbow_speed' needs 'elbow', the name of a joint")
     return {"safety": SafetyLimits(**found)}, table.sources("safety")
+
+
+def read_tool(values: object, robot: RobotModel) -> Part:
+    """The table `tool`: what the flange carries, in its frame."""
+    del robot
+    table = Table(values, "", "tool", ("tcp", "mass", "com", "radius"))
+    found: dict[str, Any] = {key: table.numbers(key, 3) for key in ("tcp", "com") if key in table}
+    found |= {key: table.number(key) for key in ("mass", "radius") if key in table}
+    return {"tool": Tool(**found)}, table.sources("tool")
 
 
 def read_drives(values: object, robot: RobotModel) -> Part:
@@ -202,8 +212,8 @@ MAX_BYTES = 1_000_000
 
 _TOP = (
     "name", "joint_names", "frames", "urdf", "tip", "locked", "dh", "joint", "base", "flange",
-    "urdf_frames", "mount", "limits", "safety", "drives", "inertia", "counterbalance", "body",
-    "capsule", "collision",
+    "urdf_frames", "mount", "limits", "safety", "tool", "drives", "inertia", "counterbalance",
+    "body", "capsule", "collision",
 )  # fmt: skip
 _TYPES = ("revolute", "prismatic")
 
@@ -232,6 +242,7 @@ def robot_from_toml(
             ("mount", read_mount),
             ("limits", read_limits),
             ("safety", read_safety),
+            ("tool", read_tool),
             ("drives", read_drives),
             ("inertia", read_inertias),
             ("counterbalance", read_counterbalances),

@@ -145,6 +145,8 @@ class Opened:
     scene: Mapping[str, Any] | None = None
     """What stands around the robot: the design's, or the scene file's."""
     scene_file: str = ""
+    limits: DesignLimits = field(default_factory=DesignLimits)
+    """The first design's, with its floor, tool and margins."""
     skipped: tuple[tuple[str, str], ...] = field(default=())
     """Files that could not be used, and why."""
 
@@ -246,8 +248,9 @@ def _files(paths: list[Path], folder: Path, robot: str | None, *, strict: bool) 
             kept.append(item)
         else:
             skipped.append((item.path.name, f"{joints} joints, not {model.joints}"))
-    limits = next((item.limits for item in kept if item.limits and item.limits.scene), None)
-    if limits is not None and scene is None:
+    held = [item.limits for item in kept if item.limits]
+    limits = next((item for item in held if item.scene), held[0] if held else DesignLimits())
+    if scene is None:
         scene, scene_file = limits.scene, limits.scene_file
     return Opened(
         robot=model,
@@ -257,6 +260,7 @@ def _files(paths: list[Path], folder: Path, robot: str | None, *, strict: bool) 
         estimates=tuple(estimates),
         scene=scene,
         scene_file=scene_file,
+        limits=limits,
         skipped=tuple(skipped),
     )
 

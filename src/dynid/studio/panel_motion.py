@@ -174,7 +174,7 @@ class DesignPanel:
                 "harmonics": int(self.harmonics.value),
                 "budget_s": float(self.budget.value),
                 "seed": int(self.seed.value),
-                "scene": session.scene_for_jobs(),
+                **session.surroundings_for_jobs(),
                 "mount": None if session.robot.mount == "file" else session.robot.mount,
             }
         except DynidError as error:
@@ -188,7 +188,7 @@ class DesignPanel:
 
 
 def _words(result: dict[str, Any]) -> str:
-    state = "feasible" if result.get("feasible") else "NOT feasible"
+    state = str(result.get("certificate", "not judged"))
     early = ", stopped early" if result.get("interrupted") else ""
     number = result.get("condition_number")
     value = f"{number:.4g}" if isinstance(number, float) else "unknown"

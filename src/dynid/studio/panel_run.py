@@ -326,7 +326,7 @@ class RunPanel:
             options={
                 "repeat": int(self.repeat.value),
                 "slow": 0.2 if self.slow.value else None,
-                "scene": session.scene_for_jobs(),
+                **session.surroundings_for_jobs(),
             },
         )
 

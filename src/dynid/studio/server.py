@@ -1,6 +1,6 @@
 """viser behind our door: its own server asks nobody who they are.
 
-Who may come in: this machine alone, or whoever knows the token.
+Who may come in: whoever knows the token, on this machine too.
 
 A page in a browser may talk to any address of this machine, and this page can move a robot. So
 requests that another site's page sends are refused: its `Origin` is not ours, and a name that
@@ -43,8 +43,8 @@ class Door:
 
     host: str
     """Address to listen on."""
-    token: str | None
-    """What a visitor must know; None where only this machine can come."""
+    token: str
+    """What a visitor must know: other users and programs of this machine can come too."""
 
     @property
     def loopback(self) -> bool:
@@ -54,7 +54,7 @@ class Door:
     def url(self, port: int) -> str:
         """The address to open, token included."""
         host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"http://{host}:{port}/" + (f"?token={self.token}" if self.token else "")
+        return f"http://{host}:{port}/?token={self.token}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ def make_door(host: str, token: str | None) -> Door:
 
     Args:
         host: An address of this machine; `localhost` is 127.0.0.1.
-        token: What visitors must know; None to make one up where other machines can come.
+        token: What visitors must know; None to make one up.
 
     Raises:
         InputError: No address, or a token that is too short or does not fit into one.
@@ -91,9 +91,7 @@ def make_door(host: str, token: str | None) -> Door:
             limit=f"{SHORTEST_TOKEN} or more letters, digits, - and _",
             next_step="Leave it out and one is made up.",
         )
-    if token is None and not address.is_loopback:
-        token = secrets.token_urlsafe(24)
-    return Door(host=str(address), token=token)
+    return Door(host=str(address), token=token or secrets.token_urlsafe(24))
 
 
 def rule(door: Door, port: int, path: str, headers: Mapping[str, str]) -> Ruling:
@@ -111,8 +109,6 @@ def rule(door: Door, port: int, path: str, headers: Mapping[str, str]) -> Ruling
         return Ruling(403, "a page of another site asked")
     if door.loopback and not _names_this_machine(host):
         return Ruling(403, "the address is not one of this machine")
-    if door.token is None:
-        return Ruling(200)
     name = cookie_name(port)
     given = parse_qs(_parts(path).query).get("token", [""])[0]
     if _same(given, door.token):
@@ -169,8 +165,11 @@ DEFAULT_PORT = 8080
 _THEIR_TITLE = b"<title>Viser</title>"
 _POLICY = (
     "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; "
-    "connect-src 'self' ws: data: blob:; frame-ancestors 'none'"
+    "connect-src 'self' ws: data: blob:; frame-ancestors 'none'; object-src 'none'; "
+    "base-uri 'none'; form-action 'none'"
 )
+"""viser's page is one packed inline script that writes another one, its libraries build functions
+from text, and its widgets carry inline styles: it does not start without both `unsafe` words."""
 _HEADERS = {
     "Content-Security-Policy": _POLICY,
     "X-Content-Type-Options": "nosniff",
@@ -255,7 +254,8 @@ class _Guard:
             if headers.get("upgrade", "").lower() == "websocket" or answer is None:
                 return None
             # Whole and unpacked, so that the title can be ours.
-            del request.headers["Accept-Encoding"]
+            if "Accept-Encoding" in request.headers:
+                del request.headers["Accept-Encoding"]
             return self._ours(answer(connection, request))
 
         return guarded
@@ -322,7 +322,7 @@ class StudioOptions:
     """The robot, where the files do not say or it has moved."""
     host: str = DEFAULT_HOST
     token: str | None = None
-    """What visitors must know; None to make one up where other machines can come."""
+    """What visitors must know; None to make one up."""
     port: int | None = None
     """None for the usual one or the next free one, 0 for any."""
 

@@ -11,10 +11,11 @@ import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from dynid.constraints import Certificate, MotionConstraints, certify, safe_constraints
+from dynid.constraints import Certificate, MotionConstraints, Scene, certify, safe_constraints
 from dynid.core import Array, DynidError, InputError
 from dynid.studio.jobs import Job, Supervisor
 from dynid.studio.live import Instant, at_rest, instant
@@ -171,6 +172,7 @@ class Session:
         given = Path(opened.scene_file).name
         self.scene_name = given if given and given.isprintable() else SCENE_FILE
         self.scene_error = ""
+        self.limits = opened.limits
         self.constraints: MotionConstraints | None = None
         self.verdict = Verdict()
         self.job: Supervisor | None = None
@@ -189,15 +191,39 @@ class Session:
                 return
             self._judged = self.editor.changes
             try:
-                self.constraints = safe_constraints(self.robot, self.editor.scene())
+                self.constraints = self._judge(self.editor.scene())
                 self.scene_error = ""
             except InputError as error:
                 self.scene_error = str(error)
                 try:
-                    self.constraints = safe_constraints(self.robot)
+                    self.constraints = self._judge(None)
                 except InputError:
                     # Not even the robot alone can be judged; the page still shows it.
                     self.constraints = None
+
+    def _judge(self, scene: Scene | None) -> MotionConstraints:
+        held = self.limits
+        return safe_constraints(
+            held.equipped(self.robot),
+            scene,
+            clearance=held.clearance,
+            margin=held.margin_percent / 100.0,
+            floor=held.floor,
+        )
+
+    def surroundings_for_jobs(self) -> dict[str, Any]:
+        """Options of a job for the scene, the floor and the tool.
+
+        Raises:
+            InputError: A scene without room.
+        """
+        held = self.limits
+        return {
+            "scene": self.scene_for_jobs(),
+            "floor": held.floor,
+            "tool": held.tool,
+            "payload": held.payload,
+        }
 
     def choose(self, name: str) -> None:
         """Play another motion, from its start, paused.

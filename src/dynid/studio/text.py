@@ -84,14 +84,13 @@ def certificate(found: Certificate | None, *, stale: bool = False, error: str = 
         return line(error, BAD, bold=True)
     if found is None:
         return line("not certified yet")
-    head = "Every limit holds over the whole motion" if found.feasible else "NOT feasible"
-    colour = GOOD if found.feasible else BAD
+    head = found.headline if not found.feasible else "Every limit holds over the whole motion"
+    colour = GOOD if found.feasible else WARN if found.holds else BAD
     if stale:
         head, colour = f"{head}, as the scene was before", WARN
     parts = [line(head, colour, bold=True)]
-    if found.broken:
-        parts.append(line("broken: " + ", ".join(WORDS[kind] for kind in found.broken), BAD))
     parts.append(margins(found.worst))
+    parts += [line(f"unjudged: {item.message}. {item.next_step}", WARN) for item in found.unjudged]
     parts += [line(note) for note in found.notes]
     return "".join(parts)
 

@@ -15,6 +15,7 @@ from dynid.trajectory.files import (
     joint_trajectory_yaml,
     motion_family,
     read_trajectory,
+    trajectory_to_json,
     write_trajectory,
 )
 from dynid.trajectory.fourier import FourierSeries, harmonic_basis
@@ -53,6 +54,7 @@ __all__ = [
     "random_excitation",
     "read_trajectory",
     "through_poses",
+    "trajectory_to_json",
     "ur_program",
     "usable_bounds",
     "write_trajectory",

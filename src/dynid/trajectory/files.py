@@ -138,6 +138,9 @@ _KIND = "dynid.trajectory"
 _VERSION = 2
 _VERSIONS = (1, _VERSION)
 """Version 1 knew Fourier series alone, their fields beside the others."""
+_SHORTEST, _LONGEST, _LARGEST = 1e-3, 1e6, 1e9
+"""Seconds of a motion, and rad or m and their derivatives."""
+_LOOKS = 64
 _BOUNDS = ("lower", "upper", "velocity", "acceleration")
 _OWN = frozenset({"kind", "version", "robot", "trajectory", "limits", "provenance"})
 
@@ -231,6 +234,7 @@ def read_trajectory(path: str | Path) -> StoredTrajectory:
         )
     try:
         trajectory = trajectory_from_json(fields if version == 1 else fields.object("trajectory"))
+        _check_size(trajectory)
         stored = fields.object("limits")
         limits = MotionBounds(**{name: stored.vector(name, null=True) for name in _BOUNDS})
         if limits.joints != trajectory.joints:
@@ -247,6 +251,23 @@ def read_trajectory(path: str | Path) -> StoredTrajectory:
         raise InputError(
             error.what, where=str(path), value=error.value, limit=error.limit
         ) from error
+
+
+def _check_size(trajectory: Trajectory) -> None:
+    """Refuse numbers with which nothing can be reckoned: they would overflow further on."""
+    if not _SHORTEST <= trajectory.duration <= _LONGEST:
+        raise InputError(
+            "the motion's duration",
+            value=trajectory.duration,
+            limit=f"{_SHORTEST:g} to {_LONGEST:g} s",
+        )
+    times = np.linspace(0.0, trajectory.duration, _LOOKS)
+    with np.errstate(all="ignore"):
+        motion = trajectory.evaluate(times)
+    for name, values in (("position", motion.q), ("acceleration", motion.ddq)):
+        largest = float(np.abs(values).max())
+        if not largest < _LARGEST:
+            raise InputError(f"the motion's {name}", value=largest, limit=f"below {_LARGEST:g}")
 
 
 def _with_null(values: Array) -> list[float | None]:

@@ -7,6 +7,9 @@ from dynid.workflow.design_files import (
     DesignLimits,
     check,
     export_motion,
+    parse_floor,
+    parse_payload,
+    parse_tool,
     read_design,
     write_design,
 )
@@ -18,7 +21,7 @@ from dynid.workflow.identify import Identification, IdentifySettings, identify
 from dynid.workflow.payload import identify_gains, identify_gains_from_payload, identify_payload
 from dynid.workflow.recordings import ImportOptions, import_recording, open_records
 from dynid.workflow.reporting import report
-from dynid.workflow.run_settings import RunSettings, parse_payload, parse_thermal
+from dynid.workflow.run_settings import RunSettings, parse_thermal
 from dynid.workflow.running import Run, run_design, simulate_recording
 from dynid.workflow.shared_inertias import SharedIdentification, identify_shared
 from dynid.workflow.temperature import (
@@ -70,8 +73,10 @@ __all__ = [
     "identify_temperature",
     "import_recording",
     "open_records",
+    "parse_floor",
     "parse_payload",
     "parse_thermal",
+    "parse_tool",
     "read_design",
     "read_temperature",
     "report",

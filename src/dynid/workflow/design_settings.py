@@ -75,6 +75,16 @@ class DesignSettings:
     """Scene file: what stands around the robot and what it carries."""
     collision: bool = True
     """Whether collisions are looked at, with `safe`."""
+    floor: float | str | None = None
+    """Height of the floor in the base frame [m], `none`, or None for the mounting plane."""
+    tool: tuple[float, ...] | None = None
+    """(3) the tool's point in the flange's frame [m]; None for the robot's own."""
+    payload: tuple[float, ...] | None = None
+    """(4) mass that the flange carries [kg] and its centre [m]; None for the robot's own."""
+    margin_percent: float | None = None
+    """Of the limits, kept free; None for the usual."""
+    clearance: float | None = None
+    """Smallest distance of bodies [m]; None for the usual ones."""
     frames: str = ""
     """`dh`, `mdh` or `urdf`; empty for the robot's own."""
     mount: str | None = None
@@ -131,12 +141,6 @@ class DesignSettings:
                 raise InputError("needs finite numbers", where=name, value=list(numbers))
         if self.noise is not None and not all(number > 0 for number in self.noise):
             raise InputError("must be positive", where="--noise", value=list(self.noise))
-        if self.scene is not None and (self.limits == "paper" or not self.collision):
-            raise InputError(
-                "a scene is looked at only with --limits safe and collisions on",
-                where="--scene",
-                value=self.scene,
-            )
 
     @property
     def goal(self) -> str:
@@ -173,7 +177,7 @@ class DesignSettings:
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
         data: dict[str, Any] = asdict(self)
-        for name in ("start_pose", "noise", "previous", "motions"):
+        for name in ("start_pose", "tool", "payload", "noise", "previous", "motions"):
             if data[name] is not None:
                 data[name] = list(data[name])
         return data

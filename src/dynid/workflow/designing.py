@@ -41,7 +41,14 @@ from dynid.robot import RobotModel, load_robot, with_mount
 from dynid.signals import process
 from dynid.trajectory import copied_bounds, motion_family
 from dynid.workflow.analyze import unit_notes
-from dynid.workflow.design_files import DesignLimits, given_limits, purpose_from, write_design
+from dynid.workflow.design_files import (
+    ROBOT,
+    DesignLimits,
+    given_limits,
+    purpose_from,
+    robot_hash,
+    write_design,
+)
 from dynid.workflow.design_settings import DEFAULT_STARTS, MOST_STARTS, PATIENCE, DesignSettings
 from dynid.workflow.recordings import open_record, robot_reference
 
@@ -106,9 +113,19 @@ class _Job:
     def __init__(
         self, robot: RobotModel, reference: str, asked: DesignSettings, progress: Progress | None
     ) -> None:
-        self.robot, self.reference = robot, reference
+        self.reference = reference
         self.asked, self.progress = asked, progress
-        self.limits: DesignLimits = given_limits(asked.limits, asked.collision, asked.scene_path)
+        self.limits: DesignLimits = given_limits(
+            asked.limits,
+            asked.collision,
+            asked.scene_path,
+            floor=asked.floor,
+            tool=asked.tool,
+            payload=asked.payload,
+            margin_percent=asked.margin_percent,
+            clearance=asked.clearance,
+        )
+        robot = self.robot = self.limits.equipped(robot)
         self.judge: MotionConstraints = self.limits.constraints(robot)
         if asked.start_pose is not None:
             self.judge.check_pose(_each(asked.start_pose, robot.joints, "--start"))
@@ -269,7 +286,7 @@ class _Job:
                 asked.to_json(),
                 asked.seed,
             ),
-            settings=self.limits.to_json(),
+            settings={**self.limits.to_json(), ROBOT: robot_hash(self.robot)},
         )
 
     def _findings(self, told: Expected, periods: int) -> tuple[dict[str, Any], ...]:

@@ -9,18 +9,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dynid.constraints import MotionConstraints
-from dynid.core import DynidError, InputError, JobError, file_hash, write_json
+from dynid.constraints import DISTANCES, RATIOS, MotionConstraints
+from dynid.core import DynidError, Finding, InputError, JobError, file_hash, write_json
 from dynid.drivers import Abort, ControllerState, SimulatedDriver, inspect
 from dynid.experiment import (
     ExperimentPlan,
-    Payload,
     check_design,
     check_robot,
     plan_approach,
@@ -31,7 +31,12 @@ from dynid.robot import RobotModel
 from dynid.simulation import Thermal
 from dynid.trajectory import Trajectory
 from dynid.workflow.analyze import unit_notes
-from dynid.workflow.design_files import DesignLimits, given_limits, read_design
+from dynid.workflow.design_files import (
+    DesignLimits,
+    StoredDesign,
+    given_limits,
+    read_design,
+)
 from dynid.workflow.recordings import robot_reference
 
 METHODS = ("program", "servoj")
@@ -67,13 +72,31 @@ class RunSettings:
     """Mounting, where it is not the design's."""
     scene: str | None = None
     """Scene file, where the surroundings are not the design's."""
-    payload: Payload = field(default_factory=Payload)
-    """What the robot carries."""
+    floor: float | str | None = None
+    """Height of the floor [m], `mount` or `none`; None for the design's."""
+    tool: tuple[float, ...] | None = None
+    """(3) the tool's point in the flange's frame [m]; None for the design's."""
+    payload: tuple[float, ...] | None = None
+    """(4) mass that the flange carries [kg] and its centre [m]; None for the design's."""
+    accept_unjudged: tuple[str, ...] = ()
+    """Kinds of limits that need not be judged before a real robot moves."""
+    force: bool = False
+    """Replace a recording that exists, once the new one is complete."""
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise InputError(
                 "unknown method", where="--method", value=self.method, limit=", ".join(METHODS)
+            )
+        known = (*RATIOS, *DISTANCES)
+        kinds = tuple(kind.replace("-", "_") for kind in self.accept_unjudged)
+        object.__setattr__(self, "accept_unjudged", kinds)
+        if not set(kinds) <= set(known):
+            raise InputError(
+                "unknown kind of limit",
+                where="--accept-unjudged",
+                value=list(kinds),
+                limit=", ".join(known),
             )
         if self.repeat < 1:
             raise InputError(
@@ -117,30 +140,6 @@ def parse_thermal(text: str) -> Thermal:
     return value
 
 
-def parse_payload(text: str | None) -> Payload:
-    """Read `--payload`: a mass [kg], or a mass and its centre x, y, z [m].
-
-    Raises:
-        InputError: Other than one or four numbers, or a negative mass.
-    """
-    if text is None:
-        return Payload()
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    sound = all(math.isfinite(number) for number in numbers)
-    if len(numbers) not in (1, 4) or not sound or numbers[0] < 0:
-        raise InputError(
-            "a payload is a mass, or a mass and three coordinates",
-            where="--payload",
-            value=text,
-            limit="KG or KG,X,Y,Z",
-        )
-    x, y, z = numbers[1:] or (0.0, 0.0, 0.0)
-    return Payload(mass=numbers[0], com=(x, y, z))
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadedDesign:
     """What a run needs of a design."""
@@ -148,13 +147,15 @@ class LoadedDesign:
     trajectory: Trajectory
     """One period."""
     robot: RobotModel
-    """The robot it was made for, as mounted."""
+    """The robot it was made for, as mounted, with its tool."""
     reference: str
     """Built-in name or path of that robot."""
     limits: DesignLimits
     """All that is safe, in the surroundings that it was made for."""
     sha256: str
     """Of the file."""
+    stored: StoredDesign
+    """As it was read."""
 
 
 def load_design(path: Path, asked: RunSettings) -> LoadedDesign:
@@ -168,38 +169,52 @@ def load_design(path: Path, asked: RunSettings) -> LoadedDesign:
         InputError: Not a design, or one for a robot that cannot be read.
     """
     found = read_design(path, robot=asked.robot, mount=asked.mount)
-    limits = given_limits("safe", True, None if asked.scene is None else Path(asked.scene))
-    if asked.scene is None and found.limits is not None:
-        # A design for the paper's limits may still not run on a robot: safe ones hold there.
-        limits = replace(found.limits, preset="safe", collision=True)
+    # A design for the paper's limits may still not run on a robot: safe ones hold there.
+    limits = given_limits(
+        "safe",
+        True,
+        None if asked.scene is None else Path(asked.scene),
+        found.limits,
+        floor=asked.floor,
+        tool=asked.tool,
+        payload=asked.payload,
+    )
     return LoadedDesign(
         trajectory=found.stored.trajectory,
-        robot=found.robot,
+        robot=limits.equipped(found.robot),
         reference=found.stored.robot if asked.robot is None else robot_reference(asked.robot),
         limits=limits,
         sha256=file_hash(path),
+        stored=found,
     )
 
 
-def mark_aborted(path: Path, abort: Abort) -> bool:
-    """Write the cause of a stop into the metadata of a recording.
-
-    Args:
-        path: The recording; only its partial file may be there.
-        abort: The cause.
-
-    Returns:
-        Whether there is a recording with at least two samples.
-    """
-    try:
+def mark_aborted(path: Path, abort: Abort) -> None:
+    """Write the cause of a stop into a recording, as metadata and as a finding."""
+    # The disk that refused the rows refuses this too; the rows themselves stay readable.
+    with suppress(DynidError):
         record = read_record(path)
-        if path.exists():
-            extra = {**record.metadata.extra, "aborted": abort.message, "abort": abort.code}
-            write_record(replace(record, metadata=replace(record.metadata, extra=extra)), path)
-    except DynidError:
-        # The disk that refused the rows refuses this too; the rows themselves stay readable.
-        return path.exists()
-    return True
+        if not any(problem.kind == "aborted" for problem in record.problems):
+            said = Finding("aborted", f"aborted after {record.samples} samples: {abort.message}")
+            record = replace(record, problems=(*record.problems, said))
+        extra = {**record.metadata.extra, "aborted": abort.message, "abort": abort.code}
+        write_record(replace(record, metadata=replace(record.metadata, extra=extra)), path)
+
+
+def require_absent(files: tuple[Path, ...], force: bool) -> None:
+    """Refuse before anything moves to write where a file stands, unless told to.
+
+    Raises:
+        InputError: One does.
+    """
+    there = next((file for file in files if file.exists()), None)
+    if there is not None and not force:
+        raise InputError(
+            "the file exists, and nothing is replaced unasked",
+            where="-o",
+            value=str(there),
+            next_step="Name another file, or pass --force.",
+        )
 
 
 def truth_path(recording: Path) -> Path:
@@ -252,6 +267,8 @@ def made_ready(
     state: ControllerState,
     constraints: MotionConstraints,
     confirm: Confirm | None,
+    loaded: LoadedDesign,
+    accepted: tuple[str, ...],
 ) -> ExperimentPlan:
     """The plan with its way to the start: check the design, then the robot, then ask.
 
@@ -260,19 +277,24 @@ def made_ready(
         state: The robot's controller, as it says it is.
         constraints: What the motion and the way to its start are held to.
         confirm: Shown what is about to move; None agrees to everything.
+        loaded: The design, as it was read.
+        accepted: Kinds of limits that need not be judged.
 
     Raises:
         InputError: A design that must not run, or nobody agrees.
         JobError: The robot is not ready.
     """
-    certificate = check_design(plan, constraints)
+    certificate = check_design(plan, constraints, accepted)
     approach = plan_approach(state.q, plan.start, constraints)
     checks = check_robot(plan, state, approach)
     require_ready(checks, state.host)
     if confirm is not None:
         lines = [f"{check.name}: {check.finding}" for check in checks]
         lines += [f"mounted as: {plan.robot.mount} (the robot cannot tell; look)"]
+        lines += [f"NOT JUDGED: {item.kind}: {item.message}" for item in certificate.unjudged]
         lines += [*unit_notes(plan.robot), *certificate.notes]
+        if (said := loaded.stored.describe_digest()) is not None:
+            lines.append(said)
         lines += [
             f"{step.name}: {step.execution.settle + step.execution.periods} x "
             f"{step.execution.trajectory.duration:g} s"

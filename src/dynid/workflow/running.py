@@ -20,6 +20,7 @@ from dynid.recording import ExperimentRecord, RecordMetadata, RecordWriter, part
 from dynid.robot import RobotModel
 from dynid.simulation import SimulatedRun, Thermal, simulate, simulated_arm, with_payload
 from dynid.trajectory import Trajectory
+from dynid.workflow.design_files import StoredDesign
 from dynid.workflow.run_settings import (
     Confirm,
     LoadedDesign,
@@ -27,6 +28,8 @@ from dynid.workflow.run_settings import (
     load_design,
     made_ready,
     mark_aborted,
+    require_absent,
+    truth_path,
     write_truth,
 )
 
@@ -106,6 +109,8 @@ class Run:
     """How it ended."""
     record: Path | None
     """The recording, or what is left of it; None if there is none."""
+    design: StoredDesign
+    """What was executed."""
 
     @property
     def abort(self) -> Abort | None:
@@ -124,6 +129,8 @@ class Run:
             if outcome.abort is None
             else {"code": outcome.abort.code, "message": outcome.abort.message},
             "record": None if self.record is None else str(self.record),
+            "digest": self.design.digest,
+            "changed": list(self.design.changed),
         }
 
     def raise_if_aborted(self) -> None:
@@ -138,7 +145,11 @@ class Run:
         samples = self.result.outcome.samples
         kept = f"{samples} samples are kept in {self.record}" if self.record else "nothing is kept"
         raise JobError(
-            f"the robot was stopped in the pass '{self.result.stopped_in}': {abort.message}; {kept}"
+            f"the robot was stopped in the pass '{self.result.stopped_in}': "
+            f"{abort.message}; {kept}",
+            next_step=f"Read it: dynid import {self.record} -o OTHER.parquet"
+            if self.record is not None and self.record.suffix != ".parquet"
+            else None,
         )
 
 
@@ -182,27 +193,25 @@ def run_design(
             next_step="Leave it out, or stream to a controller: dynid controller, --on ur://HOST.",
         )
     loaded = load_design(Path(design), asked)
+    require_absent((path, truth_path(path)) if on == SIMULATED else (path,), asked.force)
     if on == SIMULATED:
         driver = _simulated(loaded, asked)
         plan = _plan(loaded, asked, RATE_HZ, warm_up_s=0.0)
-        result = _execute(plan, driver, loaded, asked, path, cancel, progress)
-        finished = _finished(result, path)
+        finished = _execute(plan, driver, loaded, asked, path, cancel, progress)
         if finished.record is not None:
-            write_truth(path, driver)
+            write_truth(finished.record, driver)
         return finished
     state = inspect(_host(on))
     plan = _plan(loaded, asked, state.rate_hz, warm_up_s=asked.warm_up_s)
-    judge = loaded.limits.constraints(
-        loaded.robot, payload_mass=asked.payload.mass, payload_com=asked.payload.com
-    )
-    plan = made_ready(plan, state, judge, confirm)
+    judge = loaded.limits.constraints(loaded.robot)
+    plan = made_ready(plan, state, judge, confirm, loaded, asked.accept_unjudged)
     if asked.method == "servoj":
         from dynid.drivers import ServojDriver
 
-        return _finished(
-            _execute(plan, ServojDriver(state), loaded, asked, path, cancel, progress), path
-        )
-    return _finished(_execute(plan, UrDriver(state), loaded, asked, path, cancel, progress), path)
+        driver = ServojDriver(state)
+    else:
+        driver = UrDriver(state)
+    return _execute(plan, driver, loaded, asked, path, cancel, progress)
 
 
 def _host(on: str) -> str:
@@ -223,15 +232,15 @@ def _plan(
         slow=asked.slow,
         warm_up_s=warm_up_s,
         rate_hz=rate_hz,
-        payload=asked.payload,
     )
 
 
 def _simulated(loaded: LoadedDesign, asked: RunSettings) -> SimulatedDriver:
     arm = simulated_arm(loaded.robot)
-    if asked.payload.mass > 0:
+    tool = loaded.robot.tool
+    if tool.mass > 0:
         # Of its size nothing is said: all of it is where its centre is.
-        arm = with_payload(arm, asked.payload.mass, asked.payload.com, np.zeros((3, 3)))
+        arm = with_payload(arm, tool.mass, tool.com, np.zeros((3, 3)))
     thermal = asked.thermal
     if asked.warm_up_s > 0:
         # Heat flows far more slowly than the arm moves: no need to simulate every second.
@@ -249,7 +258,9 @@ def _execute(
     path: Path,
     cancel: Event | None,
     progress: Progress | None,
-) -> RunResult:
+) -> Run:
+    opened: list[RecordWriter] = []
+
     def open_recorder() -> RecordWriter:
         source = driver.source
         metadata = RecordMetadata(
@@ -263,25 +274,47 @@ def _execute(
                 "periods": str(plan.periods),
                 "mount": plan.robot.mount,
                 "thermal": str(asked.thermal),
-                "payload_kg": repr(asked.payload.mass),
+                "payload_kg": repr(plan.robot.tool.mass),
                 "method": asked.method,
                 "settled": str(plan.settle),
                 "warm_up_s": repr(asked.warm_up_s),
             },
         )
-        return RecordWriter(
-            path, plan.robot.joint_names, source.quantities, metadata, channels=source.channels
+        opened.append(
+            RecordWriter(
+                path,
+                plan.robot.joint_names,
+                source.quantities,
+                metadata,
+                channels=source.channels,
+                force=asked.force,
+                expected_samples=round(plan.periods * plan.trajectory.duration * plan.rate_hz),
+            )
         )
+        return opened[0]
 
-    return run(plan, driver, open_recorder, cancel=cancel, progress=progress)
+    result = run(plan, driver, open_recorder, cancel=cancel, progress=progress)
+    return _finished(result, opened[0] if opened else None, loaded, plan)
 
 
-def _finished(result: RunResult, path: Path) -> Run:
-    abort = result.outcome.abort
-    kept = result.outcome.samples >= 2
-    if abort is not None and result.stopped_in == "run":
-        kept = mark_aborted(path, abort) and kept
-        if result.outcome.samples < 2:
+def _finished(
+    result: RunResult, writer: RecordWriter | None, loaded: LoadedDesign, plan: ExperimentPlan
+) -> Run:
+    if writer is None:
+        return Run(result=result, record=None, design=loaded.stored)
+    # What was appended need not have been written: the disk is what counts.
+    samples, record = writer.saved_samples, writer.record_path
+    abort, outcome = result.outcome.abort, result.outcome
+    if abort is not None:
+        if samples < 2:
             # One row is no recording: nothing is kept, and nothing lies about.
-            partial_path(path).unlink(missing_ok=True)
-    return Run(result=result, record=path if kept else None)
+            partial_path(writer.path).unlink(missing_ok=True)
+        elif record.suffix == writer.path.suffix:
+            mark_aborted(record, abort)
+        whole = int(samples / (plan.trajectory.duration * plan.rate_hz))
+        outcome = replace(outcome, samples=samples, periods=min(outcome.periods, whole))
+    return Run(
+        result=replace(result, outcome=outcome),
+        record=record if samples >= 2 else None,
+        design=loaded.stored,
+    )

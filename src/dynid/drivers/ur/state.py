@@ -135,6 +135,7 @@ _ASKED = (
     "target_speed_fraction",
     "payload",
     "payload_cog",
+    "tcp_offset",
 )
 
 
@@ -166,6 +167,8 @@ class ControllerState:
     """Mass that it reckons with [kg]; None if it does not say."""
     payload_cog: Array | None
     """(3) its centre in the flange's frame [m]; None if it does not say."""
+    tcp_offset: Array | None = None
+    """(3) the tool's point in the flange's frame [m]; None if it does not say."""
 
 
 def inspect(host: str) -> ControllerState:
@@ -214,6 +217,7 @@ def inspect(host: str) -> ControllerState:
         speed_fraction=number("target_speed_fraction"),
         payload=number("payload") if "payload" in values else None,
         payload_cog=vector("payload_cog", 3) if "payload_cog" in values else None,
+        tcp_offset=vector("tcp_offset")[:3] if "tcp_offset" in values else None,
     )
 
 

@@ -1,0 +1,181 @@
+"""What was edited since a design was certified is noticed: a digest a subject."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dynid.core import InputError, write_json
+from dynid.workflow import DesignSettings, check, design, read_design
+
+Document = dict[str, Any]
+SCENE = {"shapes": [{"type": "box", "size": [0.2, 0.2, 0.2], "position": [0.8, 0.8, 0.1]}]}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    folder = tmp_path_factory.mktemp("digest")
+    (folder / "scene.json").write_text(json.dumps(SCENE))
+    settings = DesignSettings(
+        method="ga", population=4, generations=1, harmonics=3, period_s=8.0,
+        scene=str(folder / "scene.json"), tool=(0.0, 0.0, 0.1), payload=(1.0, 0.0, 0.0, 0.05),
+    )  # fmt: skip
+    design("ur5", settings, output=folder / "design.json")
+    return folder, (folder / "design.json").read_text()
+
+
+def put(*keys: str | int, value: Any) -> Callable[[Document], None]:
+    def edit(document: Document) -> None:
+        at: Any = document
+        for key in keys[:-1]:
+            at = at[key]
+        if isinstance(at, dict):
+            assert at.get(keys[-1], "absent") != value
+        at[keys[-1]] = value
+
+    return edit
+
+
+def drop(*keys: str) -> Callable[[Document], None]:
+    def edit(document: Document) -> None:
+        at: Any = document
+        for key in keys[:-1]:
+            at = at[key]
+        del at[keys[-1]]
+
+    return edit
+
+
+def nudge(*keys: str | int, by: float = 1e-12) -> Callable[[Document], None]:
+    def edit(document: Document) -> None:
+        at: Any = document
+        for key in keys[:-1]:
+            at = at[key]
+        at[keys[-1]] += by
+
+    return edit
+
+
+D, L, G = "design", ("design", "limits"), ("design", "digest")
+NOTICED: dict[str, tuple[Callable[[Document], None], str]] = {
+    "a coefficient": (nudge("trajectory", "a", 0, 0, by=0.01), "motion"),
+    "a coefficient's last digits": (nudge("trajectory", "b", 3, 1), "motion"),
+    "an offset": (nudge("trajectory", "offset", 5, by=-0.2), "motion"),
+    "the period": (put("trajectory", "period", value=4.0), "motion"),
+    "the scene removed": (put(*L, "scene", value=None), "scene"),
+    "the scene without its key": (drop(*L, "scene"), "scene"),
+    "a shape removed": (put(*L, "scene", "shapes", value=[]), "scene"),
+    "a shape moved": (put(*L, "scene", "shapes", 0, "position", value=[9, 9, 9]), "scene"),
+    "a shape made smaller": (put(*L, "scene", "shapes", 0, "size", value=[0.1] * 3), "scene"),
+    "a shape added": (
+        put(*L, "scene", "payload", value=[{"type": "sphere", "radius": 0.1, "position": [0] * 3}]),
+        "scene",
+    ),
+    "the scene's name": (put(*L, "scene_file", value="other.json"), "scene"),
+    "the floor taken away": (put(*L, "floor", value="none"), "scene"),
+    "the floor lowered": (put(*L, "floor", value=-2.0), "scene"),
+    "the mounting": (put(D, "mount", value="ceiling"), "robot"),
+    "another robot": (put("robot", value="ur10"), "robot"),
+    "a cousin of the robot": (put("robot", value="ur5e"), "robot"),
+    "the tool taken away": (put(*L, "tool", value=None), "tool"),
+    "the tool shortened": (put(*L, "tool", value=[0, 0, 0.02]), "tool"),
+    "the payload taken away": (put(*L, "payload", value=None), "tool"),
+    "the payload lightened": (put(*L, "payload", 0, value=0.2), "tool"),
+    "the payload's centre": (put(*L, "payload", 3, value=0.01), "tool"),
+    "the limits": (put(*L, "preset", value="paper"), "limits"),
+    "collisions off": (put(*L, "collision", value=False), "limits"),
+    "no margin": (put(*L, "margin_percent", value=0.0), "limits"),
+    "less clearance": (put(*L, "clearance", value=0.001), "limits"),
+    "a bound widened": (nudge("limits", "velocity", 0, by=1.0), "limits"),
+    "a bound unknown": (put("limits", "acceleration", value=[None] * 6), "limits"),
+    "feasible flipped": (lambda d: d[D].update(feasible=not d[D]["feasible"]), "statements"),
+    "the verdict": (put(D, "certificate", value="sure"), "statements"),
+    "a margin": (put(D, "margins", "torque", value=0.9), "statements"),
+    "a note removed": (put(D, "notes", value=[]), "statements"),
+    "the condition number": (put(D, "condition_number", value=1.0), "statements"),
+    "the seed": (put("provenance", "seed", value=99), "statements"),
+    "a key of one's own": (put("approved_by", value="somebody"), "statements"),
+    "the digest of the motion": (put(*G, "motion", value="0" * 64), "motion"),
+    "the digest of them all": (put(*G, "sha256", value="0" * 64), "digest"),
+    "a digest too few": (drop(*G, "scene"), "scene"),
+    "a digest too many": (put(*G, "extra", value="0" * 64), "digest"),
+    "the version": (put(*G, "version", value="9.9.9"), "version"),
+}  # fmt: skip
+
+
+def written(made: tuple[Path, str], edit: Callable[[Document], None], tmp_path: Path) -> Path:
+    document = json.loads(made[1])
+    edit(document)
+    write_json(tmp_path / "edited.json", document)
+    return tmp_path / "edited.json"
+
+
+def test_an_untouched_design_matches_and_layout_does_not_count(
+    made: tuple[Path, str], tmp_path: Path
+) -> None:
+    assert read_design(made[0] / "design.json").digest == "matches"
+    file = tmp_path / "tight.json"
+    file.write_text(json.dumps(json.loads(made[1]), sort_keys=True, separators=(",", ":")))
+    assert read_design(file).digest == "matches"
+
+
+@pytest.mark.parametrize("name", NOTICED)
+def test_an_edit_is_noticed_and_its_subject_named(
+    made: tuple[Path, str], name: str, tmp_path: Path
+) -> None:
+    edit, subject = NOTICED[name]
+    found = read_design(written(made, edit, tmp_path))
+    assert found.digest == "differs"
+    assert subject in found.changed
+    assert subject in str(found.describe_digest())
+
+
+@pytest.mark.parametrize("name", ["design", "digest"])
+def test_without_a_digest_it_is_said(made: tuple[Path, str], name: str, tmp_path: Path) -> None:
+    keys = ("design",) if name == "design" else ("design", "digest")
+    found = read_design(written(made, drop(*keys), tmp_path))
+    assert found.digest == "absent"
+    assert "no digest" in str(found.describe_digest())
+
+
+def test_an_edited_design_is_certified_anew(made: tuple[Path, str], tmp_path: Path) -> None:
+    before = check(made[0] / "design.json").to_json()
+    assert (before["digest"], before["changed"]) == ("matches", [])
+    path = written(made, put("trajectory", "offset", 1, value=0.6), tmp_path)
+    after = check(path).to_json()
+    assert (after["certificate"], after["changed"]) == ("violated", ["motion"])
+    assert json.loads(path.read_text())["design"]["margins"] == before["margins"]
+
+
+@pytest.mark.parametrize(
+    ("text", "by", "said"),
+    [
+        ('"robot"', '"robot": "ur10", "robot"', "stands twice"),
+        ('"preset"', '"scene": null, "preset"', "stands twice"),
+    ],
+)
+def test_a_key_that_stands_twice_is_refused(
+    made: tuple[Path, str], text: str, by: str, said: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "twice.json"
+    path.write_text(made[1].replace(text, by, 1))
+    with pytest.raises(InputError, match=said):
+        read_design(path)
+
+
+@pytest.mark.parametrize("value", [1e308, -1e200, 1e12, 1e-308])
+@pytest.mark.parametrize("place", [("a", 0, 0), ("offset", 2), ("period",)])
+def test_hostile_numbers_are_one_line(
+    made: tuple[Path, str], place: tuple[str | int, ...], value: float, tmp_path: Path
+) -> None:
+    path = written(made, put("trajectory", *place, value=value), tmp_path)
+    if place[0] != "period" and abs(value) < 1.0:
+        assert check(path).certificate.margins["position"] is not None
+        return
+    with pytest.raises(InputError) as caught:
+        check(path)
+    assert "\n" not in str(caught.value)
