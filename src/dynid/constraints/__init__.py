@@ -3,7 +3,7 @@
 from dynid.constraints.certificate import Certificate, certify
 from dynid.constraints.collision import Bodies
 from dynid.constraints.distance import closest_on_segments, place_shapes, segment_to_shape
-from dynid.constraints.dynamic import prior_dynamics
+from dynid.constraints.dynamic import prior_dynamics, prior_link
 from dynid.constraints.limits import DISTANCES, RATIOS, Worst
 from dynid.constraints.motion import (
     PRESETS,
@@ -42,6 +42,7 @@ __all__ = [
     "paper_constraints",
     "place_shapes",
     "prior_dynamics",
+    "prior_link",
     "safe_constraints",
     "scene_from_json",
     "segment_to_shape",

@@ -1,7 +1,6 @@
 """How well a model predicts another record."""
 
 from dynid.validation.comparison import ParameterComparison, compare
-from dynid.validation.findings import wrong_inputs
 from dynid.validation.observer import MomentumObserver, contact_thresholds
 from dynid.validation.prediction import (
     MOVING_SPEED,
@@ -21,5 +20,4 @@ __all__ = [
     "contact_thresholds",
     "reproduce",
     "validate",
-    "wrong_inputs",
 ]
