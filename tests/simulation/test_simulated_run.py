@@ -119,7 +119,7 @@ def test_any_robot_with_inertias_can_be_simulated() -> None:
 def test_unknown_tensors_become_balls(ur5: RobotModel) -> None:
     rows = simulated_arm(ur5).truth.inertials.copy()
     rows[:, 4:] = np.nan
-    arm = simulated_arm(replace(ur5, name="ur6", inertias=rows), serial=None)
+    arm = simulated_arm(replace(ur5, name="ur6", inertias=rows))
     found = arm.truth.inertials
     np.testing.assert_array_equal(found[:, :4], rows[:, :4])
     mass, _, tensor = link_body(found[1])
@@ -130,12 +130,12 @@ def test_unknown_tensors_become_balls(ur5: RobotModel) -> None:
 
 def test_a_urdf_called_ur5_keeps_its_own_inertias() -> None:
     robot = replace(build_chain(joints=6), name="ur5")
-    published = simulated_arm(robot, serial=None).truth.inertials
+    published = simulated_arm(robot).truth.inertials
     np.testing.assert_array_equal(published, robot.inertias)
 
 
 def test_links_as_built_are_near_the_published_ones(ur5: RobotModel) -> None:
-    published = simulated_arm(ur5, serial=None).truth.inertials
+    published = simulated_arm(ur5).truth.inertials
     arms = [simulated_arm(ur5, serial=k).truth.inertials for k in (1, 1, 2)]
     np.testing.assert_array_equal(arms[0], arms[1])
     for found in (arms[0], arms[2]):

@@ -127,12 +127,14 @@ _WATER = 1000.0
 _COULOMB_SHARE, _VISCOUS_SHARE = 0.8, 0.9
 
 
+SERIAL = 1
+"""The individual that runs and demonstrations use."""
 MASS_SPREAD, CENTRE_SPREAD_M, TENSOR_SPREAD = 0.1, 0.01, 0.3
 """Largest differences of real links from published inertias (share, m, share)."""
 
 
 def simulated_arm(
-    robot: RobotModel, *, servo: Servo | None = None, serial: int | None = 1
+    robot: RobotModel, *, servo: Servo | None = None, serial: int | None = None
 ) -> SimulatedArm:
     """The simulated arm of a robot: realistic, with a truth that can be looked up.
 
@@ -143,7 +145,7 @@ def simulated_arm(
         robot: The robot, mounted as it stands.
         servo: The servo; the default follows `servoj` with lookahead 0.03 s and gain 500.
         serial: Number of the individual: its links differ from the published ones as real ones
-            do (`as_built`). None for published inertias as they are.
+            do (`as_built`). None for published inertias exactly.
 
     Raises:
         InputError: A robot other than the UR5 with unknown masses, or coupled joints.
