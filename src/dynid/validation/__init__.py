@@ -7,17 +7,23 @@ from dynid.validation.prediction import (
     Metrics,
     ValidationResult,
     reproduce,
+    samples_of,
     validate,
 )
+from dynid.validation.transfer import CAUSES, TransferReport, refit_friction
 
 __all__ = [
+    "CAUSES",
     "MOVING_SPEED",
     "Metrics",
     "MomentumObserver",
     "ParameterComparison",
+    "TransferReport",
     "ValidationResult",
     "compare",
     "contact_thresholds",
+    "refit_friction",
     "reproduce",
+    "samples_of",
     "validate",
 ]

@@ -25,6 +25,8 @@ from dynid.validation import (
     ParameterComparison,
     ValidationResult,
     compare,
+    refit_friction,
+    samples_of,
     validate,
 )
 from dynid.workflow.identify import Identification, IdentifySettings, identify
@@ -102,6 +104,8 @@ def validate_files(
     stop_s: float | None = None,
     at_degC: float | None = None,
     gains: Sequence[float] | None = None,
+    refit: str | None = None,
+    output: str | Path | None = None,
 ) -> ValidationResult:
     """Predict the torques of a recording and measure the error.
 
@@ -112,12 +116,23 @@ def validate_files(
         stop_s: End of the window [s].
         at_degC: Temperature of all joints, where the file holds temperature laws [degC].
         gains: (n) drive gains of the recording [N.m/A]; they override its own and the robot's.
+        refit: `friction` to take friction from this recording first; inertias stay.
+        output: Where the refitted estimate is written.
 
     Raises:
         InputError: Files that cannot be read, or do not belong together.
     """
+    if refit not in (None, "friction"):
+        raise InputError("unknown part to refit", where="--refit", value=refit, limit="friction")
+    if output is not None and refit is None:
+        raise InputError("nothing to write without --refit", where="--output", value=str(output))
     known = estimate_at(estimate, at_degC)
     record = open_record(recording, known.model.robot, gains)
+    if refit is not None:
+        samples = samples_of(known, record, start_s=start_s, stop_s=stop_s)
+        known = refit_friction(known, samples)
+        if output is not None:
+            write_estimate(known, output)
     return validate(known, record, start_s=start_s, stop_s=stop_s)
 
 
