@@ -130,7 +130,21 @@ def test_unknown_tensors_become_balls(ur5: RobotModel) -> None:
 
 def test_a_urdf_called_ur5_keeps_its_own_inertias() -> None:
     robot = replace(build_chain(joints=6), name="ur5")
-    np.testing.assert_array_equal(simulated_arm(robot).truth.inertials, robot.inertias)
+    published = simulated_arm(robot).truth.inertials
+    np.testing.assert_array_equal(published, robot.inertias)
+
+
+def test_links_as_built_are_near_the_published_ones(ur5: RobotModel) -> None:
+    published = simulated_arm(ur5).truth.inertials
+    arms = [simulated_arm(ur5, serial=k).truth.inertials for k in (1, 1, 2)]
+    np.testing.assert_array_equal(arms[0], arms[1])
+    for found in (arms[0], arms[2]):
+        for row, known in zip(found, published, strict=True):
+            (mass, com, tensor), (m, c, t) = link_body(row), link_body(known)
+            assert 0 < abs(mass / m - 1) <= 0.1
+            assert 0 < np.abs(com - c).max() <= 0.01
+            assert np.linalg.eigvalsh(np.trace(tensor) / 2 * np.eye(3) - tensor).min() >= 0
+            assert 0 < abs(np.trace(tensor) / np.trace(t) - 1) <= 0.3
 
 
 def test_ground_truth_tells_its_parameters(arm: SimulatedArm, ur5: RobotModel) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from dynid.core import JobError
 from dynid.robot import load_robot
-from dynid.simulation import simulated_arm
+from dynid.simulation import SERIAL, simulated_arm
 from rtde_client import RtdeClient, ask_dashboard, wait_for
 from urtwin import controller_process, own_address
 
@@ -57,7 +57,7 @@ def test_ready_line_truth_and_report(tmp_path):
         assert controller.end() == 0
         said = controller.said()
     assert "stopped by SIGINT" in said
-    known = simulated_arm(load_robot("ur5")).truth
+    known = simulated_arm(load_robot("ur5"), serial=SERIAL).truth
     np.testing.assert_array_equal(written["links"], known.standard_parameters)
     np.testing.assert_allclose(written["start_degC"], 30.0, atol=1.0)
     kept = json.loads(report.read_text())

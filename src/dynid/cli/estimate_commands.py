@@ -353,14 +353,30 @@ def _validate(
     stop: StopOption = None,
     at: TemperatureOption = None,
     gains: GainsOption = None,
+    refit: Annotated[
+        str | None,
+        typer.Option(metavar="friction", help="Take friction from this recording; inertias stay."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="Write the refitted estimate here."),
+    ] = None,
     json: JsonFlag = False,
 ) -> None:
-    """Prediction error on another recording (paper 3.1)."""
-    from dynid.cli.output import console, print_json, print_notices
+    """Prediction error on another recording (paper 3.1), and where it comes from."""
+    from dynid.cli.output import console, number, print_json, print_notices, print_table
+    from dynid.validation import CAUSES
     from dynid.workflow import estimate_at, validate_files
 
     result = validate_files(
-        estimate, record, start_s=start, stop_s=stop, at_degC=at, gains=parse_gains(gains)
+        estimate,
+        record,
+        start_s=start,
+        stop_s=stop,
+        at_degC=at,
+        gains=parse_gains(gains),
+        refit=refit,
+        output=output,
     )
     if json:
         print_json(result.to_json())
@@ -368,6 +384,18 @@ def _validate(
     screen = console()
     slides = estimate_at(estimate, at).model.robot.prismatic
     print_metrics(screen, "Prediction", result, slides)
+    if result.transfer is not None:
+        split = result.transfer
+        print_table(
+            screen,
+            "Error by cause (RMS, N.m or N)",
+            ("joint", *CAUSES, "rest"),
+            [
+                (str(j + 1), *(number(x, 3) for x in (*split.rms[:, j], split.rest[j])))
+                for j in range(len(split.rest))
+            ],
+            words=(0,),
+        )
     print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
 
 

@@ -188,6 +188,12 @@ def register_bench(app: typer.Typer) -> None:
             "dynid bench estimators", "dynid bench estimators --only ols,iv,didim --seeds 5 --json"
         ),
     )(_estimators)
+    group.command(
+        "verdicts",
+        epilog=examples(
+            "dynid bench verdicts", "dynid bench verdicts --clean 300 --each 60 --seed 1 --json"
+        ),
+    )(_verdicts)
     app.add_typer(group, name="bench", rich_help_panel=None)
 
 
@@ -232,6 +238,44 @@ def _estimators(
         rows,
         words=(0, 1),
     )
+
+
+def _verdicts(
+    clean: Annotated[int, typer.Option(metavar="N", min=0, help="Clean recordings.")] = 12,
+    each: Annotated[
+        int, typer.Option(metavar="N", min=0, help="Recordings of each fault, over three sizes.")
+    ] = 3,
+    seed: Annotated[int, typer.Option(help="Seed of arms, motions and faults.")] = 0,
+    preset: Annotated[str, typer.Option(metavar="paper|best", help="As for identify.")] = "best",
+    json: JsonFlag = False,
+) -> None:
+    """Clean recordings doubted and faults named, on arms that share no code with dynid."""
+    from dynid.bench import Judged, Recorded, cases, markdown, rates, run_verdicts, summarise
+    from dynid.cli.output import console, print_json, progress_bar
+    from dynid.workflow import IdentifySettings, identify, verdict
+
+    def judge(made: Recorded) -> Judged:
+        result = identify(
+            made.record,
+            made.robot,
+            IdentifySettings(preset=preset),
+            validation=made.validation,
+        )
+        shown = result.validation
+        return Judged(
+            findings=result.warnings,
+            level=verdict(result).level,
+            t=() if shown is None else shown.t,
+            predicted=() if shown is None else shown.predicted,
+        )
+
+    with progress_bar("bench") as progress:
+        rows = run_verdicts(judge, cases(seed, clean, each), progress=progress)
+    told = summarise(rows)
+    if json:
+        print_json(told | {"right_cause_percent": rates(told), "seed": seed, "preset": preset})
+        return
+    console().print(markdown(told, f"Seed {seed}, preset {preset}"), soft_wrap=True, markup=False)
 
 
 def register_demo(app: typer.Typer) -> None:

@@ -2,7 +2,7 @@
 
 from dynid.constraints.certificate import Certificate, certify
 from dynid.constraints.collision import Bodies
-from dynid.constraints.dynamic import prior_dynamics
+from dynid.constraints.dynamic import prior_dynamics, prior_link
 from dynid.constraints.limits import DISTANCES, RATIOS, Unjudged, Worst
 from dynid.constraints.motion import (
     CLEARANCE,
@@ -48,6 +48,7 @@ __all__ = [
     "certify",
     "paper_constraints",
     "prior_dynamics",
+    "prior_link",
     "safe_constraints",
     "scene_from_json",
 ]

@@ -2,7 +2,6 @@
 
 from dynid.identification.bayesian import inertial_prior
 from dynid.identification.candidates import with_load
-from dynid.identification.diagnostics import implausible_gravity
 from dynid.identification.drive_gains import (
     LARGEST_STD,
     WIDTH,
@@ -78,7 +77,6 @@ __all__ = [
     "fit_estimate",
     "fit_law",
     "fit_shared",
-    "implausible_gravity",
     "inertial_prior",
     "motion_state",
     "payload_of",

@@ -7,85 +7,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from dynid.constraints import prior_dynamics
 from dynid.core import Array, Finding
 from dynid.identification.bayesian import symbol_of
 from dynid.identification.estimate import Estimate
 from dynid.identification.problem import ILL_CONDITIONED
 from dynid.signals import Samples
 
-GRAVITY_POSES = 200
-SEED = 0
-LEAST_TORQUE = 0.02
-"""Gravity below this share of the largest joint's says nothing about a joint's gain."""
-WRONG_GAIN = 1.5
-"""Gravity this many times too large or too small is no matter of masses that differ a little."""
-UNLIKE = 0.5
-"""Correlation below which the gravity is another one: of another mounting, or other joints."""
-
-
-def implausible_gravity(estimate: Estimate) -> tuple[Finding, ...]:
-    """Compare identified gravity torques with those of the robot's known masses.
-
-    A wrong drive gain scales a joint's torques and leaves the fit perfect; only known masses can
-    tell. A wrong mounting turns gravity.
-
-    Args:
-        estimate: The estimate.
-
-    Returns:
-        Nothing where masses are not known, or all is plausible.
-    """
-    robot = estimate.model.robot
-    prior = prior_dynamics(robot)
-    if prior is None:
-        return ()
-    reach = estimate.motion.upper - estimate.motion.lower
-    numbers = np.random.default_rng(SEED)
-    q = estimate.motion.lower + reach * numbers.random((GRAVITY_POSES, robot.joints))
-    rest = np.zeros_like(q)
-    known = prior.model.inverse_dynamics(q, rest, rest, prior.parameters)
-    parameters = np.array(estimate.standard_parameters())
-    parameters[10 * robot.joints :] = 0.0
-    found = estimate.model.inverse_dynamics(q, rest, rest, parameters)
-    size = np.sqrt(np.square(known).mean(axis=0))
-    heavy = [int(j) for j in np.flatnonzero(size > LEAST_TORQUE * max(float(size.max()), 1e-9))]
-    turned: list[str] = []
-    scaled: list[str] = []
-    for j in heavy:
-        product = float(known[:, j] @ found[:, j])
-        ratio = product / float(known[:, j] @ known[:, j])
-        norm = float(np.linalg.norm(known[:, j]) * np.linalg.norm(found[:, j]))
-        name = robot.joint_names[j]
-        if norm == 0 or product / norm < UNLIKE:
-            turned.append(name)
-        elif not 1 / WRONG_GAIN < ratio < WRONG_GAIN:
-            scaled.append(f"{name} {ratio:.2g} times")
-    notices: list[Finding] = []
-    if len(turned) > len(heavy) / 2:
-        notices.append(
-            Finding(
-                "not_physical",
-                f"gravity as identified is not that of the known masses ({', '.join(turned[:4])}): "
-                f"check the mounting ({robot.mount}), the joint order and signs",
-            )
-        )
-    if scaled:
-        notices.append(
-            Finding(
-                "unit_suspect",
-                "gravity torques differ from those of the known masses: "
-                f"{', '.join(scaled[:4])} as large; check the drive gains, the mounting "
-                f"({robot.mount}) and what the robot carries",
-            )
-        )
-    return tuple(notices)
-
-
-SMALL_RANGE = 0.1
-"""[rad or m] a joint that moves less hardly shows its inertia."""
-SLOW = 0.05
-"""[rad/s or m/s] a joint that never moves faster shows no viscous friction."""
+SMALL_RANGE = {False: 0.1, True: 0.02}
+"""A joint that moves less hardly shows its inertia [rad; m where it slides]."""
+SLOW = {False: 0.05, True: 0.01}
+"""A joint that never moves faster shows no viscous friction [rad/s; m/s]."""
 ONE_WAY = 0.05
 """Share of the moving samples in the rarer direction; below it, friction and gravity mix."""
 UNCERTAIN_SHARE = 0.75
@@ -93,6 +24,8 @@ UNCERTAIN_SHARE = 0.75
 CORRELATED = 0.3
 """Autocorrelation of the residuals at one sample that is worth saying."""
 POSES = 200
+CERTAIN = 3.0
+"""Standard deviations below zero from which a value is negative beyond doubt."""
 
 
 def diagnose(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
@@ -151,10 +84,12 @@ def low_excitation(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
     found: list[str] = []
     for j, name in enumerate(estimate.model.robot.joint_names):
         fastest, reach = float(np.abs(samples.dq[:, j]).max()), float(np.ptp(samples.q[:, j]))
-        if reach < SMALL_RANGE:
-            found.append(f"{name} moves only {reach:.3f} rad or m")
-        elif fastest < SLOW:
-            found.append(f"{name} never exceeds {fastest:.3f} rad/s or m/s")
+        slides = estimate.model.robot.prismatic[j]
+        unit = "m" if slides else "rad"
+        if reach < SMALL_RANGE[slides]:
+            found.append(f"{name} moves only {reach:.3f} {unit}")
+        elif fastest < SLOW[slides]:
+            found.append(f"{name} never exceeds {fastest:.3f} {unit}/s")
         elif j in one_way:
             found.append(f"{name} moves in one direction only")
     with np.errstate(invalid="ignore"):
@@ -200,16 +135,17 @@ def not_physical(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
         told.append(
             Finding("reversed", "the sign of the torques looks reversed", joints=joints, value=-1.0)
         )
-    smallest = smallest_mass_eigenvalue(estimate, samples)
-    if smallest < 0:
-        text = f"the mass matrix is not positive at some poses (eigenvalue {smallest:.2g})"
-        told.append(Finding("indefinite_mass", text, value=smallest, next_step=advice))
+    smallest, std = smallest_mass_eigenvalue(estimate, samples)
+    if smallest < -CERTAIN * std:
+        size = f"{smallest:.2g} +- {std:.1g}"
+        text = f"the mass matrix is not positive at some poses (eigenvalue {size})"
+        told.append(Finding("indefinite_mass", text, value=smallest, std=std, next_step=advice))
     return tuple(told)
 
 
-def smallest_mass_eigenvalue(estimate: Estimate, samples: Samples) -> float:
-    """The smallest eigenvalue of the mass matrix over poses of the record."""
-    n = samples.joints
+def smallest_mass_eigenvalue(estimate: Estimate, samples: Samples) -> tuple[float, float]:
+    """The smallest eigenvalue of the mass matrix over poses of the record, and its deviation."""
+    n, model = samples.joints, estimate.model
     q = samples.q[np.linspace(0, samples.count - 1, min(POSES, samples.count)).astype(int)]
     rest = np.zeros_like(q)
     gravity = estimate.predict(q, rest, rest)
@@ -218,7 +154,13 @@ def smallest_mass_eigenvalue(estimate: Estimate, samples: Samples) -> float:
         unit = rest.copy()
         unit[:, k] = 1.0
         mass[:, :, k] = estimate.predict(q, rest, unit) - gravity
-    return float(np.linalg.eigvalsh((mass + mass.transpose(0, 2, 1)) / 2).min())
+    sizes, axes = np.linalg.eigh((mass + mass.transpose(0, 2, 1)) / 2)
+    worst = int(np.argmin(sizes[:, 0]))
+    # The eigenvalue v' M v is linear in the parameters.
+    pose, still, axis = q[worst : worst + 1], rest[:1], axes[worst, :, :1].T
+    moved = model.stack(pose, still, axis) - model.stack(pose, still, still)
+    row = (moved[list(estimate.independent), :, 0]) @ axis[0]
+    return float(sizes[worst, 0]), float(np.sqrt(max(row @ estimate.covariance @ row, 0.0)))
 
 
 def non_white(estimate: Estimate) -> tuple[Finding, ...]:

@@ -443,8 +443,12 @@ class NextSection(Section):
 
 
 def _next_steps_part(item: ReportedEstimate, named: bool) -> Part:
-    codes = list(dict.fromkeys(notice.code for notice in item.warnings))
-    steps = [(ADVICE[code], f"warning {code}") for code in codes if code in ADVICE]
+    steps = [
+        (finding.next_step or ADVICE[finding.code], finding.code)
+        for finding in item.warnings
+        if finding.severity != "info" and (finding.next_step or finding.code in ADVICE)
+    ]
+    steps = list(dict.fromkeys(steps))
     if item.validation is None:
         steps.insert(0, ("Predict another motion: `dynid validate`.", "nothing confirms it yet"))
     if item.level == "usable" and not steps:

@@ -1,7 +1,7 @@
 """A simulated arm with known parameters, to test identification against."""
 
 from dynid.simulation.friction import Thermal
-from dynid.simulation.library import simulated_arm
+from dynid.simulation.library import SERIAL, simulated_arm
 from dynid.simulation.plant import (
     Plant,
     SimulatedRun,
@@ -12,6 +12,7 @@ from dynid.simulation.servo import PlantState, Servo, Target
 from dynid.simulation.truth import SimulatedArm, with_payload
 
 __all__ = [
+    "SERIAL",
     "Plant",
     "PlantState",
     "Servo",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, RobotError, frozen
+from dynid.core import Array, InputError, RobotError, frozen, read_only
 from dynid.robot import RobotModel
 from dynid.simulation.friction import (
     JointFriction,
@@ -19,6 +21,7 @@ from dynid.simulation.truth import (
     SimulatedArm,
     cylinder,
     in_parent_frame,
+    link_body,
     link_parameters,
     point_masses,
 )
@@ -124,7 +127,15 @@ _WATER = 1000.0
 _COULOMB_SHARE, _VISCOUS_SHARE = 0.8, 0.9
 
 
-def simulated_arm(robot: RobotModel, *, servo: Servo | None = None) -> SimulatedArm:
+SERIAL = 1
+"""The individual that runs and demonstrations use."""
+MASS_SPREAD, CENTRE_SPREAD_M, TENSOR_SPREAD = 0.1, 0.01, 0.3
+"""Largest differences of real links from published inertias (share, m, share)."""
+
+
+def simulated_arm(
+    robot: RobotModel, *, servo: Servo | None = None, serial: int | None = None
+) -> SimulatedArm:
     """The simulated arm of a robot: realistic, with a truth that can be looked up.
 
     The UR5 has its documented truth (`ur5_truth`). Any other robot needs masses and centres of
@@ -133,6 +144,8 @@ def simulated_arm(robot: RobotModel, *, servo: Servo | None = None) -> Simulated
     Args:
         robot: The robot, mounted as it stands.
         servo: The servo; the default follows `servoj` with lookahead 0.03 s and gain 500.
+        serial: Number of the individual: its links differ from the published ones as real ones
+            do (`as_built`). None for published inertias exactly.
 
     Raises:
         InputError: A robot other than the UR5 with unknown masses, or coupled joints.
@@ -140,13 +153,41 @@ def simulated_arm(robot: RobotModel, *, servo: Servo | None = None) -> Simulated
     # A URDF that calls itself ur5 brings its own inertias, and no DH frames.
     documented = robot.name == "ur5" and robot.joints == 6 and "dh" in robot.parameter_frames
     truth = ur5_truth(robot) if documented else stand_in_truth(robot)
-    # A controller compensates most of the friction, not all: UR's own default shares.
+    # A controller knows the published masses, and compensates most of the friction, not all: UR's
+    # own default shares.
     controller = point_masses(
         truth.inertials,
         _COULOMB_SHARE * truth.friction.coulomb,
         _VISCOUS_SHARE * truth.friction.viscous,
     )
+    if serial is not None:
+        inertials = as_built(truth.inertials, serial)
+        label = f"{truth.label}; links as built, serial number {serial}"
+        truth = replace(truth, inertials=inertials, label=label)
     return SimulatedArm(robot=robot, truth=truth, controller=controller, servo=servo or Servo())
+
+
+def as_built(inertials: Array, serial: int) -> Array:
+    """(n, 10) links that differ from published ones as those of real arms do.
+
+    Masses by up to 10 %, centres by up to 10 mm along each axis, second moments about the centre
+    by up to 30 % along their principal axes, which keeps every body physically consistent.
+
+    Args:
+        inertials: (n, 10) published parameters about the joint frames.
+        serial: Seed of the differences.
+    """
+    draw = np.random.default_rng(serial)
+    rows: list[Array] = []
+    for row in inertials:
+        mass, centre, tensor = link_body(row)
+        sizes, axes = np.linalg.eigh(np.trace(tensor) / 2 * np.eye(3) - tensor)
+        sizes = np.maximum(sizes, 0.0) * (1 + draw.uniform(-TENSOR_SPREAD, TENSOR_SPREAD, 3))
+        mass *= 1 + draw.uniform(-MASS_SPREAD, MASS_SPREAD)
+        centre = centre + draw.uniform(-CENTRE_SPREAD_M, CENTRE_SPREAD_M, 3)
+        tensor = axes * (sizes.sum() - sizes) @ axes.T
+        rows.append(link_parameters(mass, centre, tensor))
+    return read_only(np.array(rows))
 
 
 def stand_in_truth(robot: RobotModel) -> GroundTruth:

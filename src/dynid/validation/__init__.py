@@ -1,25 +1,29 @@
 """How well a model predicts another record."""
 
 from dynid.validation.comparison import ParameterComparison, compare
-from dynid.validation.findings import wrong_inputs
 from dynid.validation.observer import MomentumObserver, contact_thresholds
 from dynid.validation.prediction import (
     MOVING_SPEED,
     Metrics,
     ValidationResult,
     reproduce,
+    samples_of,
     validate,
 )
+from dynid.validation.transfer import CAUSES, TransferReport, refit_friction
 
 __all__ = [
+    "CAUSES",
     "MOVING_SPEED",
     "Metrics",
     "MomentumObserver",
     "ParameterComparison",
+    "TransferReport",
     "ValidationResult",
     "compare",
     "contact_thresholds",
+    "refit_friction",
     "reproduce",
+    "samples_of",
     "validate",
-    "wrong_inputs",
 ]

@@ -24,6 +24,7 @@ from dynid.signals import (
     uniform_signals,
     was_smoothed,
 )
+from dynid.validation.transfer import TransferReport, transfer_report
 
 MOVING_SPEED = 0.02
 """A joint moves above this speed [rad/s or m/s]; below it friction hides the torque."""
@@ -223,6 +224,8 @@ class ValidationResult:
     residual_autocorrelation: Array
     """(n) of the error at one sample."""
     warnings: tuple[Finding, ...]
+    transfer: TransferReport | None = None
+    """The error split by cause, where another record was predicted."""
 
     def to_json(self) -> dict[str, Any]:
         """METRICS, the same under `moving` and `at_rest`, and the warnings."""
@@ -233,6 +236,7 @@ class ValidationResult:
             "residual_autocorrelation": [float(x) for x in self.residual_autocorrelation],
             "warnings": told(self.warnings),
             "findings": [finding.to_json() for finding in self.warnings],
+            **({} if self.transfer is None else {"transfer": self.transfer.to_json()}),
         }
 
 
@@ -272,7 +276,8 @@ def validate(
         *_another_robot(estimate, record),
         *result.warnings,
     )
-    return replace(result, warnings=found)
+    split = transfer_report(estimate, samples, result.measured - result.predicted)
+    return replace(result, warnings=found, transfer=split)
 
 
 def reproduce(

@@ -16,6 +16,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core import Finding, InputError, Progress, installed, provenance, told
+from dynid.diagnosis import diagnose
 from dynid.identification import (
     ESTIMATORS,
     PRIOR_GAIN,
@@ -43,7 +44,7 @@ from dynid.signals import (
     uniform_signals,
     was_smoothed,
 )
-from dynid.validation import ValidationResult, reproduce, validate, wrong_inputs
+from dynid.validation import ValidationResult, reproduce, validate
 
 PRESETS = ("best", "paper")
 WEIGHTINGS = ("joint", "size")
@@ -385,14 +386,7 @@ def _identify(
     result = None
     warnings = [
         *estimate.warnings,
-        *wrong_inputs(
-            estimate,
-            samples,
-            records[0],
-            training,
-            start_s=settings.start_s,
-            stop_s=settings.stop_s,
-        ),
+        *diagnose(records, robot, processing),
     ]
     for record in records:
         warnings += [notice for notice in record.problems if notice not in warnings]
@@ -438,8 +432,10 @@ def over_fitted(training: ValidationResult, validation: ValidationResult) -> tup
     return (
         Finding(
             "over_fitted",
-            f"errors on the validation record (moving joints) are {typical:.1f} times those of the "
-            f"training record (worst joint {worst:.1f}): the model has learnt this record, not the "
-            "robot",
+            severity="info",
+            value=typical,
+            unit="1",
+            text=f"errors on the validation record (moving joints) are {typical:.1f} times those "
+            f"of the training record (worst joint {worst:.1f})",
         ),
     )

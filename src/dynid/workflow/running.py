@@ -18,7 +18,7 @@ from dynid.drivers import Abort, Driver, SimulatedDriver, UrDriver, inspect
 from dynid.experiment import ExperimentPlan, RunResult, run
 from dynid.recording import ExperimentRecord, RecordMetadata, RecordWriter, partial_path
 from dynid.robot import RobotModel
-from dynid.simulation import SimulatedRun, Thermal, simulate, simulated_arm, with_payload
+from dynid.simulation import SERIAL, SimulatedRun, Thermal, simulate, simulated_arm, with_payload
 from dynid.trajectory import Trajectory
 from dynid.workflow.design_files import StoredDesign
 from dynid.workflow.run_settings import (
@@ -59,7 +59,7 @@ def simulate_recording(
         MissingExtraError: MuJoCo is not installed.
     """
     run = simulate(
-        simulated_arm(robot),
+        simulated_arm(robot, serial=SERIAL),
         trajectory,
         rate_hz=rate_hz,
         periods=periods,
@@ -236,7 +236,7 @@ def _plan(
 
 
 def _simulated(loaded: LoadedDesign, asked: RunSettings) -> SimulatedDriver:
-    arm = simulated_arm(loaded.robot)
+    arm = simulated_arm(loaded.robot, serial=SERIAL)
     tool = loaded.robot.tool
     if tool.mass > 0:
         # Of its size nothing is said: all of it is where its centre is.

@@ -13,7 +13,7 @@ from typing import Any, TextIO
 from dynid.core import InputError, write_json
 from dynid.protocol import dashboard, rtde
 from dynid.robot import load_robot
-from dynid.simulation import Thermal, simulated_arm
+from dynid.simulation import SERIAL, Thermal, simulated_arm
 from urtwin.dashboard import no_programs, program_folder
 from urtwin.machine import ControllerMachine
 from urtwin.server.clock import keep_time
@@ -97,7 +97,7 @@ def serve(
     version = _CB if rate == CB_HZ else _E_SERIES
     if settings.version is not None:
         version = (*settings.version, version[3])
-    arm = simulated_arm(robot)
+    arm = simulated_arm(robot, serial=SERIAL)
     machine = ControllerMachine(
         arm, rate_hz=rate, thermal=settings.thermal, seed=settings.seed, version=version
     )

@@ -1,0 +1,18 @@
+"""What is wrong with a recording or a result: rival explanations of one residual."""
+
+from dynid.diagnosis.diagnose import diagnose, findings_of
+from dynid.diagnosis.explain import Explained, Explanation, explain
+from dynid.diagnosis.residual import Recording
+from dynid.diagnosis.verdict import Answer, Verdict, judge
+
+__all__ = [
+    "Answer",
+    "Explained",
+    "Explanation",
+    "Recording",
+    "Verdict",
+    "diagnose",
+    "explain",
+    "findings_of",
+    "judge",
+]

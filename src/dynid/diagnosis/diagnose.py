@@ -1,0 +1,223 @@
+"""Findings about the recordings of an identification, strongest first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dynid.core import Array, Finding
+from dynid.diagnosis.events import Contact, clipped, clock_scale, ripple, untouched
+from dynid.diagnosis.explain import Explained, Explanation, explain
+from dynid.diagnosis.residual import ROWS, Recording
+from dynid.recording import ExperimentRecord
+from dynid.robot import RobotModel
+from dynid.signals import ProcessingSettings, Samples, process
+
+CLOCKS_DIFFER = 0.005
+"""Share by which time and velocities may disagree."""
+LEAST_RIPPLE = 0.005
+"""Amplitude of a ripple over the joint's torque limit, or its largest torque."""
+NO_FRICTION = 0.008
+"""Friction over the torque limit that hardly any gear stays below."""
+NO_NOISE = 2e-4
+"""Noise over torque that no measurement stays below."""
+UNEXPLAINED = 0.25
+"""Share of the torque that is left by the richest model: something is wrong, whatever it is."""
+TURNED = 0.3
+"""Tilt or zero [rad] from which a result must not be used."""
+SAMPLES = 64
+"""Fewer are not diagnosed."""
+
+_STEPS = {
+    "drive_gain": "check its drive gain; its share of the parameters is scaled by it",
+    "gain_all": "check the drive gains and units; masses and inertias are scaled by them",
+    "delay": "shift torques against motion in the file, or let --preset best do so",
+    "clock_scale": "check --rate and the time column",
+    "clock_offset": "two clocks? Shift one of them in the file",
+    "encoder_zero": "check the zero of its angle against the robot file",
+    "flexibility": "positions are those of the motor: record those of the link, or keep "
+    "accelerations low",
+    "link_length": "check the kinematics of the robot file",
+    "spring": "add the spring or counterbalance to the robot file",
+    "mounting": "level the base, or write it into the robot file ([mount] gravity)",
+    "payload": "remove it, or add it to the last link of the robot file",
+    "friction_drift": "move the arm until it is warm, or identify parts with --from and --to",
+    "gravity_compensated": "record the whole torque: the controller's gravity has been taken off",
+    "reversed": "check the signs of its torque or current and position",
+    "exchanged": "check the order of the joints (--columns or --joint-order)",
+    "exchanged_torques": "check the order of the torque columns (--columns or --joint-order)",
+}
+_FACTS = {
+    "drive_gain": "torques of {joints} are {factor:.3g} +- {std:.2g} times what the other joints "
+    "let expect",
+    "gain_all": "all torques are {factor:.3g} +- {std:.2g} times what published masses let expect",
+    "delay": "torques of {joints} are {ms:.1f} +- {ms_std:.1f} ms late",
+    "clock_scale": "the clock of the recording runs {factor:.4g} times too slowly",
+    "clock_offset": "torques were stamped {value:.2f} +- {std:.2g} s later than their motion",
+    "encoder_zero": "the position of {joints} counts from a zero that is {value:.3g} +- {std:.2g} "
+    "{unit} off",
+    "flexibility": "{joints} bends by {value:.2g} +- {std:.1g} {unit}",
+    "link_length": "the link before {joints} is {mm:.1f} +- {mm_std:.1f} mm longer than in the "
+    "robot file",
+    "spring": "{joints} carries a torque of position, up to {value:.2g} {unit}, that is no gravity",
+    "mounting": "gravity stands {deg:.2f} +- {deg_std:.2f} deg off the mounting",
+    "payload": "the last link carries {value:.2f} +- {std:.2g} kg more than published",
+    "friction_drift": "friction changes by {percent:+.0f} +- {percent_std:.0f} % along the record",
+    "gravity_compensated": "the torques hold no gravity",
+    "reversed": "the torques of {joints} fit only when reversed",
+    "exchanged": "the columns of {joints} look exchanged",
+    "exchanged_torques": "the torques of {joints} look exchanged",
+}
+
+
+def diagnose(
+    records: Sequence[ExperimentRecord], robot: RobotModel, settings: ProcessingSettings
+) -> tuple[Finding, ...]:
+    """Look for faults in recordings.
+
+    Args:
+        records: The recordings that a model was identified from.
+        robot: The robot as it was told.
+        settings: Their window; delays and periods are not used, so that nothing is hidden.
+
+    Returns:
+        Of several recordings, each kind of fault once, as the recording shows it that shows it
+        best; contacts of each.
+    """
+    plain = ProcessingSettings(
+        cutoff_hz=settings.cutoff_hz, start_s=settings.start_s, stop_s=settings.stop_s
+    )
+    best: dict[tuple[str, tuple[int, ...]], tuple[float, Finding]] = {}
+    others: list[Finding] = []
+    for record in records:
+        samples = process(record, robot, plain)
+        if samples.count < SAMPLES:
+            continue
+        explained = explain(recording_of(robot, samples))
+        for item in explained.found:
+            key = (item.kind, item.joints)
+            if key not in best or best[key][0] < item.score:
+                best[key] = (item.score, finding_of(item, robot))
+        others += _signals(record, robot, samples, explained)
+    ranked = sorted(best.values(), key=lambda pair: -pair[0])
+    kinds = {finding.kind for _, finding in ranked}
+    # The clock shows itself in two ways.
+    rest = [f for f in others if not (f.kind == "clock_scale" and f.kind in kinds)]
+    return (*(finding for _, finding in ranked), *dict.fromkeys(rest))
+
+
+def findings_of(record: ExperimentRecord, robot: RobotModel) -> tuple[Finding, ...]:
+    """`diagnose` for one recording."""
+    return diagnose([record], robot, ProcessingSettings())
+
+
+def recording_of(robot: RobotModel, samples: Samples) -> Recording:
+    """Samples as explanations may change them."""
+    return Recording(
+        robot=robot,
+        t=samples.t,
+        q=np.array(samples.q),
+        dq=np.array(samples.dq),
+        ddq=np.array(samples.ddq),
+        tau=np.array(samples.tau),
+        block=max(1, -(-samples.count // ROWS)),
+    )
+
+
+def finding_of(item: Explanation, robot: RobotModel) -> Finding:
+    """An explanation as a finding."""
+    every = len(item.joints) == robot.joints
+    names = "all joints" if every else " and ".join(robot.joint_names[j] for j in item.joints)
+    value, std = item.value, item.std
+    text = _FACTS[item.kind].format(
+        joints=names, value=value, std=std, unit=item.unit, factor=1 + value, ms=1e3 * value,
+        ms_std=1e3 * std, mm=1e3 * value, mm_std=1e3 * std, deg=np.degrees(value),
+        deg_std=np.degrees(std), percent=100 * value, percent_std=100 * std,
+    )  # fmt: skip
+    if item.rivals:
+        kind, joints, other = item.rivals[0]
+        where = "" if len(joints) in (0, robot.joints) else f" of joint {joints[0] + 1}"
+        text += f" (cannot be told from {kind.replace('_', ' ')}{where}, {other:.3g})"
+    factor = item.kind in ("drive_gain", "gain_all", "clock_scale")
+    turned = item.kind in ("mounting", "encoder_zero") and abs(value) > TURNED
+    return Finding(
+        item.kind,
+        text,
+        severity="error" if turned else "",
+        joints=() if every else item.joints,
+        value=1 + value if factor else value,
+        std=std,
+        unit=item.unit,
+        next_step=_STEPS[item.kind],
+    )
+
+
+def _signals(
+    record: ExperimentRecord, robot: RobotModel, samples: Samples, explained: Explained
+) -> list[Finding]:
+    found: list[Finding] = []
+    rec = explained.reference.recording
+    error, touched = untouched(explained.reference, explained.values)
+    torque = np.sqrt(np.square(rec.tau).mean(axis=0))
+    limit = np.where(np.isfinite(robot.limits.torque), robot.limits.torque, 3 * torque)
+    found += [_touched(contact, robot) for contact in touched]
+    for j in range(robot.joints):
+        wave = ripple(rec, error, j, touched)
+        if wave is not None and wave[1] > LEAST_RIPPLE * limit[j]:
+            text = (
+                f"torque of {robot.joint_names[j]} ripples with {wave[1]:.2g} (amplitude), "
+                f"{wave[0]:.0f} waves a turn"
+            )
+            unit = "N" if robot.prismatic[j] else "N.m"
+            found.append(Finding("ripple", text, joints=(j,), value=wave[1], unit=unit))
+    for j in clipped(samples.tau):
+        text = f"torque of {robot.joint_names[j]} stops at a limit"
+        found.append(Finding("saturated", text, joints=(j,), next_step="record a slower motion"))
+    if "qd" in record.signals:
+        scale = clock_scale(record.t, record.signals["q"], record.signals["qd"])
+        if abs(scale - 1) > CLOCKS_DIFFER and abs(scale - 1) < 0.5:
+            text = f"time runs {scale:.4g} times as fast in the stamps as in the velocities"
+            found.append(
+                Finding("clock_scale", text, value=scale, unit="1", next_step=_STEPS["clock_scale"])
+            )
+    found += _kind_of_torque(explained, torque, limit)
+    share = float(np.sqrt(np.square(explained.left).sum() / np.square(torque).sum()))
+    if share > UNEXPLAINED:
+        text = (
+            f"the richest model leaves {100 * share:.0f} % of the torques, and no single fault "
+            "that is known here explains it"
+        )
+        step = "check robot, joint order, units and signs"
+        found.append(Finding("unexplained", text, value=share, unit="1", next_step=step))
+    return found
+
+
+def _touched(contact: Contact, robot: RobotModel) -> Finding:
+    names = ", ".join(robot.joint_names[j] for j in contact.joints)
+    return Finding(
+        "contact",
+        f"torques of {names} do not belong to the motion from {contact.start_s:.1f} to "
+        f"{contact.stop_s:.1f} s (up to {contact.size:.2g} N.m or N)",
+        joints=contact.joints,
+        value=contact.start_s,
+        unit="s",
+        next_step="a contact? Leave it out with --from and --to, or record again",
+    )
+
+
+def _kind_of_torque(explained: Explained, torque: Array, limit: Array) -> list[Finding]:
+    rec, n = explained.reference.recording, explained.reference.recording.robot.joints
+    fast = np.diff(rec.tau - explained.reference.predicted(explained.values), axis=0)
+    noise = np.sqrt(np.square(fast).mean(axis=0) / 2)
+    if float(np.median(noise / np.maximum(torque, 1e-300))) < NO_NOISE:
+        text = "the torques hold no noise: a model's or a controller's word, no measurement"
+        return [Finding("commanded", text, next_step="record measured torques or currents")]
+    values = explained.values[10 * n :].copy()
+    values[n : 2 * n] = 0.0
+    columns = explained.reference.columns[10 * n :]
+    friction = np.sqrt(np.square(np.tensordot(values, columns, axes=1)).mean(axis=1))
+    if float(np.median(friction / limit)) < NO_FRICTION:
+        text = "the torques hold hardly any friction: measured behind the gears, or compensated"
+        return [Finding("friction_compensated", text)]
+    return []

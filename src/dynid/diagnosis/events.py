@@ -1,0 +1,217 @@
+"""What a recording shows at single places or signals: contacts, ripple, clipping, its clock."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynid.core import Array, Mask
+from dynid.diagnosis.residual import Recording, Reference, fits
+from dynid.signals import find_period
+
+WINDOW_S = 0.2
+USUAL = 90.0
+"""Percentile of the windows' errors that counts as usual: what remains may be contacts."""
+REVERSAL = 0.06
+"""Share of a joint's usual top speed below which friction hides the torque."""
+STRUCK = 60.0
+"""Sum over joints of squared errors over usual ones that a contact exceeds."""
+EASE = 3.0
+"""Factor by which limits are lower for stretches that are left out of the second fit."""
+APART = 3.0
+"""... and how many times that of the windows that come nearest."""
+LEAST_JOINTS = 2
+"""A touch loads several joints, friction that is not understood one at a time."""
+LOADED = 4.0
+"""Error over the usual one of a joint that a contact loads."""
+RARE = 3.0
+"""Errors of windows with hardly any like them, over those of all others."""
+SETTLED = 0.02
+"""Share of its range after which a joint's friction is known."""
+NEXT_S = 0.5
+"""Windows closer to each other belong to one contact."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contact:
+    """A stretch whose torques do not belong to the motion."""
+
+    start_s: float
+    stop_s: float
+    joints: tuple[int, ...]
+    """Joints that it loads."""
+    size: float
+    """Largest torque that is left over [N.m or N]."""
+
+
+def contacts(rec: Recording, error: Array, ease: float = 1.0) -> tuple[Contact, ...]:
+    """Stretches that stand far above all others.
+
+    Friction is least known near standstill and at the start: windows there are compared with
+    their like, and joints that stand do not count. What comes back in each repetition of a motion
+    belongs to the motion.
+
+    Args:
+        rec: The recording.
+        error: (N, n) torques that the model leaves [N.m or N].
+        ease: Factor by which the limits are lower: above 1 for stretches that may be contacts.
+    """
+    step = float(rec.t[1] - rec.t[0])
+    width = max(2, round(WINDOW_S / step))
+    starts = np.arange(0, len(error) - width + 1, max(1, width // 2))
+    if len(starts) < 20:
+        return ()
+    error = np.where(_settled(rec), _without_repetitions(rec, error, 1 / step), 0.0)
+    sums = np.vstack([np.zeros(error.shape[1]), np.cumsum(error, axis=0)])
+    mean = (sums[starts + width] - sums[starts]) / width
+    fast = np.maximum(np.percentile(np.abs(rec.dq), 98, axis=0), 1e-9)
+    slow = np.abs(rec.dq) < REVERSAL * fast
+    # 0: moves throughout, 1: turns back, starts or stops, 2: stands.
+    kinds = np.array(
+        [slow[a : a + width].any(axis=0) * 1 + slow[a : a + width].all(axis=0) for a in starts]
+    )
+    usual = np.empty_like(mean)
+    for j in range(mean.shape[1]):
+        everywhere = np.percentile(np.abs(mean[:, j]), USUAL)
+        # Of a joint that stands, friction takes what it likes: nothing can be said of it.
+        usual[:, j] = np.inf
+        for kind in (kinds[:, j] == k for k in range(2)):
+            # Too few of a kind to know what is usual: friction may do much there.
+            enough = kind.sum() >= 10
+            own = np.percentile(np.abs(mean[kind, j]), USUAL) if enough else RARE * everywhere
+            usual[kind, j] = max(own, 0.5 * everywhere) / 1.645
+    ratio = mean / np.maximum(usual, 1e-12)
+    total = np.square(ratio).sum(axis=1)
+    raised = np.flatnonzero(total > STRUCK / ease)
+    groups = np.split(raised, np.flatnonzero(np.diff(starts[raised]) * step > NEXT_S) + 1)
+    groups = sorted((g for g in groups if len(g)), key=lambda g: -float(total[g].max()))
+    found: list[Contact] = []
+    rest = np.ones(len(total), dtype=np.bool_)
+    for group in groups:
+        rest[max(group[0] - 1, 0) : group[-1] + 2] = False
+        near = float(np.percentile(total[rest], 98)) if rest.sum() > 10 else np.inf
+        loaded = np.flatnonzero((np.abs(ratio[group]) > LOADED).any(axis=0))
+        if total[group].max() < APART / ease * near:
+            break
+        if len(loaded) < min(LEAST_JOINTS, error.shape[1]):
+            continue
+        found.append(
+            Contact(
+                start_s=float(rec.t[starts[group[0]]]),
+                stop_s=float(rec.t[starts[group[-1]] + width - 1]),
+                joints=tuple(int(j) for j in loaded),
+                size=float(np.abs(mean[group][:, loaded]).max()),
+            )
+        )
+    return tuple(sorted(found, key=lambda c: c.start_s))
+
+
+def untouched(ref: Reference, values: Array) -> tuple[Array, tuple[Contact, ...]]:
+    """Torques (N, n) that a model leaves which was fitted without contacts, and the contacts.
+
+    A contact biases a fit until its error is spread over the whole recording: stretches that may
+    be one are left out of a second fit (least trimmed squares, Rousseeuw 1984).
+
+    Args:
+        ref: The reference.
+        values: (p) its parameters.
+    """
+    rec = ref.recording
+    error = rec.tau - ref.predicted(values)
+    suspected = contacts(rec, error, EASE)
+    if not suspected:
+        return error, ()
+    touched = np.zeros(len(rec.t))
+    for one in suspected:
+        touched[(rec.t >= one.start_s) & (rec.t <= one.stop_s)] = 1.0
+    keep = (rec.average(touched) == 0.0).astype(np.float64)
+    rest = replace(ref, columns=ref.columns * keep, torque=ref.torque * keep)
+    _, values = fits(rest, np.zeros((0, *ref.torque.shape)))
+    error = rec.tau - ref.predicted(values)
+    return error, contacts(rec, error)
+
+
+def _settled(rec: Recording) -> Mask:
+    """(N, n) where a joint has moved: before, the state of its friction is unknown."""
+    away = np.abs(rec.q - rec.q[0]) > SETTLED * np.ptp(rec.q, axis=0)
+    return np.maximum.accumulate(away, axis=0)
+
+
+def _without_repetitions(rec: Recording, error: Array, rate_hz: float) -> Array:
+    """Errors less what other repetitions of the motion show at the same place."""
+    period = find_period(rec.q, rate_hz)
+    if period is None:
+        return error
+    length = round(period * rate_hz)
+    count = len(error) // length
+    if count < 3:
+        return error
+    whole = error[: count * length].reshape(count, length, -1)
+    common = np.median(whole, axis=0)
+    return error - np.resize(common, error.shape)
+
+
+ORDERS = (6.0, 400.0)
+"""Waves a turn that are looked for."""
+PROMINENT = 60.0
+"""Power of a wave over the median of all."""
+
+
+def ripple(
+    rec: Recording, error: Array, joint: int, touched: tuple[Contact, ...] = ()
+) -> tuple[float, float] | None:
+    """Waves a turn (or m) and amplitude [N.m or N] of a gear's ripple, if one stands out.
+
+    Args:
+        rec: The recording.
+        error: (N, n) torques that the model leaves.
+        joint: The joint.
+        touched: Contacts, which are left out.
+    """
+    step = float(rec.t[1] - rec.t[0])
+    moving: Mask = np.abs(rec.dq[:, joint]) > 1e-3
+    for contact in touched:
+        moving &= (rec.t < contact.start_s) | (rec.t > contact.stop_s)
+    q, left = rec.q[moving, joint], error[moving, joint]
+    if len(q) < 200:
+        return None
+    stride = max(1, len(q) // 6000)
+    q, left = q[::stride], left[::stride] - left[::stride].mean()
+    reach = max(float(np.ptp(q)), 1e-6)
+    # A wave that passes faster than the samples can show says nothing.
+    top = 0.35 / step / max(float(np.percentile(np.abs(rec.dq[:, joint]), 90)), 1e-6) * 2 * np.pi
+    orders = np.arange(max(ORDERS[0], 30 / reach), min(ORDERS[1], top), 0.5 * 2 * np.pi / reach)
+    if len(orders) < 30:
+        return None
+    waves = np.array([left @ np.exp(1j * k * q) for k in orders]) / len(q)
+    power = np.square(np.abs(waves))
+    best = int(np.argmax(power))
+    if power[best] < PROMINENT * np.median(power):
+        return None
+    return float(orders[best]), float(2 * np.abs(waves[best]))
+
+
+FLAT_SHARE = 0.01
+"""Rows at exactly the largest torque that are no coincidence."""
+
+
+def clipped(tau: Array) -> tuple[int, ...]:
+    """Joints whose recorded torque stops at a limit."""
+    found: list[int] = []
+    for j, torque in enumerate(tau.T):
+        for end in (torque.max(), torque.min()):
+            flat = int((torque == end).sum())
+            if np.ptp(torque) > 0 and flat > max(5, FLAT_SHARE * len(torque)):
+                found.append(j)
+                break
+    return tuple(found)
+
+
+def clock_scale(t: Array, q: Array, dq: Array) -> float:
+    """Time of the stamps over time of the velocities: positions against integrated velocities."""
+    travelled = np.zeros_like(q)
+    travelled[1:] = np.cumsum((dq[1:] + dq[:-1]) / 2 * np.diff(t)[:, None], axis=0)
+    a, b = travelled - travelled.mean(axis=0), q - q.mean(axis=0)
+    size = np.maximum(np.square(b).sum(axis=0), 1e-12)
+    return float(np.median((a * b).sum(axis=0) / size))

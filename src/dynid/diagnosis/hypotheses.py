@@ -1,0 +1,309 @@
+"""Rival explanations of what the reference model leaves, and how likely each is.
+
+Near nothing every fault is linear: the derivative of the torques by its size is one more column.
+A rival is judged by the likelihood of blocks that were left out, and by how far it moves the
+parameters from what is published.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynid.core import Array
+from dynid.diagnosis.residual import BLOCKS, Fits, Recording, Reference
+from dynid.regressor import InverseDynamicModel
+from dynid.robot import RobotModel
+
+Undo = Callable[[Recording, Array], Recording]
+"""The recording without a fault of the sizes (m)."""
+
+LEAST_ARM_M = 0.02
+"""Shorter offsets between joints have no length that could be wrong."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hypothesis:
+    """One explanation."""
+
+    kind: str
+    """A kind of finding."""
+    joints: tuple[int, ...]
+    """Empty for the arm as a whole."""
+    unit: str
+    width: Array
+    """(m) standard deviation of its sizes before anything was measured."""
+    least: float
+    """Size from which it matters."""
+    columns: Array
+    """(m, n, T) derivative of the torques by its sizes."""
+    undo: Undo | None = None
+    """None where its columns stay in the reference instead."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scored:
+    """How well a hypothesis explains what is left."""
+
+    hypothesis: Hypothesis
+    value: float
+    """Its size, one number."""
+    std: float
+    values: Array
+    """(m) its sizes."""
+    score: float
+    """Drop of the negative log likelihood of left-out blocks and of the prior [nats]."""
+
+
+class _Torques:
+    """Rigid-body torques of a recording with the parameters that were found."""
+
+    def __init__(self, ref: Reference, values: Array) -> None:
+        self.rec, self.model = ref.recording, ref.recording.model
+        self.joints = self.rec.robot.joints
+        self.parameters = np.array(values[: len(self.model.columns)])
+        viscous = self.parameters[10 * self.joints : 11 * self.joints].copy()
+        self.parameters[10 * self.joints : 11 * self.joints] = 0.0
+        self.here = self.at()
+        self.smooth = self.here + self.rec.dq * viscous
+
+    def at(
+        self, dq_by: float = 1.0, by: Array | None = None, robot: RobotModel | None = None
+    ) -> Array:
+        """(N, n) with time scaled, the motion (3, N, n) shifted, or another robot."""
+        rec = self.rec
+        motion = [rec.q, dq_by * rec.dq, dq_by**2 * rec.ddq]
+        if by is not None:
+            motion = [x + step for x, step in zip(motion, by, strict=True)]
+        model: InverseDynamicModel = replace(self.model, robot=robot) if robot else self.model
+        return model.inverse_dynamics(motion[0], motion[1], motion[2], self.parameters)
+
+    def slope(self, step: float, torque: Array) -> Array:
+        """(N, n) derivative from the torques of a small step."""
+        return (torque - self.here) / step
+
+    def columns(self, *torques: Array) -> Array:
+        """(m, n, T) of torques (N, n)."""
+        return self.rec.average(np.array([x.T for x in torques]))
+
+
+def _only(torque: Array, joint: int) -> Array:
+    out = np.zeros_like(torque)
+    out[:, joint] = torque[:, joint]
+    return out
+
+
+def hypotheses(ref: Reference, values: Array) -> list[Hypothesis]:
+    """All explanations that are linear near nothing.
+
+    Args:
+        ref: The reference.
+        values: (p) its parameters.
+    """
+    torques = _Torques(ref, values)
+    found = list(_of_the_arm(ref, values, torques))
+    for j in range(torques.joints):
+        found += _of_a_joint(torques, j)
+    return found
+
+
+def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hypothesis]:
+    rec, n = torques.rec, torques.joints
+    every, step = tuple(range(n)), float(rec.t[1] - rec.t[0])
+    yield Hypothesis(
+        kind="delay", joints=every, unit="s", width=np.array([0.05]), least=0.006,
+        columns=torques.columns(-np.gradient(torques.smooth, step, axis=0)),
+        undo=lambda r, x: replace(r, tau=_shifted(r, float(x[0]), every)),
+    )  # fmt: skip
+    yield Hypothesis(
+        kind="gain_all", joints=(), unit="1", width=np.array([0.5]), least=0.1,
+        columns=torques.columns(torques.here),
+        undo=lambda r, x: replace(r, tau=r.tau / (1 + x[0])),
+    )  # fmt: skip
+    yield Hypothesis(
+        kind="clock_scale", joints=(), unit="1", width=np.array([0.1]), least=0.01,
+        columns=torques.columns(torques.slope(1e-3, torques.at(dq_by=1.001))),
+        undo=lambda r, x: replace(r, dq=r.dq * (1 + x[0]), ddq=r.ddq * (1 + x[0]) ** 2),
+    )  # fmt: skip
+    if np.any(rec.robot.gravity):
+        leaning = [torques.at(robot=_tilted(rec.robot, 1e-3 * x)) for x in np.eye(2)]
+        yield Hypothesis(
+            kind="mounting", joints=(), unit="rad", width=np.full(2, 0.1), least=np.radians(0.5),
+            columns=torques.columns(*(torques.slope(1e-3, x) for x in leaning)),
+            undo=lambda r, x: replace(r, robot=_tilted(r.robot, x)),
+        )  # fmt: skip
+    yield Hypothesis(
+        kind="payload", joints=(n - 1,), unit="kg", least=0.1,
+        width=np.array([5.0, *[1.0] * 3, *[0.5] * 6]),
+        columns=ref.columns[10 * (n - 1) : 10 * n],
+    )  # fmt: skip
+    friction = ref.columns[10 * n :].copy()
+    friction[n : 2 * n] = 0.0  # motor inertia
+    total = np.tensordot(values[10 * n :], friction, axes=1)
+    time = rec.average((rec.t - rec.t.mean()) / np.ptp(rec.t))
+    yield Hypothesis(
+        kind="friction_drift", joints=every, unit="1", width=np.full(n, 0.5), least=0.08,
+        columns=np.eye(n)[:, :, None] * (total * time)[:, None, :],
+    )  # fmt: skip
+
+
+def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
+    rec, here = torques.rec, torques.here
+    step = float(rec.t[1] - rec.t[0])
+    yield Hypothesis(
+        kind="drive_gain", joints=(j,), unit="1", width=np.array([0.5]), least=0.05,
+        columns=torques.columns(_only(here, j)),
+        undo=lambda r, x: replace(r, tau=_scaled(r.tau, j, 1 / (1 + float(x[0])))),
+    )  # fmt: skip
+    yield Hypothesis(
+        kind="delay", joints=(j,), unit="s", width=np.array([0.05]), least=0.006,
+        columns=torques.columns(_only(-np.gradient(torques.smooth, step, axis=0), j)),
+        undo=lambda r, x: replace(r, tau=_shifted(r, float(x[0]), (j,))),
+    )  # fmt: skip
+    moved = np.zeros((3, *rec.q.shape))
+    moved[0, :, j] = 1e-3
+    slides = rec.robot.prismatic[j]
+    yield Hypothesis(
+        kind="encoder_zero", joints=(j,), unit="m" if slides else "rad", width=np.array([0.2]),
+        least=0.005 if slides else 0.02,
+        columns=torques.columns(-torques.slope(1e-3, torques.at(by=moved))),
+        undo=lambda r, x: replace(r, q=_moved(r.q, j, -float(x[0]))),
+    )  # fmt: skip
+    carried = here[:, j]
+    bent = np.zeros((3, *rec.q.shape))
+    bent[0, :, j] = carried
+    bent[1, :, j] = np.gradient(carried, step)
+    bent[2, :, j] = np.gradient(bent[1, :, j], step)
+    small = 1e-3 / max(float(np.abs(carried).max()), 1e-9)
+    yield Hypothesis(
+        kind="flexibility", joints=(j,), unit="m/N" if slides else "rad/(N.m)",
+        width=np.array([1e-3]), least=1e-4,
+        columns=torques.columns(-torques.slope(small, torques.at(by=small * bent))),
+    )  # fmt: skip
+    if j > 0 and np.linalg.norm(rec.robot.placements[j, :3, 3]) > LEAST_ARM_M:
+        longer = _longer(rec.robot, j, 1e-4)
+        yield Hypothesis(
+            kind="link_length", joints=(j,), unit="m", width=np.array([0.05]), least=0.005,
+            columns=torques.columns(torques.slope(1e-4, torques.at(robot=longer))),
+            undo=lambda r, x: replace(r, robot=_longer(r.robot, j, float(x[0]))),
+        )  # fmt: skip
+    place = rec.q[:, j] - rec.q[:, j].mean()
+    place = place / max(float(np.abs(place).max()), 1e-9)
+    shapes = np.zeros((3, *rec.q.shape))
+    for k in range(3):
+        shapes[k, :, j] = place ** (k + 1)
+    size = float(np.sqrt(np.square(rec.tau[:, j]).mean()))
+    yield Hypothesis(
+        kind="spring", joints=(j,), unit="N" if slides else "N.m", width=np.full(3, size),
+        least=0.02 * size, columns=torques.columns(*shapes),
+    )  # fmt: skip
+
+
+def _scaled(tau: Array, j: int, factor: float) -> Array:
+    out = tau.copy()
+    out[:, j] *= factor
+    return out
+
+
+def _moved(q: Array, j: int, by: float) -> Array:
+    out = q.copy()
+    out[:, j] += by
+    return out
+
+
+def _shifted(rec: Recording, by: float, joints: tuple[int, ...]) -> Array:
+    out = rec.tau.copy()
+    for j in joints:
+        out[:, j] = np.interp(rec.t + by, rec.t, rec.tau[:, j])
+    return out
+
+
+def _longer(robot: RobotModel, j: int, by: float) -> RobotModel:
+    placements = robot.placements.copy()
+    arrow = placements[j, :3, 3]
+    placements[j, :3, 3] += by * arrow / np.linalg.norm(arrow)
+    return replace(robot, placements=placements)
+
+
+def _tilted(robot: RobotModel, lean: Array) -> RobotModel:
+    """Gravity turned by (2) small angles about axes across it [rad]."""
+    size = float(np.linalg.norm(robot.gravity))
+    down = robot.gravity / size
+    near = np.eye(3)[int(np.argmin(np.abs(down)))]
+    first = np.cross(down, near)
+    first /= np.linalg.norm(first)
+    turned = down + lean[0] * first + lean[1] * np.cross(down, first)
+    return replace(robot, gravity=turned * (size / np.linalg.norm(turned)))
+
+
+def scores(found: Fits, rivals: list[Hypothesis]) -> tuple[list[Scored], Array]:
+    """Score each rival alone against the reference.
+
+    With v = (-p, -x, 1) the squared error of joint j is v' S_j v. Eliminating the reference's
+    parameters for all columns at once (p = p0 - Z x) leaves a small system a rival.
+
+    Returns:
+        The best first; and (n) squared errors that the reference alone leaves in blocks left out.
+    """
+    p, total = found.own, found.sums.sum(axis=0)
+    parts = np.cumsum([0, *(len(rival.columns) for rival in rivals)]).tolist()
+    after: list[list[Array]] = [[] for _ in rivals]
+    sizes: list[list[Array]] = [[] for _ in rivals]
+    known: list[tuple[Array, float]] = []
+    before = np.empty((BLOCKS, total.shape[0]))
+    for k in range(BLOCKS + 1):
+        sums = total if k == BLOCKS else total - found.sums[k]
+        judged = total if k == BLOCKS else found.sums[k]
+        weighted = np.tensordot(found.weights, sums, axes=1)
+        right = weighted[:p, p:].copy()
+        right[:, -1] += found.precision @ found.mean
+        solved = np.linalg.solve(weighted[:p, :p] + found.precision, right)
+        start = np.concatenate([-solved[:, -1], np.zeros(parts[-1]), [1.0]])
+        ways = np.vstack([solved[:, :-1], -np.eye(parts[-1]), np.zeros(parts[-1])])
+        on_start = judged @ start
+        own, mixed = on_start @ start, on_start @ ways
+        square = np.array([ways.T @ (s @ ways) for s in judged])
+        normal = weighted[p:-1, p:-1] - weighted[p:-1, :p] @ solved[:, :-1]
+        vector = weighted[p:-1, -1] - weighted[p:-1, :p] @ solved[:, -1]
+        if k < BLOCKS:
+            before[k] = own
+        for h, rival in enumerate(rivals):
+            part = slice(parts[h], parts[h + 1])
+            inverse = np.linalg.inv(normal[part, part] + np.diag(1 / np.square(rival.width)))
+            x = inverse @ vector[part]
+            if k < BLOCKS:
+                sizes[h].append(x)
+                after[h].append(own + 2 * mixed[:, part] @ x + (square[:, part, part] @ x) @ x)
+                continue
+            likely = found.penalty(solved[:, -1]) - found.penalty(
+                solved[:, -1] - solved[:, part] @ x
+            )
+            known.append(
+                (np.sqrt(np.diag(inverse)), likely - 0.5 * float(np.square(x / rival.width).sum()))
+            )
+            sizes[h].append(x)
+    base, out = before.sum(axis=0), list[Scored]()
+    for h, rival in enumerate(rivals):
+        left, each = np.array(after[h]).sum(axis=0), np.array(sizes[h])
+        away = each[:BLOCKS] - each[:BLOCKS].mean(axis=0)
+        spread = np.sqrt((BLOCKS - 1) / BLOCKS * np.square(away).sum(axis=0))
+        deviation, likely = known[h]
+        gain = 0.5 * float(found.counts @ np.log(base / np.maximum(left, 1e-300)))
+        value, std = _one_number(rival.kind, each[BLOCKS], np.hypot(spread, deviation))
+        out.append(
+            Scored(hypothesis=rival, value=value, std=std, values=each[BLOCKS], score=gain + likely)
+        )
+    return sorted(out, key=lambda s: -s.score), base
+
+
+def _one_number(kind: str, values: Array, std: Array) -> tuple[float, float]:
+    """Size of an explanation with several sizes, and its standard deviation."""
+    if kind == "payload" or len(values) == 1:
+        return float(values[0]), float(std[0])
+    if kind == "friction_drift":
+        weight = 1 / np.square(np.maximum(std, 1e-12))
+        return float(weight @ values / weight.sum()), float(1 / np.sqrt(weight.sum()))
+    norm = float(np.linalg.norm(values))
+    return norm, float(np.sqrt(np.square(values / max(norm, 1e-300)) @ np.square(std)))

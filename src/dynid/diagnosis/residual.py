@@ -1,0 +1,291 @@
+"""One recording as a linear problem on which rival explanations are fitted.
+
+The reference model is deliberately rich: all inertial parameters about their published values,
+motor inertia, and friction that builds up, falls with speed and grows with load. What it leaves is
+not friction that was described too plainly, so an explanation has to bring more than that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from dynid.constraints import prior_link
+from dynid.core import Array
+from dynid.regressor import CHUNK, FrictionTerms, InverseDynamicModel, friction_state
+from dynid.robot import RobotModel, from_body, inverse, move
+
+BLOCKS = 8
+"""Contiguous parts of a record that are left out in turn."""
+ROWS = 1600
+"""Rows a joint; longer records are averaged, torques and columns alike."""
+WIDTHS = (0.005, 0.06)
+"""Smoothing velocities of the Coulomb columns, shares of the joint's usual top speed."""
+PRESLIDING = (0.001, 0.006)
+"""Displacements over which friction builds up, shares of the joint's travel."""
+MASS_SPREAD, CENTRE_SPREAD_M, TENSOR_SPREAD = 0.08, 0.008, 0.25
+"""Standard deviations of real links about published inertias (share, m, share)."""
+DRAWS = 300
+SWEEPS = 4
+UNKNOWN_LIMIT = 50.0
+"""Torque limit where none is known [N.m or N]."""
+UNKNOWN_MASS = 0.2
+"""Standard deviation of an unpublished mass per largest torque limit [kg/(N.m)]."""
+FRICTION_SPREAD = 2.0
+"""Standard deviation of a friction torque over that of the joint's torque."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """Motion and torque of one record on a uniform grid, as an explanation may change them."""
+
+    robot: RobotModel
+    t: Array
+    """(N) [s]"""
+    q: Array
+    """(N, n) [rad or m]"""
+    dq: Array
+    """(N, n)"""
+    ddq: Array
+    """(N, n)"""
+    tau: Array
+    """(N, n) measured torques [N.m or N]."""
+    block: int
+    """Rows are averages over so many samples."""
+
+    @property
+    def model(self) -> InverseDynamicModel:
+        """Inertial, viscous and motor columns."""
+        return InverseDynamicModel(
+            robot=self.robot, friction=FrictionTerms(terms=(("fv", None), ("im", None)))
+        )
+
+    def average(self, values: Array) -> Array:
+        """Means (..., T) over the blocks of values (..., N)."""
+        rows = values.shape[-1] // self.block
+        cut = values[..., : rows * self.block]
+        return cut.reshape(*values.shape[:-1], rows, self.block).mean(axis=-1)
+
+
+def inertial_prior(robot: RobotModel) -> tuple[Array, Array]:
+    """(10 n) inertial parameters and (10 n, 10 n) their covariance, from what is published.
+
+    Bodies are drawn about the published ones, so that the covariance knows that a heavier link
+    has larger moments. Where a mass is unpublished, anything a joint can carry is as likely.
+    """
+    n = robot.joints
+    draw = np.random.default_rng(0)
+    mean, covariance = np.zeros(10 * n), np.zeros((10 * n, 10 * n))
+    frames = robot.parameter_frames[robot.default_frames]
+    limit = np.nan_to_num(robot.limits.torque, nan=UNKNOWN_LIMIT, posinf=UNKNOWN_LIMIT)
+    for k in range(n):
+        part = slice(10 * k, 10 * k + 10)
+        if np.isnan(robot.inertias[k, :4]).any() or robot.inertias[k, 0] <= 0:
+            widest = UNKNOWN_MASS * float(limit.max()) * np.array([1.0, *[0.3] * 3, *[0.2] * 6])
+            covariance[part, part] = np.diag(np.square(widest))
+            continue
+        row = prior_link(robot, k)
+        place = inverse(frames[k])
+        drawn = np.array([move(_drawn(draw, row), place) for _ in range(DRAWS)])
+        mean[part] = move(row, place)
+        covariance[part, part] = np.cov(drawn.T) + 1e-10 * np.eye(10)
+    return mean, covariance
+
+
+def _drawn(draw: np.random.Generator, row: Array) -> Array:
+    """A body near a published one."""
+    mass, centre = float(row[0]), row[1:4] / row[0]
+    xx, yy, zz, yz, xz, xy = row[4:]
+    about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    second = np.trace(about) / 2 * np.eye(3) - about - mass * np.outer(centre, centre)
+    size, axes = np.linalg.eigh(second)
+    # A published tensor may be rough: a body has at least the spread of a ball of 3 cm.
+    size = np.maximum(size, mass * 0.03**2 / 5) * np.exp(TENSOR_SPREAD * draw.normal(size=3))
+    second = axes * size @ axes.T
+    return from_body(
+        mass * (1 + MASS_SPREAD * draw.normal()),
+        centre + CENTRE_SPREAD_M * draw.normal(size=3),
+        np.trace(second) * np.eye(3) - second,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reference:
+    """The rich model of a recording, its columns and priors."""
+
+    recording: Recording
+    columns: Array
+    """(p, n, T) columns, averaged."""
+    torque: Array
+    """(n, T) measured torque, averaged, known torques added."""
+    mean: Array
+    """(p) prior mean."""
+    precision: Array
+    """(p, p) prior precision."""
+    load: Array
+    """(10 n) inertial parameters that the load of friction is taken from."""
+
+    def predicted(self, values: Array) -> Array:
+        """(N, n) torques of parameters (p), nothing averaged."""
+        rec = self.recording
+        out = np.empty(rec.q.shape)
+        for part, stack in _parts(rec, self.load):
+            out[part] = np.tensordot(values[: len(stack)], stack, axes=1).T
+        return out - rec.model.known_torque(rec.q)
+
+
+SHAPES = 8
+"""Friction columns of a joint beside the viscous one."""
+
+
+def _parts(rec: Recording, inertial: Array) -> Iterator[tuple[slice, Array]]:
+    """Columns (p, n, T) of parts of a recording, nothing averaged."""
+    model, n = rec.model, rec.robot.joints
+    fast = np.maximum(np.percentile(np.abs(rec.dq), 98, axis=0), 1e-6)[:, None]
+    travel = np.maximum(np.ptp(rec.q, axis=0), 1e-6)
+    states = [friction_state(rec.q.T.copy(), d * travel) for d in PRESLIDING]
+    joints = np.arange(n)
+    step = max(1, CHUNK // rec.block) * rec.block
+    for first in range(0, len(rec.t), step):
+        part = slice(first, min(first + step, len(rec.t)))
+        dq = rec.dq[part].T
+        inner = model.stack(rec.q[part], rec.dq[part], rec.ddq[part])
+        load = np.abs(np.tensordot(inertial, inner[: 10 * n], axes=1))
+        speed = np.abs(dq) / fast
+        near, far = (state[:, part] for state in states)
+        slow = np.exp(-np.square(speed / 0.05))
+        shapes = (
+            *(np.tanh(dq / (w * fast)) for w in WIDTHS),
+            near, far, near * slow, load * near, np.ones_like(load), dq * speed,
+        )  # fmt: skip
+        stack = np.zeros((len(inner) + SHAPES * n, n, dq.shape[1]))
+        stack[: len(inner)] = inner
+        for k, shape in enumerate(shapes):
+            stack[len(inner) + k * n + joints, joints] = shape
+        yield part, stack
+
+
+def reference(
+    recording: Recording,
+    prior: tuple[Array, Array],
+    inertial: Array | None = None,
+    added: Array | None = None,
+    spread: Array | None = None,
+) -> Reference:
+    """Columns of a recording.
+
+    Args:
+        recording: The recording.
+        prior: From `inertial_prior`.
+        inertial: (10 n) parameters that the load of friction is taken from; None for the prior's.
+        added: (m, n, T) columns of explanations that were found before, averaged.
+        spread: (m) their standard deviations.
+    """
+    n = recording.robot.joints
+    load = prior[0] if inertial is None else inertial
+    columns = np.concatenate(
+        [recording.average(stack) for _, stack in _parts(recording, load)], axis=-1
+    )
+    size = np.sqrt(np.square(recording.tau).mean(axis=0)) + 1e-9
+    norm = np.sqrt(np.square(columns[10 * n :]).mean(axis=2)).sum(axis=1) + 1e-12
+    joint_of = np.tile(np.arange(n), 2 + SHAPES)
+    own = FRICTION_SPREAD * size[joint_of] / norm
+    if added is not None and spread is not None:
+        columns = np.concatenate([columns, added])
+        own = np.concatenate([own, spread])
+    precision = np.zeros((len(columns), len(columns)))
+    precision[: 10 * n, : 10 * n] = np.linalg.inv(prior[1])
+    rest = np.arange(10 * n, len(columns))
+    precision[rest, rest] = 1 / np.square(own)
+    known = recording.model.known_torque(recording.q).T
+    return Reference(
+        recording=recording,
+        columns=columns,
+        torque=recording.average(recording.tau.T + known),
+        mean=np.concatenate([prior[0], np.zeros(len(rest))]),
+        precision=precision,
+        load=load,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fits:
+    """Sums of products of a reference and of added columns, by block and joint."""
+
+    sums: Array
+    """(BLOCKS, n, P + 1, P + 1): columns, then torque."""
+    rows: int
+    """T"""
+    weights: Array
+    """(n) 1 over noise variance times correlation length, from the reference alone."""
+    counts: Array
+    """(n) independent rows."""
+    mean: Array
+    """(p) prior mean."""
+    precision: Array
+    """(p, p) prior precision."""
+    own: int
+    """p, columns of the reference."""
+
+    def solve(self) -> Array:
+        """(p) parameters of the reference, the prior included."""
+        p = self.own
+        total = np.tensordot(self.weights, self.sums.sum(axis=0), axes=1)
+        right = total[:p, -1] + self.precision @ self.mean
+        return np.asarray(np.linalg.solve(total[:p, :p] + self.precision, right))
+
+    def penalty(self, values: Array) -> float:
+        """How unlikely parameters (p) are before anything was measured [nats]."""
+        away = values - self.mean
+        return 0.5 * float(away @ self.precision @ away)
+
+
+def correlation_length(error: Array) -> Array:
+    """(n) rows that count as one, from the autocorrelation of errors (n, T)."""
+    out = np.ones(len(error))
+    for j, row in enumerate(error):
+        row = row - row.mean()
+        size = 1 << (2 * len(row)).bit_length()
+        spectrum = np.abs(np.fft.rfft(row, size)) ** 2
+        auto = np.fft.irfft(spectrum)[: len(row) // 4]
+        auto /= max(auto[0], 1e-300)
+        stop = int(np.argmax(auto < 0.05)) or len(auto)
+        out[j] = max(1.0, 1 + 2 * float(auto[1:stop].sum()))
+    return out
+
+
+def fits(ref: Reference, added: Array) -> tuple[Fits, Array]:
+    """Sums of a reference with added columns (m, n, T), weighted by what the reference leaves.
+
+    Returns:
+        The sums, and (p) the reference's own parameters.
+    """
+    everything = np.concatenate([ref.columns, added, ref.torque[None]])
+    rows, n = everything.shape[-1], everything.shape[1]
+    cuts = np.linspace(0, rows, BLOCKS + 1).astype(int)
+    sums = np.empty((BLOCKS, n, len(everything), len(everything)))
+    for k, (a, b) in enumerate(pairwise(cuts.tolist())):
+        for j in range(n):
+            part = everything[:, j, a:b]
+            sums[k, j] = part @ part.T
+    found = Fits(
+        sums=sums,
+        rows=rows,
+        weights=1 / np.maximum(np.square(ref.torque).mean(axis=1), 1e-12),
+        counts=np.full(n, float(rows)),
+        mean=ref.mean,
+        precision=ref.precision,
+        own=len(ref.columns),
+    )
+    values = np.zeros(len(ref.columns))
+    least = 1e-10 * np.square(ref.torque).mean(axis=1) + 1e-18
+    for _ in range(SWEEPS):
+        values = found.solve()
+        error = ref.torque - np.tensordot(values, ref.columns, axes=1)
+        length = correlation_length(error)
+        variance = np.maximum(np.square(error).mean(axis=1), least)
+        found = replace(found, weights=1 / (variance * length), counts=rows / length)
+    return found, values

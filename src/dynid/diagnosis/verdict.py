@@ -1,0 +1,195 @@
+"""Can a result be used, and what for: prediction, single parameters, simulation.
+
+The error that is to be expected on another motion decides, beyond the noise that no model can
+predict; then the faults that were found, then how much the motion shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dynid.core import Finding
+
+GOOD_PREDICTION = 10.0
+"""[%] of the torque, beyond noise, up to which a prediction is good."""
+USELESS_PREDICTION = 40.0
+"""[%] from which it is none."""
+MATTERS = 3.0
+"""[%] of error beyond noise below which a fault of the inputs has done no harm."""
+POOR_SHARE = 0.5
+"""Share of parameters that may be uncertain by more than half of their value."""
+LEVELS = {"yes": "usable", "limits": "care", "no": "do_not_use"}
+HEADLINES = {
+    "usable": "This result can be used",
+    "care": "Use this result with care",
+    "do_not_use": "This result must not be used",
+}
+FAULTS = frozenset(
+    {
+        "contact", "delay", "drive_gain", "encoder_zero", "exchanged_joints", "payload",
+        "flexibility", "friction_drift", "torque_kind", "saturated", "unit_suspect",
+        "clock_mismatch", "aborted", "dead_channel",
+    }
+)  # fmt: skip
+"""Codes of faults of the inputs."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """Whether a result serves one purpose."""
+
+    answer: str
+    """`yes`, `limits` or `no`."""
+    reason: str
+    value: float | None = None
+    """The number that decides."""
+    unit: str = ""
+    limit: float | None = None
+    """What it is compared with."""
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object."""
+        return {
+            "answer": self.answer,
+            "reason": self.reason,
+            "value": self.value if self.value is None or np.isfinite(self.value) else None,
+            "unit": self.unit,
+            "limit": self.limit,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What a person has to know first."""
+
+    prediction: Answer
+    """Of torques on other motions."""
+    parameters: Answer
+    """Single values and their deviations."""
+    simulation: Answer
+    """An exported model in a simulator."""
+
+    @property
+    def level(self) -> str:
+        """`usable`, `care` or `do_not_use`: the answer for prediction."""
+        return LEVELS[self.prediction.answer]
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why, in words: prediction first, then what else is limited."""
+        rest = (
+            f"{name}: {answer.reason}"
+            for name, answer in (("parameters", self.parameters), ("simulation", self.simulation))
+            if answer.answer != "yes"
+        )
+        return (self.prediction.reason, *rest)
+
+    @property
+    def headline(self) -> str:
+        """The verdict in one sentence."""
+        return f"{HEADLINES[self.level]}: {'; '.join(self.reasons)}."
+
+    def to_json(self) -> dict[str, Any]:
+        """The keys of the design."""
+        return {
+            "level": self.level,
+            "reasons": list(self.reasons),
+            "prediction": self.prediction.to_json(),
+            "parameters": self.parameters.to_json(),
+            "simulation": self.simulation.to_json(),
+        }
+
+
+def judge(
+    findings: Sequence[Finding],
+    *,
+    expected_percent: float | None,
+    noise_percent: float,
+    confirmed: bool,
+    uncertain_share: float,
+    consistent: bool,
+) -> Verdict:
+    """Judge an identification.
+
+    Args:
+        findings: All of them.
+        expected_percent: Error on another motion or on left-out data, of moving joints; None
+            where nothing was left out and nothing else was predicted.
+        noise_percent: What of it is noise, so that no model can predict it.
+        confirmed: The error is that of another recording.
+        uncertain_share: Share of parameters whose deviation exceeds half of their value.
+        consistent: All masses and inertias are physically possible.
+    """
+    errors = [f for f in findings if f.severity == "error"]
+    faults = [f for f in findings if f.severity == "warning" and f.code in FAULTS]
+    wrong = [f for f in errors if f.code in FAULTS]
+    poor = [f for f in errors if f.code not in FAULTS]
+    prediction = _prediction(expected_percent, noise_percent, confirmed, wrong, faults, poor)
+    return Verdict(
+        prediction=prediction,
+        parameters=_parameters([*wrong, *faults], poor, uncertain_share),
+        simulation=_simulation(prediction, findings, consistent),
+    )
+
+
+def _prediction(
+    expected: float | None,
+    noise: float,
+    confirmed: bool,
+    wrong: list[Finding],
+    faults: list[Finding],
+    poor: list[Finding],
+) -> Answer:
+    if wrong:
+        return Answer(answer="no", reason=wrong[0].text, value=wrong[0].value, unit=wrong[0].unit)
+    if expected is None or not np.isfinite(expected):
+        answer = "no" if poor else "limits"
+        reason = poor[0].text if poor else "no other motion has confirmed it yet (--validate)"
+        return Answer(answer=answer, reason=reason)
+    beyond = float(np.sqrt(max(expected**2 - noise**2, 0.0)))
+    what = "predicts another motion's" if confirmed else "is expected to predict other motions'"
+    text = f"it {what} torques to {expected:.1f} %, of which noise is {noise:.1f} %"
+    if beyond > USELESS_PREDICTION or (poor and beyond > GOOD_PREDICTION):
+        reason = f"{text}; {poor[0].text}" if poor else text
+        return Answer(answer="no", reason=reason, value=beyond, unit="%", limit=USELESS_PREDICTION)
+    if faults:
+        reason = f"{faults[0].text}; {text}"
+        return Answer(answer="limits", reason=reason, value=beyond, unit="%", limit=GOOD_PREDICTION)
+    if poor:
+        reason = f"only for motions like these: {poor[0].text}; {text}"
+        small = confirmed and beyond <= MATTERS
+        answer = "yes" if small else "limits"
+        return Answer(answer=answer, reason=reason, value=beyond, unit="%", limit=MATTERS)
+    answer = "yes" if beyond <= GOOD_PREDICTION else "limits"
+    return Answer(answer=answer, reason=text, value=beyond, unit="%", limit=GOOD_PREDICTION)
+
+
+def _parameters(faults: list[Finding], poor: list[Finding], uncertain: float) -> Answer:
+    if poor:
+        return Answer(answer="no", reason=poor[0].text, value=poor[0].value, unit=poor[0].unit)
+    if faults:
+        first = faults[0]
+        reason = f"{first.text}: this biases them"
+        return Answer(answer="limits", reason=reason, value=first.value, unit=first.unit)
+    answer = "yes" if uncertain <= POOR_SHARE else "limits"
+    reason = f"{100 * uncertain:.0f} % of them are uncertain by more than half of their value"
+    return Answer(
+        answer=answer, reason=reason, value=100 * uncertain, unit="%", limit=100 * POOR_SHARE
+    )
+
+
+def _simulation(prediction: Answer, findings: Sequence[Finding], consistent: bool) -> Answer:
+    kinds = {f.kind: f for f in findings}
+    if "indefinite_mass" in kinds:
+        first = kinds["indefinite_mass"]
+        return Answer(answer="no", reason=first.text, value=first.value, limit=0.0)
+    if prediction.answer == "no":
+        return Answer(answer="no", reason=prediction.reason)
+    if not consistent:
+        reason = "masses and inertias of single links are not known to be physically consistent"
+        return Answer(answer="limits", reason=f"{reason} (--estimator sdp)")
+    return Answer(answer=prediction.answer, reason=prediction.reason)

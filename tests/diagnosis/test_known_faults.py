@@ -1,0 +1,108 @@
+"""Faults planted in recordings of a pinocchio arm are named with their size; clean ones are not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pinocchio_arm import RATE, Wrong, arm, recording
+
+from dynid.core import Finding
+from dynid.diagnosis import findings_of
+
+SIGMAS = 4.0
+EARLY_OR_LATE_S = 0.25
+
+
+def faults(folder: Path, wrong: Wrong) -> list[Finding]:
+    found = findings_of(recording(wrong), arm(folder))
+    return [finding for finding in found if finding.severity != "info"]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        Wrong(),
+        Wrong(seed=1, load_friction=0.05),
+        Wrong(seed=3, seconds=40.0),
+        Wrong(seed=4, seconds=40.0, load_friction=0.05),
+    ],
+)
+def test_clean_recordings_raise_no_finding(tmp_path: Path, wrong: Wrong) -> None:
+    assert faults(tmp_path, wrong) == []
+
+
+@pytest.mark.parametrize(("joint", "factor"), [(0, 0.8), (1, 0.85), (1, 1.9), (2, 1.3)])
+def test_a_wrong_gain_is_measured(tmp_path: Path, joint: int, factor: float) -> None:
+    scales = [1.0, 1.0, 1.0]
+    scales[joint] = factor
+    found = faults(tmp_path, Wrong(scales=(scales[0], scales[1], scales[2])))[0]
+    assert (found.kind, found.joints) == ("drive_gain", (joint,))
+    assert found.value == pytest.approx(factor, abs=SIGMAS * (found.std or 0.0))
+
+
+@pytest.mark.parametrize("joint", [0, 1, 2])
+def test_a_reversed_torque_is_named(tmp_path: Path, joint: int) -> None:
+    scales = [1.0, 1.0, 1.0]
+    scales[joint] = -1.0
+    found = faults(tmp_path, Wrong(scales=(scales[0], scales[1], scales[2])))[0]
+    assert (found.kind, found.joints, found.severity) == ("reversed", (joint,), "error")
+
+
+@pytest.mark.parametrize("degrees", [1.0, 2.0, 5.0])
+def test_a_tilted_base_is_measured(tmp_path: Path, degrees: float) -> None:
+    found = faults(tmp_path, Wrong(tilt_deg=degrees))[0]
+    assert found.kind == "mounting"
+    value, std = np.degrees([found.value or 0.0, found.std or 0.0])
+    assert value == pytest.approx(degrees, abs=max(SIGMAS * std, 0.1))
+
+
+def test_a_base_on_the_wall_is_named(tmp_path: Path) -> None:
+    assert faults(tmp_path, Wrong(tilt_deg=90.0))[0].kind == "mounting"
+
+
+@pytest.mark.parametrize("late", [-40, 25, 60])
+def test_torques_of_another_clock_are_told_by_how_much(tmp_path: Path, late: int) -> None:
+    found = faults(tmp_path, Wrong(late=late))[0]
+    assert found.kind == "clock_offset"
+    assert found.value == pytest.approx(late / RATE, abs=0.005)
+
+
+@pytest.mark.parametrize("late", [2, 5])
+def test_a_common_delay_is_measured(tmp_path: Path, late: int) -> None:
+    found = faults(tmp_path, Wrong(late=late, seconds=40.0))[0]
+    assert (found.kind, found.joints) == ("delay", ())
+    assert found.value == pytest.approx(late / RATE, abs=0.003)
+
+
+def test_exchanged_joints_are_named(tmp_path: Path) -> None:
+    found = faults(tmp_path, Wrong(exchanged=True))[0]
+    assert (found.kind, found.joints) == ("exchanged", (1, 2))
+
+
+@pytest.mark.parametrize("share", [0.4, -0.4])
+def test_friction_that_drifts_is_told_with_its_sign(tmp_path: Path, share: float) -> None:
+    found = faults(tmp_path, Wrong(warming=share, seconds=40.0))[0]
+    assert found.kind == "friction_drift"
+    # Only the viscous part of the friction drifts here.
+    assert 0.2 * abs(share) < -np.sign(share) * (found.value or 0.0) < abs(share)
+
+
+@pytest.mark.parametrize("stop", [6.4, 7.0])
+def test_a_push_is_found_where_it_was(tmp_path: Path, stop: float) -> None:
+    every = faults(tmp_path, Wrong(push=60.0, push_stop=stop))
+    (found,) = [f for f in every if f.kind == "contact"]
+    assert found.value == pytest.approx(6.0, abs=EARLY_OR_LATE_S)
+    assert len(found.joints) > 1
+
+
+def test_an_unknown_payload_is_weighed(tmp_path: Path) -> None:
+    found = faults(tmp_path, Wrong(carried=2.0))[0]
+    assert found.kind == "payload"
+    assert found.value == pytest.approx(2.0, abs=SIGMAS * (found.std or 0.0))
+
+
+def test_two_faults_are_told_apart(tmp_path: Path) -> None:
+    found = faults(tmp_path, Wrong(scales=(1.0, 1.2, 1.0), tilt_deg=3.0, seconds=40.0))
+    assert {f.kind for f in found} == {"drive_gain", "mounting"}

@@ -1,0 +1,58 @@
+"""A small sample of the scoreboard: clean recordings stay clean, planted faults are named."""
+
+from __future__ import annotations
+
+import pytest
+
+from dynid.bench import Case, Judged, Recorded, recorded, run_verdicts, summarise
+from dynid.diagnosis import findings_of
+
+CLEAN = (
+    Case(arm="sliding", motion="fourier", rate_hz=125.0, duration_s=10.0, seed=1),
+    Case(arm="ur3", motion="waypoints", rate_hz=125.0, duration_s=10.0, seed=2),
+)
+PLANTED = (
+    ("ur5", "fourier", 500.0, 15.0, 864229114, "gains", "medium"),
+    ("ur5", "fourier", 1000.0, 15.0, 523289140, "gain", "large"),
+    ("ur5", "waypoints", 125.0, 10.0, 570712269, "joint_delay", "large"),
+    ("sliding", "teach", 125.0, 10.0, 514993393, "clock", "large"),
+    ("ur5", "fourier", 125.0, 20.0, 317888587, "payload", "medium"),
+    ("sliding", "fourier", 1000.0, 15.0, 767711293, "contact", "medium"),
+)
+
+
+def judge(made: Recorded) -> Judged:
+    """The diagnosis alone: nothing is identified or predicted."""
+    return Judged(
+        findings=findings_of(made.record, made.robot),
+        level="usable",
+        t=made.validation.t,
+        predicted=made.clean,
+    )
+
+
+@pytest.mark.parametrize("case", CLEAN, ids=lambda case: case.arm)
+def test_clean_recordings_raise_nothing(case: Case) -> None:
+    (row,) = run_verdicts(judge, [case])
+    assert row.kinds == ()
+    assert row.error_percent < 1e-6
+
+
+@pytest.mark.parametrize("planted", PLANTED, ids=lambda planted: planted[5])
+def test_planted_faults_are_named(
+    planted: tuple[str, str, float, float, int, str, str],
+) -> None:
+    arm, motion, rate_hz, duration_s, seed, fault, size = planted
+    case = Case(
+        arm=arm, motion=motion, rate_hz=rate_hz, duration_s=duration_s, seed=seed, fault=fault,
+        size=size,
+    )  # fmt: skip
+    rows = run_verdicts(judge, [case])
+    assert rows[0].named, rows[0].kinds
+    (told,) = summarise(rows)["faults"]
+    assert (told["cases"], told["named"]) == (1, 1)
+
+
+def test_a_seed_gives_the_same_recording() -> None:
+    first, again = recorded(CLEAN[0]), recorded(CLEAN[0])
+    assert (first.record.signals["effort"] == again.record.signals["effort"]).all()

@@ -1,0 +1,54 @@
+"""What differs in another recording is told by cause; friction is refitted alone."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pinocchio_arm import Wrong, arm, recording
+
+from dynid.identification import Estimate
+from dynid.validation import CAUSES, refit_friction, samples_of, validate
+from dynid.workflow import IdentifySettings, identify
+
+
+@pytest.fixture(scope="module")
+def estimate(tmp_path_factory: pytest.TempPathFactory) -> Estimate:
+    settings = IdentifySettings(preset="paper", estimator="wls")
+    return identify(recording(Wrong()), arm(tmp_path_factory.mktemp("arm")), settings).estimate
+
+
+def test_a_gain_shows_as_gravity_and_inertia(estimate: Estimate) -> None:
+    result = validate(estimate, recording(Wrong(scales=(1.0, 1.2, 1.0), seed=9)))
+    assert result.transfer is not None
+    gravity, inertia = result.transfer.share
+    assert gravity[1] == pytest.approx(0.2, abs=0.02)
+    assert inertia[1] == pytest.approx(0.2, abs=0.04)
+    assert abs(gravity[2]) < 0.05
+    assert CAUSES[int(np.argmax(result.transfer.rms[:, 1]))] == "gravity"
+    assert set(json.loads(json.dumps(result.to_json()))["transfer"]) >= set(CAUSES)
+
+
+def test_other_friction_is_refitted_and_inertias_stay(estimate: Estimate) -> None:
+    other = recording(Wrong(load_friction=0.15, seed=9))
+    before = validate(estimate, other)
+    assert before.transfer is not None
+    assert CAUSES[int(np.argmax(before.transfer.rms[:, 1]))] == "friction"
+    adapted = refit_friction(estimate, samples_of(estimate, other))
+    after = validate(adapted, other)
+    assert after.metrics.rmse[1] < 0.8 * before.metrics.rmse[1]
+    friction = [name.startswith(("Fc", "Fv")) for name in estimate.names]
+    kept = ~np.array(friction)
+    np.testing.assert_array_equal(adapted.values[kept], estimate.values[kept])
+    assert (adapted.values[~kept] != estimate.values[~kept]).all()
+    assert np.linalg.eigvalsh(adapted.covariance).min() > -1e-12
+
+
+def test_unknown_parts_are_refused(tmp_path: Path) -> None:
+    from dynid.core import InputError
+    from dynid.workflow import validate_files
+
+    with pytest.raises(InputError, match="unknown part"):
+        validate_files(tmp_path / "e.json", tmp_path / "r.csv", refit="gravity")

@@ -1,0 +1,76 @@
+"""The verdict by purpose follows from the error to expect, the faults and the motion."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from dynid.core import Finding
+from dynid.diagnosis import Verdict, judge
+
+
+def judged(error: float | None, *kinds: str, **changed: Any) -> Verdict:
+    """A verdict on an error [%] and findings; `!` makes one an error."""
+    findings = [
+        Finding(kind.rstrip("!"), "words", severity="error" if kind.endswith("!") else "")
+        for kind in kinds
+    ]
+    asked: dict[str, Any] = {
+        "expected_percent": error,
+        "noise_percent": 1.0,
+        "confirmed": error is not None,
+        "uncertain_share": 0.1,
+        "consistent": True,
+    }
+    return judge(findings, **(asked | changed))
+
+
+@pytest.mark.parametrize(
+    ("error", "kinds", "level"),
+    [
+        (3.0, (), "usable"),
+        (3.0, ("non_white_residuals", "dropped_rows", "clock_jitter", "ripple"), "usable"),
+        # A mounting that was set straight is called ill_conditioned too, and harms nothing.
+        (3.0, ("ill_conditioned",), "usable"),
+        (3.0, ("other_motion",), "usable"),
+        (None, (), "care"),
+        (30.0, (), "care"),
+        (50.0, (), "do_not_use"),
+        (3.0, ("delay",), "care"),
+        (3.0, ("contact",), "care"),
+        (3.0, ("reversed",), "do_not_use"),
+        (2.0, ("low_excitation!",), "usable"),
+        (8.0, ("low_excitation!",), "care"),
+        (20.0, ("ill_conditioned!",), "do_not_use"),
+        (None, ("ill_conditioned!",), "do_not_use"),
+    ],
+)
+def test_levels(error: float | None, kinds: tuple[str, ...], level: str) -> None:
+    found = judged(error, *kinds)
+    assert found.level == level
+    assert found.reasons
+    assert ("must not be used" in found.headline) == (level == "do_not_use")
+
+
+def test_noise_that_no_model_predicts_is_not_held_against_it() -> None:
+    assert judged(20.0, noise_percent=19.0).prediction.answer == "yes"
+    assert judged(20.0, noise_percent=1.0).prediction.answer == "limits"
+
+
+def test_each_purpose_has_its_own_answer() -> None:
+    poor = judged(2.0, "ill_conditioned!")
+    assert (poor.prediction.answer, poor.parameters.answer) == ("yes", "no")
+    heavy = judged(2.0, "indefinite_mass")
+    assert (heavy.prediction.answer, heavy.simulation.answer) == ("yes", "no")
+    vague = judged(2.0, uncertain_share=0.9)
+    assert (vague.parameters.answer, vague.parameters.value) == ("limits", 90.0)
+    free = judged(2.0, consistent=False)
+    assert (free.prediction.answer, free.simulation.answer) == ("yes", "limits")
+
+
+def test_the_json_has_the_number_that_decides() -> None:
+    data = judged(30.0).to_json()
+    assert data["level"] == "care"
+    assert data["prediction"]["value"] == pytest.approx(30.0, rel=1e-2)
+    assert set(data["prediction"]) == {"answer", "reason", "value", "unit", "limit"}
