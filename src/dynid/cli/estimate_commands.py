@@ -151,6 +151,17 @@ def _print_standard(screen: Console, result: Identification) -> None:
     )
 
 
+PurposeOption = Annotated[
+    str,
+    typer.Option(
+        "--for",
+        metavar="anywhere|this-motion",
+        help="What the model is for: anywhere chooses by regions of the workspace left out, "
+        "this-motion by stretches of time.",
+    ),
+]
+
+
 AllFlag = Annotated[
     bool, typer.Option("--all", help="Print all parameters and everything that was chosen.")
 ]
@@ -188,6 +199,7 @@ def _fit(
     preset: Annotated[
         str, typer.Option(metavar="paper|best", help="How to identify; see dynid identify.")
     ] = "best",
+    purpose: PurposeOption = "anywhere",
     everything: AllFlag = False,
     json: JsonFlag = False,
 ) -> None:
@@ -202,7 +214,7 @@ def _fit(
             output,
             validation=validation,
             gains=parse_gains(gains),
-            settings=IdentifySettings(preset=preset),
+            settings=IdentifySettings(preset=preset, purpose=purpose),
             progress=progress,
         )
     if json:
@@ -265,9 +277,10 @@ def _identify(
         str,
         typer.Option(
             metavar="paper|best",
-            help="paper: to the letter; best: choose by cross-validation inside the record.",
+            help="paper: exactly as in the paper; best: choose by what is left out.",
         ),
     ] = "best",
+    purpose: PurposeOption = "anywhere",
     cutoff: Annotated[
         float | None, typer.Option(metavar="HZ", help="Low-pass cut-off; default: from the data.")
     ] = None,
@@ -303,6 +316,7 @@ def _identify(
         start_s=start,
         stop_s=stop,
         weighting=weighting,
+        purpose=purpose,
     )
     if output is not None:
         inputs = [*records, *([] if validation is None else [validation])]

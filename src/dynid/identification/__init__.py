@@ -1,7 +1,6 @@
 """Estimators, their statistics, and the choice of settings."""
 
-from dynid.identification.bayesian import inertial_prior
-from dynid.identification.candidates import with_load
+from dynid.identification.bayesian import TowardPublished, inertial_prior
 from dynid.identification.drive_gains import (
     LARGEST_STD,
     WIDTH,
@@ -13,6 +12,7 @@ from dynid.identification.drive_gains import (
 from dynid.identification.estimate import (
     FORMAT,
     Estimate,
+    TorquePrediction,
     estimate_to_json,
     read_estimate,
     write_estimate,
@@ -36,7 +36,15 @@ from dynid.identification.problem import (
     recorded_rows,
 )
 from dynid.identification.ripple import with_ripple
-from dynid.identification.selection import Selection, select
+from dynid.identification.selection import (
+    PURPOSES,
+    Assessment,
+    ModelError,
+    Selection,
+    TorqueInterval,
+    select,
+    with_load,
+)
 from dynid.identification.shared import (
     SharedFit,
     SharedProblem,
@@ -53,18 +61,24 @@ __all__ = [
     "LARGEST_STD",
     "LEAST_SPREAD_K",
     "PRIOR_GAIN",
+    "PURPOSES",
     "WIDTH",
+    "Assessment",
     "ClosedLoop",
     "DriveGains",
     "Estimate",
     "Estimator",
     "IdentificationProblem",
     "JointTemperatureLaw",
+    "ModelError",
     "Payload",
     "PhysicallyConsistent",
     "Selection",
     "SharedFit",
     "SharedProblem",
+    "TorqueInterval",
+    "TorquePrediction",
+    "TowardPublished",
     "WeighedGains",
     "WeightedLeastSquares",
     "autocorrelation",

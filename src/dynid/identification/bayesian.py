@@ -13,14 +13,18 @@ import numpy as np
 
 from dynid.core import Array, Mask, frozen, inverse_upper, upper_triangle
 from dynid.identification.least_squares import (
+    PRIOR_GAIN,
     Estimator,
     Fit,
     WeightedLeastSquares,
+    pooled,
     residual_noise,
     solve,
+    torque_scale,
 )
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
 from dynid.identification.statistics import hac_covariance, naive_covariance
+from dynid.reduction import BaseParametrization
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import RobotModel, from_pseudo_inertia, move, to_pseudo_inertia
 
@@ -144,6 +148,124 @@ WIDE = 10.0
 """Friction and motor inertia: this many times what would explain all torques."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PublishedPrior:
+    """Published inertias as a prior on base parameters, friction and motor inertia left free.
+
+    The precision is that of the pseudo-inertias' own metric (Lee, Wensing and Park 2020) with a
+    standard deviation of one, taken over what friction and motor inertias do not reach: a base
+    parameter in which a motor inertia hides is shrunk in its other directions alone.
+    """
+
+    mean: Array
+    """(r) base parameters of the published inertias, without friction and motor inertia."""
+    root: Array
+    """(k, r) root of the precision, root' root."""
+    free: Array
+    """(r, f) what friction and motor inertias add to the base parameters."""
+    published: bool
+    """Whether the masses are published; False for plausible bodies."""
+    relative: float
+    """Expected deviation of the inertias in their own metric: `RELATIVE` or `COMPLETED`."""
+
+    @property
+    def precision(self) -> Array:
+        """(r, r) inverse covariance at a unit deviation."""
+        return self.root.T @ self.root
+
+    @property
+    def word(self) -> str:
+        """What the prior is."""
+        return "the published ones" if self.published else "plausible bodies"
+
+
+def published_prior(
+    base: BaseParametrization, known: InertialPrior | None = None
+) -> PublishedPrior:
+    """The prior of a model's base parameters.
+
+    Args:
+        base: The base parameters.
+        known: Inertias in the model's parameter frames; None for the robot's, completed.
+    """
+    model = base.model
+    given = known or inertial_prior(model.robot, model.frames)
+    inertial, mapping = 10 * model.robot.joints, base_mapping(base)
+    spread = np.zeros((inertial, inertial))
+    for i, body in enumerate(np.linalg.cholesky(to_pseudo_inertia(given.parameters))):
+        here = slice(10 * i, 10 * i + 10)
+        spread[here, here] = from_pseudo_inertia(body @ ORTHONORMAL @ body.T).T
+    scale = np.linalg.norm(mapping[:, :inertial] @ spread, axis=1)
+    scale = np.where(scale > 0, scale, 1.0)
+    free = mapping[:, inertial:]
+    left, values, _ = np.linalg.svd(free / scale[:, None])
+    rank = int((values > 1e-9 * values.max(initial=0.0)).sum())
+    # What no friction or motor inertia can change.
+    rest = left[:, rank:] / scale[:, None]
+    triangle = upper_triangle((rest.T @ mapping[:, :inertial] @ spread).T)
+    return PublishedPrior(
+        mean=mapping[:, :inertial] @ given.parameters.ravel(),
+        root=inverse_upper(triangle).T @ rest.T,
+        free=left[:, :rank] * scale[:, None],
+        published=bool(np.nan_to_num(model.robot.inertias)[:, 0].max(initial=0.0) > 0),
+        relative=COMPLETED if given.completed else RELATIVE,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class TowardPublished(Estimator):
+    """Weighted least squares, inertias shrunk toward the published ones.
+
+    The weight of the prior is over the number of rows of a joint: at 1, a body that is off by
+    its whole metric unit costs as much as doubling every residual. Deviations carry what the
+    shrinkage leaves of errors of the published inertias.
+    """
+
+    weight: float
+    """Of the prior, over the rows of a joint."""
+    prior: InertialPrior | None = None
+    """Inertias in the model's parameter frames; None for the robot's, completed."""
+    groups: tuple[int, ...] | None = None
+    """See `WeightedLeastSquares`."""
+    max_iterations: int = 20
+    tolerance: float = 1e-4
+
+    @property
+    def name(self) -> str:
+        """See `Estimator`."""
+        return "bayes"
+
+    def fit(self, problem: IdentificationProblem) -> Fit:
+        """See `Estimator`."""
+        factors = joint_factors(problem)
+        known = published_prior(problem.base, self.prior)
+        groups = np.arange(len(factors)) if self.groups is None else np.array(self.groups)
+        strength = self.weight * problem.blocks
+        root = np.sqrt(strength) * known.root
+        noise = torque_scale(factors, problem)
+        values = information = np.zeros(0)
+        for _ in range(self.max_iterations):
+            weights = 1.0 / pooled(noise, groups)
+            values, information = posterior(factors, weights, known.mean, root, PRIOR_GAIN)
+            update = residual_noise(factors, values, problem)
+            change = np.abs(update / noise - 1).max()
+            noise = update
+            if change < self.tolerance:
+                break
+        weights = 1.0 / pooled(noise, groups)
+        values, information = posterior(factors, weights, known.mean, root, PRIOR_GAIN)
+        precision = root.T @ root
+        return Fit(
+            values=values,
+            noise=noise,
+            weights=weights,
+            information=information,
+            # The bodies are off by `relative`, not by what the weight would say.
+            prior_precision=strength * known.relative**2 * precision,
+            choices=(f"inertias toward {known.word} with weight {self.weight:.2g}",),
+        )
+
+
 @dataclass(frozen=True, kw_only=True)
 class BayesianRegression(Estimator):
     """Gaussian prior on standard parameters, Gaussian likelihood, both exact.
@@ -218,16 +340,24 @@ def base_prior(
     return mapping @ mean, inverse_upper(upper_triangle((mapping @ spread).T)).T
 
 
-def posterior(factors: Array, weights: Array, mean: Array, root: Array) -> tuple[Array, Array]:
+def posterior(
+    factors: Array,
+    weights: Array,
+    mean: Array,
+    root: Array,
+    prior_gain: float | None = None,
+) -> tuple[Array, Array]:
     """Mean (r) of the posterior and the root (r, r) of its precision.
 
     Args:
         factors: (n, r + 1, r + 1) from `joint_factors`.
         weights: (n) weight of each joint.
         mean: (r) of the prior.
-        root: (r, r) root of the prior's precision.
+        root: (k, r) root of the prior's precision.
+        prior_gain: Weak prior on what neither torques nor the prior show, see `PRIOR_GAIN`.
     """
     prior = np.column_stack([root, root @ mean])
     size = factors.shape[1]
     padded = np.vstack([prior, np.zeros((size - len(prior), size))])
-    return solve(np.concatenate([factors, padded[None]]), np.append(weights, 1.0))
+    stacked = np.concatenate([factors, padded[None]])
+    return solve(stacked, np.append(weights, 1.0), prior_gain)

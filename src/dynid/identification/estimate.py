@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
@@ -19,8 +19,9 @@ from dynid.core import (
     read_only,
     write_json,
 )
+from dynid.identification.selection import Assessment, assessment_from_json, conditions
 from dynid.identification.statistics import relative_std_percent
-from dynid.regressor import InverseDynamicModel, terms_from_json
+from dynid.regressor import CHUNK, InverseDynamicModel, terms_from_json
 from dynid.robot import robot_from_json, robot_to_json
 from dynid.signals import ProcessingSettings, TorqueFilter
 
@@ -86,6 +87,18 @@ class StandardParameters:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TorquePrediction:
+    """Predicted torques with their intervals."""
+
+    torque: Array
+    """(N, n) [N.m or N]."""
+    half_width: Array
+    """(N, n) half widths of the intervals [N.m or N]."""
+    level: float
+    """Share of measured torques that shall lie within."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
     """Base parameters with their uncertainty.
 
@@ -129,6 +142,8 @@ class Estimate:
     """(n) autocorrelation of the residuals at one sample."""
     standard: StandardParameters | None = None
     """Consistent standard parameters, from estimators that find them (`sdp`)."""
+    assessment: Assessment | None = None
+    """Left-out errors, rival models and torque intervals; None in files of older versions."""
 
     def __post_init__(self) -> None:
         r, n = len(self.independent), self.model.robot.joints
@@ -184,15 +199,76 @@ class Estimate:
         parameters[list(self.independent)] = self.values
         return read_only(parameters)
 
-    def predict(self, q: Array, dq: Array, ddq: Array, state: Array | None = None) -> Array:
-        """Joint torques (N, n) [N.m or N], each argument (N, n).
+    @overload
+    def predict(
+        self, q: Array, dq: Array, ddq: Array, state: Array | None = None, *, interval: None = None
+    ) -> Array: ...
+
+    @overload
+    def predict(
+        self, q: Array, dq: Array, ddq: Array, state: Array | None = None, *, interval: float
+    ) -> TorquePrediction: ...
+
+    def predict(
+        self,
+        q: Array,
+        dq: Array,
+        ddq: Array,
+        state: Array | None = None,
+        *,
+        interval: float | None = None,
+    ) -> Array | TorquePrediction:
+        """Joint torques (N, n) [N.m or N], each argument (N, n); with intervals if asked for.
 
         Samples stand for themselves. Those of a motion, in the order of time, show presliding
         friction as well, with `state` (n, N) from `InverseDynamicModel.friction_state`.
         """
         values = self.standard_parameters()
         torque = self.model.inverse_dynamics(q, dq, ddq, values, state)
-        return read_only(torque - self.model.known_torque(q))
+        torque = read_only(torque - self.model.known_torque(q))
+        if interval is None:
+            return torque
+        width = self.half_width(q, dq, ddq, state, level=interval)
+        return TorquePrediction(torque=torque, half_width=width, level=interval)
+
+    def half_width(
+        self,
+        q: Array,
+        dq: Array,
+        ddq: Array,
+        state: Array | None = None,
+        *,
+        level: float = 0.9,
+    ) -> Array:
+        """Half widths (N, n) of the intervals that hold measured torques [N.m or N].
+
+        Arguments as of `predict`.
+
+        Args:
+            q: (N, n) positions [rad or m].
+            dq: (N, n) velocities.
+            ddq: (N, n) accelerations.
+            state: (n, N) of presliding friction.
+            level: Share of torques within, 0.5 to 0.99.
+
+        Raises:
+            InputError: The estimate knows no intervals, or a level outside 0.5 to 0.99.
+        """
+        if self.assessment is None:
+            raise InputError(
+                "the estimate has no torque intervals",
+                next_step="Identify again with this version.",
+            )
+        interval, width = self.assessment.interval, np.empty(q.shape)
+        for first in range(0, len(q), CHUNK):
+            part = slice(first, first + CHUNK)
+            now = None if state is None else state[:, part]
+            stack = self.model.stack(q[part], dq[part], ddq[part], state=now)
+            columns = stack[list(self.independent)]
+            moving = np.abs(dq[part].T) > interval.slowest[:, None]
+            there = conditions(self.names, self.values, columns, moving)
+            width[part] = interval.half_width(columns, there, level).T
+        return read_only(width)
 
     def standard_table(self) -> list[dict[str, Any]] | None:
         """One JSON object a standard parameter, where the estimator finds them."""
@@ -257,6 +333,7 @@ def estimate_to_json(estimate: Estimate) -> dict[str, Any]:
         "provenance": estimate.provenance.to_json(),
         "robot": robot_to_json(estimate.model.robot),
         **_standard_to_json(estimate),
+        **({} if estimate.assessment is None else {"assessment": estimate.assessment.to_json()}),
     }
 
 
@@ -359,6 +436,7 @@ def _estimate(data: dict[str, Any]) -> Estimate:
         ),
         residual_autocorrelation=np.array(data["residual_autocorrelation"], dtype=np.float64),
         standard=_standard(data.get("standard")),
+        assessment=assessment_from_json(data["assessment"]) if "assessment" in data else None,
     )
 
 

@@ -5,7 +5,7 @@ The estimators by their words.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -35,6 +35,7 @@ from dynid.identification.problem import (
     observation_root,
     scaled_condition_number,
 )
+from dynid.identification.selection import assess
 from dynid.identification.statistics import (
     essential_parameters,
     hac_covariance,
@@ -86,11 +87,14 @@ def fit_estimate(
     samples: Samples,
     estimator: Estimator,
     *,
-    record: ExperimentRecord,
+    records: Sequence[ExperimentRecord],
     settings: ProcessingSettings,
     preset: str,
     choices: tuple[str, ...],
     made: Provenance,
+    lengths: Sequence[int] = (),
+    prior_weight: float = 0.0,
+    near_weights: Sequence[float] = (),
 ) -> Estimate:
     """Fit samples and say how far the result can be trusted.
 
@@ -98,11 +102,14 @@ def fit_estimate(
         model: The model; its base parameters are found here.
         samples: Samples of one or more records.
         estimator: How to fit.
-        record: The first record, whose motion is judged for conditioning.
+        records: The records, whose motions are judged for conditioning.
         settings: How the records were processed.
         preset: Name of the preset, for the file.
         choices: What was chosen, in words.
         made: Provenance of the result.
+        lengths: Samples of each record, if there are several.
+        prior_weight: Weight of published inertias, see `TowardPublished`.
+        near_weights: Weights that score as well.
 
     Raises:
         InputError: Fewer torque samples than parameters.
@@ -128,7 +135,10 @@ def fit_estimate(
         condition_number=condition_number(root),
         scaled_condition_number=scaled_condition_number(root, base_mapping(base)),
         motion_condition_number=motion_condition_number(
-            model.robot, model.frames, uniform_signals(record, model.robot, settings), settings
+            model.robot,
+            model.frames,
+            [uniform_signals(record, model.robot, settings) for record in records],
+            settings,
         ),
         samples=problem.blocks,
         estimator=estimator.name,
@@ -140,6 +150,13 @@ def fit_estimate(
         provenance=made,
         residual_autocorrelation=autocorrelation(problem.residual(fit.values), 1),
         standard=_standard(fit, covariance),
+        assessment=assess(
+            problem,
+            fit,
+            prior_weight=prior_weight,
+            near_weights=near_weights,
+            lengths=lengths,
+        ),
     )
     return replace(estimate, warnings=diagnose(estimate, samples))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -192,7 +192,10 @@ def base_mapping(base: BaseParametrization) -> Array:
 
 
 def motion_condition_number(
-    robot: RobotModel, frames: str, signals: UniformSignals, settings: ProcessingSettings
+    robot: RobotModel,
+    frames: str,
+    recordings: Sequence[UniformSignals],
+    settings: ProcessingSettings,
 ) -> float:
     """Scaled condition number of the motion alone, for the paper's parameters.
 
@@ -203,18 +206,21 @@ def motion_condition_number(
     Args:
         robot: The robot.
         frames: Parameter frames.
-        signals: The record on a uniform grid.
+        recordings: The records on uniform grids: their motions count together.
         settings: How it is processed; cut-off, delays and velocity source do not matter.
     """
     base = reduce_model(InverseDynamicModel(robot=robot, frames=frames))
-    cutoff = max(BANDWIDTH_FACTOR * motion_bandwidth(signals.q, signals.rate_hz), LOWEST_HZ)
-    smooth = replace(
-        settings,
-        cutoff_hz=cutoff,
-        velocity="position",
-        delays_s=None,
-        decimate=True,
-        torque_filter=None,
-    )
-    problem = IdentificationProblem(base=base, samples=samples_from(signals, smooth))
-    return scaled_condition_number(observation_root(problem), base_mapping(base))
+    roots: list[Array] = []
+    for signals in recordings:
+        cutoff = max(BANDWIDTH_FACTOR * motion_bandwidth(signals.q, signals.rate_hz), LOWEST_HZ)
+        smooth = replace(
+            settings,
+            cutoff_hz=cutoff,
+            velocity="position",
+            delays_s=None,
+            decimate=True,
+            torque_filter=None,
+        )
+        problem = IdentificationProblem(base=base, samples=samples_from(signals, smooth))
+        roots.append(observation_root(problem))
+    return scaled_condition_number(upper_triangle(np.vstack(roots)), base_mapping(base))

@@ -12,7 +12,7 @@ from itertools import pairwise, product
 import numpy as np
 
 from dynid.core import Array
-from dynid.identification.least_squares import WeightedLeastSquares
+from dynid.identification.least_squares import Estimator
 from dynid.identification.problem import IdentificationProblem
 from dynid.reduction import reduce_model
 from dynid.regressor import Gear, InverseDynamicModel, TorqueRipple
@@ -190,21 +190,21 @@ ONE_PART = STRETCHES // FOLDS
 
 
 def with_ripple(
-    model: InverseDynamicModel, samples: Samples, prior_gain: float | None
+    model: InverseDynamicModel, samples: Samples, estimator: Estimator
 ) -> InverseDynamicModel:
     """The model with the torque ripple that samples show, where leaving blocks out bears it out.
 
     Args:
         model: A model without ripple.
         samples: The samples that it will be fitted to.
-        prior_gain: See `WeightedLeastSquares`.
+        estimator: What it will be fitted with.
     """
     if samples.torque_filter is not None:
         # What smoothed the torque has taken the ripple away.
         return model
     base = reduce_model(model)
     problem = IdentificationProblem(base=base, samples=samples)
-    fit = WeightedLeastSquares(prior_gain=prior_gain).fit(problem)
+    fit = estimator.fit(problem)
     parameters = np.zeros(len(model.columns))
     parameters[list(base.independent)] = fit.values
     motion = (samples.q, samples.dq, samples.ddq)

@@ -443,7 +443,7 @@ def _estimate(
         condition_number=condition_number(root),
         scaled_condition_number=scaled_condition_number(root, base_mapping(item.base)),
         motion_condition_number=motion_condition_number(
-            model.robot, model.frames, uniform_signals(recorded, model.robot, settings), settings
+            model.robot, model.frames, [uniform_signals(recorded, model.robot, settings)], settings
         ),
         samples=item.blocks,
         estimator=ESTIMATOR,

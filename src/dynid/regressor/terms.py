@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -65,6 +65,22 @@ class FrictionTerms:
         joints = [ripple.joint for ripple in self.ripples]
         if joints != sorted(set(joints)):
             raise InputError("torque ripple by joint, each once", value=joints)
+
+    def without(self, names: Collection[str], joints: int) -> FrictionTerms:
+        """These terms without some parameters; a joint without Coulomb friction has no presliding.
+
+        Args:
+            names: Parameters to drop, such as `Fv3`.
+            joints: Number of joints.
+        """
+        kept: list[tuple[str, tuple[int, ...] | None]] = []
+        for term, given in self.terms:
+            have = tuple(range(joints)) if given is None else given
+            left = tuple(j for j in have if f"{term.capitalize()}{j + 1}" not in names)
+            if left:
+                kept.append((term, given if left == have else left))
+        over = tuple(0.0 if f"Fc{j + 1}" in names else d for j, d in enumerate(self.presliding))
+        return replace(self, terms=tuple(kept), presliding=over if any(over) else ())
 
     def check_joints(self, joints: int) -> None:
         """Check against the number of joints of a robot.

@@ -59,8 +59,16 @@ def process(
     return samples_from(uniform_signals(record, robot, settings), settings)
 
 
-def samples_from(signals: UniformSignals, settings: ProcessingSettings) -> Samples:
-    """Samples from signals on a uniform grid; see `process`."""
+def samples_from(
+    signals: UniformSignals, settings: ProcessingSettings, *, trim: bool = True
+) -> Samples:
+    """Samples from signals on a uniform grid; see `process`.
+
+    Args:
+        signals: The signals.
+        settings: How they are processed.
+        trim: Leave out ends where the filter has not settled; a prediction is judged there too.
+    """
     rate = signals.rate_hz
     cutoff = settings.cutoff_hz or default_cutoff(signals.q, rate)
     cutoff = min(cutoff, NYQUIST_SHARE * rate / 2)
@@ -74,7 +82,7 @@ def samples_from(signals: UniformSignals, settings: ProcessingSettings) -> Sampl
         q = low_pass(signals.q, rate, cutoff)
         dq, ddq = _derivatives(signals, settings, q, cutoff)
     torque = delayed(signals.torque, rate, settings.delays_s, circular=folded)
-    keep = _kept(signals, settings, cutoff, circular=folded)
+    keep = _kept(signals, settings, cutoff, circular=folded, trim=trim)
     return Samples(
         t=signals.t[keep] - signals.t[0],
         q=q[keep],
@@ -129,15 +137,20 @@ def _derivatives(
 
 
 def _kept(
-    signals: UniformSignals, settings: ProcessingSettings, cutoff: float, circular: bool = False
+    signals: UniformSignals,
+    settings: ProcessingSettings,
+    cutoff: float,
+    *,
+    circular: bool,
+    trim: bool,
 ) -> Indices:
-    """The samples that neither the ends nor a gap reach through filter and delay."""
+    """The samples that no gap and, where trimmed, no end reaches through filter and delay."""
     rate = signals.rate_hz
     edge = int(np.ceil(TIME_CONSTANTS / (2 * np.pi * cutoff) * rate))
     edge += int(np.ceil(max((abs(d) for d in settings.delays_s or ()), default=0.0) * rate))
     edge = min(edge, len(signals.t) // 4)
     gap = signals.valid < 0.5
-    lost = np.pad(gap, edge, mode="wrap") if circular else np.pad(gap, edge, constant_values=True)
+    lost = np.pad(gap, edge, mode="wrap") if circular else np.pad(gap, edge, constant_values=trim)
     before = np.concatenate([[0], np.cumsum(lost)])
     keep = np.flatnonzero(before[2 * edge + 1 :] == before[: -2 * edge - 1])
     if len(keep) < MIN_SAMPLES:
@@ -164,15 +177,15 @@ def samples_at_stamps(
 ) -> Samples:
     """Motion from the uniform grid, torque as recorded, at the record's own stamps.
 
-    A record that is uniform already gives the samples of `process`. For a jittered one the grid
-    holds more points than were recorded, and their torques are averages of neighbours: both
-    would flatter a prediction error.
+    A record that is uniform already gives the samples of `process`, and its ends. For a jittered
+    one the grid holds more points than were recorded, and their torques are averages of
+    neighbours: both would flatter a prediction error.
 
     Raises:
         InputError: See `process`.
     """
     signals = uniform_signals(record, robot, settings)
-    samples = samples_from(signals, settings)
+    samples = samples_from(signals, settings, trim=False)
     part = window(record.t, settings.start_s, settings.stop_s)
     stamps = record.t[part]
     step = 1.0 / signals.rate_hz

@@ -15,15 +15,17 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core import Finding, InputError, Progress, installed, provenance, told
+from dynid.core import Finding, InputError, Progress, provenance, told
 from dynid.diagnosis import diagnose
 from dynid.identification import (
     ESTIMATORS,
     PRIOR_GAIN,
+    PURPOSES,
     Estimate,
     Estimator,
     PhysicallyConsistent,
     Selection,
+    TowardPublished,
     WeightedLeastSquares,
     estimator_of,
     fit_estimate,
@@ -37,6 +39,7 @@ from dynid.robot import RobotModel, load_robot
 from dynid.signals import (
     NYQUIST_SHARE,
     ProcessingSettings,
+    Samples,
     find_period,
     fold_periods,
     joined,
@@ -68,10 +71,14 @@ class IdentifySettings:
     weighting: str = "joint"
     """`joint`: one noise a joint; `size`: joints with equal torque limit share one."""
     frames: str = ""
+    purpose: str = "anywhere"
+    """What the model is for: `anywhere` chooses by regions left out, `this-motion` by stretches
+    of time left out."""
 
     def __post_init__(self) -> None:
         for value, allowed, where in (
             (self.preset, PRESETS, "--preset"),
+            (self.purpose, PURPOSES, "--for"),
             (self.estimator or "ols", ESTIMATORS, "--estimator"),
             (self.weighting, WEIGHTINGS, "--weighting"),
         ):
@@ -89,39 +96,35 @@ class IdentifySettings:
             "stop_s": self.stop_s,
             "weighting": self.weighting,
             "frames": self.frames,
+            "for": self.purpose,
         }
 
 
-def chosen_estimator(
-    settings: IdentifySettings,
-    robot: RobotModel,
-    prior: float | None,
-    *,
-    ill_conditioned: bool = False,
-) -> Estimator:
-    """The estimator that settings ask for.
+REGIONS_FROM = 1e-2
+"""Weight of the published inertias from which consistent bodies are fitted by regions too: the
+motion leaves that much to the prior."""
 
-    Where nothing is asked for and the motion does not tell the parameters apart, only bodies
-    that can exist are fitted, if the extra `sdp` is installed: what they predict elsewhere is
-    bounded.
+
+def chosen_estimator(
+    settings: IdentifySettings, robot: RobotModel, choice: Choice | None
+) -> Estimator:
+    """The estimator that settings ask for, or the one that was chosen.
 
     Args:
         settings: What the user asked for.
         robot: The robot.
-        prior: Strength of the weak prior, see `WeightedLeastSquares`.
-        ill_conditioned: Whether the motion does not tell the parameters apart.
+        choice: What was chosen by what is left out; None with the preset `paper`.
 
     Raises:
         InputError: Weighting by joint size without torque limits.
     """
-    word = settings.estimator or ("ols" if settings.preset == "paper" else "wls")
-    consistent = word == "sdp" or (
-        settings.estimator is None and settings.weighting == "joint" and installed("clarabel")
-    )
-    if ill_conditioned and consistent:
-        return PhysicallyConsistent(prior_gain=prior, by_regions=True)
+    weight = 0.0 if choice is None else choice.prior_weight
+    gain = None if choice is None else PRIOR_GAIN
+    word = settings.estimator or ("ols" if choice is None else "wls")
+    if word == "sdp" and weight >= REGIONS_FROM:
+        return PhysicallyConsistent(prior_gain=gain, by_regions=True)
     if word != "wls":
-        return estimator_of(word, prior)
+        return estimator_of(word, gain)
     groups = None
     if settings.weighting == "size":
         torque = robot.limits.torque
@@ -132,7 +135,9 @@ def chosen_estimator(
                 value=robot.name,
             )
         groups = tuple(int(k) for k in np.unique(torque, return_inverse=True)[1])
-    return WeightedLeastSquares(groups=groups, prior_gain=prior)
+    if settings.estimator is None and weight > 0:
+        return TowardPublished(weight=weight, groups=groups)
+    return WeightedLeastSquares(groups=groups, prior_gain=gain)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,65 +146,60 @@ class Choice:
 
     processing: ProcessingSettings
     friction: FrictionTerms
-    prior_gain: float
-    ill_conditioned: bool
+    prior_weight: float
+    near_weights: tuple[float, ...]
     words: tuple[str, ...]
 
 
 def choose(
     records: Sequence[ExperimentRecord],
     robot: RobotModel,
-    frames: str,
+    settings: IdentifySettings,
     processing: ProcessingSettings,
-    *,
-    terms: FrictionTerms | None = None,
-    smoothed: bool = True,
-    presliding: bool = True,
     progress: Progress | None = None,
 ) -> Choice:
-    """Choose settings and friction on the longest record; a lone periodic one is averaged.
+    """Choose settings and friction on all records together; a lone periodic one is averaged.
 
     Args:
-        records: The recordings.
+        records: The recordings, in any order.
         robot: The robot.
-        frames: Parameter frames.
+        settings: What the user asked for.
         processing: Settings given by the user: what is set there stays.
-        terms: Terms given by the user; None to choose them.
-        smoothed: Whether to look for a low-pass that the torques have passed.
-        presliding: Whether friction may build up over a displacement.
         progress: Told what is being tried and how far it is (0 to 1).
 
     Raises:
         InputError: See `select`.
     """
-    longest = max(records, key=lambda record: record.duration_s)
-    signals = uniform_signals(longest, robot, processing)
-    period = find_period(signals.q, signals.rate_hz) if len(records) == 1 else None
+    recordings = [uniform_signals(record, robot, processing) for record in records]
     averaged: tuple[str, ...] = ()
-    if period is not None:
-        processing = replace(processing, period_s=period)
-        repetitions = int(len(signals.t) / signals.rate_hz / period + 1e-6)
-        signals = fold_periods(signals, period)
-        averaged = (f"average of {repetitions} periods of {period:g} s",)
-    # A filter that one record has passed says nothing of the others.
-    smoothed = smoothed and all(
-        was_smoothed(uniform_signals(record, robot, processing)) for record in records
-    )
+    # Maximum likelihood has a noise of its own for each sample: no filter fits there. A filter
+    # that one record has passed says nothing of the others.
+    smoothed = settings.estimator != "ml" and all(map(was_smoothed, recordings))
+    if len(recordings) == 1:
+        signals = recordings[0]
+        period = find_period(signals.q, signals.rate_hz)
+        if period is not None:
+            processing = replace(processing, period_s=period)
+            repetitions = int(len(signals.t) / signals.rate_hz / period + 1e-6)
+            recordings = [fold_periods(signals, period)]
+            averaged = (f"average of {repetitions} periods of {period:g} s",)
     chosen = select(
         robot,
-        frames,
-        signals,
+        settings.frames,
+        recordings,
         processing,
-        terms=terms,
+        terms=settings.terms,
         smoothed=smoothed,
-        presliding=presliding,
+        # These follow the arm in a simulation, whose friction has no past.
+        presliding=settings.estimator not in ("ml", "iv", "didim"),
+        purpose=settings.purpose,
         progress=progress,
     )
     return Choice(
         processing=chosen.settings,
         friction=chosen.friction,
-        prior_gain=chosen.prior_gain,
-        ill_conditioned=chosen.ill_conditioned,
+        prior_weight=chosen.prior_weight,
+        near_weights=chosen.near_weights,
         words=(*averaged, *_words(chosen)),
     )
 
@@ -213,6 +213,7 @@ def _words(chosen: Selection) -> tuple[str, ...]:
         "position": "velocities differentiated from positions",
     }
     words = [
+        f"chosen for {chosen.purpose}",
         f"cut-off {settings.cutoff_hz:g} Hz",
         sources[settings.velocity],
         f"torque delays {delays}" + ("" if settings.delays_s is None else " ms"),
@@ -225,10 +226,6 @@ def _words(chosen: Selection) -> tuple[str, ...]:
         words.insert(-1, f"presliding over {_row(over)} rad")
     if settings.torque_filter is not None:
         words.insert(0, settings.torque_filter.describe())
-    if chosen.prior_gain < PRIOR_GAIN:
-        words.insert(
-            -1, f"prior gain {chosen.prior_gain:g}, stronger for an ill-conditioned record"
-        )
     return tuple(words)
 
 
@@ -279,6 +276,9 @@ class Identification:
             "warnings": told(self.warnings),
             "findings": [finding.to_json() for finding in self.warnings],
             **({} if estimate.standard is None else {"standard": estimate.standard_table()}),
+            **(
+                {} if estimate.assessment is None else {"assessment": estimate.assessment.to_json()}
+            ),
         }
 
 
@@ -336,57 +336,14 @@ def _identify(
     if not records:
         raise InputError("needs at least one record")
     _check_cutoff(records, settings.cutoff_hz)
-    processing = ProcessingSettings(
-        cutoff_hz=settings.cutoff_hz,
-        start_s=settings.start_s,
-        stop_s=settings.stop_s,
-        decimate=settings.preset == "best" or max(r.samples for r in records) > LONG_RECORD,
-    )
-    friction, prior_gain, words = settings.terms or FrictionTerms(), None, ()
-    ill_conditioned = False
-    if settings.preset == "best":
-        choice = choose(
-            records,
-            robot,
-            settings.frames,
-            processing,
-            terms=settings.terms,
-            # Maximum likelihood has a noise of its own for each sample: no filter fits there.
-            smoothed=settings.estimator != "ml",
-            # These follow the arm in a simulation, whose friction has no past.
-            presliding=settings.estimator not in ("ml", "iv", "didim"),
-            progress=progress,
-        )
-        processing, friction = choice.processing, choice.friction
-        prior_gain, words = choice.prior_gain, choice.words
-        ill_conditioned = choice.ill_conditioned
-    parts = [process(record, robot, processing) for record in records]
-    samples = parts[0] if len(parts) == 1 else joined(parts)
-    model = InverseDynamicModel(robot=robot, frames=settings.frames, friction=friction)
-    model = with_load(model, samples, prior_gain)
-    if settings.preset == "best" and settings.terms is None and not ill_conditioned:
-        model = with_ripple(model, samples, prior_gain)
-        words = (*words, *(ripple.describe() for ripple in model.friction.ripples))
-    estimate = fit_estimate(
-        model,
-        samples,
-        chosen_estimator(settings, robot, prior_gain, ill_conditioned=ill_conditioned),
-        record=records[0],
-        settings=processing,
-        preset=settings.preset,
-        choices=words,
-        made=provenance(
-            inputs={
-                r.metadata.origin or f"record {k + 1}": identity(r) for k, r in enumerate(records)
-            },
-            settings=settings.to_json(),
-        ),
-    )
+    # The same result whatever the order of the files.
+    records = sorted(records, key=identity)
+    estimate, _ = fit_records(records, robot, settings, progress)
     training = reproduce(estimate, records[0], start_s=settings.start_s, stop_s=settings.stop_s)
     result = None
     warnings = [
         *estimate.warnings,
-        *diagnose(records, robot, processing),
+        *diagnose(records, robot, estimate.settings),
     ]
     for record in records:
         warnings += [notice for notice in record.problems if notice not in warnings]
@@ -404,6 +361,65 @@ def _identify(
         validation=result,
         warnings=tuple(warnings),
     )
+
+
+def fit_records(
+    records: Sequence[ExperimentRecord],
+    robot: RobotModel,
+    settings: IdentifySettings,
+    progress: Progress | None = None,
+) -> tuple[Estimate, Samples]:
+    """Choose, process and fit.
+
+    Args:
+        records: The recordings.
+        robot: The robot.
+        settings: What to do.
+        progress: Told what is being done and how far it is (0 to 1).
+
+    Returns:
+        The estimate and the samples that it was fitted to.
+    """
+    processing = ProcessingSettings(
+        cutoff_hz=settings.cutoff_hz,
+        start_s=settings.start_s,
+        stop_s=settings.stop_s,
+        decimate=settings.preset == "best" or max(r.samples for r in records) > LONG_RECORD,
+    )
+    choice = None
+    if settings.preset == "best":
+        choice = choose(records, robot, settings, processing, progress)
+        processing = choice.processing
+    parts = [process(record, robot, processing) for record in records]
+    samples = parts[0] if len(parts) == 1 else joined(parts)
+    friction = settings.terms or FrictionTerms() if choice is None else choice.friction
+    estimator = chosen_estimator(settings, robot, choice)
+    model = InverseDynamicModel(robot=robot, frames=settings.frames, friction=friction)
+    model = with_load(model, samples, estimator)
+    if choice is not None and settings.terms is None:
+        model = with_ripple(model, samples, estimator)
+    estimate = fit_estimate(
+        model,
+        samples,
+        estimator,
+        records=records,
+        settings=processing,
+        preset=settings.preset,
+        choices=(
+            *(() if choice is None else choice.words),
+            *(ripple.describe() for ripple in model.friction.ripples),
+        ),
+        made=provenance(
+            inputs={
+                r.metadata.origin or f"record {k + 1}": identity(r) for k, r in enumerate(records)
+            },
+            settings=settings.to_json(),
+        ),
+        lengths=[part.count for part in parts],
+        prior_weight=0.0 if choice is None else choice.prior_weight,
+        near_weights=() if choice is None else choice.near_weights,
+    )
+    return estimate, samples
 
 
 def _check_cutoff(records: Sequence[ExperimentRecord], cutoff_hz: float | None) -> None:

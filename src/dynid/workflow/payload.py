@@ -25,6 +25,7 @@ from dynid.identification import (
     Payload,
     SharedProblem,
     WeighedGains,
+    WeightedLeastSquares,
     drive_gains,
     fit_shared,
     payload_of,
@@ -101,7 +102,7 @@ def _problem(
         samples = process(record, robot, settings)
         # One filter for all: what it takes from the motion then cancels too.
         settings = replace(settings, cutoff_hz=samples.cutoff_hz)
-        model = with_load(plain, samples, PRIOR_GAIN)
+        model = with_load(plain, samples, WeightedLeastSquares(prior_gain=PRIOR_GAIN))
         problems.append(IdentificationProblem(base=reduce_model(model), samples=samples))
     return SharedProblem(
         problems=tuple(problems),

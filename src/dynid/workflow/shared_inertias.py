@@ -16,6 +16,7 @@ from dynid.identification import (
     IdentificationProblem,
     SharedFit,
     SharedProblem,
+    WeightedLeastSquares,
     fit_shared,
     shared_estimates,
     with_load,
@@ -118,9 +119,7 @@ def _identify(
     )
     friction, words = settings.terms or FrictionTerms(), ()
     if settings.preset == "best":
-        choice = choose(
-            records, robot, settings.frames, processing, terms=settings.terms, progress=progress
-        )
+        choice = choose(records, robot, settings, processing, progress)
         # Periods are averaged record by record or not at all: here every sample counts.
         processing = replace(choice.processing, period_s=None)
         friction, words = choice.friction, choice.words
@@ -128,7 +127,7 @@ def _identify(
     problems: list[IdentificationProblem] = []
     for record in records:
         samples = process(record, robot, processing)
-        found = with_load(plain, samples, PRIOR_GAIN)
+        found = with_load(plain, samples, WeightedLeastSquares(prior_gain=PRIOR_GAIN))
         problems.append(IdentificationProblem(base=reduce_model(found), samples=samples))
     problem = SharedProblem(problems=tuple(problems))
     fit = fit_shared(problem)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dynid.core import Array, Mask
 from dynid.identification.bayesian import NOT_NEGATIVE
-from dynid.identification.least_squares import PRIOR_GAIN, WeightedLeastSquares
+from dynid.identification.least_squares import PRIOR_GAIN, Estimator, WeightedLeastSquares
 from dynid.identification.problem import IdentificationProblem
 from dynid.reduction import reduce_model
 from dynid.regressor import (
@@ -20,8 +21,7 @@ from dynid.regressor import (
     friction_state,
     smooth_sign,
 )
-from dynid.robot import RobotModel
-from dynid.signals import Samples
+from dynid.signals import Samples, joined
 
 LOAD = "fl"
 WIDTHS = (0.001, 0.003, 0.01, 0.02, 0.04, 0.07, 0.12, 0.2)
@@ -115,15 +115,8 @@ class CandidateColumns:
 
 EXTRA_TERMS = ("fo", "fca", "fva", "fs", "fr", LOAD)
 """Terms that a joint may take beside the paper's; load-dependent friction has the step's width."""
-ALIKE = frozenset({"fs", "fr"})
-"""Both bend the curve below some speed: together they cancel, inside the record only."""
-PAIR = frozenset({"fo", "fca"})
-"""Together an offset that stops at rest; alone neither helps. Where the arm rests, so does
-stiction, which is another one each time."""
-GAIN_OF_TERM = 0.03
-"""An extra column, or presliding, must lower the sum over joints of log RMS by this much."""
-GAIN_OF_SHAPE = 0.01
-"""So must a change of width, delay, cut-off or velocity source."""
+PLAIN_WIDTH = WIDTHS.index(0.01)
+"""Where every joint begins."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,51 +134,34 @@ class JointChoice:
         """Index into the steps of `CandidateColumns`."""
         return self.width if self.displacement is None else len(WIDTHS) + self.displacement
 
+    @property
+    def size(self) -> int:
+        """Terms beside the paper's; presliding counts as one."""
+        return len(self.terms) + (self.displacement is not None)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moves:
     """Which choices a joint has."""
 
-    extras: tuple[str, ...]
-    """Terms that may be added."""
+    extras: int
+    """Number of terms that may be added."""
     widths: int
     """Number of widths; 1 where no term has a step."""
     delays: int
     """Number of delays."""
-    no_delay: int
-    """Index of the delay 0."""
     presliding: bool
     """Whether friction may build up over a displacement."""
-    pair: bool
-    """Whether `PAIR` may be added at once."""
 
     def after(self, now: JointChoice) -> list[JointChoice]:
         """The choices one move away from a choice."""
-        steps = [replace(now, width=k, displacement=None) for k in range(self.widths)]
-        moves = [*steps, *(replace(now, delay=k) for k in range(self.delays))]
+        moves = [replace(now, width=k, displacement=None) for k in range(self.widths)]
         if self.presliding:
             moves += [replace(now, displacement=k) for k in range(len(DISPLACEMENTS))]
-        # What a term does depends on the width beside it; presliding has none.
-        beside = steps if now.displacement is None else [now]
-        for term in range(len(self.extras)):
-            toggled = now.terms ^ {term}
-            if not {self.extras[k] for k in toggled} >= ALIKE:
-                moves += [replace(choice, terms=toggled) for choice in beside]
-        if self.pair and set(self.extras) >= PAIR:
-            both = now.terms | {self.extras.index(term) for term in PAIR}
-            moves += [replace(choice, terms=both) for choice in beside]
+        near = (k for k in (now.delay - 1, now.delay + 1) if 0 <= k < self.delays)
+        moves += [replace(now, delay=k) for k in near]
+        moves += [replace(now, terms=now.terms ^ {term}) for term in range(self.extras)]
         return [move for move in moves if move != now]
-
-    def price(self, now: JointChoice, trial: JointChoice) -> float:
-        """What a move must gain; going back to simpler is nearly free."""
-        terms = GAIN_OF_TERM * (_size(trial) - _size(now))
-        delay = GAIN_OF_SHAPE * ((trial.delay != self.no_delay) - (now.delay != self.no_delay))
-        width = GAIN_OF_SHAPE * ((trial.width > 0) - (now.width > 0))
-        return terms + delay + width + 1e-4
-
-
-def _size(choice: JointChoice) -> int:
-    return len(choice.terms) + (choice.displacement is not None)
 
 
 def chosen_friction(
@@ -229,51 +205,55 @@ ITERATIONS = 3
 
 
 def with_load(
-    model: InverseDynamicModel, samples: Samples, prior_gain: float | None
+    model: InverseDynamicModel, samples: Samples, estimator: Estimator
 ) -> InverseDynamicModel:
     """The model with the load of its load-dependent friction as these samples show it.
 
     Args:
         model: A model; one without load-dependent friction is returned as it is.
         samples: The samples that it will be fitted to.
-        prior_gain: See `WeightedLeastSquares`.
+        estimator: What it will be fitted with.
     """
     load = model.friction.load
     if load is None:
         return model
     for _ in range(ITERATIONS):
-        parameters = tuple(inertial_parameters(model, samples, prior_gain).tolist())
-        found = LoadFriction(joints=load.joints, parameters=parameters)
+        inertial = _inertial_parameters(model, samples, estimator)
+        found = LoadFriction(joints=load.joints, parameters=tuple(inertial.tolist()))
         model = InverseDynamicModel(
             robot=model.robot, frames=model.frames, friction=replace(model.friction, load=found)
         )
     return model
 
 
-def inertial_parameters(
-    model: InverseDynamicModel, samples: Samples, prior_gain: float | None
+def _inertial_parameters(
+    model: InverseDynamicModel, samples: Samples, estimator: Estimator
 ) -> Array:
-    """(10 n) inertial parameters of a weighted fit, zero outside the base."""
+    """(10 n) inertial parameters of a fit, zero outside the base."""
     base = reduce_model(model)
-    fit = WeightedLeastSquares(prior_gain=prior_gain).fit(
-        IdentificationProblem(base=base, samples=samples)
-    )
+    fit = estimator.fit(IdentificationProblem(base=base, samples=samples))
     parameters = np.zeros(len(model.columns))
     parameters[list(base.independent)] = fit.values
     return parameters[: 10 * model.robot.joints]
 
 
-def load_size(robot: RobotModel, frames: str, samples: Samples, width: float) -> Array:
-    """(n, N) size of each gear's load [N.m or N], from a plain fit of the same samples.
+def load_inertias(model: InverseDynamicModel, parts: Sequence[Samples], width: float) -> Array:
+    """(10 n) inertial parameters of a plain fit, for the load of candidate columns.
 
     Args:
-        robot: The robot.
-        frames: Parameter frames.
-        samples: The samples.
+        model: The model whose robot and frames are meant.
+        parts: Samples of each recording.
         width: Of the plain fit's Coulomb step [rad/s or m/s].
     """
-    plain = InverseDynamicModel(robot=robot, frames=frames, friction=FrictionTerms(width=width))
-    inertial = inertial_parameters(plain, samples, PRIOR_GAIN)
-    parameters = np.append(inertial, np.zeros(len(plain.columns) - len(inertial)))
-    carried = plain.inverse_dynamics(samples.q, samples.dq, samples.ddq, parameters)
-    return np.abs(carried - plain.known_torque(samples.q)).T
+    plain = InverseDynamicModel(
+        robot=model.robot, frames=model.frames, friction=FrictionTerms(width=width)
+    )
+    samples = parts[0] if len(parts) == 1 else joined(parts)
+    return _inertial_parameters(plain, samples, WeightedLeastSquares(prior_gain=PRIOR_GAIN))
+
+
+def load_size(model: InverseDynamicModel, samples: Samples, inertias: Array) -> Array:
+    """(n, N) size of each gear's load [N.m or N] with inertial parameters (10 n)."""
+    parameters = np.append(inertias, np.zeros(len(model.columns) - len(inertias)))
+    carried = model.inverse_dynamics(samples.q, samples.dq, samples.ddq, parameters)
+    return np.abs(carried - model.known_torque(samples.q)).T

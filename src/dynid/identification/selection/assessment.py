@@ -1,0 +1,479 @@
+"""What a fit is worth where it was not recorded: left-out errors, rival models, intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import Any
+
+import numpy as np
+
+from dynid.core import Array, Indices, InputError, Mask, frozen
+from dynid.identification.bayesian import PublishedPrior, published_prior, symbol_of
+from dynid.identification.least_squares import Fit
+from dynid.identification.problem import IdentificationProblem
+from dynid.identification.selection.gram import (
+    GramBlocks,
+    NormalEquations,
+    Shrinkage,
+    gram_blocks,
+    left_out_values,
+    shared_picks,
+    solutions,
+)
+from dynid.identification.selection.regions import SLOWEST, find_regions, stretches
+from dynid.identification.selection.scoring import gain_of
+from dynid.regressor import INERTIAL
+
+LEVELS = (0.5, 0.68, 0.8, 0.9, 0.95, 0.99)
+"""Levels whose quantiles are kept; others lie on straight lines between."""
+SCALES = tuple(float(s) for s in np.geomspace(1.0, 100.0, 21))
+"""Factors of the leverage that are tried: 1 is what white residuals do to the parameters."""
+FEWEST_ROWS = 50
+"""Rows at rest or in motion that have quantiles of their own."""
+FRICTION_CHANGE, GAIN_CHANGE = 0.1, 0.05
+"""Standard deviation of friction and of drive gains between days: gains regressed from two
+recordings of one UR5 differ by 1 to 20 %."""
+MOST_ROWS = 20_000
+"""Rows that calibrate the intervals: of longer recordings every so manieth."""
+WEAKEST = 1e-8
+"""Weight of the prior for fits without one: left-out parts may leave parameters unseen."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conditions:
+    """What a recording on another day may change, at some states."""
+
+    moving: Mask
+    """(n, N) whether each joint moves."""
+    stiction: Array
+    """(n, N) size of what friction may hold while a joint hardly moves [N.m or N]."""
+    change: Array
+    """(n, N) standard deviation from friction and drive gains of another day [N.m or N]."""
+
+
+def conditions(
+    names: Sequence[str],
+    values: Array,
+    columns: Array,
+    moving: Mask,
+) -> Conditions:
+    """Conditions of states.
+
+    Args:
+        names: (r) names of the base parameters.
+        values: (r) their values.
+        columns: (r, n, N) their columns.
+        moving: (n, N) whether each joint moves.
+    """
+    inertial = {"Im", "Imm", *INERTIAL}
+    rubs = [k for k, name in enumerate(names) if symbol_of(name) not in inertial]
+    friction = np.tensordot(values[rubs], columns[rubs], axes=1)
+    torque = np.tensordot(values, columns, axes=1)
+    stiction = np.zeros(torque.shape)
+    for k in rubs:
+        if symbol_of(names[k]) == "Fc":
+            j = int(names[k][2:]) - 1
+            # Where the Coulomb column is not saturated, friction holds what it is given.
+            stiction[j] = abs(values[k]) * np.sqrt(np.maximum(1.0 - columns[k, j] ** 2, 0.0))
+    return Conditions(
+        moving=moving,
+        stiction=stiction,
+        change=np.hypot(FRICTION_CHANGE * friction, GAIN_CHANGE * torque),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TorqueInterval:
+    """Torque intervals that grow where the recording has not been.
+
+    s^2 = sigma^2 + c^2 h with the leverage h = |root' x|^2 of a state's columns x. The half width
+    is a quantile of |error| / s on the regions left out (split conformal prediction), of rows in
+    motion and at rest apart; at rest never less than stiction may hold. What friction and drive
+    gains of another day may change is added in square.
+    """
+
+    root: Array
+    """(r, k) root of the uncertainty of the base parameters: their information, what is unsure
+    of the published inertias, and what near-equal models differ by."""
+    sigma: Array
+    """(n) RMS error on stretches of time left out [N.m or N]."""
+    scale: Array
+    """(n) c."""
+    slowest: Array
+    """(n) speed from which a joint moves [rad/s or m/s]."""
+    quantiles: Array
+    """(2, n, L) of |error| / s at `LEVELS`, at rest and in motion."""
+
+    def __post_init__(self) -> None:
+        n = len(self.sigma)
+        for name, shape in (
+            ("root", (None, None)),
+            ("sigma", (n,)),
+            ("scale", (n,)),
+            ("slowest", (n,)),
+            ("quantiles", (2, n, len(LEVELS))),
+        ):
+            object.__setattr__(self, name, frozen(getattr(self, name), shape=shape, name=name))
+
+    def half_width(self, columns: Array, there: Conditions, level: float) -> Array:
+        """(n, N) half widths [N.m or N] of the intervals of states.
+
+        Args:
+            columns: (r, n, N) base columns of the states.
+            there: What another day may change there.
+            level: Share of measured torques that shall lie within, 0.5 to 0.99.
+
+        Raises:
+            InputError: A level outside `LEVELS`.
+        """
+        if not LEVELS[0] <= level <= LEVELS[-1]:
+            raise InputError(
+                "level of an interval", value=level, limit=f"{LEVELS[0]} to {LEVELS[-1]}"
+            )
+        variance = np.square(self.sigma)[:, None]
+        variance = variance + np.square(self.scale)[:, None] * leverage(self.root, columns)
+        rest, motion = (
+            np.array([np.interp(level, LEVELS, row) for row in part])[:, None]
+            for part in self.quantiles
+        )
+        half = np.where(there.moving, motion, rest) * np.sqrt(variance)
+        # Friction at rest is anywhere between its bounds.
+        half = np.maximum(half, level * there.stiction)
+        normal = NormalDist().inv_cdf((1.0 + level) / 2.0)
+        return np.hypot(half, normal * there.change)
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object."""
+        return {
+            "root": self.root.tolist(),
+            "sigma": self.sigma.tolist(),
+            "scale": self.scale.tolist(),
+            "slowest": self.slowest.tolist(),
+            "levels": list(LEVELS),
+            "quantiles": self.quantiles.tolist(),
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelError:
+    """Left-out errors of one of the rival models."""
+
+    name: str
+    """`published`: inertias as given; `published_friction`: with fitted friction and motor
+    inertia; `identified`: all identified."""
+    rms: Array
+    """(n) [N.m or N]."""
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object."""
+        return {"name": self.name, "rms": self.rms.tolist()}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Assessment:
+    """What left-out parts of the recordings say about a result, on all rows."""
+
+    anywhere: Array
+    """(n) RMS error on regions left out, or on recordings left out [N.m or N]."""
+    this_motion: Array
+    """(n) RMS error on stretches of time left out [N.m or N]."""
+    noise_floor: Array
+    """(n) standard deviation of what no model of the motion explains [N.m or N]."""
+    torque: Array
+    """(n) RMS of the measured torque [N.m or N]."""
+    models: tuple[ModelError, ...]
+    """On the parts of `anywhere`."""
+    pays: bool | None
+    """Whether identifying the inertias lowers the errors, by more than their standard error;
+    None where none are published."""
+    interval: TorqueInterval
+
+    @property
+    def expected_error_percent(self) -> float:
+        """Root-sum-square of the errors anywhere over that of the torques [%]."""
+        return 100.0 * float(np.linalg.norm(self.anywhere) / max(np.linalg.norm(self.torque), 1e-9))
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object."""
+        return {
+            "left_out_rms": {
+                "anywhere": self.anywhere.tolist(),
+                "this_motion": self.this_motion.tolist(),
+            },
+            "expected_error_percent": self.expected_error_percent,
+            "noise_floor": self.noise_floor.tolist(),
+            "torque_rms": self.torque.tolist(),
+            "models": [model.to_json() for model in self.models],
+            "identification_pays": self.pays,
+            "interval": self.interval.to_json(),
+        }
+
+
+def assessment_from_json(data: dict[str, Any]) -> Assessment:
+    """An assessment as `Assessment.to_json` wrote it."""
+    interval = data["interval"]
+
+    def array(values: Any) -> Array:
+        return np.array(values, dtype=np.float64)
+
+    return Assessment(
+        anywhere=array(data["left_out_rms"]["anywhere"]),
+        this_motion=array(data["left_out_rms"]["this_motion"]),
+        noise_floor=array(data["noise_floor"]),
+        torque=array(data["torque_rms"]),
+        models=tuple(ModelError(name=str(m["name"]), rms=array(m["rms"])) for m in data["models"]),
+        pays=data["identification_pays"],
+        interval=TorqueInterval(
+            root=array(interval["root"]),
+            sigma=array(interval["sigma"]),
+            scale=array(interval["scale"]),
+            slowest=array(interval["slowest"]),
+            quantiles=array(interval["quantiles"]),
+        ),
+    )
+
+
+def leverage(root: Array, columns: Array) -> Array:
+    """(n, N) |root' x|^2 for columns (r, n, N)."""
+    return np.square(np.tensordot(root, columns, axes=(0, 0))).sum(axis=0)
+
+
+def assess(
+    problem: IdentificationProblem,
+    fit: Fit,
+    *,
+    prior_weight: float = 0.0,
+    near_weights: Sequence[float] = (),
+    lengths: Sequence[int] = (),
+) -> Assessment:
+    """Judge a fit by fits of the same model with parts of the samples left out.
+
+    Args:
+        problem: The samples of all recordings, with the model that was fitted.
+        fit: The fit to all of them, whose weights are used.
+        prior_weight: See `TowardPublished`; 0 where no published inertias were used.
+        near_weights: Weights that score as well.
+        lengths: Samples of each recording, if there are several.
+    """
+    n, rank, count = problem.samples.joints, problem.base.rank, problem.blocks
+    regions, blocks_of_time = _parts(problem, lengths)
+    keys, cells = np.unique(np.stack([regions, blocks_of_time]), axis=1, return_inverse=True)
+    blocks = gram_blocks(
+        ((rows, np.concatenate([c, t[None]])) for rows, c, t in problem.chunks()),
+        np.tile(cells.reshape(-1), (n, 1)),
+        keys.shape[1],
+        rank + 1,
+    )
+    known = published_prior(problem.base)
+    prior = Shrinkage(mean=known.mean, precision=known.precision)
+    strength = max(prior_weight, WEAKEST) * count
+    weights = 1.0 / np.maximum(fit.noise, 1e-12)
+    fitted = _LeftOut(blocks.merged(keys[0]), weights, prior.times(strength), n)
+    timed = _LeftOut(blocks.merged(keys[1]), weights, prior.times(strength), n)
+    models, pays = _rivals(fitted, known, n)
+    this_motion = timed.rms
+    root = _root(fitted, prior, strength, known, [w * count for w in near_weights])
+    speed = np.abs(problem.samples.dq[problem.samples.rows][:: problem.samples.block][:count].T)
+    slowest = SLOWEST * np.maximum(np.percentile(speed, 99, axis=1), 1e-9)
+    rows = _rows(problem, fitted, regions, root, strength * known.precision)
+    floor = this_motion if rows.floor is None else np.minimum(rows.floor, this_motion)
+    return Assessment(
+        anywhere=fitted.rms,
+        this_motion=this_motion,
+        noise_floor=floor,
+        torque=fitted.torque,
+        models=models,
+        pays=pays,
+        interval=_calibrated(root, this_motion, rows, speed > slowest[:, None], slowest),
+    )
+
+
+class _LeftOut:
+    """Fits with one part left out each, and their errors there."""
+
+    def __init__(
+        self, blocks: GramBlocks, weights: Array, shrinkage: Shrinkage, joints: int
+    ) -> None:
+        rank = len(shrinkage.mean)
+        self.blocks = blocks
+        self.system = NormalEquations(blocks, shared_picks(rank, joints), weights)
+        self.rows = np.maximum(blocks.rows.sum(axis=1), 1.0)
+        self.values = (
+            left_out_values(self.system, shrinkage)
+            if blocks.rows.shape[1] > 1
+            else self.whole(shrinkage)
+        )
+        self.errors = self.system.square_errors(self.values)
+        self.torque = np.sqrt(blocks.products[:, :, rank, rank].sum(axis=1) / self.rows)
+
+    @property
+    def rms(self) -> Array:
+        """(n) RMS error."""
+        return np.sqrt(self.errors.sum(axis=1) / self.rows)
+
+    def whole(self, shrinkage: Shrinkage) -> Array:
+        """(1, r) fit to all parts."""
+        matrix, vector = self.system.matrix, self.system.vector
+        return solutions(matrix.sum(axis=0)[None], vector.sum(axis=0)[None], shrinkage)
+
+
+def _parts(problem: IdentificationProblem, lengths: Sequence[int]) -> tuple[Indices, Indices]:
+    """(N) part of each row that `anywhere` leaves out, and stretch of time of each row."""
+    samples = problem.samples
+    poses = samples.q[samples.rows][:: samples.block][: problem.blocks]
+    if len(lengths) > 1:
+        ends = np.cumsum(lengths) // samples.block
+        regions = np.minimum(
+            np.searchsorted(ends, np.arange(problem.blocks), side="right"), len(lengths) - 1
+        )
+    else:
+        regions = find_regions([poses], problem.base.model.robot.prismatic).labels(poses, 0)
+    return regions, stretches(problem.blocks)
+
+
+def _rivals(
+    fitted: _LeftOut, known: PublishedPrior, joints: int
+) -> tuple[tuple[ModelError, ...], bool | None]:
+    """The rival models' errors, and whether identifying all beats fitting friction alone."""
+    identified = ModelError(name="identified", rms=fitted.rms)
+    if not known.published:
+        return (identified,), None
+    system, free = fitted.system, known.free
+    given = system.square_errors(known.mean[None])
+    # Friction and motor inertia alone: what the published inertias leave over.
+    matrix = free.T @ system.matrix @ free
+    vector = (system.vector - system.matrix @ known.mean) @ free
+    total, target = matrix.sum(axis=0), vector.sum(axis=0)
+    several = len(matrix) > 1
+    own = solutions(
+        total - matrix if several else matrix, target - vector if several else vector, None
+    )
+    friction = system.square_errors(known.mean + own @ free.T)
+    gain, error = gain_of(friction, fitted.errors)
+    rows = fitted.rows
+    return (
+        ModelError(name="published", rms=np.sqrt(given.sum(axis=1) / rows)),
+        ModelError(name="published_friction", rms=np.sqrt(friction.sum(axis=1) / rows)),
+        identified,
+    ), bool(gain > error)
+
+
+def _root(
+    fitted: _LeftOut,
+    prior: Shrinkage,
+    strength: float,
+    known: PublishedPrior,
+    near: Sequence[float],
+) -> Array:
+    """(r, k) root of the uncertainty of the base parameters; see `TorqueInterval.root`."""
+    chosen = fitted.whole(prior.times(strength))[0]
+    inverse = _inverse_root(fitted.system.matrix.sum(axis=0) + strength * prior.precision)
+    # Published inertias are off by `relative`: what the shrinkage leaves of that.
+    unsure = inverse @ inverse.T @ known.root.T * (strength * known.relative)
+    apart = [fitted.whole(prior.times(max(w, WEAKEST)))[0] - chosen for w in near]
+    return np.concatenate([inverse, unsure, *(d[:, None] for d in apart)], axis=1)
+
+
+def _inverse_root(matrix: Array) -> Array:
+    """(r, r) S with S S' the inverse of a matrix, which may be near singular."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    return vectors / np.sqrt(np.maximum(values, 1e-12 * values[-1])) / scale[:, None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Rows:
+    """Rows left out, one by one."""
+
+    index: Indices
+    """(M) which rows of the problem they are."""
+    part: Indices
+    """(M) which part they were left out with."""
+    error: Array
+    """(n, M) of the fit without their part [N.m or N]."""
+    leverage: Array
+    """(n, M) for that fit."""
+    floor: Array | None
+    """(n) noise that no motion explains [N.m or N]; None where rows were skipped."""
+
+
+def _rows(
+    problem: IdentificationProblem,
+    fitted: _LeftOut,
+    regions: Indices,
+    root: Array,
+    precision: Array,
+) -> _Rows:
+    """Errors and leverages of rows left out."""
+    step = -(-problem.blocks // MOST_ROWS)
+    matrix = fitted.system.matrix
+    total, several = matrix.sum(axis=0), len(matrix) > 1
+    extra = root[:, len(root) :]
+    roots = [
+        np.concatenate([_inverse_root(total - (m if several else 0.0) + precision), extra], axis=1)
+        for m in matrix
+    ]
+    errors: list[Array] = []
+    levers: list[Array] = []
+    indices: list[Indices] = []
+    bends = np.zeros(problem.samples.joints)
+    for rows, columns, torque in problem.chunks():
+        index = np.arange(rows.start, rows.stop)
+        some = index % step == 0
+        index, columns, torque = index[some], columns[:, :, some], torque[:, some]
+        error, lever = np.empty(torque.shape), np.empty(torque.shape)
+        for k in np.unique(regions[index]):
+            here = regions[index] == k
+            values = fitted.values[min(k, len(fitted.values) - 1)]
+            error[:, here] = torque[:, here] - np.tensordot(values, columns[:, :, here], axes=1)
+            lever[:, here] = leverage(roots[k], columns[:, :, here])
+        errors.append(error)
+        levers.append(lever)
+        indices.append(index)
+        # Second differences: the torque of a motion hardly bends from row to row.
+        bends += np.square(np.diff(error, n=2, axis=1)).sum(axis=1) / 6.0
+    floor = problem.samples.noise
+    if floor is None and step == 1:
+        floor = np.sqrt(bends / max(problem.blocks, 1))
+    index = np.concatenate(indices)
+    return _Rows(
+        index=index,
+        part=regions[index],
+        error=np.concatenate(errors, axis=1),
+        leverage=np.concatenate(levers, axis=1),
+        floor=floor,
+    )
+
+
+def _calibrated(
+    root: Array, sigma: Array, rows: _Rows, moving: Mask, slowest: Array
+) -> TorqueInterval:
+    """The smallest scale of the leverage that the parts left out allow, then quantiles.
+
+    A larger scale must raise the likelihood by more than its standard error over the parts.
+    """
+    moves = moving[:, rows.index]
+    parts = np.unique(rows.part, return_inverse=True)[1]
+    count = int(parts.max()) + 1
+    n = len(sigma)
+    scale, quantiles = np.ones(n), np.zeros((2, n, len(LEVELS)))
+    for j in range(n):
+        square, floor = np.square(rows.error[j]), max(float(sigma[j]), 1e-9) ** 2
+        losses = np.empty((len(SCALES), count))
+        for i, c in enumerate(SCALES):
+            variance = floor + c**2 * rows.leverage[j]
+            losses[i] = np.bincount(parts, np.log(variance) + square / variance, count)
+        best = int(np.argmin(losses.sum(axis=1)))
+        for i in range(best + 1):
+            gain = losses[i] - losses[best]
+            spread = np.sqrt(count / max(count - 1, 1) * np.square(gain - gain.mean()).sum())
+            if gain.sum() <= spread:
+                scale[j] = SCALES[i]
+                break
+        ratio = np.sqrt(square / (floor + scale[j] ** 2 * rows.leverage[j]))
+        for k, some in enumerate((~moves[j], moves[j])):
+            used = ratio[some] if some.sum() >= FEWEST_ROWS else ratio
+            quantiles[k, j] = np.quantile(used, LEVELS)
+    return TorqueInterval(root=root, sigma=sigma, scale=scale, slowest=slowest, quantiles=quantiles)

@@ -1,0 +1,221 @@
+"""Gram blocks: products of columns and torques, summed joint by joint and cell by cell.
+
+The rows of a recording are divided into cells (region, stretch of time, recording, moving or at
+rest). For each joint and cell the products of all candidate columns and torques are summed once;
+least squares with any of the columns on any union of cells is then a small solve on sums of
+blocks, and so is the error of any solution on any other union. Nothing here depends on how long
+a recording is: blocks of parts of a recording add up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynid.core import Array, Indices, Mask
+
+HELD = 1e12
+"""Stiffness that holds an unknown of unit columns at zero."""
+RIDGE = 1e-7
+"""Of unit columns: a parameter that parts of a recording do not show stays small."""
+WEIGHTING_STEPS = 5
+"""Fits and noise levels in turn; a sixth changes no weight by a per cent."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GramBlocks:
+    """Sums of products of columns and torques by joint and cell."""
+
+    products: Array
+    """(n, C, m, m) of the m rows' products: columns first, then candidate torques."""
+    rows: Array
+    """(n, C) number of rows."""
+
+    def __add__(self, other: GramBlocks) -> GramBlocks:
+        return GramBlocks(products=self.products + other.products, rows=self.rows + other.rows)
+
+    def merged(self, groups: Indices) -> GramBlocks:
+        """Cells summed by group.
+
+        Args:
+            groups: (C) group of each cell, from 0; -1 leaves a cell out.
+        """
+        found = [groups == group for group in range(int(groups.max(initial=-1)) + 1)]
+        return GramBlocks(
+            products=np.stack([self.products[:, here].sum(axis=1) for here in found], axis=1),
+            rows=np.stack([self.rows[:, here].sum(axis=1) for here in found], axis=1),
+        )
+
+
+def gram_blocks(
+    parts: Iterable[tuple[slice, Array]], labels: Indices, cells: int, width: int
+) -> GramBlocks:
+    """Sum the products of parts of a recording.
+
+    Args:
+        parts: Rows covered and their columns and torques (m, n, T).
+        labels: (n, N) cell of each joint's rows.
+        cells: C.
+        width: m.
+    """
+    joints = len(labels)
+    products = np.zeros((joints, cells, width, width))
+    rows = np.zeros((joints, cells))
+    for covered, values in parts:
+        for j in range(joints):
+            here = labels[j, covered]
+            order = np.argsort(here, kind="stable")
+            found, starts = np.unique(here[order], return_index=True)
+            for cell, part in zip(
+                found, np.split(values[:, j][:, order], starts[1:], axis=1), strict=True
+            ):
+                products[j, cell] += part @ part.T
+                rows[j, cell] += part.shape[1]
+    return GramBlocks(products=products, rows=rows)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pick:
+    """The columns of one joint that a model uses, and its torque."""
+
+    unknowns: Indices
+    """(k) which unknowns of the model act on the joint."""
+    columns: Indices
+    """(k) where their columns stand in the blocks."""
+    torque: int
+    """Where the torque stands in the blocks."""
+
+
+def shared_picks(width: int, joints: int) -> tuple[Pick, ...]:
+    """Picks of blocks whose columns all joints share, with one torque behind them."""
+    every = np.arange(width)
+    return (Pick(unknowns=every, columns=every, torque=width),) * joints
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shrinkage:
+    """A Gaussian prior on the first unknowns: weight times (v - mean)' precision (v - mean)."""
+
+    mean: Array
+    """(r)"""
+    precision: Array
+    """(r, r), zero along what is not shrunk."""
+
+    def times(self, weight: float) -> Shrinkage:
+        """The same prior, stronger by a factor."""
+        return Shrinkage(mean=self.mean, precision=weight * self.precision)
+
+
+class NormalEquations:
+    """Normal equations of one model in each cell of some blocks.
+
+    Args:
+        blocks: The blocks.
+        picks: What each joint uses of them.
+        weights: (n) weight of each joint's rows [1/(N.m)].
+    """
+
+    def __init__(self, blocks: GramBlocks, picks: Sequence[Pick], weights: Array) -> None:
+        size = 1 + max(int(pick.unknowns.max()) for pick in picks)
+        cells = blocks.rows.shape[1]
+        self.matrix = np.zeros((cells, size, size))
+        self.vector = np.zeros((cells, size))
+        self._sums: list[tuple[Indices, Array, Array, Array]] = []
+        for j, (pick, weight) in enumerate(zip(picks, weights, strict=True)):
+            here, there, products = pick.unknowns, pick.columns, blocks.products[j]
+            square = products[:, there[:, None], there]
+            cross = products[:, there, pick.torque]
+            self.matrix[:, here[:, None], here] += weight**2 * square
+            self.vector[:, here] += weight**2 * cross
+            self._sums.append((here, square, cross, products[:, pick.torque, pick.torque]))
+
+    def square_errors(self, values: Array) -> Array:
+        """(n, C) sums of squared errors of values (C, s), or (1, s) for all cells alike."""
+        found: list[Array] = []
+        for here, square, cross, energy in self._sums:
+            own = np.broadcast_to(values[:, here], cross.shape)
+            inner = (square @ own[..., None])[..., 0] - 2.0 * cross
+            found.append(energy + (inner * own).sum(axis=1))
+        return np.maximum(np.array(found), 0.0)
+
+
+def solutions(
+    matrix: Array, vector: Array, shrinkage: Shrinkage | None, positive: Mask | None = None
+) -> Array:
+    """Solutions (k, s) of normal equations (k, s, s), (k, s) with a prior.
+
+    Args:
+        matrix: (k, s, s)
+        vector: (k, s)
+        shrinkage: Prior on the first unknowns.
+        positive: (s) unknowns that are not allowed below zero; see `signed_solutions`.
+    """
+    if shrinkage is not None:
+        r = len(shrinkage.mean)
+        matrix, vector = matrix.copy(), vector.copy()
+        matrix[:, :r, :r] += shrinkage.precision
+        vector[:, :r] += shrinkage.precision @ shrinkage.mean
+    size = matrix.shape[-1]
+    scale = np.sqrt(np.maximum(np.diagonal(matrix, axis1=1, axis2=2).max(axis=0), 1e-300))
+    systems = matrix / np.outer(scale, scale) + RIDGE * np.eye(size)
+    targets = vector / scale
+    if positive is None:
+        return np.linalg.solve(systems, targets[..., None])[..., 0] / scale
+    return signed_solutions(systems, targets, positive) / scale
+
+
+def signed_solutions(systems: Array, targets: Array, positive: Mask) -> Array:
+    """Solutions (k, m) of systems (k, m, m) with `positive` (m) unknowns not below zero.
+
+    A model that needs negative friction or motor inertia fits this record, not the robot. What
+    comes out negative is held at zero and not let go again: close to the constrained minimum,
+    which would cost ten times as much.
+    """
+    held = np.zeros(targets.shape, dtype=bool)
+    values = np.empty_like(targets)
+    todo = np.arange(len(targets))
+    while len(todo):
+        stiff = HELD * held[todo, :, None] * np.eye(targets.shape[1])
+        found = np.linalg.solve(systems[todo] + stiff, targets[todo, :, None])[..., 0]
+        values[todo] = found
+        wrong = (found < -1e-6) & positive & ~held[todo]
+        held[todo] |= wrong
+        todo = todo[wrong.any(axis=1)]
+    return values
+
+
+def joint_weights(
+    blocks: GramBlocks,
+    picks: Sequence[Pick],
+    shrinkage: Shrinkage | None,
+    positive: Mask | None = None,
+) -> Array:
+    """(n) weights 1 / RMS residual of the fit to all cells that uses them.
+
+    Args:
+        blocks: The blocks.
+        picks: What each joint uses.
+        shrinkage: Prior for unit weight; it is multiplied by the number of rows.
+        positive: See `solutions`.
+    """
+    whole = blocks.merged(np.zeros(blocks.rows.shape[1], dtype=np.intp))
+    rows = np.maximum(whole.rows.sum(axis=1), 1.0)
+    prior = None if shrinkage is None else shrinkage.times(float(rows.mean()))
+    weights = np.ones(len(picks))
+    for _ in range(WEIGHTING_STEPS):
+        system = NormalEquations(whole, picks, weights)
+        found = solutions(system.matrix, system.vector, prior, positive)
+        error = system.square_errors(found).sum(axis=1) / rows
+        floor = 1e-18 * whole.products[[*range(len(picks))], 0, [p.torque for p in picks], -1]
+        weights = 1.0 / np.sqrt(np.maximum(error, np.maximum(np.abs(floor), 1e-18)))
+    return weights
+
+
+def left_out_values(
+    system: NormalEquations, shrinkage: Shrinkage | None, positive: Mask | None = None
+) -> Array:
+    """(C, s) for each cell the solution of all other cells."""
+    total, target = system.matrix.sum(axis=0), system.vector.sum(axis=0)
+    return solutions(total - system.matrix, target - system.vector, shrinkage, positive)

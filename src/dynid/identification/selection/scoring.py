@@ -1,0 +1,451 @@
+"""Left-out scores of friction choices, and the descent that improves them joint by joint."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynid.core import Array, Indices, InputError
+from dynid.identification.bayesian import not_negative, published_prior
+from dynid.identification.problem import block_mean, chunk_size, recorded_rows
+from dynid.identification.selection.columns import (
+    EXTRA_TERMS,
+    EXTRA_WIDTH,
+    LOAD,
+    PLAIN_WIDTH,
+    WIDTHS,
+    CandidateColumns,
+    JointChoice,
+    Moves,
+    chosen_friction,
+    load_inertias,
+    load_size,
+)
+from dynid.identification.selection.gram import (
+    GramBlocks,
+    NormalEquations,
+    Pick,
+    Shrinkage,
+    gram_blocks,
+    joint_weights,
+    left_out_values,
+    solutions,
+)
+from dynid.identification.selection.regions import (
+    BLOCKS,
+    Regions,
+    find_regions,
+    moving_rows,
+    stretches,
+)
+from dynid.reduction import reduce_model
+from dynid.regressor import FrictionTerms, InverseDynamicModel
+from dynid.robot import RobotModel
+from dynid.signals import (
+    ProcessingSettings,
+    Samples,
+    UniformSignals,
+    delayed,
+    samples_from,
+)
+
+PRIOR_WEIGHTS = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0)
+"""Weights of the published inertias that are tried, see `TowardPublished`."""
+COARSE_WEIGHTS = (0.0, 1e-3, 0.1, 3.0)
+"""Those that are tried with every cut-off."""
+GAIN_OF_TERM = 0.03
+"""An extra column, or presliding, must lower the sum over joints of log RMS by this much, and by
+a standard error over the parts left out."""
+GAIN_OF_SHAPE = 0.01
+"""So must a delay, a cut-off or a torque filter."""
+LEAST_GAIN = 1e-3
+DELAY_STEPS = (-3, -2, -1, 0, 1, 2, 3)
+"""Of a joint, from what all joints have in common."""
+COMMON_STEPS = 6
+"""Such steps between common delays that are tried: the joints' own reach half as far."""
+LONGEST_COMMON_DELAY_S = 0.08
+SHORTEST_DELAY_STEP_S = 0.002
+PASSES = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scores:
+    """Left-out errors of one choice."""
+
+    errors: tuple[Array, ...]
+    """For each partition (n, F) sums of squared errors over the rows that count."""
+    rows: tuple[Array, ...]
+    """Their numbers (n, F)."""
+
+    @property
+    def value(self) -> float:
+        """Mean over partitions of the sum over joints of log RMS."""
+        return float(np.mean([np.log(rms).sum() for rms in self._rms()]))
+
+    @property
+    def noise(self) -> Array:
+        """(n) RMS error."""
+        return np.asarray(np.mean(self._rms(), axis=0), dtype=np.float64)
+
+    def _rms(self) -> list[Array]:
+        pairs = zip(self.errors, self.rows, strict=True)
+        return [np.sqrt(e.sum(axis=1) / np.maximum(k.sum(axis=1), 1.0)) + 1e-9 for e, k in pairs]
+
+    def gains(self, before: Scores) -> list[tuple[float, float]]:
+        """For each partition how much lower the sum of log RMS is, and its standard error."""
+        return [gain_of(b, e) for e, b in zip(self.errors, before.errors, strict=True)]
+
+
+def gain_of(before: Array, after: Array) -> tuple[float, float]:
+    """How much lower the sum over joints of log RMS is, and its standard error over the parts.
+
+    Args:
+        before: (n, F) sums of squared errors by joint and part left out.
+        after: The same of another model.
+    """
+    total = np.maximum(before.sum(axis=1) + after.sum(axis=1), 1e-300)
+    parts = ((before - after) / total[:, None]).sum(axis=0)
+    count = len(parts)
+    if count < 2:
+        return float(parts.sum()), 0.0
+    scatter = count / (count - 1) * np.square(parts - parts.mean()).sum()
+    return float(parts.sum()), float(np.sqrt(scatter))
+
+
+class CandidateBlocks:
+    """Gram blocks of some settings, by the partitions of a purpose."""
+
+    def __init__(self, blocks: GramBlocks, groups: Indices, counted: Indices) -> None:
+        self.all = blocks
+        used = [np.where(counted, group, -1) for group in groups]
+        self.parts = [
+            (blocks.merged(group), blocks.merged(some))
+            for group, some in zip(groups, used, strict=True)
+            if group.max() > 0
+        ]
+        # Columns of blocks: rows of one joint.
+        self.rows = float(blocks.rows.sum(axis=1).mean())
+
+
+class Search:
+    """Scores choices on the recordings; caches the blocks of the current settings."""
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        frames: str,
+        recordings: Sequence[UniformSignals],
+        terms: FrictionTerms | None,
+        *,
+        presliding: bool,
+        purpose: str,
+    ) -> None:
+        self.robot, self.recordings, self.given = robot, recordings, terms
+        self.anywhere = purpose == "anywhere"
+        self.delay_step = max(1.0 / recordings[0].rate_hz, SHORTEST_DELAY_STEP_S)
+        self.delays = tuple(k * self.delay_step for k in DELAY_STEPS)
+        self.no_delay = DELAY_STEPS.index(0)
+        fixed = terms or FrictionTerms()
+        stepped = ("fc", "fca", "fs")
+        shared = tuple(term for term in fixed.terms if term[0] not in stepped)
+        self.presliding = presliding and terms is None
+        self.columns = CandidateColumns(
+            stepped=tuple(term for term in fixed.terms if term[0] in stepped),
+            extras=EXTRA_TERMS if terms is None else (),
+            stribeck_velocity=fixed.stribeck_velocity,
+            presliding=self.presliding,
+        )
+        self.base = reduce_model(
+            InverseDynamicModel(
+                robot=robot,
+                frames=frames,
+                friction=FrictionTerms(terms=shared or (("fv", None),), width=EXTRA_WIDTH),
+            )
+        )
+        known = published_prior(self.base)
+        self.prior = Shrinkage(mean=known.mean, precision=known.precision)
+        self.regions: Regions = find_regions([r.q for r in recordings], robot.prismatic)
+        self._cache: tuple[ProcessingSettings, CandidateBlocks] | None = None
+
+    def blocks(self, settings: ProcessingSettings) -> CandidateBlocks:
+        """Blocks of all candidates for one cut-off and velocity source."""
+        if self._cache is None or self._cache[0] != settings:
+            self._cache = (settings, self._summed(settings, self.columns, self.delays))
+        return self._cache[1]
+
+    def plain_scores(
+        self, settings: ProcessingSettings, delays: tuple[float, ...] = (0.0,)
+    ) -> list[float]:
+        """Scores of the paper's friction, from its own columns alone, one a common delay [s]."""
+        columns = replace(self.columns, extras=(), presliding=False)
+        blocks = self._summed(settings, columns, delays)
+        n = self.robot.joints
+        places = [columns.places(j, PLAIN_WIDTH, frozenset()) for j in range(n)]
+        found: list[float] = []
+        for k in range(len(delays)):
+            picks = self._picks(places, [k] * n, columns, blocks)
+            weights = joint_weights(
+                blocks.all, picks, self.prior.times(1e-3), self._positive(picks)
+            )
+            scored = (self._scores(blocks, picks, weights, w).value for w in COARSE_WEIGHTS)
+            found.append(min(scored))
+        return found
+
+    def _summed(
+        self, settings: ProcessingSettings, columns: CandidateColumns, delays: tuple[float, ...]
+    ) -> CandidateBlocks:
+        processed = [
+            samples_from(signals, replace(settings, decimate=True)) for signals in self.recordings
+        ]
+        inertias = None
+        if LOAD in columns.extras:
+            inertias = load_inertias(self.base.model, processed, EXTRA_WIDTH)
+        labels = [self._labels(samples, k) for k, samples in enumerate(processed)]
+        keys, cells = np.unique(np.concatenate(labels, axis=1), axis=1, return_inverse=True)
+        cells = cells.reshape(-1)
+        width = self.base.rank + len(columns.positive) + len(delays)
+        counted = keys[-1] if self.anywhere else np.ones(keys.shape[1], dtype=np.intp)
+        total: GramBlocks | None = None
+        first, n = 0, self.robot.joints
+        for signals, samples, label in zip(self.recordings, processed, labels, strict=True):
+            here = cells[first : first + label.shape[1]].reshape(n, -1)
+            first += label.shape[1]
+            parts = self._parts(signals, samples, settings, columns, delays, inertias)
+            blocks = gram_blocks(parts, here, keys.shape[1], width)
+            total = blocks if total is None else total + blocks
+        if total is None:
+            raise InputError("needs at least one record")
+        return CandidateBlocks(total, keys[:-1], counted)
+
+    def _labels(self, samples: Samples, recording: int) -> Indices:
+        """(K, n N) groups of each row in each partition, and whether its joint moves."""
+        used, n = samples.rows, samples.joints
+        count = (used.stop - used.start) // samples.block
+        if count < 4 * BLOCKS:
+            raise InputError(
+                "the record is too short to choose settings from",
+                value=samples.count,
+                limit=f"at least {4 * BLOCKS * samples.block} samples",
+                next_step="Use --preset paper, or a longer record.",
+            )
+        q = samples.q[used][:: samples.block][:count]
+        moves = moving_rows(samples.dq[used], samples.rate_hz)[:: samples.block][:count]
+        moving = moves.T.astype(np.intp).ravel()
+        which = np.full(n * count, recording)
+        if not self.anywhere:
+            return np.stack([np.tile(stretches(count), n), which, np.ones_like(which)])
+        fine, coarse = (np.tile(self.regions.labels(q, k), n) for k in (0, 1))
+        return np.stack([fine, coarse, which, moving])
+
+    def _parts(
+        self,
+        signals: UniformSignals,
+        samples: Samples,
+        settings: ProcessingSettings,
+        columns: CandidateColumns,
+        delays: tuple[float, ...],
+        inertias: Array | None,
+    ) -> Iterator[tuple[slice, Array]]:
+        """Rows covered and (m, n, T): shared columns, candidate columns, torques by delay."""
+        rate, block, used = signals.rate_hz, samples.block, samples.rows
+        kept = np.round(samples.t * rate).astype(int)
+        circular = settings.period_s is not None
+        torques = np.stack(
+            [delayed(signals.torque, rate, (d,) * samples.joints, circular)[kept].T for d in delays]
+        )
+        load = np.zeros(samples.q.T.shape)
+        if inertias is not None:
+            load = load_size(self.base.model, samples, inertias)
+        each = zip(samples.dq.T, load, columns.states(samples), strict=True)
+        own = np.stack([columns.values(*joint) for joint in each], axis=1)
+        own = samples.as_recorded(own)
+        # The torques come in several versions: only what is added to them is wanted here.
+        still = replace(samples, tau=np.zeros(samples.q.shape))
+        count = (used.stop - used.start) // block
+        step = max(1, chunk_size(samples) // block)
+        for first in range(0, count, step):
+            rows = slice(first, min(first + step, count))
+            part = slice(used.start + rows.start * block, used.start + rows.stop * block)
+            stack, known = recorded_rows(
+                self.base.model, still, part, list(self.base.independent), None
+            )
+            values = np.concatenate([stack, own[:, :, part], torques[:, :, part] + known])
+            yield rows, block_mean(values, block)
+
+    def _picks(
+        self,
+        places: Sequence[tuple[int, ...]],
+        delays: Sequence[int],
+        columns: CandidateColumns,
+        blocks: CandidateBlocks,
+    ) -> tuple[Pick, ...]:
+        rank = self.base.rank
+        common, first = np.arange(rank), rank
+        torque = rank + len(columns.positive)
+        picks: list[Pick] = []
+        for place, delay in zip(places, delays, strict=True):
+            own = np.arange(first, first + len(place))
+            first += len(place)
+            there = rank + np.array(place, dtype=np.intp)
+            picks.append(
+                Pick(
+                    unknowns=np.concatenate([common, own]),
+                    columns=np.concatenate([common, there]),
+                    torque=torque + delay,
+                )
+            )
+        return tuple(picks)
+
+    def picks(self, choices: tuple[JointChoice, ...], blocks: CandidateBlocks) -> tuple[Pick, ...]:
+        """The candidate columns and torques that choices stand for."""
+        places = [self.columns.places(j, c.step, c.terms) for j, c in enumerate(choices)]
+        return self._picks(places, [c.delay for c in choices], self.columns, blocks)
+
+    def _positive(self, picks: tuple[Pick, ...]) -> Array:
+        rank = self.base.rank
+        shared = not_negative(self.base.model)[list(self.base.independent)]
+        candidates = self.columns.positive
+        own = [candidates[pick.columns[rank:] - rank] for pick in picks]
+        return np.concatenate([shared, *own])
+
+    def weights(
+        self, blocks: CandidateBlocks, choices: tuple[JointChoice, ...], prior: float
+    ) -> Array:
+        """(n) weights of the joints."""
+        picks = self.picks(choices, blocks)
+        return joint_weights(blocks.all, picks, self.prior.times(prior), self._positive(picks))
+
+    def scores(
+        self,
+        blocks: CandidateBlocks,
+        choices: tuple[JointChoice, ...],
+        weights: Array,
+        prior: float,
+    ) -> Scores:
+        """Left-out errors of choices."""
+        return self._scores(blocks, self.picks(choices, blocks), weights, prior)
+
+    def _scores(
+        self, blocks: CandidateBlocks, picks: tuple[Pick, ...], weights: Array, prior: float
+    ) -> Scores:
+        shrinkage, positive = self.prior.times(prior * blocks.rows), self._positive(picks)
+        errors: list[Array] = []
+        rows: list[Array] = []
+        for whole, counted in blocks.parts:
+            values = left_out_values(NormalEquations(whole, picks, weights), shrinkage, positive)
+            errors.append(NormalEquations(counted, picks, weights).square_errors(values))
+            rows.append(counted.rows)
+        return Scores(errors=tuple(errors), rows=tuple(rows))
+
+    def prior_weights(
+        self, blocks: CandidateBlocks, choices: tuple[JointChoice, ...], weights: Array
+    ) -> tuple[tuple[float, ...], Scores]:
+        """Weights of the prior that score as well as the best to a standard error, and the last.
+
+        Of all that are near, the strongest is taken (Breiman, Friedman, Olshen and Stone 1984):
+        what the recordings cannot tell, the prior says.
+        """
+        scored = [self.scores(blocks, choices, weights, w) for w in PRIOR_WEIGHTS]
+        best = int(np.argmin([s.value for s in scored]))
+        near = [
+            k
+            for k in range(best, len(scored))
+            if k == best or all(-gain <= error for gain, error in scored[k].gains(scored[best]))
+        ]
+        return tuple(PRIOR_WEIGHTS[k] for k in near), scored[near[-1]]
+
+    def descend(
+        self, settings: ProcessingSettings, choices: tuple[JointChoice, ...], prior: float
+    ) -> tuple[tuple[JointChoice, ...], Scores]:
+        """Improve one joint at a time until nothing is clearly better on every partition."""
+        blocks = self.blocks(settings)
+        weights = self.weights(blocks, choices, prior)
+        moves = Moves(
+            extras=len(self.columns.extras),
+            widths=len(WIDTHS) if self.columns.stepped else 1,
+            delays=len(self.delays) if settings.delays_s is None else 0,
+            presliding=self.presliding,
+        )
+        now = self.scores(blocks, choices, weights, prior)
+        for _ in range(PASSES):
+            before = choices
+            for j in range(self.robot.joints):
+                found: tuple[float, JointChoice, Scores] | None = None
+                for trial in moves.after(choices[j]):
+                    moved = (*choices[:j], trial, *choices[j + 1 :])
+                    scored = self.scores(blocks, moved, weights, prior)
+                    price = self._price(choices[j], trial)
+                    gain = min(g - (e if price > 0 else 0.0) for g, e in scored.gains(now)) - price
+                    if gain > LEAST_GAIN and (found is None or gain > found[0]):
+                        found = (gain, trial, scored)
+                if found is not None:
+                    choices, now = (*choices[:j], found[1], *choices[j + 1 :]), found[2]
+            if choices == before:
+                break
+        return choices, now
+
+    def _price(self, now: JointChoice, trial: JointChoice) -> float:
+        delay = (trial.delay != self.no_delay) - (now.delay != self.no_delay)
+        return GAIN_OF_TERM * (trial.size - now.size) + GAIN_OF_SHAPE * delay
+
+    def common_delay(self, settings: ProcessingSettings) -> float:
+        """What all torques are late by [s], judged by the paper's friction."""
+        step = COMMON_STEPS * self.delay_step
+        most = int(LONGEST_COMMON_DELAY_S / step)
+        late = tuple(k * step for k in range(-most, most + 1))
+        return late[int(np.argmin(self.plain_scores(settings, late)))]
+
+    def look_about(self, late: float) -> None:
+        """Let the joints' delays lie about what all have in common [s]."""
+        self.delays = tuple(late + k * self.delay_step for k in DELAY_STEPS)
+        self._cache = None
+
+    def at_an_end(self, choices: tuple[JointChoice, ...]) -> bool:
+        """Whether half of the joints want to be later, or earlier, than is tried."""
+        ends = (0, len(self.delays) - 1)
+        return any(2 * sum(c.delay == end for c in choices) >= len(choices) for end in ends)
+
+    def settings(
+        self, trial: ProcessingSettings, choices: tuple[JointChoice, ...]
+    ) -> ProcessingSettings:
+        """The settings with the delays of the choices."""
+        delays = tuple(self.delays[choice.delay] for choice in choices)
+        if trial.delays_s is not None or not any(delays):
+            return trial
+        return replace(trial, delays_s=delays)
+
+    def friction(
+        self,
+        settings: ProcessingSettings,
+        choices: tuple[JointChoice, ...],
+        prior: float,
+    ) -> FrictionTerms:
+        """The friction terms of the choices, without those that no positive parameter explains."""
+        found = chosen_friction(
+            choices, self.columns.extras, self.given, self.columns.stribeck_velocity
+        )
+        if self.given is not None:
+            return found
+        blocks = self.blocks(settings)
+        picks, weights = self.picks(choices, blocks), self.weights(blocks, choices, prior)
+        cells = blocks.all.merged(np.zeros(blocks.all.rows.shape[1], dtype=np.intp))
+        system = NormalEquations(cells, picks, weights)
+        values = solutions(
+            system.matrix,
+            system.vector,
+            self.prior.times(prior * blocks.rows),
+            self._positive(picks),
+        )[0]
+        model = self.base.model
+        dropped = {
+            model.names[k]
+            for value, k in zip(values, self.base.independent, strict=False)
+            if not_negative(model)[k] and value <= 0
+        }
+        for j, pick in enumerate(picks):
+            # The Coulomb column stands first among a joint's own.
+            if len(pick.unknowns) > self.base.rank and values[pick.unknowns[self.base.rank]] <= 0:
+                dropped.add(f"Fc{j + 1}")
+        return found.without(dropped, self.robot.joints)

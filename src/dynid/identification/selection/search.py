@@ -1,0 +1,204 @@
+"""Model selection: terms, shapes, delays, cut-off and prior, by what is left out.
+
+What fits one motion best is not what transfers. For a model to be used anywhere, choices are
+scored on regions of the workspace left out (and on recordings left out where there are several),
+rows in motion only: at rest friction hides the torque. For a model of this motion, on stretches
+of time left out. A term or delay that does not pay on every partition is not taken.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynid.core import Array, Progress, silent
+from dynid.identification.selection.columns import (
+    PLAIN_WIDTH,
+    JointChoice,
+)
+from dynid.identification.selection.scoring import (
+    GAIN_OF_SHAPE,
+    Scores,
+    Search,
+)
+from dynid.regressor import FrictionTerms
+from dynid.robot import RobotModel
+from dynid.signals import (
+    NYQUIST_SHARE,
+    ORDERS,
+    ProcessingSettings,
+    TorqueFilter,
+    UniformSignals,
+    torque_end,
+)
+
+PURPOSES = ("anywhere", "this-motion")
+"""What a model is for."""
+CUTOFFS_HZ = (2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 22.0, 33.0, 50.0, 75.0)
+"""Cut-offs that are tried, as far as the record's length and rate allow."""
+SHORTEST_RECORD = 10.0
+"""Periods of the torque filter's cut-off that a record must hold."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Selection:
+    """What was chosen, and its score."""
+
+    settings: ProcessingSettings
+    friction: FrictionTerms
+    prior_weight: float
+    """Of the published inertias, see `TowardPublished`; 0 for none."""
+    near_weights: tuple[float, ...]
+    """Weights that score as well, to a standard error."""
+    score: float
+    """Sum over joints of log RMS of the left-out error [log N.m], rows that count."""
+    noise: Array
+    """(n) left-out RMS error of these rows [N.m or N]."""
+    purpose: str
+
+
+def select(
+    robot: RobotModel,
+    frames: str,
+    recordings: Sequence[UniformSignals],
+    settings: ProcessingSettings,
+    *,
+    terms: FrictionTerms | None = None,
+    smoothed: bool = False,
+    presliding: bool = True,
+    purpose: str = "anywhere",
+    progress: Progress | None = None,
+) -> Selection:
+    """Choose settings, friction terms and the weight of the published inertias.
+
+    Args:
+        robot: The robot.
+        frames: Parameter frames.
+        recordings: The recordings on uniform grids, folded if periodic; in any order.
+        settings: Settings given by the user: what is set there stays.
+        terms: Terms given by the user; None to choose them.
+        smoothed: Whether the torque was smoothed before it was written: what did it is found.
+        presliding: Whether friction may build up over a displacement.
+        purpose: One of `PURPOSES`.
+        progress: Told what is being tried and how far it is (0 to 1).
+
+    Raises:
+        InputError: A recording is too short to leave parts out.
+    """
+    search = Search(robot, frames, recordings, terms, presliding=presliding, purpose=purpose)
+    tell = progress or silent
+    choices = (JointChoice(PLAIN_WIDTH, frozenset(), search.no_delay),) * robot.joints
+    trials = _settings_to_try(recordings, settings)
+    scored: list[float] = []
+    for index, trial in enumerate(trials):
+        tell("cut-off", 0.4 * index / len(trials))
+        scored.append(search.plain_scores(trial)[0])
+    best = int(np.argmin(scored))
+    if smoothed and settings.torque_filter is None:
+        tell("what smoothed the torque", 0.3)
+        passed = _passed_by(search, trials[best])
+        trials = tuple(replace(trial, torque_filter=passed) for trial in trials)
+    tell("friction and delays", 0.4)
+    found = _descended(search, trials[best], choices)
+    if settings.delays_s is None and search.at_an_end(found[0]):
+        late = search.common_delay(trials[best])
+        if late != 0.0:
+            search.look_about(late)
+            other = _descended(search, trials[best], choices)
+            if other[1].value < found[1].value - GAIN_OF_SHAPE * robot.joints:
+                found = other
+            else:
+                search.look_about(0.0)
+    choices, now, prior = found
+    # Friction chosen, the cut-off may move to a neighbour.
+    for near in _neighbours(trials, best):
+        tell("cut-off", 0.75)
+        blocks = search.blocks(trials[near])
+        other = search.scores(blocks, choices, search.weights(blocks, choices, prior), prior)
+        if other.value < now.value - GAIN_OF_SHAPE * robot.joints:
+            choices, now = search.descend(trials[near], choices, prior)
+            best = near
+    blocks = search.blocks(trials[best])
+    weights = search.weights(blocks, choices, prior)
+    near_weights, now = search.prior_weights(blocks, choices, weights)
+    tell("done", 1.0)
+    return Selection(
+        settings=search.settings(trials[best], choices),
+        friction=search.friction(trials[best], choices, near_weights[-1]),
+        prior_weight=near_weights[-1],
+        near_weights=near_weights,
+        score=now.value,
+        noise=now.noise,
+        purpose=purpose,
+    )
+
+
+def _descended(
+    search: Search, settings: ProcessingSettings, choices: tuple[JointChoice, ...]
+) -> tuple[tuple[JointChoice, ...], Scores, float]:
+    """Choices, their scores and the weight of the prior under which they were found."""
+    blocks = search.blocks(settings)
+    near, _ = search.prior_weights(blocks, choices, search.weights(blocks, choices, 1e-3))
+    return (*search.descend(settings, choices, near[0]), near[0])
+
+
+def _passed_by(search: Search, trial: ProcessingSettings) -> TorqueFilter | None:
+    """The filter that the torque has passed, if one explains it better than none.
+
+    Cut-offs up to where the torque ends, then finer beside the best, then orders: an error in
+    the cut-off costs more than one in the order.
+    """
+    known: dict[TorqueFilter | None, float] = {}
+
+    def score(passed: TorqueFilter | None) -> float:
+        if passed not in known:
+            known[passed] = search.plain_scores(replace(trial, torque_filter=passed))[0]
+        return known[passed]
+
+    highest = max(torque_end(signals) for signals in search.recordings)
+    lowest = max(highest / 8, SHORTEST_RECORD / _duration(search.recordings))
+    cutoffs = np.geomspace(min(lowest, highest / 2), highest, 6)
+    found = min((TorqueFilter(cutoff_hz=float(f), order=2) for f in cutoffs), key=score)
+    step = float(cutoffs[1] / cutoffs[0])
+    for _ in range(3):
+        step = step**0.5
+        beside = (replace(found, cutoff_hz=found.cutoff_hz * r) for r in (1.0, step, 1 / step))
+        found = min(beside, key=score)
+        near = (k for k in ORDERS if abs(k - found.order) <= 1)
+        found = min((replace(found, order=order) for order in near), key=score)
+    if score(found) > score(None) - GAIN_OF_SHAPE * search.robot.joints:
+        return None
+    return found
+
+
+def _duration(recordings: Sequence[UniformSignals]) -> float:
+    """The shortest recording's [s]."""
+    return min(float(np.ptp(signals.t)) for signals in recordings)
+
+
+def _settings_to_try(
+    recordings: Sequence[UniformSignals], settings: ProcessingSettings
+) -> tuple[ProcessingSettings, ...]:
+    highest = NYQUIST_SHARE * min(signals.rate_hz for signals in recordings) / 2
+    if settings.cutoff_hz is not None:
+        cutoffs = [settings.cutoff_hz]
+    else:
+        lowest = 10.0 / _duration(recordings)
+        cutoffs = [f for f in CUTOFFS_HZ if lowest <= f <= highest] or [highest]
+    exact = settings.period_s is not None or any(r.qd is None for r in recordings)
+    sources = ["position"] if exact else ["position", "measured"]
+    return tuple(
+        replace(settings, cutoff_hz=cutoff, velocity=source)
+        for source in sources
+        for cutoff in cutoffs
+    )
+
+
+def _neighbours(trials: tuple[ProcessingSettings, ...], index: int) -> list[int]:
+    return [
+        k
+        for k in (index - 1, index + 1)
+        if 0 <= k < len(trials) and trials[k].velocity == trials[index].velocity
+    ]

@@ -1,0 +1,200 @@
+"""Choices by what is left out: blocks, regions, the prior, left-out errors and intervals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from known_robot import recording, ur5
+from scipy.optimize import nnls
+
+from dynid.core import InputError
+from dynid.identification import (
+    IdentificationProblem,
+    TowardPublished,
+    WeightedLeastSquares,
+    read_estimate,
+    write_estimate,
+)
+from dynid.identification.bayesian import inertial_prior, not_negative, published_prior
+from dynid.identification.selection import NormalEquations, find_regions, gram_blocks
+from dynid.identification.selection.columns import WIDTHS, CandidateColumns
+from dynid.identification.selection.gram import left_out_values, shared_picks, signed_solutions
+from dynid.identification.selection.regions import moving_rows
+from dynid.reduction import reduce_model
+from dynid.regressor import FrictionTerms, InverseDynamicModel
+from dynid.signals import process
+from dynid.workflow import IdentifySettings, identify
+
+SAME = 1e-6
+NEAR = 1.25
+"""What holding unknowns for good may cost against the constrained minimum."""
+
+
+def test_friction_and_motor_inertia_only() -> None:
+    model = InverseDynamicModel(robot=ur5())
+    signed = {name for name, yes in zip(model.names, not_negative(model), strict=True) if yes}
+    assert signed == {f"{symbol}{j}" for symbol in ("Fc", "Fv", "Im") for j in range(1, 7)}
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10_000))
+def test_close_to_the_constrained_minimum(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    matrix = generator.normal(size=(40, 6))
+    matrix /= np.linalg.norm(matrix, axis=0)
+    target = generator.normal(size=40)
+    all_signed = np.ones(6, dtype=bool)
+    found = signed_solutions((matrix.T @ matrix)[None], (matrix.T @ target)[None], all_signed)[0]
+    assert found.min() > -SAME
+    _, least = nnls(matrix, target)
+    assert least <= np.linalg.norm(matrix @ found - target) * (1 + SAME)
+    assert np.linalg.norm(matrix @ found - target) <= NEAR * least
+
+
+def test_free_unknowns_stay_free() -> None:
+    generator = np.random.default_rng(0)
+    matrix = generator.normal(size=(40, 5))
+    truth = np.array([1.0, -2.0, 3.0, -4.0, 5.0])
+    normal, right = matrix.T @ matrix, matrix.T @ matrix @ truth
+    positive = np.array([True, False, True, False, True])
+    found = signed_solutions(np.stack([normal] * 2), np.stack([right] * 2), positive)
+    np.testing.assert_allclose(found, [truth, truth], rtol=0, atol=SAME)
+
+
+def test_the_columns_that_a_joint_may_take_know_their_signs() -> None:
+    columns = CandidateColumns(
+        stepped=(("fc", None),), extras=("fo", "fca", "fr", "fl"), stribeck_velocity=0.1
+    )
+    width = len(WIDTHS)
+    expected = [True] * width + [False, False, True] + [True] * width
+    assert columns.positive.tolist() == expected
+    assert columns.places(0, 2, frozenset({1, 3})) == (2, width + 1, width + 3 + 2)
+
+
+def test_blocks_leave_out_what_least_squares_on_the_other_rows_leaves_out() -> None:
+    generator = np.random.default_rng(3)
+    joints, unknowns, rows = 2, 4, 90
+    columns = generator.normal(size=(unknowns, joints, rows))
+    torque = generator.normal(size=(joints, rows))
+    labels = np.tile(np.arange(rows) % 3, (joints, 1))
+    parts = [
+        (slice(a, a + 45), np.concatenate([columns, torque[None]])[:, :, a : a + 45])
+        for a in (0, 45)
+    ]
+    weights = np.array([1.0, 2.0])
+    blocks = gram_blocks(parts, labels, 3, unknowns + 1)
+    system = NormalEquations(blocks, shared_picks(unknowns, joints), weights)
+    values = left_out_values(system, None)
+    errors = system.square_errors(values)
+    for k in range(3):
+        here = labels[0] == k
+        stacked = np.concatenate([w * columns[:, j, ~here].T for j, w in enumerate(weights)])
+        target = np.concatenate([w * torque[j, ~here] for j, w in enumerate(weights)])
+        expected = np.linalg.lstsq(stacked, target, rcond=None)[0]
+        np.testing.assert_allclose(values[k], expected, atol=1e-5)
+        left = torque[:, here] - np.tensordot(expected, columns[:, :, here], axes=1)
+        np.testing.assert_allclose(errors[:, k], np.square(left).sum(axis=1), rtol=1e-4)
+    merged = blocks.merged(np.array([0, 1, -1]))
+    assert merged.rows.tolist() == [[30, 30]] * 2
+
+
+def test_regions_know_no_order_and_no_rest() -> None:
+    generator = np.random.default_rng(0)
+    first, second = generator.uniform(-2, 2, (2, 400, 6)).cumsum(axis=1) * 0.05
+    standing = np.concatenate([np.repeat(first[:1], 3000, axis=0), first])
+    one, other = (find_regions(q, (False,) * 6) for q in ([first, second], [second, first]))
+    rested = find_regions([standing, second], (False,) * 6)
+    for k in (0, 1):
+        np.testing.assert_array_equal(one.centres[k], other.centres[k])
+        np.testing.assert_allclose(one.centres[k], rested.centres[k], atol=1e-6)
+
+
+def test_a_reversal_is_motion_and_a_stop_is_rest() -> None:
+    t = np.arange(0.0, 10.0, 0.01)
+    dq = np.where(t < 5.0, np.sin(2.0 * t), 0.0)[:, None]
+    moves = moving_rows(dq, 100.0)[:, 0]
+    assert moves[(t > 1.0) & (t < 4.8)].all()
+    assert not moves[t > 5.2].any()
+
+
+def test_published_inertias_leave_friction_and_motor_inertia_alone() -> None:
+    base = reduce_model(InverseDynamicModel(robot=ur5()))
+    prior = published_prior(base)
+    model, inertial = base.model, 60
+    parameters = np.zeros(len(model.columns))
+    parameters[:inertial] = inertial_prior(model.robot, model.frames).parameters.ravel()
+    np.testing.assert_allclose(prior.mean, base.from_standard(parameters), atol=1e-9)
+    scale = np.abs(prior.root).max()
+    for column in range(inertial, len(model.columns)):
+        unit = np.zeros(len(model.columns))
+        unit[column] = 1.0
+        assert np.abs(prior.root @ base.from_standard(unit)).max() < SAME * scale
+    # Elsewhere a deviation costs: a heavier forearm is seen.
+    unit = np.zeros(len(model.columns))
+    unit[20] = 1.0
+    assert np.linalg.norm(prior.root @ base.from_standard(unit)) > 0.1
+
+
+def test_a_strong_prior_gives_the_published_inertias_and_a_weak_one_least_squares() -> None:
+    samples = process(recording(0, seconds=12.0), ur5())
+    base = reduce_model(InverseDynamicModel(robot=ur5()))
+    problem = IdentificationProblem(base=base, samples=samples)
+    prior = published_prior(base)
+    strong = TowardPublished(weight=1e6).fit(problem).values
+    weak = TowardPublished(weight=1e-12).fit(problem).values
+    plain = WeightedLeastSquares(prior_gain=1.0).fit(problem).values
+    np.testing.assert_allclose(prior.root @ strong, prior.root @ prior.mean, atol=1e-2)
+    np.testing.assert_allclose(weak, plain, rtol=1e-3, atol=1e-4)
+
+
+def test_an_estimate_carries_left_out_errors_models_and_intervals(tmp_path: Path) -> None:
+    run = recording(0, seconds=20.0)
+    result = identify(run, ur5(), IdentifySettings(preset="paper"), validation=recording(5))
+    told = result.estimate.assessment
+    assert told is not None
+    assert [model.name for model in told.models] == [
+        "published",
+        "published_friction",
+        "identified",
+    ]
+    assert (told.this_motion <= 1.5 * told.anywhere).all()
+    assert (told.noise_floor <= told.this_motion).all()
+    assert result.to_json()["assessment"]["left_out_rms"]["anywhere"] == told.anywhere.tolist()
+    write_estimate(result.estimate, tmp_path / "e.json")
+    read = read_estimate(tmp_path / "e.json")
+    q = np.random.default_rng(1).uniform(-3, 3, (50, 6))
+    zero = np.zeros_like(q)
+    found = result.estimate.predict(q, zero + 0.5, zero, interval=0.9)
+    again = read.predict(q, zero + 0.5, zero, interval=0.9)
+    np.testing.assert_allclose(again.half_width, found.half_width, rtol=1e-9)
+    np.testing.assert_array_equal(found.torque, result.estimate.predict(q, zero + 0.5, zero))
+    wide = result.estimate.half_width(q, zero + 0.5, zero, level=0.99)
+    assert (wide >= found.half_width).all()
+    # Twice as fast as anything recorded, the interval is wider.
+    fast = result.estimate.half_width(q, zero + 20.0, zero + 100.0)
+    assert (fast > 2.0 * found.half_width).all()
+    with pytest.raises(InputError, match="level"):
+        result.estimate.half_width(q, zero, zero, level=1.5)
+    with pytest.raises(InputError, match="no torque intervals"):
+        replace(result.estimate, assessment=None).half_width(q, zero, zero)
+
+
+def test_the_order_of_recordings_changes_nothing() -> None:
+    runs = [recording(seed, seconds=8.0) for seed in (1, 2)]
+    one, other = (
+        identify(order, ur5(), IdentifySettings(terms=FrictionTerms(), cutoff_hz=10.0)).estimate
+        for order in (runs, runs[::-1])
+    )
+    np.testing.assert_array_equal(one.values, other.values)
+    assert one.settings == other.settings
+    assert one.motion_condition_number == other.motion_condition_number
+
+
+def test_an_unknown_purpose_is_refused() -> None:
+    with pytest.raises(InputError, match="--for"):
+        IdentifySettings(purpose="something")
