@@ -14,8 +14,7 @@ import dynid
 from dynid.cli import load_commands as gains
 from dynid.cli import load_commands as payload
 from dynid.core import InputError
-from dynid.simulation import simulate, simulated_arm, with_payload
-from dynid.simulation.truth import cylinder
+from dynid.simulation import cylinder, simulate, simulated_arm, with_payload
 from dynid.workflow.running import record_of
 
 

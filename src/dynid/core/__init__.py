@@ -32,6 +32,7 @@ from dynid.core.files import (
     write_text,
 )
 from dynid.core.findings import (
+    CODES,
     KINDS,
     Finding,
     Progress,
@@ -42,6 +43,7 @@ from dynid.core.findings import (
 from dynid.core.json_fields import JsonFields, load_object
 
 __all__ = [
+    "CODES",
     "KINDS",
     "Array",
     "DynidError",
