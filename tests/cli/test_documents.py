@@ -13,7 +13,7 @@ import pytest
 from cli_runs import COMMANDS, LISTED, Run
 
 import dynid
-from dynid.core.findings import CODES
+from dynid.core import CODES
 from dynid.workflow.design_files import given_limits
 
 ROOT = Path(__file__).parents[2]

@@ -6,8 +6,7 @@ from design_arms import Floats, arm, problem
 from scipy.optimize import approx_fprime
 
 from dynid.core import InputError
-from dynid.excitation import region_of
-from dynid.excitation.region import MotionRegion, random_numbers
+from dynid.excitation import MotionRegion, random_numbers, region_of
 from dynid.trajectory import FAMILY_NAMES, MotionBounds, motion_family
 
 DENSE = 4001

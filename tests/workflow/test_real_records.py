@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dynid import identify
 from dynid.recording import ExperimentRecord, read_recording
 from dynid.robot import RobotModel, load_robot
-from dynid.workflow import Identification, IdentifySettings, identify
+from dynid.workflow import Identification, IdentifySettings
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data"

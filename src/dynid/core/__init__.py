@@ -27,6 +27,7 @@ from dynid.core.files import (
     write_text,
 )
 from dynid.core.findings import (
+    CODES,
     KINDS,
     Finding,
     Progress,
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from dynid.core.json_fields import JsonFields, load_object
 
 __all__ = [
+    "CODES",
     "KINDS",
     "Array",
     "DynidError",
