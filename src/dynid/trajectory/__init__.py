@@ -19,6 +19,7 @@ from dynid.trajectory.files import (
     write_trajectory,
 )
 from dynid.trajectory.fourier import FourierSeries, harmonic_basis
+from dynid.trajectory.points import LANGUAGES, PointToPoint, points_text
 from dynid.trajectory.quintic import FourierQuintic, Quintic
 from dynid.trajectory.sequence import MotionSequence, Repetition, through_poses
 from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory
@@ -31,6 +32,7 @@ from dynid.trajectory.urscript import (
 
 __all__ = [
     "FAMILY_NAMES",
+    "LANGUAGES",
     "BSpline",
     "FourierQuintic",
     "FourierSeries",
@@ -39,6 +41,7 @@ __all__ = [
     "MotionFamily",
     "MotionSequence",
     "Piece",
+    "PointToPoint",
     "Quintic",
     "Repetition",
     "StoredTrajectory",
@@ -51,6 +54,7 @@ __all__ = [
     "motion_family",
     "peaks",
     "pieces",
+    "points_text",
     "random_excitation",
     "read_trajectory",
     "through_poses",
