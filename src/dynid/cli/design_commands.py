@@ -278,7 +278,7 @@ def _design(
         return 1
     if found.findings and not accept_weak:
         for item in found.findings:
-            print(f"dynid: {item['message']}. {item['next_step']}", file=sys.stderr)
+            print(f"dynid: {item.message}", file=sys.stderr)
         return 1
     return 0
 
