@@ -10,7 +10,7 @@ from dynid.trajectory import (
     FourierFamily,
     ModifiedFourierFamily,
     MotionFamily,
-    PosesFamily,
+    PointsFamily,
     motion_family,
 )
 
@@ -115,4 +115,4 @@ def test_a_bspline_needs_points_for_its_degree() -> None:
     with pytest.raises(InputError, match="degree"):
         BSplineFamily(travel_time=1.0, points=9, degree=2)
     with pytest.raises(InputError, match="needs one"):
-        PosesFamily(travel_time=1.0, poses=0)
+        PointsFamily(travel_time=1.0, points=0)

@@ -29,8 +29,9 @@ from dynid.trajectory.fourier import (
     rest_basis,
     rest_series,
 )
+from dynid.trajectory.points import LANGUAGES, PointsFamily, PointToPoint, points_text
 from dynid.trajectory.quintic import FourierQuintic, Quintic, rest_to_rest
-from dynid.trajectory.sequence import MotionSequence, PosesFamily, Repetition, through_poses
+from dynid.trajectory.sequence import MotionSequence, Repetition, through_poses
 from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory
 from dynid.trajectory.urscript import (
     Piece,
@@ -41,6 +42,7 @@ from dynid.trajectory.urscript import (
 
 __all__ = [
     "FAMILY_NAMES",
+    "LANGUAGES",
     "BSpline",
     "BSplineFamily",
     "FourierFamily",
@@ -52,7 +54,8 @@ __all__ = [
     "MotionFamily",
     "MotionSequence",
     "Piece",
-    "PosesFamily",
+    "PointToPoint",
+    "PointsFamily",
     "Quintic",
     "Repetition",
     "StoredTrajectory",
@@ -66,6 +69,7 @@ __all__ = [
     "motion_family",
     "peaks",
     "pieces",
+    "points_text",
     "random_excitation",
     "read_trajectory",
     "rest_basis",

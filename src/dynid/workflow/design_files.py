@@ -35,11 +35,13 @@ from dynid.reduction import BaseParametrization
 from dynid.robot import RobotModel, Tool, load_robot, robot_to_json, with_tool
 from dynid.signals import process
 from dynid.trajectory import (
+    LANGUAGES,
     JointMotion,
     StoredTrajectory,
     copied_bounds,
     csv_text,
     joint_trajectory_yaml,
+    points_text,
     read_trajectory,
     through_poses,
     trajectory_to_json,
@@ -505,7 +507,7 @@ def check(
     return Check(design=stored, limits=held, certificate=certificate)
 
 
-KINDS = ("csv", "urscript", "ros")
+KINDS = ("csv", "urscript", "ros", *LANGUAGES)
 
 
 def export_motion(design: ExcitationDesign, kind: str, path: str | Path) -> None:
@@ -530,6 +532,8 @@ def export_motion(design: ExcitationDesign, kind: str, path: str | Path) -> None
             text = joint_trajectory_yaml(design.trajectory, robot.joint_names)
         case "urscript":
             text = ur_program(design.trajectory, comment=f"dynid design for {robot.name}").text
+        case _ if kind in LANGUAGES:
+            text = points_text(design.trajectory, kind, design.limits)
         case _:
             raise InputError("unknown format", value=kind, limit=", ".join(KINDS))
     write_text(Path(path), text)
