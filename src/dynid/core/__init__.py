@@ -39,7 +39,7 @@ from dynid.core.findings import (
     silent,
     told,
 )
-from dynid.core.json_fields import JsonFields, load_object
+from dynid.core.json_fields import JsonFields, load_object, parse_json
 
 __all__ = [
     "KINDS",
@@ -66,6 +66,7 @@ __all__ = [
     "installed",
     "inverse_upper",
     "load_object",
+    "parse_json",
     "provenance",
     "read_only",
     "require",
