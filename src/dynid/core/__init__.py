@@ -47,7 +47,7 @@ if TYPE_CHECKING:
         solve_upper,
         upper_triangle,
     )
-    from dynid.core.json_fields import JsonFields, load_object
+    from dynid.core.json_fields import JsonFields, load_object, parse_json
 
 __all__ = [
     "CODES",
@@ -75,6 +75,7 @@ __all__ = [
     "installed",
     "inverse_upper",
     "load_object",
+    "parse_json",
     "provenance",
     "read_only",
     "require",
