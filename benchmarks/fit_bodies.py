@@ -31,11 +31,8 @@ LIBRARY = HERE.parent / "src/dynid/robot/library"
 STORED = HERE / "bodies.json"
 ROBOTS = ("ur3", "ur5", "ur10", "ur3e", "ur5e", "ur10e", "ur16e")
 LINKS = ("base", "shoulder", "upperarm", "forearm", "wrist1", "wrist2", "wrist3")
-CORNERS = (24, 32)
-"""Points of a body: the fewest that reach the price, or the most."""
-MEDIAN, WORST = 0.004, 0.012
-"""Price that is good enough: median and 95th percentile [m]."""
-SEEDS, STEPS, WORTH = 2, 1500, 0.97
+CORNERS, WITHIN, WORTH = 48, 0.001, 0.97
+"""Most points of a body; the radius that is small enough [m]; see `parts_of`."""
 SPACING = 0.002
 SOURCE = (
     "convex bodies that hold every triangle of the collision meshes of"
@@ -138,31 +135,16 @@ def _spread(faces: np.ndarray, spacing: float, random: np.random.Generator) -> n
     return faces[rows, 0] + np.einsum("kc,kcx->kx", shares, sides[rows])
 
 
-def volume(body: Body) -> float:
-    """Of a body [m3]."""
-    corners, rows = body.surface()
-    return float(np.linalg.det(corners[rows]).sum()) / 6
-
-
 def fit(faces: np.ndarray, name: str) -> list[Body]:
     """Bodies around a mesh (T, 3, 3)."""
-    best: list[Body] = []
-    for corners in CORNERS:
-        best = []
-        for k, part in enumerate(parts_of(faces, WORTH)):
-            trials = [
-                around_points(part.reshape(-1, 3), corners=corners, steps=STEPS, seed=seed)
-                for seed in range(SEEDS)
-            ]
-            made = [
-                Body(name=f"{name} {k + 1}", link=0, points=points, radius=radius)
-                for points, radius in trials
-            ]
-            best.append(min(made, key=volume))
-        found = price(faces, best)
-        if np.median(found) <= MEDIAN and np.percentile(found, 95) <= WORST:
-            break
-    return best
+    found = [
+        around_points(part.reshape(-1, 3), corners=CORNERS, within=WITHIN)
+        for part in parts_of(faces, WORTH)
+    ]
+    return [
+        Body(name=f"{name} {k + 1}", link=0, points=points, radius=radius)
+        for k, (points, radius) in enumerate(found)
+    ]
 
 
 def tables(robot: str, meshes: Path) -> str:

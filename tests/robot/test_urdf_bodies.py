@@ -149,7 +149,7 @@ def test_a_tip_keeps_its_numbers(tmp_path: Path) -> None:
 @settings(max_examples=15, deadline=None)
 def test_every_triangle_is_in_one_body(points: np.ndarray, stretch: np.ndarray) -> None:
     faces = points * stretch
-    found = around_triangles(faces, steps=100)
+    found = around_triangles(faces)
     assert 1 <= len(found) <= 3
     far = np.array([beyond(faces.reshape(-1, 3), body) - radius for body, radius in found])
     held = (far <= ROUNDING).reshape(len(found), -1, 3).all(axis=2)

@@ -24,8 +24,10 @@ _TURNS, _RINGS = 16, 9
 """Points around a sphere, and from pole to pole, where a surface is drawn."""
 SIDES = 24
 """Of the prism that holds a cylinder: it reaches beyond it by 0.9 % of its radius."""
-CORNERS = 16
-"""Points of a body."""
+CORNERS = 32
+"""Most points of a body."""
+WITHIN = 0.002
+"""A body that reaches no farther beyond what it holds is good enough [m]."""
 PARTS = 3
 """Bodies of a mesh."""
 WORTH = 0.92
@@ -34,11 +36,6 @@ _CUTS = 16
 """Planes across each axis, less one."""
 _SAMPLED = 2000
 """Triangles that decide where a mesh is cut."""
-_EVEN = 800
-_HARDER = 40.0
-"""Weight of what is not held at the end of the descent, over that at its start."""
-_STEPS = 700
-_LEAST_RADIUS = 0.003
 _WIDER = 1e-4
 """Added to the radius for the rounding of points to 0.1 mm and for that of the proof [m]."""
 _MOST_TRIANGLES = 200_000
@@ -148,13 +145,9 @@ def read_mesh(file: Path, scale: Array) -> Array:
     return corners[np.array([[row[0], row[1], row[2]] for row in rows])]
 
 
-def around_triangles(
-    faces: Array, *, corners: int = CORNERS, steps: int = _STEPS
-) -> list[tuple[Array, float]]:
+def around_triangles(faces: Array) -> list[tuple[Array, float]]:
     """Up to `PARTS` bodies, points (K, 3) and radius [m], that hold every triangle (T, 3, 3)."""
-    return [
-        around_points(part.reshape(-1, 3), corners=corners, steps=steps) for part in parts_of(faces)
-    ]
+    return [around_points(part.reshape(-1, 3)) for part in parts_of(faces)]
 
 
 def parts_of(faces: Array, worth: float = WORTH) -> list[Array]:
@@ -209,69 +202,30 @@ def _volume(faces: Array) -> float:
 
 
 def around_points(
-    points: Array, *, corners: int = CORNERS, steps: int = _STEPS, seed: int = 0
+    points: Array, *, corners: int = CORNERS, within: float = WITHIN
 ) -> tuple[Array, float]:
-    """A hull of few points, and the radius by which it is inflated to hold the given ones.
+    """A hull of few of the points (P, 3), and the radius by which it is inflated to hold all.
 
-    The mean excess of its support function over that of the points is made small by Adam
-    (Kingma and Ba 2015), with what is missing weighted much heavier; the radius is then exact.
+    It reaches beyond the hull of the points by no more than the radius. The point that is
+    farthest outside is taken next.
 
     Args:
         points: (P, 3) [m].
-        corners: Number of points of the body.
-        steps: Steps of the descent.
-        seed: Of the first point chosen.
+        corners: Most points of the body.
+        within: The radius that ends the search [m].
     """
-    hull = _hull(points)
-    directions, weights = _directions(hull)
-    points = points[np.unique(hull.vertices % len(points))]
-    reach = (points @ directions.T).max(axis=0)
-    middle = (points.max(axis=0) + points.min(axis=0)) / 2
-    radius = max(_LEAST_RADIUS, float(np.ptp(points, axis=0).min()) / 8)
-    chosen = [int(np.random.default_rng(seed).integers(len(points)))]
-    away = np.linalg.norm(points - points[chosen[0]], axis=1)
-    while len(chosen) < corners:
-        chosen.append(int(away.argmax()))
-        away = np.minimum(away, np.linalg.norm(points - points[chosen[-1]], axis=1))
-    off = points[chosen] - middle
-    off -= radius * off / np.maximum(np.linalg.norm(off, axis=1, keepdims=True), radius)
-    x = np.append((middle + off).ravel(), radius)
-    scale = float(np.ptp(points, axis=0).max())
-    mean, square = np.zeros(len(x)), np.zeros(len(x))
-    columns, even = np.arange(len(directions)), 1 / len(directions)
-    for step in range(steps):
-        harder = 1 + _HARDER * (step / steps) ** 2
-        along = x[:-1].reshape(-1, 3) @ directions.T
-        owner = along.argmax(axis=0)
-        excess = (along[owner, columns] + x[-1] - reach) / (0.02 * scale)
-        push = np.where(
-            excess < 0, (weights + even) * harder * (-8.0 + 40.0 * excess), weights * (1.0 + excess)
-        )
-        held = np.zeros((corners, len(directions)))
-        held[owner, columns] = push
-        slope = np.append((held @ directions).ravel(), push.sum())
-        mean, square = 0.9 * mean + 0.1 * slope, 0.99 * square + 0.01 * slope**2
-        rate = 0.02 * scale * (1 - step / steps) ** 1.5
-        x -= rate * mean / (np.sqrt(square) + 1e-4)
-        x[-1] = max(x[-1], _LEAST_RADIUS)
-    body = np.round(x[:-1].reshape(-1, 3), 4)
+    points = points[np.unique(_hull(points).vertices % len(points))]
+    outer = np.unique(np.round(points, 4), axis=0)
+    chosen = list(dict.fromkeys([*outer.argmin(axis=0).tolist(), *outer.argmax(axis=0).tolist()]))
+    while len(chosen) < min(corners, len(outer)):
+        planes = _hull(outer[chosen]).equations
+        outside = (outer @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+        outside[chosen] = -np.inf
+        if len(chosen) > 3 and outside.max() <= within:
+            break
+        chosen.append(int(outside.argmax()))
+    body = outer[chosen]
     return body, float(np.ceil(1e4 * (beyond(points, body).max() + _WIDER)) / 1e4)
-
-
-def _directions(hull: ConvexHull) -> tuple[Array, Array]:
-    """Unit vectors (U, 3) all over the sphere and across each face, and their weights (U).
-
-    Half of the weight is spread evenly, half goes to the faces by their areas.
-    """
-    _, which = np.unique(np.round(hull.equations[:, :3], 1), axis=0, return_inverse=True)
-    first, second, third = hull.points[hull.simplices].transpose(1, 0, 2)
-    areas = np.linalg.norm(np.cross(second - first, third - first), axis=1)
-    sums = np.array([np.bincount(which.ravel(), areas * hull.equations[:, k]) for k in range(3)]).T
-    sizes = np.linalg.norm(sums, axis=1)
-    kept = sizes > 1e-9
-    directions = np.concatenate([_sphere(_EVEN), sums[kept] / sizes[kept, None]])
-    weights = np.concatenate([np.full(_EVEN, 1 / _EVEN), sizes[kept] / sizes[kept].sum()]) / 2
-    return directions, weights
 
 
 def beyond(points: Array, corners: Array) -> Array:
@@ -284,11 +238,3 @@ def beyond(points: Array, corners: Array) -> Array:
     shares = np.array([nnls(table, np.append(point, weight))[0] for point in points])
     shares /= shares.sum(axis=1, keepdims=True)
     return np.linalg.norm(shares @ corners - points, axis=1)
-
-
-def _sphere(count: int) -> Array:
-    """(count, 3) unit vectors spread over the sphere."""
-    k = np.arange(count) + 0.5
-    height, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
-    across = np.sqrt(1 - height**2)
-    return np.column_stack([across * np.cos(turn), across * np.sin(turn), height])
