@@ -113,9 +113,7 @@ def _collect(
         _keep(path, item[()], into)
 
 
-def _keep_block(
-    item: Any, name: str, path: str, into: dict[str, Array], budget: Budget
-) -> bool:
+def _keep_block(item: Any, name: str, path: str, into: dict[str, Array], budget: Budget) -> bool:
     """Keep each column of a block of a pandas table under its own name."""
     parts = [_own(item, part, path) for part in (name.replace("_values", "_items"), name)]
     budget.require_values(sum(part.size for part in parts), where=path)

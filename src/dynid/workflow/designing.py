@@ -42,12 +42,11 @@ from dynid.trajectory import copied_bounds, motion_family
 from dynid.workflow.analyze import unit_notes
 from dynid.workflow.design_files import (
     ROBOT,
-    DesignLimits,
-    given_limits,
     purpose_from,
     robot_hash,
     write_design,
 )
+from dynid.workflow.design_limits import DesignLimits, given_limits
 from dynid.workflow.design_settings import DEFAULT_STARTS, MOST_STARTS, PATIENCE, DesignSettings
 from dynid.workflow.recordings import open_record, robot_reference
 
