@@ -19,7 +19,7 @@ import numpy as np
 
 import dynid
 from dynid.identification import motion_state
-from dynid.validation.prediction import samples_of
+from dynid.validation import samples_of
 
 ROOT = Path(__file__).parents[1]
 ROBOTS = ROOT / "examples" / "robots"

@@ -13,8 +13,8 @@ import pytest
 from cli_runs import COMMANDS, LISTED, Run
 
 import dynid
-from dynid.core.findings import CODES
-from dynid.workflow.design_files import given_limits
+from dynid.core import CODES
+from dynid.workflow.design_limits import given_limits
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()

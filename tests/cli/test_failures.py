@@ -25,7 +25,7 @@ def fail_with(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
     def robots() -> None:
         raise error
 
-    monkeypatch.setattr("dynid.robot.load.robots", robots)
+    monkeypatch.setattr("dynid.robot.robots", robots)
 
 
 @pytest.mark.parametrize(

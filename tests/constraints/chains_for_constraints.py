@@ -9,9 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from dynid.robot import Body, RobotModel, from_body, from_xyz_rpy
-from dynid.robot.dh import robot_from_chain
-from dynid.robot.model import JointLimits, SafetyLimits
+from dynid.robot import (
+    Body,
+    JointLimits,
+    RobotModel,
+    SafetyLimits,
+    from_body,
+    from_xyz_rpy,
+    robot_from_chain,
+)
 
 Floats = NDArray[np.float64]
 CYLINDER_WITHIN = 0.0087

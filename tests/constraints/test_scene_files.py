@@ -11,10 +11,10 @@ from dynid.constraints import (
     BOX,
     HALF_SPACE,
     ConstraintSettings,
+    read_scene,
     safe_constraints,
     scene_from_json,
 )
-from dynid.constraints.scene import read_scene
 from dynid.core import InputError, JsonFields
 from dynid.robot import Body, load_robot
 from dynid.trajectory import MotionBounds, usable_bounds

@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from dynid import identify
 from dynid.core import Array
 from dynid.identification import Estimate
 from dynid.recording import ExperimentRecord
 from dynid.robot import RobotModel, load_robot
 from dynid.signals import Samples, process
-from dynid.workflow import IdentifySettings, identify
+from dynid.workflow import IdentifySettings
 
 RATE = 125.0
 SECONDS = 12.0

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from pinocchio_arm import Wrong, arm, recording
 
+from dynid import identify
 from dynid.identification import Estimate
 from dynid.validation import CAUSES, refit_friction, samples_of, validate
-from dynid.workflow import IdentifySettings, identify
+from dynid.workflow import IdentifySettings
 
 
 @pytest.fixture(scope="module")

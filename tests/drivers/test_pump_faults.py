@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dynid.drivers import Execution, WatchLimits
-from dynid.drivers.driver import Watchdog
+from dynid.drivers import Execution, Watchdog, WatchLimits
 from dynid.drivers.ur.pump import Intake, Pump
 from dynid.drivers.ur.state import Layout, recorded
-from dynid.trajectory.fourier import rest_series
+from dynid.trajectory import rest_series
 
 FREE = np.full(6, np.inf)
 LIMITS = WatchLimits(lower=-FREE, upper=FREE, velocity=FREE, deviation=FREE)

@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dynid.core import InputError
-from dynid.drivers import Abort, WatchLimits
-from dynid.drivers.driver import Cycle, Watchdog
+from dynid.drivers import Abort, Cycle, Watchdog, WatchLimits
 
 LIMITS = WatchLimits(
     lower=np.array([-1.0, np.nan]),

@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 from dynid.reduction import BaseParametrization, reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel
 from dynid.regressor.terms import PAPER_TERMS
-from dynid.robot import RobotModel
-from dynid.robot.dh import robot_from_chain
-from dynid.robot.model import Drives
+from dynid.robot import Drives, RobotModel, robot_from_chain
 from dynid.trajectory import FourierSeries, harmonic_basis
 
 Floats = NDArray[np.float64]

@@ -4,9 +4,8 @@ import numpy as np
 from design_arms import Floats, problem
 from scipy.optimize import minimize
 
-from dynid.excitation import region_of
+from dynid.excitation import MotionRegion, random_numbers, region_of
 from dynid.excitation.gradient import Descent, Objective, descend
-from dynid.excitation.region import MotionRegion, random_numbers
 
 CLOSE = 2e-3
 """What the barrier of the smallest weight keeps from the true optimum, of the start's distance."""

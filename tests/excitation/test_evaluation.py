@@ -5,9 +5,8 @@ import pytest
 from design_arms import Floats, arm, problem
 
 from dynid.core import InputError
-from dynid.excitation import DesignEvaluation, region_of
+from dynid.excitation import DesignEvaluation, random_numbers, region_of
 from dynid.excitation.evaluation import smoothed
-from dynid.excitation.region import random_numbers
 
 SLOPE = 1e-6
 """Asked: relative to central differences."""

@@ -8,12 +8,18 @@ from design_arms import arm, leaning, problem
 
 from dynid.constraints import MotionConstraints, safe_constraints, scene_from_json
 from dynid.core import InputError, JsonFields
-from dynid.excitation import DesignEvaluation, ExcitationProblem, check_room, region_of
+from dynid.excitation import (
+    Candidate,
+    DesignEvaluation,
+    ExcitationProblem,
+    Search,
+    check_room,
+    random_numbers,
+    region_of,
+)
 from dynid.excitation.feasible import free_poses, grown_motion
 from dynid.excitation.finishing import finish
 from dynid.excitation.gradient import judged, one_start
-from dynid.excitation.problem import Candidate, Search
-from dynid.excitation.region import random_numbers
 from dynid.robot import load_robot
 
 LOW = {

@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 from design_arms import arm, arm_text, leaning, problem
 
-from dynid.excitation import DesignEvaluation, ExcitationProblem, region_of
+from dynid.excitation import (
+    Candidate,
+    DesignEvaluation,
+    ExcitationProblem,
+    Search,
+    random_numbers,
+    region_of,
+)
 from dynid.excitation.finishing import Finished, finish, without_turns
 from dynid.excitation.gradient import judged
-from dynid.excitation.problem import Candidate, Search
-from dynid.excitation.region import random_numbers
 from dynid.robot.robotfile import robot_from_toml
 
 

@@ -5,11 +5,15 @@ import pytest
 from design_arms import Floats, arm, problem
 
 from dynid.core import InputError
-from dynid.excitation import DesignEvaluation, by_genetic_algorithm, region_of
-from dynid.excitation.genetic import evolve
+from dynid.excitation import (
+    Candidate,
+    DesignEvaluation,
+    by_genetic_algorithm,
+    evolve,
+    random_numbers,
+    region_of,
+)
 from dynid.excitation.gradient import judged
-from dynid.excitation.problem import Candidate
-from dynid.excitation.region import random_numbers
 
 POPULATION, GENERATIONS = 40, 5
 

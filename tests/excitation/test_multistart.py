@@ -10,11 +10,17 @@ import pytest
 from design_arms import arm, problem
 
 from dynid.core import InputError
-from dynid.excitation import DesignEvaluation, Effort, by_gradient, region_of, workers
-from dynid.excitation.genetic import evolve
+from dynid.excitation import (
+    DesignEvaluation,
+    Effort,
+    Search,
+    by_gradient,
+    evolve,
+    region_of,
+    workers,
+)
 from dynid.excitation.gradient import judged
 from dynid.excitation.multistart import multistart, run_start
-from dynid.excitation.problem import Search
 
 
 class Dying(Executor):

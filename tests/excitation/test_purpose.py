@@ -12,11 +12,11 @@ from dynid.excitation import (
     assumed_noise,
     expected,
     purpose_of,
+    random_numbers,
     region_of,
     whole_workspace,
     without_friction,
 )
-from dynid.excitation.region import random_numbers
 from dynid.robot import load_robot
 from dynid.trajectory import JointMotion
 

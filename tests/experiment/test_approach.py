@@ -21,7 +21,7 @@ from dynid.experiment.approach import (
     find_way,
 )
 from dynid.robot import load_robot
-from dynid.trajectory.fourier import rest_series
+from dynid.trajectory import rest_series
 
 UR5 = load_robot("ur5")
 JUDGE = safe_constraints(UR5)

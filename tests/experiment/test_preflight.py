@@ -19,7 +19,7 @@ from dynid.experiment import (
 )
 from dynid.experiment.preflight import Check
 from dynid.robot import load_robot, with_tool
-from dynid.trajectory.fourier import rest_series
+from dynid.trajectory import rest_series
 
 UR5 = load_robot("ur5")
 MIDDLE = np.array([0.1, -1.4, 0.3, -2.1, 0.2, 0.1])

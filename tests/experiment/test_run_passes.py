@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 
 from dynid.core import Finding, InputError, JobError, Progress
-from dynid.drivers import Abort, Driver, Execution, Outcome, Recorder
-from dynid.drivers.driver import Source
+from dynid.drivers import Abort, Driver, Execution, Outcome, Recorder, Source
 from dynid.experiment import ExperimentPlan, run
 from dynid.recording import RecordWriter
 from dynid.robot import load_robot
-from dynid.trajectory.fourier import rest_series
+from dynid.trajectory import rest_series
 
 SERIES = rest_series(2.0, np.zeros(6), 0.05 * np.random.default_rng(0).normal(size=(6, 4)))
 PLAN = ExperimentPlan(

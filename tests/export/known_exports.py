@@ -8,8 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from dynid.core import Array, provenance
-from dynid.identification import Estimate
-from dynid.identification.estimate import MotionRange
+from dynid.identification import Estimate, MotionRange
 from dynid.reduction import reduce_model
 from dynid.regressor import (
     FrictionTerms,
@@ -19,9 +18,7 @@ from dynid.regressor import (
     TorqueRipple,
     parse_terms,
 )
-from dynid.robot import Counterbalance, RobotModel, load_robot
-from dynid.robot.dh import robot_from_chain
-from dynid.robot.model import Drives
+from dynid.robot import Counterbalance, Drives, RobotModel, load_robot, robot_from_chain
 from dynid.signals import ProcessingSettings
 
 EVERY_TERM = parse_terms("fc,fv,im,fo,fca,fva,fs,fr", width=0.02)

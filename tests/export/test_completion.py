@@ -10,8 +10,7 @@ from known_exports import estimate_of, mixed_chain, parameters_of
 from dynid.core import JobError
 from dynid.export import write_model
 from dynid.export.completion import Bodies, complete, null_space
-from dynid.identification import inertial_prior
-from dynid.identification.estimate import StandardParameters
+from dynid.identification import StandardParameters, inertial_prior
 from dynid.reduction import random_states
 from dynid.robot import load_robot, to_pseudo_inertia
 

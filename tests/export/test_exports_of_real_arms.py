@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dynid import identify
 from dynid.core import JobError
 from dynid.export import write_model
 from dynid.export.writing import FORMATS
 from dynid.recording import ExperimentRecord, read_recording
 from dynid.robot import RobotModel, load_robot
-from dynid.workflow import IdentifySettings, identify
+from dynid.workflow import IdentifySettings
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data"

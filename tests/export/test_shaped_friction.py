@@ -23,13 +23,11 @@ from known_exports import (
 )
 
 from dynid.core import Array, InputError, JobError
-from dynid.export import write_model, writing
-from dynid.export.model import ExportModel, export_model
+from dynid.export import ExportModel, export_model, write_model, writing
 from dynid.export.verification import States, c_compiler, c_torque, random_motion
 from dynid.identification import Estimate
 from dynid.regressor import FrictionTerms, InverseDynamicModel, LoadFriction, parse_terms
-from dynid.robot import RobotModel, load_robot
-from dynid.robot.dh import robot_from_chain
+from dynid.robot import RobotModel, load_robot, robot_from_chain
 
 # The asked agreement of torques [N.m or N], for torques up to a few hundred.
 EXACT = 1e-9

@@ -16,9 +16,8 @@ from known_exports import (
 )
 
 from dynid.core import InputError, JobError
+from dynid.export import ExportModel, write_model, writing
 from dynid.export import verification as load_code
-from dynid.export import write_model, writing
-from dynid.export.model import ExportModel
 from dynid.export.verification import States, c_torque, random_motion
 from dynid.export.writing import FORMATS
 from dynid.identification import Estimate

@@ -10,8 +10,7 @@ from scipy.signal import lfilter
 
 from dynid.core import Array
 from dynid.recording import ExperimentRecord
-from dynid.robot import RobotModel, load_robot
-from dynid.robot.inertia import from_pinocchio
+from dynid.robot import RobotModel, from_pinocchio, load_robot
 from dynid.trajectory import FourierSeries, random_excitation
 
 COULOMB = np.array([7.7, 8.4, 8.3, 1.9, 1.8, 1.8])

@@ -12,6 +12,7 @@ import pytest
 from known_robot import MASSES, oracle, recording, ur5
 from scipy.optimize import minimize
 
+from dynid import identify
 from dynid.core import JobError, MissingExtraError
 from dynid.identification import (
     IdentificationProblem,
@@ -34,10 +35,9 @@ from dynid.identification.physical import EXCESS, residual_sum
 from dynid.identification.problem import joint_factors
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
-from dynid.robot import from_pseudo_inertia, to_pseudo_inertia
-from dynid.robot.inertia import is_physical
+from dynid.robot import from_pseudo_inertia, is_physical, to_pseudo_inertia
 from dynid.signals import ProcessingSettings, process
-from dynid.workflow import Identification, IdentifySettings, identify
+from dynid.workflow import Identification, IdentifySettings
 
 SOLVERS_AGREE = 1e-6
 """Two solvers of one convex problem, relative to the parameters."""

@@ -5,11 +5,12 @@ import pinocchio as pin
 import pytest
 from known_robot import COULOMB, VISCOUS, oracle, recording, ur5
 
+from dynid import identify
 from dynid.core import InputError
 from dynid.recording import ExperimentRecord
 from dynid.regressor import parse_terms
 from dynid.signals import ProcessingSettings, process
-from dynid.workflow import Identification, IdentifySettings, identify, verdict
+from dynid.workflow import Identification, IdentifySettings, verdict
 
 
 def codes(result: Identification) -> set[str]:

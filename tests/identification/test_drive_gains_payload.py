@@ -10,10 +10,8 @@ import pytest
 from dynid.core import InputError, JobError
 from dynid.recording import ExperimentRecord
 from dynid.regressor import InverseDynamicModel
-from dynid.robot import RobotModel, load_robot, move
-from dynid.robot.model import direct_drives
-from dynid.simulation import simulate, simulated_arm, with_payload
-from dynid.simulation.truth import cylinder, link_parameters
+from dynid.robot import RobotModel, direct_drives, load_robot, move
+from dynid.simulation import cylinder, link_parameters, simulate, simulated_arm, with_payload
 from dynid.trajectory import random_excitation
 from dynid.workflow import identify_gains_from_payload
 from dynid.workflow.payload import known_payload

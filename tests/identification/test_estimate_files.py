@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 from known_robot import recording, ur5
 
+from dynid import identify
 from dynid.core import InputError
 from dynid.identification import Estimate, read_estimate, write_estimate
 from dynid.validation import validate
-from dynid.workflow import IdentifySettings, identify
+from dynid.workflow import IdentifySettings
 
 DAMAGES = 500
 

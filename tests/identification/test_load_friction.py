@@ -9,12 +9,13 @@ import pinocchio as pin
 import pytest
 from known_robot import NOISE, oracle, recording, ur5
 
+from dynid import identify
 from dynid.core import InputError
 from dynid.identification import read_estimate, write_estimate
 from dynid.recording import ExperimentRecord
 from dynid.regressor import FrictionTerms, InverseDynamicModel, LoadFriction, terms_from_json
 from dynid.trajectory import random_excitation
-from dynid.workflow import Identification, identify
+from dynid.workflow import Identification
 
 SHARE = 0.08
 """Of the load of joint 2 [-]."""

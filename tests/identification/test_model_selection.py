@@ -12,15 +12,18 @@ from hypothesis import strategies as st
 from known_robot import recording, ur5
 from scipy.optimize import nnls
 
+from dynid import identify
 from dynid.core import InputError
 from dynid.identification import (
     IdentificationProblem,
     TowardPublished,
     WeightedLeastSquares,
+    inertial_prior,
+    not_negative,
+    published_prior,
     read_estimate,
     write_estimate,
 )
-from dynid.identification.bayesian import inertial_prior, not_negative, published_prior
 from dynid.identification.selection import NormalEquations, find_regions, gram_blocks
 from dynid.identification.selection.columns import WIDTHS, CandidateColumns
 from dynid.identification.selection.gram import left_out_values, shared_picks, signed_solutions
@@ -28,7 +31,7 @@ from dynid.identification.selection.regions import moving_rows
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel
 from dynid.signals import process
-from dynid.workflow import IdentifySettings, identify
+from dynid.workflow import IdentifySettings
 
 SAME = 1e-6
 NEAR = 1.25

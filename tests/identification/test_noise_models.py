@@ -9,14 +9,19 @@ import pytest
 from known_robot import recording, ur5
 from scipy.signal import lfilter
 
+from dynid import identify
 from dynid.core import Array
-from dynid.identification import IdentificationProblem, WeightedLeastSquares
-from dynid.identification.least_squares import OrdinaryLeastSquares
-from dynid.identification.statistics import hac_covariance, moved_by_prior
+from dynid.identification import (
+    IdentificationProblem,
+    OrdinaryLeastSquares,
+    WeightedLeastSquares,
+    hac_covariance,
+    moved_by_prior,
+)
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.signals import ProcessingSettings, process
-from dynid.workflow import IdentifySettings, identify
+from dynid.workflow import IdentifySettings
 
 SEEDS = range(14)
 

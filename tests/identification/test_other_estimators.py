@@ -8,38 +8,40 @@ import numpy as np
 import pytest
 from known_robot import oracle, recording, torques, ur5
 
+from dynid import identify
 from dynid.core import InputError
 from dynid.identification import (
     ESTIMATORS,
+    BayesianRegression,
     ClosedLoop,
     IdentificationProblem,
-    WeightedLeastSquares,
-    inertial_prior,
-)
-from dynid.identification.bayesian import BayesianRegression, InertialPrior, base_prior, posterior
-from dynid.identification.instrumental import (
+    InertialPrior,
     InstrumentalVariables,
-    OutputError,
-    smooth_motion,
-    solve_instrumental,
-)
-from dynid.identification.least_squares import (
+    Likelihood,
+    MaximumLikelihood,
     OrdinaryLeastSquares,
+    OutputError,
     RecursiveEstimate,
     RecursiveLeastSquares,
     TotalLeastSquares,
+    WeightedLeastSquares,
+    base_prior,
+    hac_covariance,
+    inertial_prior,
+    motion_noise,
+    naive_covariance,
+    posterior,
+    smooth_motion,
+    solve_instrumental,
     solve_total,
 )
-from dynid.identification.likelihood import Likelihood, MaximumLikelihood, motion_noise
 from dynid.identification.problem import base_mapping, joint_factors, observation_root
-from dynid.identification.statistics import hac_covariance, naive_covariance
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
-from dynid.robot import from_pseudo_inertia, to_pseudo_inertia
-from dynid.robot.inertia import is_physical
+from dynid.robot import from_pseudo_inertia, is_physical, to_pseudo_inertia
 from dynid.signals import ProcessingSettings, process
 from dynid.trajectory import random_excitation
-from dynid.workflow import IdentifySettings, identify
+from dynid.workflow import IdentifySettings
 
 REFERENCE = 1e-6
 """Against another solver of the same equations, relative."""

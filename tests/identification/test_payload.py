@@ -11,10 +11,8 @@ from dynid.core import Array, InputError
 from dynid.identification import Payload
 from dynid.identification.payload import NORMAL_95, nearest_body
 from dynid.recording import ExperimentRecord
-from dynid.robot import from_pseudo_inertia, load_robot, to_pseudo_inertia
-from dynid.robot.inertia import is_physical
-from dynid.simulation import simulate, simulated_arm, with_payload
-from dynid.simulation.truth import cylinder, link_parameters
+from dynid.robot import from_pseudo_inertia, is_physical, load_robot, to_pseudo_inertia
+from dynid.simulation import cylinder, link_parameters, simulate, simulated_arm, with_payload
 from dynid.trajectory import FourierSeries, random_excitation
 from dynid.workflow import identify_payload
 from dynid.workflow.running import record_of

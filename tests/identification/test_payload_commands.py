@@ -11,18 +11,16 @@ import typer
 from typer.testing import CliRunner
 
 import dynid
-from dynid.cli import load_commands as gains
-from dynid.cli import load_commands as payload
+from dynid.cli.load_commands import register_gains, register_payload
 from dynid.core import InputError
-from dynid.simulation import simulate, simulated_arm, with_payload
-from dynid.simulation.truth import cylinder
+from dynid.simulation import cylinder, simulate, simulated_arm, with_payload
 from dynid.workflow.running import record_of
 
 
 def call(*words: object) -> str:
     app = typer.Typer()
-    gains.register(app)
-    payload.register(app)
+    register_gains(app)
+    register_payload(app)
     done = CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
     assert done.exit_code == 0
     return done.stdout

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from known_robot import COULOMB, NOISE, recording, ur5
 
+from dynid import identify
 from dynid.identification import read_estimate, write_estimate
 from dynid.recording import ExperimentRecord
 from dynid.trajectory import random_excitation
 from dynid.validation import validate
-from dynid.workflow import Identification, IdentifySettings, identify
+from dynid.workflow import Identification, IdentifySettings
 
 OVER = 4e-3
 """Displacement of every joint [rad]: between two that are tried."""

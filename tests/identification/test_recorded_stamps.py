@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from known_robot import recording, ur5
 
+from dynid import identify
 from dynid.recording import ExperimentRecord
 from dynid.signals import ProcessingSettings, process, samples_at_stamps
-from dynid.workflow import identify
 
 SETTINGS = ProcessingSettings(cutoff_hz=20.0)
 MOTION = 2e-3

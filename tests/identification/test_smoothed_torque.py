@@ -9,13 +9,14 @@ import pytest
 from known_robot import COULOMB, MOTOR, NOISE, recording, ur5
 from scipy.signal import butter, sosfiltfilt
 
+from dynid import identify
 from dynid.identification import IdentificationProblem, read_estimate, write_estimate
 from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.signals import ProcessingSettings, TorqueFilter, process
 from dynid.validation import validate
-from dynid.workflow import Identification, identify, identify_shared
+from dynid.workflow import Identification, identify_shared
 
 CUTOFF_HZ = 2.5
 ORDER = 3

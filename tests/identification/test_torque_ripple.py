@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from known_robot import NOISE, recording, ur5
 
+from dynid import identify
 from dynid.core import InputError
 from dynid.identification import read_estimate, write_estimate
 from dynid.identification.ripple import alike, find_ripples
@@ -21,7 +22,7 @@ from dynid.regressor import (
     check_differentiable,
     terms_from_json,
 )
-from dynid.workflow import Identification, identify
+from dynid.workflow import Identification
 
 RATE = 500.0
 QUIET = 0.2

@@ -2,11 +2,12 @@ import numpy as np
 import pytest
 from known_robot import oracle, recording, ur5
 
+from dynid import identify
 from dynid.identification import IdentificationProblem, WeightedLeastSquares
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.signals import ProcessingSettings, process
-from dynid.workflow import Identification, IdentifySettings, identify
+from dynid.workflow import Identification, IdentifySettings
 
 EXACT = 2e-3
 """Noise-free: what filtering and differentiating 125 Hz samples leave, relative."""

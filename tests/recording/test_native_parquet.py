@@ -11,8 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from dynid.core import Finding, InputError, RecordError
-from dynid.core.findings import CODES
+from dynid.core import CODES, Finding, InputError, RecordError
 from dynid.recording import (
     JOINT_QUANTITIES,
     KEY,

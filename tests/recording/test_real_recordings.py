@@ -10,8 +10,7 @@ import pytest
 
 from dynid.core import RecordError
 from dynid.recording import read_record, read_recording, write_record
-from dynid.robot import load_robot
-from dynid.robot.model import Drives
+from dynid.robot import Drives, load_robot
 
 DATA = Path(__file__).parents[2].parent / "shared" / "data"
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=f"the real recordings are not at {DATA}")

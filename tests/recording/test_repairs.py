@@ -9,8 +9,7 @@ from recorded_motions import Motion, write_rtde_csv
 
 from dynid.core import RecordError
 from dynid.recording import ExperimentRecord, RawTable, RepairSettings, read_recording, repair
-from dynid.robot import load_robot
-from dynid.robot.model import Drives
+from dynid.robot import Drives, load_robot
 from dynid.signals.resample import GAP_STEPS
 
 MOTION = Motion(samples=1500)

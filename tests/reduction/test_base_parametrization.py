@@ -15,8 +15,7 @@ from dynid.core import InputError
 from dynid.reduction import random_states, reduce_model
 from dynid.reduction.base import rank_and_classes, regrouping
 from dynid.regressor import FrictionTerms, InverseDynamicModel
-from dynid.robot import RobotModel, load_robot
-from dynid.robot.dh import robot_from_chain
+from dynid.robot import RobotModel, load_robot, robot_from_chain
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "robots"
 ORACLE = Path(__file__).parents[3] / "shared" / "oracles" / "base_params_check.py"

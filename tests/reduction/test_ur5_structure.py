@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from structure_oracles import A2, A3, D4, D5, D6, found, names, reduce, reduced
 
-from dynid.robot import RobotModel, load_robot
-from dynid.robot.dh import robot_from_dh
+from dynid.robot import RobotModel, load_robot, robot_from_dh
 
 REGROUPING = 1e-6
 """Asked of the regrouping table."""

@@ -9,8 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from dynid.robot import RobotModel
-from dynid.robot.model import direct_drives, unknown_limits
+from dynid.robot import RobotModel, direct_drives, unknown_limits
 
 Floats = NDArray[np.float64]
 

@@ -18,8 +18,7 @@ from dynid.core import InputError
 from dynid.regressor import TERMS, FrictionTerms, InverseDynamicModel, parse_terms, torque_adjoint
 from dynid.regressor.adjoint import regressor_adjoint
 from dynid.regressor.terms import PAPER_WIDTH
-from dynid.robot import RobotModel
-from dynid.robot.model import Drives
+from dynid.robot import Drives, RobotModel
 
 DIFFERENCES = 1e-8
 """Of the largest derivative: what sixth-order differences of a smooth sum give."""

@@ -11,8 +11,7 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
-from dynid.robot import RobotModel, frame_map
-from dynid.robot.inertia import from_pinocchio
+from dynid.robot import RobotModel, frame_map, from_pinocchio
 
 PROJECT = Path(__file__).parents[2]
 EXAMPLES = PROJECT / "examples" / "robots"

@@ -6,9 +6,7 @@ import pytest
 from robot_oracles import UR5_DH, classes, pinocchio_model
 
 from dynid.core import InputError, RobotError
-from dynid.robot import from_xyz_rpy, joint_poses
-from dynid.robot.dh import robot_from_dh
-from dynid.robot.kinematics import flange_pose
+from dynid.robot import flange_pose, from_xyz_rpy, joint_poses, robot_from_dh
 
 EXACT = {0.0, 1.0, -1.0}
 

@@ -5,10 +5,17 @@ from hypothesis import strategies as st
 from robot_oracles import DATA, classes, needs_models
 from urdf_samples import URS
 
-from dynid.robot import from_xyz_rpy, inverse, load_robot
-from dynid.robot.dh import robot_from_chain, robot_from_dh
-from dynid.robot.transforms import parameter_frames, poses_at_zero
-from dynid.robot.urdf import load_urdf, robot_from_urdf
+from dynid.robot import (
+    from_xyz_rpy,
+    inverse,
+    load_robot,
+    load_urdf,
+    parameter_frames,
+    poses_at_zero,
+    robot_from_chain,
+    robot_from_dh,
+    robot_from_urdf,
+)
 
 angles = st.sampled_from([0.0, np.pi / 2, -np.pi / 2, np.pi, 0.3, -1.1])
 lengths = st.sampled_from([0.0, 0.0, 0.2, -0.4])

@@ -11,10 +11,11 @@ from dynid.robot import (
     joint_poses,
     load_robot,
     nominal_geometry,
+    robot_from_chain,
+    robot_from_dh,
+    robot_from_urdf,
     structural_gravity,
 )
-from dynid.robot.dh import robot_from_chain, robot_from_dh
-from dynid.robot.urdf import robot_from_urdf
 
 # Two real factory calibrations in the layout of ROS 2's ur_description (z axes throughout):
 # x y z roll pitch yaw of each joint. A UR5e and a UR5.

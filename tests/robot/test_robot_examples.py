@@ -3,9 +3,14 @@ import pinocchio as pin
 import pytest
 from robot_oracles import EXAMPLES, SHARED, pinocchio_model
 
-from dynid.robot import Counterbalance, joint_poses, load_robot, nominal_geometry
-from dynid.robot.kinematics import flange_pose
-from dynid.robot.urdf import load_urdf
+from dynid.robot import (
+    Counterbalance,
+    flange_pose,
+    joint_poses,
+    load_robot,
+    load_urdf,
+    nominal_geometry,
+)
 
 NAMES = ["gen3", "kr300", "panda", "tx40", "ur10_unisa"]
 needs_recordings = pytest.mark.skipif(

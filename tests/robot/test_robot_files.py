@@ -7,8 +7,7 @@ from robot_oracles import UR5_DH
 from urdf_samples import ARM
 
 from dynid.core import RobotError
-from dynid.robot import from_body, joint_poses, load_robot, move
-from dynid.robot.dh import robot_from_dh
+from dynid.robot import from_body, joint_poses, load_robot, move, robot_from_dh
 from dynid.robot.robotfile import MAX_BYTES
 
 FULL = """

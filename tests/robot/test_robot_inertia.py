@@ -8,13 +8,15 @@ from dynid.core import InputError, RobotError
 from dynid.robot import (
     frame_map,
     from_body,
+    from_pinocchio,
     from_pseudo_inertia,
     from_xyz_rpy,
+    is_physical,
     move,
     tensor,
+    to_pinocchio,
     to_pseudo_inertia,
 )
-from dynid.robot.inertia import from_pinocchio, is_physical, to_pinocchio
 
 numbers = st.floats(-5, 5).map(lambda value: round(value, 6))
 tens = st.lists(numbers, min_size=10, max_size=10).map(np.array)

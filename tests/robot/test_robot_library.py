@@ -10,17 +10,17 @@ from urdf_samples import ARM, URS
 from dynid.core import RobotError
 from dynid.robot import (
     RobotModel,
+    flange_pose,
+    is_physical,
     joint_poses,
     load_robot,
     nominal_geometry,
     robot_from_json,
+    robot_from_urdf,
     robot_to_json,
     robots,
+    rotation_z,
 )
-from dynid.robot.inertia import is_physical
-from dynid.robot.kinematics import flange_pose
-from dynid.robot.transforms import rotation_z
-from dynid.robot.urdf import robot_from_urdf
 
 NAMES = ["ur10", "ur10e", "ur16e", "ur3", "ur3e", "ur5", "ur5e"]
 ROS_NAMES = (

@@ -4,8 +4,7 @@ from pathlib import Path
 import pytest
 
 from dynid.core import RobotError
-from dynid.robot import load_robot
-from dynid.robot.model import SafetyLimits
+from dynid.robot import SafetyLimits, load_robot
 from dynid.robot.robotfile import robot_from_toml
 
 CHAIN = """

@@ -7,10 +7,15 @@ from robot_oracles import DATA, EXAMPLES, SHARED, needs_models
 from urdf_samples import ARM, chain, joint
 
 from dynid.core import RobotError
-from dynid.robot import RobotModel, joint_poses, load_robot
-from dynid.robot.inertia import from_pinocchio
-from dynid.robot.kinematics import flange_pose
-from dynid.robot.urdf import load_urdf, robot_from_urdf
+from dynid.robot import (
+    RobotModel,
+    flange_pose,
+    from_pinocchio,
+    joint_poses,
+    load_robot,
+    load_urdf,
+    robot_from_urdf,
+)
 
 ARMS = [
     "ur_description/urdf/ur5_robot.urdf",

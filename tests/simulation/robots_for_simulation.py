@@ -4,13 +4,17 @@ import numpy as np
 import pinocchio as pin
 
 from dynid.core import Array
-from dynid.robot import RobotModel
-from dynid.robot.model import Drives, JointLimits
-from dynid.simulation import SimulatedArm
-from dynid.simulation.friction import JointFriction, JointThermal, constant_temperature
-from dynid.simulation.plant import RunTruth
-from dynid.simulation.servo import perfect_sensors
-from dynid.simulation.truth import GroundTruth, point_masses
+from dynid.robot import Drives, JointLimits, RobotModel
+from dynid.simulation import (
+    GroundTruth,
+    JointFriction,
+    JointThermal,
+    RunTruth,
+    SimulatedArm,
+    constant_temperature,
+    perfect_sensors,
+    point_masses,
+)
 from dynid.trajectory import JointMotion
 
 A = (0.0, -0.425, -0.39225, 0.0, 0.0, 0.0)

@@ -5,8 +5,7 @@ import pytest
 from robots_for_simulation import one_joint
 
 from dynid.core import InputError
-from dynid.simulation import Plant, PlantState, SimulatedArm
-from dynid.simulation.friction import JointFriction, ideal_friction
+from dynid.simulation import JointFriction, Plant, PlantState, SimulatedArm, ideal_friction
 
 
 def friction(**change: object) -> JointFriction:

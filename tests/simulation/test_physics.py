@@ -8,11 +8,16 @@ from robots_for_simulation import build_chain, build_ur5, pinocchio_model
 
 from dynid.core import Array
 from dynid.robot import RobotModel
-from dynid.simulation import SimulatedArm, SimulatedRun, simulate, simulated_arm
+from dynid.simulation import (
+    RunTruth,
+    SimulatedArm,
+    SimulatedRun,
+    ideal_arm,
+    mujoco_model,
+    simulate,
+    simulated_arm,
+)
 from dynid.simulation import plant as plant_module
-from dynid.simulation.kernel import mujoco_model
-from dynid.simulation.library import ideal_arm
-from dynid.simulation.plant import RunTruth
 from dynid.trajectory import FourierSeries
 
 ROBOTS = [

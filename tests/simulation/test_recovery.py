@@ -6,9 +6,14 @@ from robots_for_simulation import HOME, build_ur5, pinocchio_model, regressor
 
 from dynid.core import Array
 from dynid.robot import RobotModel
-from dynid.simulation import SimulatedArm, SimulatedRun, simulate, simulated_arm
-from dynid.simulation.library import ideal_arm
-from dynid.simulation.servo import chosen_sensors
+from dynid.simulation import (
+    SimulatedArm,
+    SimulatedRun,
+    chosen_sensors,
+    ideal_arm,
+    simulate,
+    simulated_arm,
+)
 from dynid.trajectory import FourierSeries, JointMotion, random_excitation
 
 FRICTION_AND_ROTORS = [13 * j + k for j in range(6) for k in (10, 11)] + [

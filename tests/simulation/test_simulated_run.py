@@ -6,14 +6,23 @@ import pytest
 from robots_for_simulation import build_chain
 
 from dynid.core import InputError, JobError, MissingExtraError
-from dynid.robot import Counterbalance, RobotModel
-from dynid.robot.model import Drives
-from dynid.simulation import Plant, SimulatedArm, SimulatedRun, simulate, simulated_arm
-from dynid.simulation.kernel import mujoco_model
-from dynid.simulation.library import ideal_arm, ur5_truth
-from dynid.simulation.plant import RunTruth
-from dynid.simulation.servo import JointSensors, Servo, chosen_sensors, perfect_sensors
-from dynid.simulation.truth import link_body
+from dynid.robot import Counterbalance, Drives, RobotModel
+from dynid.simulation import (
+    JointSensors,
+    Plant,
+    RunTruth,
+    Servo,
+    SimulatedArm,
+    SimulatedRun,
+    chosen_sensors,
+    ideal_arm,
+    link_body,
+    mujoco_model,
+    perfect_sensors,
+    simulate,
+    simulated_arm,
+    ur5_truth,
+)
 from dynid.trajectory import FourierSeries, Quintic, random_excitation
 
 ARRAYS = [item.name for item in fields(SimulatedRun) if item.type in ("Array", "NDArray[np.bool_]")]

@@ -4,8 +4,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dynid.core import InputError
-from dynid.simulation import Plant, SimulatedArm, simulate, warm_up
-from dynid.simulation.friction import JointThermal, constant_temperature
+from dynid.simulation import (
+    JointThermal,
+    Plant,
+    SimulatedArm,
+    constant_temperature,
+    simulate,
+    warm_up,
+)
 from dynid.trajectory import FourierSeries
 
 

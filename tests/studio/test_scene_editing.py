@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dynid.constraints.scene import read_scene
+from dynid.constraints import read_scene
 from dynid.core import InputError
 from dynid.robot import from_xyz_rpy
 from dynid.studio.scene_editing import DIMENSIONS, KINDS, SceneEditor, open_scene, pose_of

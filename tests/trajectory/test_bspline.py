@@ -5,8 +5,7 @@ from hypothesis import strategies as st
 from scipy import interpolate
 
 from dynid.core import InputError
-from dynid.trajectory import BSpline
-from dynid.trajectory.bspline import BSplineFamily
+from dynid.trajectory import BSpline, BSplineFamily
 
 # Relative to the largest value: SciPy's de Boor recursion sums in another order.
 SCIPY = 1e-12

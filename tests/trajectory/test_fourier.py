@@ -4,8 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynid.core import InputError
-from dynid.trajectory import FourierSeries
-from dynid.trajectory.fourier import rest_basis, rest_series
+from dynid.trajectory import FourierSeries, rest_basis, rest_series
 
 
 def some_series(seed: int = 0, joints: int = 6, harmonics: int = 5) -> FourierSeries:

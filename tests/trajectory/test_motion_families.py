@@ -4,10 +4,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynid.core import InputError
-from dynid.trajectory import FAMILY_NAMES, MotionFamily, motion_family
-from dynid.trajectory.bspline import BSplineFamily
-from dynid.trajectory.fourier import FourierFamily, ModifiedFourierFamily
-from dynid.trajectory.sequence import PosesFamily
+from dynid.trajectory import (
+    FAMILY_NAMES,
+    BSplineFamily,
+    FourierFamily,
+    ModifiedFourierFamily,
+    MotionFamily,
+    PointsFamily,
+    motion_family,
+)
 
 # The asked boundary conditions: 1e-12 in rad, rad/s and rad/s^2, relative to how large they get.
 AT_THE_ENDS = 1e-12
@@ -110,4 +115,4 @@ def test_a_bspline_needs_points_for_its_degree() -> None:
     with pytest.raises(InputError, match="degree"):
         BSplineFamily(travel_time=1.0, points=9, degree=2)
     with pytest.raises(InputError, match="needs one"):
-        PosesFamily(travel_time=1.0, poses=0)
+        PointsFamily(travel_time=1.0, points=0)

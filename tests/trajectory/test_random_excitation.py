@@ -4,8 +4,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynid.core import Array, InputError
-from dynid.trajectory import FourierSeries, MotionBounds, peaks, random_excitation, usable_bounds
-from dynid.trajectory.bounds import largest_scale
+from dynid.trajectory import (
+    FourierSeries,
+    MotionBounds,
+    largest_scale,
+    peaks,
+    random_excitation,
+    usable_bounds,
+)
 
 NAN = np.nan
 UR5 = MotionBounds(

@@ -14,9 +14,9 @@ from dynid.trajectory import (
     csv_text,
     joint_trajectory_yaml,
     motion_family,
+    rest_series,
+    sampled,
 )
-from dynid.trajectory.files import sampled
-from dynid.trajectory.fourier import rest_series
 
 
 def some_motion(name: str = "fourier", joints: int = 3) -> Trajectory:

@@ -2,10 +2,16 @@ import numpy as np
 import pytest
 
 from dynid.core import InputError
-from dynid.trajectory import FourierSeries, MotionBounds, MotionSequence, Quintic, Repetition
-from dynid.trajectory.fourier import rest_series
-from dynid.trajectory.quintic import rest_to_rest
-from dynid.trajectory.sequence import through_poses
+from dynid.trajectory import (
+    FourierSeries,
+    MotionBounds,
+    MotionSequence,
+    Quintic,
+    Repetition,
+    rest_series,
+    rest_to_rest,
+    through_poses,
+)
 
 LIMITS = MotionBounds(
     lower=np.full(2, -6.0), upper=np.full(2, 6.0), velocity=[2.0, 3.0], acceleration=[8.0, 9.0]

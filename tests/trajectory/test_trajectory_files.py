@@ -23,9 +23,10 @@ from dynid.trajectory import (
     Trajectory,
     motion_family,
     read_trajectory,
+    trajectory_from_json,
+    trajectory_to_json,
     write_trajectory,
 )
-from dynid.trajectory.files import trajectory_from_json, trajectory_to_json
 
 NUMBERS = st.floats(-1e6, 1e6)
 LIMITS = MotionBounds(

@@ -15,9 +15,9 @@ from dynid.trajectory import (
     UrProgramOptions,
     motion_family,
     pieces,
+    rest_series,
     ur_program,
 )
-from dynid.trajectory.fourier import rest_series
 from urtwin import BUILTINS, compile_script
 
 # Targets on the controller against `evaluate` [rad].

@@ -8,8 +8,7 @@ from functools import cache
 import numpy as np
 
 from dynid.core import Array, provenance
-from dynid.identification import Estimate
-from dynid.identification.estimate import MotionRange
+from dynid.identification import Estimate, MotionRange
 from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel

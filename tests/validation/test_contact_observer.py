@@ -10,8 +10,7 @@ import dynid
 from dynid.core import Array, InputError
 from dynid.identification import Estimate
 from dynid.simulation import Plant, simulated_arm
-from dynid.validation import MomentumObserver, contact_thresholds
-from dynid.validation.observer import ContactThresholds
+from dynid.validation import ContactThresholds, MomentumObserver, contact_thresholds
 
 RATE = 125.0
 CONTACT = 15.0

@@ -9,8 +9,7 @@ from dynid.core import InputError
 from dynid.recording import ExperimentRecord
 from dynid.robot import Counterbalance
 from dynid.signals import ProcessingSettings
-from dynid.validation import MOVING_SPEED, ValidationResult, reproduce, validate
-from dynid.validation.prediction import validate_samples
+from dynid.validation import MOVING_SPEED, ValidationResult, reproduce, validate, validate_samples
 
 FORMULA = 1e-12
 FILTERED = 0.02

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from designed_arm import written_arm
 import dynid
 from dynid.cli.app import main
 from dynid.trajectory import FAMILY_NAMES
-from dynid.workflow.design_files import given_limits
+from dynid.workflow.design_limits import given_limits
 from dynid.workflow.design_settings import DEFAULT_STARTS
 
 QUICK = ("--harmonics", "3", "--period", "6", "--starts", "2", "--jobs", "1")
@@ -132,7 +133,7 @@ def test_the_genetic_algorithm_with_the_paper_limits(run: Run, tmp_path: Path) -
     assert run("check", file, "--limits", "paper")[0] == 0
 
 
-@pytest.mark.parametrize("family", [name for name in FAMILY_NAMES if name != "poses"])
+@pytest.mark.parametrize("family", [name for name in FAMILY_NAMES if name != "points"])
 def test_every_family_gives_a_feasible_design(run: Run, tmp_path: Path, family: str) -> None:
     file = tmp_path / "design.json"
     words = (*QUICK, "--starts", "1", "--trajectory", family)
@@ -158,6 +159,44 @@ def test_exports_stand_beside_the_design(run: Run, tmp_path: Path) -> None:
     trajectory = dynid.read_design(files[0]).stored.trajectory
     np.testing.assert_allclose(table[:, 1:4], trajectory.evaluate(table[:, 0]).q, atol=1e-12)
     assert "joint_names" in files[2].read_text()
+
+
+def test_the_shortest_motion_for_an_accuracy_is_found(tmp_path: Path) -> None:
+    quick = dynid.DesignSettings(harmonics=3, period_s=6.0, starts=1, collision=False)
+    robot = dynid.load_robot(written_arm(tmp_path))
+    once = dynid.design(robot, quick)
+    asked = once.expected.bound_percent / 1.8
+    found = dynid.design(robot, replace(quick, accuracy_percent=asked))
+    total = found.repetitions * found.trajectory.duration
+    assert found.expected.bound_percent <= asked
+    # The square of the factor, and no more than ramps and rounding on top.
+    assert 0.7 * 1.8**2 * 6.0 < total < 1.25 * 1.8**2 * 6.0
+    loose = dynid.design(robot, replace(quick, accuracy_percent=1.2 * once.expected.bound_percent))
+    assert loose.repetitions == 1
+    assert loose.trajectory.duration < 6.0
+    with pytest.raises(dynid.JobError, match=r"would take \d+ s of motion"):
+        dynid.design(robot, replace(quick, accuracy_percent=asked / 20))
+
+
+def test_a_motion_that_excites_too_little_says_what_is_lost(run: Run, tmp_path: Path) -> None:
+    words = (
+        "design",
+        written_arm(tmp_path),
+        "-o",
+        tmp_path / "d.json",
+        *QUICK[:4],
+        "--starts",
+        "1",
+    )
+    loud = (*words, "--noise", "400,400,400", "--json")
+    code, found, err = run(*loud)
+    assert code == 1
+    (finding,) = found["findings"]
+    assert finding["kind"] == "weak_excitation"
+    assert finding["value"] > 20
+    assert finding["joints"]
+    assert "excites too little" in err
+    assert run(*loud, "--accept-weak")[0] == 0
 
 
 def test_a_sequential_design_completes_what_is_recorded(tmp_path: Path) -> None:

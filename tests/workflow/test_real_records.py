@@ -7,14 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dynid import identify
 from dynid.recording import ExperimentRecord, read_recording
 from dynid.robot import RobotModel, load_robot
-from dynid.workflow import Identification, IdentifySettings, identify
+from dynid.validation import samples_of, validate
+from dynid.workflow import Identification, IdentifySettings
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data"
 ROBOTS = ROOT / "examples" / "robots"
 KR300 = "q=rec.act_pos_mot_deg,qd=rec.act_vel_mot_deg_per_s,effort=rec.act_torque_abs_nm"
+UR5_GAINS = (11.5, 10.1, 10.6, 10.0, 10.2, 8.8)
+"""Regressed from `no6`: target current on target moment [N.m/A]."""
+COVERED = 0.8
+"""Of the 90 % intervals, on motions of another day."""
 
 pytestmark = pytest.mark.skipif(
     not DATA.is_dir(), reason="the real recordings of ../shared/data are not here"
@@ -131,9 +137,9 @@ def test_kr300_warns_and_still_predicts(
     robot, a, b = kr300
     result = identify([a], robot, validation=b)
     assert "ill_conditioned" in codes(result)
-    assert result.estimate.estimator == "sdp"
+    assert result.estimate.estimator == "bayes"
     assert result.validation is not None
-    assert result.validation.metrics.normalized_error <= 15.0
+    assert result.validation.metrics.normalized_error <= 14.0
     plain = identify([a], robot, IdentifySettings(preset="paper"), validation=b)
     assert {"ill_conditioned", "over_fitted"} <= codes(plain)
 
@@ -148,26 +154,60 @@ def test_short_one_way_moves_are_refused_in_words(name: str, preset: str) -> Non
     assert errors >= {"ill_conditioned", "low_excitation"}
 
 
-def test_bodies_that_exist_predict_further_on_poor_motions(
+def test_plausible_bodies_predict_further_on_poor_motions(
     kr300: tuple[RobotModel, ExperimentRecord, ExperimentRecord],
 ) -> None:
     robot, a, b = kr300
     # The other way round: nothing was chosen with this direction in view.
-    consistent = identify([b], robot, validation=a)
+    chosen = identify([b], robot, validation=a)
     plain = identify([b], robot, IdentifySettings(estimator="wls"), validation=a)
-    errors = [r.validation.metrics.normalized_error for r in (consistent, plain) if r.validation]
+    errors = [r.validation.metrics.normalized_error for r in (chosen, plain) if r.validation]
     assert len(errors) == 2
     assert errors[0] < 0.9 * errors[1]
 
 
-def test_without_the_solver_a_poor_motion_is_fitted_with_a_stronger_prior(
-    kr300: tuple[RobotModel, ExperimentRecord, ExperimentRecord],
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.fixture(scope="module")
+def ur5() -> dict[str, ExperimentRecord]:
+    """Runs whose files differ in length: rows that all of them have, by their time."""
+    runs: dict[str, ExperimentRecord] = {}
+    for run in ("no5", "no6", "no7"):
+        tables: list[dict[int, list[float]]] = []
+        for name in ("q_actual", "qd_actual", "i_actual"):
+            text = (DATA / "ur5_kufieta" / run / f"log_{name}.csv").read_text()
+            # The last line is cut.
+            rows = ([float(x) for x in line.split(",")] for line in text.splitlines()[:-1])
+            tables.append({round(1000 * row[0]): row[1:] for row in rows})
+        stamps = sorted(set.intersection(*map(set, tables)))
+        q, qd, current = (np.array([table[k] for k in stamps]) for table in tables)
+        signals = {"q": q, "qd": qd, "effort": current * UR5_GAINS}
+        runs[run] = ExperimentRecord(t=np.array(stamps) / 1000.0, signals=signals)
+    return runs
+
+
+def test_what_is_chosen_by_regions_transfers_to_another_motion(
+    ur5: dict[str, ExperimentRecord],
 ) -> None:
-    robot, a, b = kr300
-    monkeypatch.setattr("dynid.workflow.identify.installed", lambda _module: False)
-    result = identify([a], robot, validation=b)
-    assert "ill_conditioned" in codes(result)
-    assert result.estimate.estimator == "wls"
+    robot = load_robot("ur5")
+    result = identify([ur5["no6"]], robot, validation=ur5["no5"])
     assert result.validation is not None
-    assert result.validation.metrics.normalized_error <= 18.0
+    # The paper's preset reaches 10.5, choices by blocks of time 14.3.
+    assert np.linalg.norm(result.validation.metrics.rmse) <= 8.2
+    same = validate(result.estimate, ur5["no7"])
+    assert np.linalg.norm(same.metrics.rmse) <= 1.35 * 6.3
+    told = result.estimate.assessment
+    assert told is not None
+    assert told.pays is not None
+    for run, checked in (("no5", result.validation), ("no7", same)):
+        samples = samples_of(result.estimate, ur5[run])
+        width = result.estimate.half_width(samples.q, samples.dq, samples.ddq)
+        inside = np.abs(checked.measured - checked.predicted) <= width
+        assert (inside.mean(axis=0) >= COVERED).all()
+
+
+def test_what_is_chosen_for_this_motion_predicts_it_better(
+    ur5: dict[str, ExperimentRecord],
+) -> None:
+    settings = IdentifySettings(purpose="this-motion")
+    result = identify([ur5["no6"]], load_robot("ur5"), settings, validation=ur5["no7"])
+    assert result.validation is not None
+    assert np.linalg.norm(result.validation.metrics.rmse) <= 6.0

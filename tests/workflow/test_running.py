@@ -17,8 +17,7 @@ from dynid.cli.app import main
 from dynid.core import InputError, JobError, provenance
 from dynid.recording import read_record
 from dynid.robot import load_robot
-from dynid.trajectory import write_trajectory
-from dynid.trajectory.fourier import rest_series
+from dynid.trajectory import rest_series, write_trajectory
 from dynid.workflow import (
     RunSettings,
     parse_floor,

@@ -123,7 +123,8 @@ def _design(
     trajectory: Annotated[
         str,
         typer.Option(
-            metavar="fourier|modified-fourier|fourier-quintic|bspline|poses", help="Kind of motion."
+            metavar="fourier|modified-fourier|fourier-quintic|bspline|points",
+            help="Kind of motion.",
         ),
     ] = "fourier",
     harmonics: Annotated[
@@ -196,6 +197,14 @@ def _design(
     ros: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Also write a ROS JointTrajectory (YAML).")
     ] = None,
+    movej: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Points as URScript movej.")
+    ] = None,
+    waypoints: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Points and times as CSV.")
+    ] = None,
+    krl: Annotated[Path | None, typer.Option(metavar="FILE", help="Points as KUKA KRL.")] = None,
+    rapid: Annotated[Path | None, typer.Option(metavar="FILE", help="Points as ABB RAPID.")] = None,
     json: JsonFlag = False,
 ) -> int:
     """Optimal excitation trajectory, certified (paper 2.2)."""
@@ -212,6 +221,7 @@ def _design(
     inputs = [path for path in (scene, *(previous or ()), *(motion or ())) if path is not None]
     check_output(output, inputs=inputs, suffix=".json")
     exports = {"csv": csv, "urscript": urscript, "ros": ros}
+    exports |= {"movej": movej, "waypoints": waypoints, "krl": krl, "rapid": rapid}
     for kind, path in exports.items():
         if path is not None:
             check_output(path, inputs=inputs, where=f"--{kind}")
@@ -268,7 +278,7 @@ def _design(
         return 1
     if found.findings and not accept_weak:
         for item in found.findings:
-            print(f"dynid: {item['message']}. {item['next_step']}", file=sys.stderr)
+            print(f"dynid: {item.message}", file=sys.stderr)
         return 1
     return 0
 

@@ -22,6 +22,7 @@ from dynid.constraints.scene import (
     Scene,
     Shape,
     body_of,
+    read_scene,
     scene_from_json,
 )
 
@@ -49,6 +50,7 @@ __all__ = [
     "paper_constraints",
     "prior_dynamics",
     "prior_link",
+    "read_scene",
     "safe_constraints",
     "scene_from_json",
 ]

@@ -1,15 +1,10 @@
-"""The ground floor: errors, arrays, notices, provenance, optional dependencies."""
+"""The ground floor: errors, arrays, findings, provenance, optional dependencies.
 
-from dynid.core.arrays import (
-    Array,
-    Indices,
-    Mask,
-    frozen,
-    inverse_upper,
-    read_only,
-    solve_upper,
-    upper_triangle,
-)
+What needs NumPy is loaded when it is first used: `dynid --help` does without.
+"""
+
+from typing import TYPE_CHECKING, Any
+
 from dynid.core.errors import (
     DynidError,
     InputError,
@@ -32,6 +27,7 @@ from dynid.core.files import (
     write_text,
 )
 from dynid.core.findings import (
+    CODES,
     KINDS,
     Finding,
     Progress,
@@ -39,9 +35,22 @@ from dynid.core.findings import (
     silent,
     told,
 )
-from dynid.core.json_fields import JsonFields, load_object
+
+if TYPE_CHECKING:
+    from dynid.core.arrays import (
+        Array,
+        Indices,
+        Mask,
+        frozen,
+        inverse_upper,
+        read_only,
+        solve_upper,
+        upper_triangle,
+    )
+    from dynid.core.json_fields import JsonFields, load_object, parse_json
 
 __all__ = [
+    "CODES",
     "KINDS",
     "Array",
     "DynidError",
@@ -66,6 +75,7 @@ __all__ = [
     "installed",
     "inverse_upper",
     "load_object",
+    "parse_json",
     "provenance",
     "read_only",
     "require",
@@ -76,3 +86,13 @@ __all__ = [
     "write_json",
     "write_text",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module 'dynid.core' has no attribute {name!r}")
+    from dynid.core import arrays, json_fields
+
+    value = getattr(arrays if hasattr(arrays, name) else json_fields, name)
+    globals()[name] = value
+    return value

@@ -9,7 +9,7 @@ import numpy as np
 from dynid.core import Array
 from dynid.diagnosis.hypotheses import Hypothesis, Scored, hypotheses, scores
 from dynid.diagnosis.residual import Fits, Recording, Reference, fits, inertial_prior, reference
-from dynid.diagnosis.whole_signals import whole_signal
+from dynid.diagnosis.whole_signals import whole_signals
 
 LIKELY = 14.0
 """Drop of the left-out negative log likelihood that an explanation needs [nats]."""
@@ -17,7 +17,7 @@ WORTH_A_LOOK, LOOKS = 4.0, 4
 """Score with the noise of the reference from which a rival gets its own fit, and how many do."""
 WHOLE_LIKELY = 40.0
 """... of a signal that is reversed or exchanged: there are hundreds to choose from [nats]."""
-CERTAIN = 5.0
+CERTAIN = 4.0
 """... and its size over the standard deviation, from leaving blocks out."""
 EQUAL = 0.8
 """Share of the best explanation's score from which another cannot be told from it."""
@@ -64,18 +64,18 @@ def explain(recording: Recording) -> Explained:
     found: list[Explanation] = []
     added: list[Hypothesis] = []
     ref, sums, values = _fitted(recording, prior, added, prior[0])
-    whole = whole_signal(ref, sums, values, prior)
-    if whole is not None:
+    best_drop, start = WHOLE_LIKELY, (ref, sums, values)
+    for whole in whole_signals(ref, sums, values, prior):
         other = _fitted(whole.recording, prior, added, prior[0])
-        drop = _drop((ref, sums, values), other)
-        if drop > WHOLE_LIKELY:
-            recording, values = whole.recording, other[2]
-            found.append(
+        drop = _drop(start, other)
+        if drop > best_drop:
+            best_drop, recording, values = drop, whole.recording, other[2]
+            found = [
                 Explanation(
                     kind=whole.kind, joints=whole.joints, value=whole.value, std=0.0,
                     unit=whole.unit, score=drop,
                 )
-            )  # fmt: skip
+            ]  # fmt: skip
     rounds = 0
     while True:
         ref, _, values = _fitted(recording, prior, added, values[: 10 * n])

@@ -19,9 +19,13 @@ POOR = 0.12
 LEAST_POWER = -0.05
 """Power of friction over all power of a joint: friction that drives says the same."""
 ROWS = 500
+LOOKS = 3
+"""Kinds that get a fit of the reference."""
 SWEEPS = 4
 WIDEST_S, STEP_S = 1.5, 0.06
 """Offsets between the clocks of torques and motion that are tried."""
+_STEPS = (-1.0, -0.5, 0.0, 0.5, 1.0)
+"""Components of the directions of gravity that are tried."""
 _LEAST_TURN = 0.5
 """[rad] smaller tilts are linear."""
 _WIDTH = 0.02
@@ -44,31 +48,34 @@ class WholeSignal:
     """Drop of the negative log likelihood [nats]."""
 
 
-def whole_signal(
+def whole_signals(
     ref: Reference, sums: Fits, values: Array, prior: tuple[Array, Array]
-) -> WholeSignal | None:
-    """The signal that explains most when it is put right, by a plain model; None where none does.
+) -> list[WholeSignal]:
+    """The signals that explain most when they are put right, one of a kind, by a plain model.
 
     Args:
         ref: The reference.
         sums: Its sums.
         values: (p) its parameters.
         prior: Of the inertial parameters.
+
+    Returns:
+        The best first, at most `LOOKS`; nothing where the reference leaves little.
     """
     error = np.square(ref.torque - np.tensordot(values, ref.columns, axes=1)).mean(axis=1)
     share = np.sqrt(error / np.maximum(np.square(ref.torque).mean(axis=1), 1e-300))
     if share.max() < POOR and _friction_power(ref, values).min() > LEAST_POWER:
-        return None
+        return []
     rec = ref.recording
     # The same for all joints: an exchange must not gain from joints that count differently.
     counts = np.full(len(sums.counts), min(float(np.median(sums.counts)), ROWS))
     own = _objective(_thin(rec), prior, counts)
-    best: WholeSignal | None = None
+    best: dict[str, WholeSignal] = {}
     for rival in _rivals(rec):
         drop = own - _objective(_thin(rival.recording), prior, counts)
-        if drop > (0.0 if best is None else best.score):
-            best = replace(rival, score=drop)
-    return best
+        if drop > (best[rival.kind].score if rival.kind in best else 0.0):
+            best[rival.kind] = replace(rival, score=drop)
+    return sorted(best.values(), key=lambda found: -found.score)[:LOOKS]
 
 
 def _friction_power(ref: Reference, values: Array) -> Array:
@@ -87,9 +94,10 @@ def _rivals(rec: Recording) -> Iterator[WholeSignal]:
     light = replace(rec, robot=replace(robot, gravity=1e-6 * robot.gravity))
     yield WholeSignal(recording=light, kind="gravity_compensated", joints=(), value=1.0, unit="")
     size = float(np.linalg.norm(robot.gravity))
-    for way in product((-1.0, 0.0, 1.0), repeat=3):
-        down = np.array(way) / max(float(np.linalg.norm(way)), 1e-9)
-        if size == 0 or not down.any():
+    ways = {tuple(np.round(_unit(np.array(w)), 9)) for w in product(_STEPS, repeat=3)}
+    for way in sorted(ways) if size > 0 else ():
+        down = np.array(way)
+        if not down.any():
             continue
         angle = float(np.arccos(np.clip(down @ robot.gravity / max(size, 1e-9), -1, 1)))
         if angle > _LEAST_TURN:
@@ -131,6 +139,10 @@ def _rivals(rec: Recording) -> Iterator[WholeSignal]:
         for a in (np.pi / 2, -np.pi / 2):
             for b in (np.pi / 2, -np.pi / 2):
                 yield _turned(rec, {i: a, j: b})
+
+
+def _unit(vector: Array) -> Array:
+    return vector / max(float(np.linalg.norm(vector)), 1e-9)
 
 
 def _turned(rec: Recording, by: dict[int, float]) -> WholeSignal:

@@ -2,10 +2,13 @@
 
 from dynid.drivers.driver import (
     Abort,
+    Cycle,
     Driver,
     Execution,
     Outcome,
     Recorder,
+    Source,
+    Watchdog,
     WatchLimits,
     mode_name,
 )
@@ -16,14 +19,17 @@ from dynid.drivers.ur.state import ControllerState, inspect
 __all__ = [
     "Abort",
     "ControllerState",
+    "Cycle",
     "Driver",
     "Execution",
     "Outcome",
     "Recorder",
     "ServojDriver",
     "SimulatedDriver",
+    "Source",
     "UrDriver",
     "WatchLimits",
+    "Watchdog",
     "inspect",
     "mode_name",
 ]

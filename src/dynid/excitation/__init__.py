@@ -11,6 +11,7 @@ from dynid.excitation.criteria import (
 )
 from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.feasible import check_room
+from dynid.excitation.genetic import evolve
 from dynid.excitation.gram import GramKernel
 from dynid.excitation.multistart import Effort, workers
 from dynid.excitation.optimise import (
@@ -20,7 +21,7 @@ from dynid.excitation.optimise import (
     by_genetic_algorithm,
     by_gradient,
 )
-from dynid.excitation.problem import ExcitationProblem
+from dynid.excitation.problem import Candidate, ExcitationProblem, Search
 from dynid.excitation.purpose import (
     Expected,
     Purpose,
@@ -30,12 +31,13 @@ from dynid.excitation.purpose import (
     whole_workspace,
     without_friction,
 )
-from dynid.excitation.region import region_of
+from dynid.excitation.region import MotionRegion, random_numbers, region_of
 
 __all__ = [
     "CRITERIA",
     "METHODS",
     "AOptimal",
+    "Candidate",
     "Criterion",
     "DesignEvaluation",
     "Effort",
@@ -43,17 +45,21 @@ __all__ = [
     "ExcitationProblem",
     "Expected",
     "GramKernel",
+    "MotionRegion",
     "Optimised",
     "Purpose",
+    "Search",
     "all_criteria",
     "assumed_noise",
     "by_genetic_algorithm",
     "by_gradient",
     "check_room",
+    "evolve",
     "expected",
     "parse_criterion",
     "prior_scale",
     "purpose_of",
+    "random_numbers",
     "region_of",
     "scaled_condition_number",
     "whole_workspace",

@@ -15,7 +15,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.constraints import Certificate
-from dynid.core import Array, InputError, JobError, Progress, Provenance
+from dynid.core import Array, Finding, InputError, JobError, Progress, Provenance
 from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.finishing import Finished, finish
 from dynid.excitation.genetic import elite_count, evolve
@@ -59,7 +59,7 @@ class ExcitationDesign:
     """What an identification from all repetitions is expected to know."""
     repetitions: int
     """How often the period is to be run: more than 1 only where an accuracy asks for it."""
-    findings: tuple[Mapping[str, Any], ...]
+    findings: tuple[Finding, ...]
     """`weak_excitation`, where the motion excites too little."""
     scaled_condition_number: float
     """Of one period, with the columns scaled to unit norm."""
@@ -130,7 +130,7 @@ class ExcitationDesign:
             "largest_parameter_std": _known(self.expected.largest_parameter_std),
             "noise": self.expected.noise.tolist(),
             "repetitions": self.repetitions,
-            "findings": [dict(item) for item in self.findings],
+            "findings": [item.to_json() for item in self.findings],
             "criterion": self.criterion,
             "criteria": {name: _known(value) for name, value in self.criteria.items()},
             "method": self.method,

@@ -1,10 +1,13 @@
 """Identified models as files that other programs load."""
 
+from dynid.export.model import ExportModel, export_model
 from dynid.export.robot_xml import quaternion, roll_pitch_yaw
 from dynid.export.writing import ExportedFile, write_model
 
 __all__ = [
+    "ExportModel",
     "ExportedFile",
+    "export_model",
     "quaternion",
     "roll_pitch_yaw",
     "write_model",

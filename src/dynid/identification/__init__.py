@@ -1,6 +1,15 @@
 """Estimators, their statistics, and the choice of settings."""
 
-from dynid.identification.bayesian import TowardPublished, inertial_prior
+from dynid.identification.bayesian import (
+    BayesianRegression,
+    InertialPrior,
+    TowardPublished,
+    base_prior,
+    inertial_prior,
+    not_negative,
+    posterior,
+    published_prior,
+)
 from dynid.identification.drive_gains import (
     LARGEST_STD,
     WIDTH,
@@ -12,19 +21,34 @@ from dynid.identification.drive_gains import (
 from dynid.identification.estimate import (
     FORMAT,
     Estimate,
+    MotionRange,
+    StandardParameters,
     TorquePrediction,
     estimate_to_json,
     read_estimate,
     write_estimate,
 )
 from dynid.identification.fitting import ESTIMATORS, estimator_of, fit_estimate
-from dynid.identification.instrumental import ClosedLoop
+from dynid.identification.instrumental import (
+    ClosedLoop,
+    InstrumentalVariables,
+    OutputError,
+    smooth_motion,
+    solve_instrumental,
+)
 from dynid.identification.least_squares import (
     PRIOR_GAIN,
     Estimator,
+    HuberRegression,
+    OrdinaryLeastSquares,
+    RecursiveEstimate,
+    RecursiveLeastSquares,
+    TotalLeastSquares,
     WeightedLeastSquares,
     autocorrelation,
+    solve_total,
 )
+from dynid.identification.likelihood import Likelihood, MaximumLikelihood, motion_noise
 from dynid.identification.payload import Payload, payload_of
 from dynid.identification.physical import PhysicallyConsistent
 from dynid.identification.problem import (
@@ -52,6 +76,13 @@ from dynid.identification.shared import (
     fit_shared,
     shared_estimates,
 )
+from dynid.identification.statistics import (
+    essential_parameters,
+    hac_covariance,
+    long_run_covariance,
+    moved_by_prior,
+    naive_covariance,
+)
 from dynid.identification.temperature import LEAST_SPREAD_K, JointTemperatureLaw, fit_law
 
 __all__ = [
@@ -64,40 +95,66 @@ __all__ = [
     "PURPOSES",
     "WIDTH",
     "Assessment",
+    "BayesianRegression",
     "ClosedLoop",
     "DriveGains",
     "Estimate",
     "Estimator",
+    "HuberRegression",
     "IdentificationProblem",
+    "InertialPrior",
+    "InstrumentalVariables",
     "JointTemperatureLaw",
+    "Likelihood",
+    "MaximumLikelihood",
     "ModelError",
+    "MotionRange",
+    "OrdinaryLeastSquares",
+    "OutputError",
     "Payload",
     "PhysicallyConsistent",
+    "RecursiveEstimate",
+    "RecursiveLeastSquares",
     "Selection",
     "SharedFit",
     "SharedProblem",
+    "StandardParameters",
     "TorqueInterval",
     "TorquePrediction",
+    "TotalLeastSquares",
     "TowardPublished",
     "WeighedGains",
     "WeightedLeastSquares",
     "autocorrelation",
     "base_order",
+    "base_prior",
     "block_mean",
     "chunk_size",
     "drive_gains",
+    "essential_parameters",
     "estimate_to_json",
     "estimator_of",
     "fit_estimate",
     "fit_law",
     "fit_shared",
+    "hac_covariance",
     "inertial_prior",
+    "long_run_covariance",
+    "motion_noise",
     "motion_state",
+    "moved_by_prior",
+    "naive_covariance",
+    "not_negative",
     "payload_of",
+    "posterior",
+    "published_prior",
     "read_estimate",
     "recorded_rows",
     "select",
     "shared_estimates",
+    "smooth_motion",
+    "solve_instrumental",
+    "solve_total",
     "weighed_gains",
     "with_load",
     "with_ripple",

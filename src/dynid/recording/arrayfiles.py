@@ -10,7 +10,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from dynid.core import Array, MissingExtraError, RecordError, require
+from dynid.core import Array, MissingExtraError, RecordError, parse_json, require
 from dynid.recording.budget import Budget
 from dynid.recording.content import all_bytes
 from dynid.recording.table import RawTable, ReadOptions
@@ -19,7 +19,6 @@ from dynid.recording.variables import numbers_of, table_of
 _AGAIN = "save it again (MATLAB: save(file, '-v7'))."
 _MAX_VARIABLES = 5000
 _MAX_ELEMENTS = 200
-_MAX_VALUES = 500_000_000
 _MAX_DEPTH = 12
 
 
@@ -52,7 +51,7 @@ def read_hdf5(files: list[Path], options: ReadOptions, budget: Budget) -> RawTab
             for name in file:
                 # MATLAB keeps what its cells point to under #refs#.
                 if not name.startswith("#"):
-                    _collect(file, file[name], name, variables, 0)
+                    _collect(file, _own(file, name, name), name, variables, 0, budget)
     except RecordError:
         raise
     # libhdf5 reports damage as OSError, RuntimeError, KeyError, ValueError or TypeError.
@@ -69,19 +68,36 @@ def read_hdf5(files: list[Path], options: ReadOptions, budget: Budget) -> RawTab
     return table_of(variables, options, where=path.name, format="hdf5")
 
 
-def _collect(file: Any, item: Any, path: str, into: dict[str, Array], depth: int) -> None:
+def _own(group: Any, name: str, path: str) -> Any:
+    """A member of a group, if it is in this file.
+
+    Raises:
+        RecordError: A link to another file, or values that lie outside of this one.
+    """
+    link = group.get(name, getlink=True)
+    if type(link).__name__ == "ExternalLink":
+        raise RecordError("a link leads to another file, which is not followed", where=path)
+    item = group[name]
+    if getattr(item, "external", None) or getattr(item, "is_virtual", False):
+        raise RecordError("an array lies in another file, which is not read", where=path)
+    return item
+
+
+def _collect(
+    file: Any, item: Any, path: str, into: dict[str, Array], depth: int, budget: Budget
+) -> None:
     if depth > _MAX_DEPTH or len(into) >= _MAX_VARIABLES:
         return
     if not hasattr(item, "dtype"):
         # pandas keeps its columns in blocks, and their names beside them.
         for name in [name for name in item if f"{name.partition('_')[0]}_items" in item]:
-            if name.endswith("_values") and _keep_block(item, name, path, into):
+            if name.endswith("_values") and _keep_block(item, name, path, into, budget):
                 return
         for name in item:
-            _collect(file, item[name], f"{path}.{name}", into, depth + 1)
+            _collect(file, _own(item, name, path), f"{path}.{name}", into, depth + 1, budget)
         return
-    if item.size > _MAX_VALUES:
-        raise RecordError("an array is too large", where=path, value=item.shape)
+    taken = sum(value.size for value in into.values())
+    budget.require_values(item.size + taken, where=path, times=max(1, len(item.dtype.names or ())))
     if item.dtype.names:
         table = item[()]
         for name in item.dtype.names:
@@ -92,15 +108,17 @@ def _collect(file: Any, item: Any, path: str, into: dict[str, Array], depth: int
                 # Fields of a struct array hold one reference an element.
                 stem, _, last = path.rpartition(".")
                 inner = f"{stem}({number + 1}).{last}" if stem else f"{path}({number + 1})"
-                _collect(file, file[reference], inner, into, depth + 1)
+                _collect(file, file[reference], inner, into, depth + 1, budget)
     elif "MATLAB_empty" not in item.attrs:
         _keep(path, item[()], into)
 
 
-def _keep_block(item: Any, name: str, path: str, into: dict[str, Array]) -> bool:
+def _keep_block(item: Any, name: str, path: str, into: dict[str, Array], budget: Budget) -> bool:
     """Keep each column of a block of a pandas table under its own name."""
-    labels: list[Any] = item[name.replace("_values", "_items")][()].ravel().tolist()
-    values = item[name][()]
+    parts = [_own(item, part, path) for part in (name.replace("_values", "_items"), name)]
+    budget.require_values(sum(part.size for part in parts), where=path)
+    labels: list[Any] = parts[0][()].ravel().tolist()
+    values = parts[1][()]
     if values.ndim != 2 or values.shape[1] != len(labels):
         return False
     for k, label in enumerate(labels):
@@ -213,12 +231,12 @@ def read_json(files: list[Path], options: ReadOptions, budget: Budget) -> RawTab
 
 def _parse(text: str) -> Any:
     try:
-        return json.loads(text)
-    except ValueError:
+        return parse_json(text)
+    except json.JSONDecodeError:
         lines = [line for line in text.splitlines() if line.strip()]
         if len(lines) < 2:
             raise
-        return [json.loads(line) for line in lines]
+        return [parse_json(line) for line in lines]
 
 
 def _jsonfile_collect(item: Any, path: str, into: dict[str, Array], depth: int) -> None:

@@ -9,7 +9,6 @@ length and a CRC-32 each. `H` is the description (JSON), `R` rows of little-endi
 from __future__ import annotations
 
 import fcntl
-import json
 import os
 import struct
 import zlib
@@ -21,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Finding, JobError, RecordError
+from dynid.core import Finding, JobError, RecordError, parse_json
 from dynid.recording.content import unreadable
 from dynid.recording.record import (
     ExperimentRecord,
@@ -82,11 +81,11 @@ def recover(path: Path, *, finished: bool = False) -> ExperimentRecord:
         for kind, payload in _segments(data):
             used += _HEAD.size + len(payload)
             if kind == b"H":
-                description = json.loads(payload)
+                description = parse_json(payload.decode())
             elif kind == b"R":
                 blocks.append(payload)
             elif kind == b"N":
-                notices.append(json.loads(payload))
+                notices.append(parse_json(payload.decode()))
     except ValueError as error:
         raise RecordError("the recording's description is damaged", where=path.name) from error
     if not isinstance(description, dict):

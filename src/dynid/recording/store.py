@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Finding, RecordError, cannot_write, file_behind
+from dynid.core import Array, Finding, RecordError, cannot_write, file_behind, parse_json
 from dynid.recording.partial import is_partial, partial_path, read_partial, recover
 from dynid.recording.record import (
     UNITS,
@@ -145,7 +145,7 @@ def read_record(path: str | Path) -> ExperimentRecord:
                 name: np.asarray(table.column(name).to_numpy(), dtype=np.float64)
                 for name in table.column_names
             }
-        description: dict[str, Any] = json.loads(entries[KEY])
+        description: dict[str, Any] = parse_json(entries[KEY].decode())
     except RecordError:
         raise
     # pyarrow raises many kinds on damaged bytes (ArrowInvalid, OSError, UnicodeError, ...).

@@ -1,27 +1,66 @@
 """A simulated arm with known parameters, to test identification against."""
 
-from dynid.simulation.friction import Thermal
-from dynid.simulation.library import SERIAL, simulated_arm
+from dynid.simulation.friction import (
+    JointFriction,
+    JointThermal,
+    Thermal,
+    constant_temperature,
+    ideal_friction,
+)
+from dynid.simulation.kernel import mujoco_model
+from dynid.simulation.library import SERIAL, ideal_arm, simulated_arm, ur5_truth
 from dynid.simulation.plant import (
     Plant,
+    RunTruth,
     SimulatedRun,
     simulate,
     warm_up,
 )
-from dynid.simulation.servo import PlantState, Servo, Target
-from dynid.simulation.truth import SimulatedArm, with_payload
+from dynid.simulation.servo import (
+    JointSensors,
+    PlantState,
+    Servo,
+    Target,
+    chosen_sensors,
+    perfect_sensors,
+)
+from dynid.simulation.truth import (
+    GroundTruth,
+    SimulatedArm,
+    cylinder,
+    link_body,
+    link_parameters,
+    point_masses,
+    with_payload,
+)
 
 __all__ = [
     "SERIAL",
+    "GroundTruth",
+    "JointFriction",
+    "JointSensors",
+    "JointThermal",
     "Plant",
     "PlantState",
+    "RunTruth",
     "Servo",
     "SimulatedArm",
     "SimulatedRun",
     "Target",
     "Thermal",
+    "chosen_sensors",
+    "constant_temperature",
+    "cylinder",
+    "ideal_arm",
+    "ideal_friction",
+    "link_body",
+    "link_parameters",
+    "mujoco_model",
+    "perfect_sensors",
+    "point_masses",
     "simulate",
     "simulated_arm",
+    "ur5_truth",
     "warm_up",
     "with_payload",
 ]

@@ -3,11 +3,12 @@
 from dynid.trajectory.bounds import (
     MotionBounds,
     copied_bounds,
+    largest_scale,
     peaks,
     random_excitation,
     usable_bounds,
 )
-from dynid.trajectory.bspline import BSpline
+from dynid.trajectory.bspline import BSpline, BSplineFamily
 from dynid.trajectory.files import (
     FAMILY_NAMES,
     StoredTrajectory,
@@ -15,11 +16,21 @@ from dynid.trajectory.files import (
     joint_trajectory_yaml,
     motion_family,
     read_trajectory,
+    sampled,
+    trajectory_from_json,
     trajectory_to_json,
     write_trajectory,
 )
-from dynid.trajectory.fourier import FourierSeries, harmonic_basis
-from dynid.trajectory.quintic import FourierQuintic, Quintic
+from dynid.trajectory.fourier import (
+    FourierFamily,
+    FourierSeries,
+    ModifiedFourierFamily,
+    harmonic_basis,
+    rest_basis,
+    rest_series,
+)
+from dynid.trajectory.points import LANGUAGES, PointsFamily, PointToPoint, points_text
+from dynid.trajectory.quintic import FourierQuintic, Quintic, rest_to_rest
 from dynid.trajectory.sequence import MotionSequence, Repetition, through_poses
 from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory
 from dynid.trajectory.urscript import (
@@ -31,14 +42,20 @@ from dynid.trajectory.urscript import (
 
 __all__ = [
     "FAMILY_NAMES",
+    "LANGUAGES",
     "BSpline",
+    "BSplineFamily",
+    "FourierFamily",
     "FourierQuintic",
     "FourierSeries",
     "JointMotion",
+    "ModifiedFourierFamily",
     "MotionBounds",
     "MotionFamily",
     "MotionSequence",
     "Piece",
+    "PointToPoint",
+    "PointsFamily",
     "Quintic",
     "Repetition",
     "StoredTrajectory",
@@ -48,12 +65,19 @@ __all__ = [
     "csv_text",
     "harmonic_basis",
     "joint_trajectory_yaml",
+    "largest_scale",
     "motion_family",
     "peaks",
     "pieces",
+    "points_text",
     "random_excitation",
     "read_trajectory",
+    "rest_basis",
+    "rest_series",
+    "rest_to_rest",
+    "sampled",
     "through_poses",
+    "trajectory_from_json",
     "trajectory_to_json",
     "ur_program",
     "usable_bounds",

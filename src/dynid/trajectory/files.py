@@ -15,8 +15,9 @@ from dynid.core import Array, InputError, JsonFields, Provenance, load_object, w
 from dynid.trajectory.bounds import MotionBounds, MotionLimits, copied_bounds
 from dynid.trajectory.bspline import BSpline, BSplineFamily
 from dynid.trajectory.fourier import FourierFamily, FourierSeries, ModifiedFourierFamily
+from dynid.trajectory.points import PointsFamily, PointToPoint
 from dynid.trajectory.quintic import FourierQuintic, FourierQuinticFamily, Quintic
-from dynid.trajectory.sequence import MotionSequence, PosesFamily, Repetition
+from dynid.trajectory.sequence import MotionSequence, Repetition
 from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory
 
 _DEEPEST = 8
@@ -60,6 +61,13 @@ def trajectory_to_json(trajectory: Trajectory) -> dict[str, Any]:
         case Quintic():
             return {
                 "type": "quintic",
+                "travel_time": trajectory.travel_time,
+                "start": trajectory.start.tolist(),
+                "goal": trajectory.goal.tolist(),
+            }
+        case PointToPoint():
+            return {
+                "type": "point-to-point",
                 "travel_time": trajectory.travel_time,
                 "start": trajectory.start.tolist(),
                 "goal": trajectory.goal.tolist(),
@@ -116,6 +124,12 @@ def trajectory_from_json(fields: JsonFields, *, depth: int = 0) -> Trajectory:
             )
         case "quintic":
             return Quintic(
+                travel_time=fields.number("travel_time"),
+                start=fields.vector("start"),
+                goal=fields.vector("goal"),
+            )
+        case "point-to-point":
+            return PointToPoint(
                 travel_time=fields.number("travel_time"),
                 start=fields.vector("start"),
                 goal=fields.vector("goal"),
@@ -298,7 +312,7 @@ _MAKERS: dict[str, Callable[[float, int], MotionFamily]] = {
     BSplineFamily.name: lambda duration, order: BSplineFamily(
         travel_time=duration, points=2 * order
     ),
-    PosesFamily.name: lambda duration, order: PosesFamily(travel_time=duration, poses=order),
+    PointsFamily.name: lambda duration, order: PointsFamily(travel_time=duration, points=order),
 }
 
 FAMILY_NAMES = tuple(_MAKERS)
@@ -312,7 +326,7 @@ def motion_family(name: str, duration: float, harmonics: int) -> MotionFamily:
         name: One of `FAMILY_NAMES`.
         duration: Time from start to end, the period [s].
         harmonics: Number of harmonics H. A B-spline gets 2H free points, as many as the series
-            has sines and cosines; a motion through poses rests in H of them.
+            has sines and cosines; a motion through points rests in H of them.
 
     Raises:
         InputError: An unknown name, or a duration or number of harmonics that is not allowed.

@@ -5,16 +5,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, frozen
 from dynid.trajectory.bounds import MotionLimits
-from dynid.trajectory.fourier import check_period
-from dynid.trajectory.quintic import STEP, Quintic, rest_to_rest, three_values
-from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory, still_outside
+from dynid.trajectory.quintic import rest_to_rest
+from dynid.trajectory.trajectory import JointMotion, Trajectory, still_outside
 
 _JUMP = 1e-6
 """Largest jump where two parts meet: rad, rad/s and rad/s^2 (m for prismatic joints)."""
@@ -186,72 +184,3 @@ def through_poses(
             for start, goal in itertools.pairwise(places)
         ]
     )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PosesFamily(MotionFamily):
-    """From the offset through free poses, a rest in each, and back, in equal times.
-
-    Raises:
-        InputError: A travel time that is not positive, or no free poses.
-    """
-
-    name: ClassVar[str] = "poses"
-    travel_time: float
-    """Time from start to end [s]."""
-    poses: int
-    """Free poses between the ends."""
-
-    def __post_init__(self) -> None:
-        check_period(self.travel_time)
-        if self.poses < 1:
-            raise InputError("a motion through poses needs one", value=self.poses)
-
-    @property
-    def duration(self) -> float:
-        """The travel time [s]."""
-        return self.travel_time
-
-    @property
-    def free_count(self) -> int:
-        """One free number a pose, relative to the offset."""
-        return self.poses
-
-    def basis(self, t: Array) -> tuple[Array, Array, Array]:
-        """A column rises to one towards its pose and falls back to zero towards the next.
-
-        Args:
-            t: (N) times within the travel time [s].
-        """
-        leg = self.travel_time / (self.poses + 1)
-        number = np.clip(np.floor(t / leg).astype(np.intp), 0, self.poses)
-        place, speed, push = three_values(STEP, np.clip(t / leg - number, 0.0, 1.0))
-        columns = np.arange(self.poses)
-        rising, falling = columns == number[:, None], columns == number[:, None] - 1
-        sign = rising * 1.0 - falling * 1.0
-        return (
-            sign * place[:, None] + falling,
-            sign * (speed / leg)[:, None],
-            sign * (push / leg**2)[:, None],
-        )
-
-    def trajectory(self, offset: ArrayLike, free: ArrayLike) -> Trajectory:
-        """The member with these numbers.
-
-        Args:
-            offset: (n) pose at both ends [rad or m].
-            free: (n, poses) the poses between, relative to the offset [rad or m].
-
-        Raises:
-            InputError: Shapes that disagree, or numbers that are not finite.
-        """
-        pose = frozen(offset, shape=(None,), name="offset")
-        numbers = frozen(free, shape=(len(pose), self.poses), name="free numbers")
-        places = np.vstack([pose, pose + numbers.T, pose])
-        leg = self.travel_time / (self.poses + 1)
-        return chained(
-            [
-                Quintic(start=start, goal=goal, travel_time=leg)
-                for start, goal in itertools.pairwise(places)
-            ]
-        )

@@ -11,6 +11,7 @@ import numpy as np
 from dynid.core import Array, InputError, frozen
 from dynid.trajectory.bspline import BSpline, power_coefficients
 from dynid.trajectory.fourier import FourierSeries
+from dynid.trajectory.points import PointToPoint
 from dynid.trajectory.quintic import STEP, FourierQuintic, Quintic
 from dynid.trajectory.sequence import MotionSequence, Repetition
 from dynid.trajectory.trajectory import Trajectory
@@ -74,6 +75,8 @@ def pieces(trajectory: Trajectory) -> tuple[Piece, ...]:
             way = np.outer(trajectory.goal - trajectory.start, STEP)
             way[:, 0] = trajectory.start
             return (_polynomial(trajectory.duration, way),)
+        case PointToPoint():
+            return tuple(_polynomial(*part) for part in trajectory.polynomials())
         case BSpline():
             knots, degree = trajectory.knots, trajectory.degree
             widths = np.diff(knots[degree:-degree])

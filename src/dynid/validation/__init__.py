@@ -1,7 +1,7 @@
 """How well a model predicts another record."""
 
 from dynid.validation.comparison import ParameterComparison, compare
-from dynid.validation.observer import MomentumObserver, contact_thresholds
+from dynid.validation.observer import ContactThresholds, MomentumObserver, contact_thresholds
 from dynid.validation.prediction import (
     MOVING_SPEED,
     Metrics,
@@ -9,12 +9,14 @@ from dynid.validation.prediction import (
     reproduce,
     samples_of,
     validate,
+    validate_samples,
 )
 from dynid.validation.transfer import CAUSES, TransferReport, refit_friction
 
 __all__ = [
     "CAUSES",
     "MOVING_SPEED",
+    "ContactThresholds",
     "Metrics",
     "MomentumObserver",
     "ParameterComparison",
@@ -26,4 +28,5 @@ __all__ = [
     "reproduce",
     "samples_of",
     "validate",
+    "validate_samples",
 ]

@@ -4,15 +4,12 @@ from dynid.workflow.analyze import Analysis, analyze
 from dynid.workflow.demo import run_demo
 from dynid.workflow.design_files import (
     Check,
-    DesignLimits,
     check,
     export_motion,
-    parse_floor,
-    parse_payload,
-    parse_tool,
     read_design,
     write_design,
 )
+from dynid.workflow.design_limits import DesignLimits, parse_floor, parse_payload, parse_tool
 from dynid.workflow.design_settings import DesignSettings
 from dynid.workflow.designing import design
 from dynid.workflow.exporting import check_suffix, export_file

@@ -25,6 +25,8 @@ HIGHEST_HZ = 1.0
 """Of the harmonics of a prediction design, to which servo loops follow without error: twice the
 paper's 0.5 Hz lowers the torque error of ten seconds by 13 %, 1.4 Hz by 3 % more."""
 MOST_DEFAULT_HARMONICS = 12
+POINTS_A_SECOND = 1.5
+"""Rests of a point-to-point motion."""
 FOURIER = ("fourier", "modified-fourier", "fourier-quintic")
 POPULATION, GENERATIONS = 300, 5
 """The paper's."""
@@ -54,7 +56,8 @@ class DesignSettings:
     trajectory: str = "fourier"
     """One of `FAMILY_NAMES`."""
     harmonics: int | None = None
-    """Of the series; a B-spline gets as many free numbers. None for the default, see `order`."""
+    """Of the series; a B-spline gets as many free numbers, `points` as many points.
+    None for the default, see `order`."""
     period_s: float = 10.0
     """Time of one period [s]."""
     rate_hz: float = 125.0
@@ -118,7 +121,7 @@ class DesignSettings:
             raise InputError(
                 "must be a time", where="--period", value=self.period_s, limit="0.1 to 3600 s"
             )
-        least = 1 if self.trajectory in ("bspline", "poses") else 2
+        least = 1 if self.trajectory in ("bspline", "points") else 2
         if not least <= self.order <= MOST_HARMONICS:
             raise InputError(
                 "too few harmonics to move" if self.order < least else "too many harmonics",
@@ -158,6 +161,8 @@ class DesignSettings:
         """The number of harmonics, its default filled in."""
         if self.harmonics is not None:
             return self.harmonics
+        if self.trajectory == "points":
+            return max(round(POINTS_A_SECOND * self.period_s), 2)
         if self.minimised in ("cond", "cond+sigma") or self.trajectory not in FOURIER:
             return HARMONICS
         return min(max(round(HIGHEST_HZ * self.period_s), HARMONICS), MOST_DEFAULT_HARMONICS)

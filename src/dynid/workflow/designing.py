@@ -6,12 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from dynid.constraints import MotionConstraints
-from dynid.core import Array, InputError, JobError, Progress, file_hash, provenance
+from dynid.core import Array, Finding, InputError, JobError, Progress, file_hash, provenance
 from dynid.excitation import (
     AOptimal,
     Effort,
@@ -43,12 +42,11 @@ from dynid.trajectory import copied_bounds, motion_family
 from dynid.workflow.analyze import unit_notes
 from dynid.workflow.design_files import (
     ROBOT,
-    DesignLimits,
-    given_limits,
     purpose_from,
     robot_hash,
     write_design,
 )
+from dynid.workflow.design_limits import DesignLimits, given_limits
 from dynid.workflow.design_settings import DEFAULT_STARTS, MOST_STARTS, PATIENCE, DesignSettings
 from dynid.workflow.recordings import open_record, robot_reference
 
@@ -289,30 +287,26 @@ class _Job:
             settings={**self.limits.to_json(), ROBOT: robot_hash(self.robot)},
         )
 
-    def _findings(self, told: Expected, periods: int) -> tuple[dict[str, Any], ...]:
+    def _findings(self, told: Expected, periods: int) -> tuple[Finding, ...]:
         """What the motion does not excite."""
         if not told.torque_error_percent > WEAK_PERCENT:
             return ()
         share = told.parameter_std / prior_scale(self.robot, self.base)
         worst = [int(k) for k in np.argsort(-share) if share[k] > WEAK_SHARE]
         columns = self.base.model.columns
-        joints = sorted({columns[self.base.independent[k]].joint + 1 for k in worst})
         names = ", ".join(self.base.names[k] for k in worst[:6])
         lost = f"; not identified: {len(worst)} parameters, the first {names}" if worst else ""
         return (
-            {
-                "kind": "weak_excitation",
-                "code": "low_excitation",
-                "severity": "error",
-                "joints": joints,
-                "value": round(told.torque_error_percent, 2),
-                "std": None,
-                "unit": "%",
-                "message": f"the motion excites too little: {periods} periods leave an expected "
-                f"torque error of {told.torque_error_percent:.3g} %, limit {WEAK_PERCENT:g} %"
-                f"{lost}",
-                "next_step": "Give the arm more room or a longer period, or pass --accept-weak.",
-            },
+            Finding(
+                kind="weak_excitation",
+                text=f"the motion excites too little: {periods} periods leave an expected torque "
+                f"error of {told.torque_error_percent:.3g} %, limit {WEAK_PERCENT:g} %{lost}",
+                severity="error",
+                joints=tuple(sorted({columns[self.base.independent[k]].joint for k in worst})),
+                value=told.torque_error_percent,
+                unit="%",
+                next_step="give the arm more room or a longer period, or pass --accept-weak",
+            ),
         )
 
 

@@ -32,11 +32,10 @@ from dynid.simulation import Thermal
 from dynid.trajectory import Trajectory
 from dynid.workflow.analyze import unit_notes
 from dynid.workflow.design_files import (
-    DesignLimits,
     StoredDesign,
-    given_limits,
     read_design,
 )
+from dynid.workflow.design_limits import DesignLimits, given_limits
 from dynid.workflow.recordings import robot_reference
 
 METHODS = ("program", "servoj")

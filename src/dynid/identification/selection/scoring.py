@@ -377,7 +377,9 @@ class Search:
                     moved = (*choices[:j], trial, *choices[j + 1 :])
                     scored = self.scores(blocks, moved, weights, prior)
                     price = self._price(choices[j], trial)
-                    gain = min(g - (e if price > 0 else 0.0) for g, e in scored.gains(now)) - price
+                    # A motion that is repeated needs no proof that a term transfers.
+                    doubt = float(price > 0 and self.anywhere)
+                    gain = min(g - doubt * e for g, e in scored.gains(now)) - price
                     if gain > LEAST_GAIN and (found is None or gain > found[0]):
                         found = (gain, trial, scored)
                 if found is not None:

@@ -208,7 +208,7 @@ def _delete_signal(core: Core, signal_name: Value) -> bool:
 
 def _signal_status(core: Core, signal_name: Value, is_secondary_program: Value = False) -> Value:
     value = core.signals.modbus.get(shown(signal_name), 0)
-    return list(value) if isinstance(value, list) else value
+    return [*value] if value.__class__ is list else value
 
 
 def _set_signal(
@@ -227,7 +227,7 @@ def _set_digital_signal(
     return _set_signal(core, signal_name, digital_value)
 
 
-_INSTANT |= {
+_MODBUS: dict[str, Any] = {
     "modbus_add_signal": _add_signal,
     "modbus_add_rw_signal": _add_rw_signal,
     "modbus_delete_signal": _delete_signal,
@@ -236,7 +236,7 @@ _INSTANT |= {
     "modbus_set_output_signal": _set_digital_signal,
 }
 IO: list[Builtin] = [
-    *(builtin(function, Kind.INSTANT, name=name) for name, function in _INSTANT.items()),
+    *(builtin(f, Kind.INSTANT, name=name) for name, f in (_INSTANT | _MODBUS).items()),
     builtin(_textmsg, Kind.INSTANT, name="textmsg", weight=_MESSAGE_WEIGHT),
     builtin(_popup, Kind.BLOCKING, name="popup", weight=_MESSAGE_WEIGHT),
 ]

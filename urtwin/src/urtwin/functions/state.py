@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -154,7 +154,7 @@ def _rtde_value(core: Core, variable_name: Value) -> Value:
     if reader is None:
         raise ScriptFault("no RTDE output has this name", value=shown(variable_name))
     value = reader(core)
-    return list(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
+    return list(value) if isinstance(value, list) else value
 
 
 _ASK: dict[str, Callable[[Core], Value]] = {

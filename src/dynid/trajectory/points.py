@@ -1,0 +1,285 @@
+"""Point-to-point motions with a trapezoid of velocity, for controllers that only take points.
+
+Every joint accelerates for `BLEND` of the leg, moves at constant velocity, and decelerates as long,
+all joints together: the profile that `movej`, `PTP` and `MoveAbsJ` make of a leg. The arm rests in
+every point; no blending radius is used, so that the path is the one that was certified.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dynid.core import Array, InputError, frozen
+from dynid.trajectory.bounds import MotionLimits
+from dynid.trajectory.fourier import check_period
+from dynid.trajectory.sequence import MotionSequence, chained
+from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory
+
+BLEND = 1 / 3
+"""Share of a leg in which the velocity rises, and again in which it falls: with a third, the leg's
+peak velocity is 3/2 and its peak acceleration 9/2 of the distance over the (squared) time."""
+LANGUAGES = ("movej", "waypoints", "krl", "rapid")
+_AXES = 6
+_SAID = "untested on a controller; exact stop in every point"
+_END = 1e-9
+"""Share of a leg that rounding may take off its ends."""
+
+
+def trapezoid(u: Array) -> tuple[Array, Array, Array]:
+    """The way from 0 to 1 and its first two derivatives at (N) u in [0, 1]; at rest at both ends.
+
+    At the ends the acceleration counts as zero: there the arm stands.
+    """
+    top = 1.0 / (1.0 - BLEND)
+    push = top / BLEND
+    rising, falling = u < BLEND, u > 1.0 - BLEND
+    place = np.where(rising, push / 2 * np.square(u), top * (u - BLEND / 2))
+    place = np.where(falling, 1.0 - push / 2 * np.square(1.0 - u), place)
+    speed = np.where(rising, push * u, np.where(falling, push * (1.0 - u), top))
+    inside = (u > _END) & (u < 1.0 - _END)
+    return place, speed, inside * push * (rising * 1.0 - falling * 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PointToPoint(Trajectory):
+    """A straight line in joint space with a trapezoid of velocity.
+
+    Raises:
+        InputError: A travel time that is not positive, or poses that disagree or are not finite.
+    """
+
+    start: Array
+    """(n) first pose [rad or m]."""
+    goal: Array
+    """(n) last pose [rad or m]."""
+    travel_time: float
+    """Time from start to goal [s]."""
+
+    def __post_init__(self) -> None:
+        check_period(self.travel_time)
+        object.__setattr__(self, "start", frozen(self.start, shape=(None,), name="start"))
+        goal = frozen(self.goal, shape=self.start.shape, name="goal")
+        object.__setattr__(self, "goal", goal)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints n."""
+        return len(self.start)
+
+    @property
+    def duration(self) -> float:
+        """The travel time [s]."""
+        return self.travel_time
+
+    def evaluate(self, t: ArrayLike) -> JointMotion:
+        """The motion at any times.
+
+        Args:
+            t: (N) times [s]; outside 0 to `duration` the arm stands at the nearer end.
+
+        Raises:
+            InputError: Times that are not a list of finite numbers.
+        """
+        times = frozen(t, shape=(None,), name="t")
+        way = (self.goal - self.start)[None, :]
+        place, speed, push = trapezoid(np.clip(times / self.duration, 0.0, 1.0))
+        return JointMotion(
+            t=times,
+            q=np.where(
+                place[:, None] < 0.5,
+                self.start + place[:, None] * way,
+                self.goal - (1.0 - place[:, None]) * way,
+            ),
+            dq=speed[:, None] / self.duration * way,
+            ddq=push[:, None] / self.duration**2 * way,
+        )
+
+    def polynomials(self) -> tuple[tuple[float, Array], ...]:
+        """Duration [s] and ascending coefficients (n, 3) of the three parts, each in 0 to 1."""
+        way = self.goal - self.start
+        top = 1.0 / (1.0 - BLEND)
+        ramp = top * BLEND / 2
+        found: list[tuple[float, Array]] = []
+        for share, powers in (
+            (BLEND, (0.0, 0.0, ramp)),
+            (1.0 - 2.0 * BLEND, (ramp, 1.0 - 2.0 * ramp, 0.0)),
+            (BLEND, (1.0 - ramp, 2.0 * ramp, -ramp)),
+        ):
+            coefficients = np.outer(way, powers)
+            coefficients[:, 0] += self.start
+            found.append((share * self.travel_time, coefficients))
+        return tuple(found)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PointsFamily(MotionFamily):
+    """From the offset through free points, a rest in each, and back, in equal times.
+
+    Raises:
+        InputError: A travel time that is not positive, or no free points.
+    """
+
+    name: ClassVar[str] = "points"
+    travel_time: float
+    """Time from start to end [s]."""
+    points: int
+    """Free points between the ends."""
+
+    def __post_init__(self) -> None:
+        check_period(self.travel_time)
+        if self.points < 1:
+            raise InputError("a motion through points needs one", value=self.points)
+
+    @property
+    def duration(self) -> float:
+        """The travel time [s]."""
+        return self.travel_time
+
+    @property
+    def free_count(self) -> int:
+        """One free number a point, relative to the offset."""
+        return self.points
+
+    def basis(self, t: Array) -> tuple[Array, Array, Array]:
+        """A column rises to one towards its point and falls back to zero towards the next.
+
+        Args:
+            t: (N) times within the travel time [s].
+        """
+        leg = self.travel_time / (self.points + 1)
+        number = np.clip(np.floor(t / leg).astype(np.intp), 0, self.points)
+        place, speed, push = trapezoid(np.clip(t / leg - number, 0.0, 1.0))
+        columns = np.arange(self.points)
+        rising, falling = columns == number[:, None], columns == number[:, None] - 1
+        sign = rising * 1.0 - falling * 1.0
+        return (
+            sign * place[:, None] + falling,
+            sign * (speed / leg)[:, None],
+            sign * (push / leg**2)[:, None],
+        )
+
+    def trajectory(self, offset: ArrayLike, free: ArrayLike) -> Trajectory:
+        """The member with these numbers.
+
+        Args:
+            offset: (n) pose at both ends [rad or m].
+            free: (n, points) the points between, relative to the offset [rad or m].
+
+        Raises:
+            InputError: Shapes that disagree, or numbers that are not finite.
+        """
+        pose = frozen(offset, shape=(None,), name="offset")
+        numbers = frozen(free, shape=(len(pose), self.points), name="free numbers")
+        places = np.vstack([pose, pose + numbers.T, pose])
+        leg = self.travel_time / (self.points + 1)
+        return chained(
+            [
+                PointToPoint(start=start, goal=goal, travel_time=leg)
+                for start, goal in itertools.pairwise(places)
+            ]
+        )
+
+
+def points_text(
+    trajectory: Trajectory, language: str, limits: MotionLimits, *, name: str = "dynid_points"
+) -> str:
+    """A point-to-point motion as a program for a controller that makes the profile itself.
+
+    None of the programs was run on a controller: they are compared with the motion by reading
+    them back.
+
+    Args:
+        trajectory: A sequence of `PointToPoint`.
+        language: `movej` (URScript), `waypoints` (CSV), `krl` (KUKA) or `rapid` (ABB).
+        limits: Velocity and acceleration limits, of which KRL takes shares.
+        name: Of the program.
+
+    Raises:
+        InputError: Another kind of motion, an unknown language, or not six joints where the
+            language wants them.
+    """
+    parts = trajectory.parts if isinstance(trajectory, MotionSequence) else (trajectory,)
+    legs = [part for part in parts if isinstance(part, PointToPoint)]
+    if len(legs) < len(parts):
+        raise InputError("not a motion through points", next_step="Design with --trajectory points")
+    if language not in LANGUAGES:
+        raise InputError("unknown language", value=language, limit=", ".join(LANGUAGES))
+    if language != "waypoints" and trajectory.joints != _AXES:
+        raise InputError(f"{language} wants six joints", value=trajectory.joints, limit=_AXES)
+    lines = {"movej": _movej, "waypoints": _waypoints, "krl": _krl, "rapid": _rapid}
+    return "\n".join(lines[language](legs, limits, name)) + "\n"
+
+
+def _movej(legs: list[PointToPoint], limits: MotionLimits, name: str) -> list[str]:
+    del limits
+    body = [f"  movej({_list(legs[0].start, 1.0)}, a=0.5, v=0.5)  # to the start"]
+    for leg in legs:
+        # The leading axis, whose velocity and acceleration movej takes, is the one that goes far.
+        far = max(float(np.abs(leg.goal - leg.start).max()), 1e-6)
+        speed = far / ((1.0 - BLEND) * leg.travel_time)
+        push = speed / (BLEND * leg.travel_time)
+        body.append(f"  movej({_list(leg.goal, 1.0)}, a={push:.9g}, v={speed:.9g}, r=0)")
+    return [
+        f"def {name}():",
+        "  # untested on a controller; exact stop in every point",
+        *body,
+        "end",
+    ]
+
+
+def _waypoints(legs: list[PointToPoint], limits: MotionLimits, name: str) -> list[str]:
+    del limits, name
+    joints = range(1, legs[0].joints + 1)
+    rows = [(0.0, legs[0].start), *((leg.travel_time, leg.goal) for leg in legs)]
+    header = ",".join(["travel_time [s]", *(f"q{joint}" for joint in joints)])
+    return [header, *(",".join(map(repr, [time, *pose.tolist()])) for time, pose in rows)]
+
+
+def _krl(legs: list[PointToPoint], limits: MotionLimits, name: str) -> list[str]:
+    lines = [
+        f"DEF {name}()",
+        "; untested on a controller; exact stop in every point",
+        "BAS(#INITMOV,0)",
+    ]
+    lines += [f"PTP {_krl_axes(legs[0].start)}"]
+    for leg in legs:
+        way = np.abs(leg.goal - leg.start)
+        speed = way / ((1.0 - BLEND) * leg.travel_time)
+        share = _percent(speed / np.asarray(limits.velocity))
+        push = _percent(speed / (BLEND * leg.travel_time) / np.asarray(limits.acceleration))
+        for axis in range(_AXES):
+            lines.append(f"$VEL_AXIS[{axis + 1}]={share[axis]}")
+            lines.append(f"$ACC_AXIS[{axis + 1}]={push[axis]}")
+        lines.append(f"PTP {_krl_axes(leg.goal)}")
+    return [*lines, "END"]
+
+
+def _rapid(legs: list[PointToPoint], limits: MotionLimits, name: str) -> list[str]:
+    del limits
+    lines = [f"MODULE {name}", f"  PROC {name}_run()", f"    ! {_SAID}"]
+    for time, pose in ((None, legs[0].start), *((leg.travel_time, leg.goal) for leg in legs)):
+        timed = "" if time is None else f"\\T:={time:.6f}"
+        axes = f"[{_list(pose, 180 / math.pi)},[9E9,9E9,9E9,9E9,9E9,9E9]]"
+        lines.append(f"    MoveAbsJ {axes}, v100{timed}, fine, tool0;")
+    return [*lines, "  ENDPROC", "ENDMODULE"]
+
+
+def _krl_axes(pose: Array) -> str:
+    words = (f"A{axis} {math.degrees(value):.6f}" for axis, value in enumerate(pose, start=1))
+    return "{" + ", ".join(words) + "}"
+
+
+def _list(pose: Array, unit: float) -> str:
+    return "[" + ", ".join(f"{value * unit:.9f}" for value in pose) + "]"
+
+
+def _percent(share: Array) -> list[int]:
+    """Whole per cent, 1 to 100, rounded up: never slower than the leg; 100 without a limit."""
+    known = np.where(np.isfinite(share), share, 1.0)
+    return [int(value) for value in np.clip(np.ceil(100.0 * known - 1e-9), 1, 100)]

@@ -1,0 +1,50 @@
+"""Files that claim more than they hold end in one message; benchmarks/hostile_files.py runs all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hostile_files import DOCUMENTS, MAKERS
+
+from dynid.core import InputError, load_object
+from dynid.recording import read_recording
+from dynid.robot import load_robot
+
+SAMPLE = [
+    *("claims.npy", "claims.h5", "external.h5", "linked.h5", "virtual.h5", "loop.h5"),
+    *("view.db3", "topics.db3", "computed.db3", "claims.mat", "twice.json", "corners.xlsx"),
+    *("lies.mcap", "recursive.mcap", "claims.bag"),
+]
+
+
+def test_there_are_enough_of_them() -> None:
+    assert len(MAKERS) >= 60
+
+
+@pytest.mark.parametrize("name", SAMPLE)
+def test_hostile_recordings_are_refused_in_one_line(tmp_path: Path, name: str) -> None:
+    path = MAKERS[name](tmp_path)
+    with pytest.raises(InputError) as caught:
+        read_recording(path, rate_hz=125.0)
+    assert "\n" not in str(caught.value)
+    assert caught.value.next_step or caught.value.where
+
+
+def test_a_reader_that_ended_is_followed_by_another(tmp_path: Path) -> None:
+    """A spreadsheet of two far corners ends the reading process itself."""
+    for _ in range(2):
+        with pytest.raises(InputError, match="memory"):
+            read_recording(MAKERS["corners.xlsx"](tmp_path))
+    text = tmp_path / "x.csv"
+    text.write_text("t,q,tau\n" + "".join(f"{k / 125},{k % 9},{k % 7}\n" for k in range(99)))
+    assert read_recording(text).samples > 90
+
+
+@pytest.mark.parametrize("name", sorted(DOCUMENTS))
+def test_hostile_documents_are_refused_in_one_line(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    path.write_bytes(DOCUMENTS[name])
+    with pytest.raises(InputError) as caught:
+        load_object(path) if path.suffix == ".json" else load_robot(path)
+    assert "\n" not in str(caught.value)
