@@ -55,7 +55,7 @@ def test_parallel_crossing_and_degenerate_bodies() -> None:
         body([0.5, -1, 0], [0.5, 1, 0]),
         body([0.5, 1, 0]),
         body([0, 0, 1], [1, 0, 1], [0, 1, 1], radius=0.0),
-        body([0, 0, 0], link=2, radius=0.4),
+        body([0, 0, 0], [3, 3, 3], link=2, radius=0.1),
     )
     robot = random_arm(2, 0, slides=False)
     bodies = bodies_of(replace(robot, bodies=shapes))
