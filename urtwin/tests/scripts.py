@@ -5,13 +5,13 @@ from typing import Any
 import numpy as np
 
 from urtwin import BUILTINS, ControllerMachine
-from urtwin.urscript import Execution, compile_script
+from urtwin.urscript import ScriptRun, compile_script
 
 HOME = np.array([0.0, -1.4, 1.2, -1.3, -1.2, 0.3])
 """A pose in which no joint is at a limit and the tool is free."""
 
 
-def execution(text: str) -> tuple[Execution, dict[str, int]]:
+def execution(text: str) -> tuple[ScriptRun, dict[str, int]]:
     program = compile_script(text, BUILTINS)
     return program.execution(None), dict(program.variables)
 

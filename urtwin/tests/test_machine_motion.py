@@ -16,12 +16,12 @@ from scripts import HOME, finish, said, ticks
 from urtwin import ControllerMachine
 from urtwin.arm import trapezoid
 from urtwin.kinematics import ToolKinematics, to_matrix, to_pose
-from urtwin.safety import SafetyLimits
+from urtwin.safety import WatchedLimits
 
 START = HOME.tolist()
 RESTING = 1e-4
 """Speeds below which a target stands [rad/s]."""
-UNBOUND = SafetyLimits(tool_speed=math.inf, momentum=math.inf, power=math.inf)
+UNBOUND = WatchedLimits(tool_speed=math.inf, momentum=math.inf, power=math.inf)
 TOOL = [0.01, -0.02, 0.1, 0.3, -0.2, 0.1]
 
 

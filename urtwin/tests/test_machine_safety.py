@@ -9,14 +9,14 @@ from dynid.core import InputError, JobError
 from dynid.simulation import SimulatedArm
 from scripts import HOME, said, ticks
 from urtwin import ControllerMachine
-from urtwin.safety import SafetyLimits
+from urtwin.safety import WatchedLimits
 
 START = HOME.tolist()
 STOP_WITHIN = 0.1
 """Controller time from a fault to standstill [s]."""
 STANDING = 0.03
 """Speed that counts as standing: three deviations of the measured one and a little [rad/s]."""
-OPEN = SafetyLimits(tool_speed=math.inf, momentum=math.inf, power=math.inf, unlock_after=0.0)
+OPEN = WatchedLimits(tool_speed=math.inf, momentum=math.inf, power=math.inf, unlock_after=0.0)
 
 
 def moving(
@@ -118,7 +118,7 @@ def test_joints_that_turn_too_fast(arm: SimulatedArm) -> None:
 )
 def test_limits_of_the_whole_arm(arm: SimulatedArm, limits: dict[str, float], words: str) -> None:
     none = {"tool_speed": math.inf, "momentum": math.inf, "power": math.inf}
-    machine = ControllerMachine(arm, pose=START, safety=SafetyLimits(**{**none, **limits}))
+    machine = ControllerMachine(arm, pose=START, safety=WatchedLimits(**{**none, **limits}))
     machine.run_script("speedj([1.5, 0, 0, 0, 0, 0], 5, 2)")
     ticks(machine, 1.0)
     assert words in reason(machine)
@@ -239,6 +239,6 @@ def test_a_script_replaces_another_and_a_secondary_one_does_not(arm: SimulatedAr
 
 def test_limits_are_checked() -> None:
     with pytest.raises(InputError):
-        SafetyLimits(tool_speed=-1.0)
+        WatchedLimits(tool_speed=-1.0)
     with pytest.raises(InputError):
-        SafetyLimits(power=math.nan)
+        WatchedLimits(power=math.nan)

@@ -7,7 +7,7 @@ import script_client
 from dynid.simulation import SimulatedArm
 from scripts import said, ticks
 from urtwin import ControllerMachine
-from urtwin.safety import SafetyLimits
+from urtwin.safety import WatchedLimits
 
 READY, DONE = 1, 2
 GOAL = [0.3, -1.4, 1.2, -1.3, -1.2, 0.3]
@@ -221,7 +221,7 @@ def test_protective_stop_unlock_and_the_script_again(mailbox: Mailbox) -> None:
     assert machine.output("runtime_state") == 1
     assert not machine.unlock_protective_stop(), "not in its first five seconds"
     machine.set_input("input_int_register_0", 0)
-    ticks(machine, SafetyLimits().unlock_after)
+    ticks(machine, WatchedLimits().unlock_after)
     assert machine.unlock_protective_stop()
     machine.run_script(control_script((3, 15)))
     mailbox.wait(READY, 0.1)

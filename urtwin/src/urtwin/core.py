@@ -174,7 +174,7 @@ _SCALING_RATE = 4.0
 
 
 @dataclass(slots=True)
-class Payload:
+class ToolPayload:
     """What the controller believes the tool carries."""
 
     mass: float = 0.0
@@ -186,7 +186,7 @@ class Payload:
 
 
 @dataclass(slots=True)
-class Watchdog:
+class InputWatchdog:
     """An input that a client must keep writing."""
 
     variable: str
@@ -218,7 +218,7 @@ class Core:
         self.messages: deque[Message] = deque(maxlen=MESSAGES_KEPT)
         self.network = Network(on_this_machine)
         self.interpreter = Interpreter()
-        self.payload = Payload()
+        self.payload = ToolPayload()
         self.tcp = [0.0] * 6
         self.tcp_matrix: Array = np.eye(4)
         self.gravity: list[float] = (-arm.plant.arm.robot.gravity).tolist()
@@ -232,7 +232,7 @@ class Core:
         self.random = np.random.default_rng(0)
         self._mover: object = None
         self._tuning = (arm.servo.lookahead, arm.servo.gain)
-        self.watchdogs: dict[str, Watchdog] = {}
+        self.watchdogs: dict[str, InputWatchdog] = {}
         self.paused = False
         self.playing = False
         self.teaching = False
@@ -348,7 +348,7 @@ class Core:
         if watchdog is not None:
             watchdog.fed = self.now
 
-    def starved(self) -> Watchdog | None:
+    def starved(self) -> InputWatchdog | None:
         """The first watchdog that has waited too long."""
         for watchdog in self.watchdogs.values():
             if watchdog.action != "ignore" and self.now - watchdog.fed > watchdog.period + 1e-9:

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from urtwin.urscript import (
     Addition,
     Context,
-    Execution,
     Routine,
     ScriptError,
     ScriptFault,
+    ScriptRun,
     compile_addition,
 )
 
@@ -34,7 +34,7 @@ _LAST_OF_ITS_KIND = frozenset(("clear_interpreter", "end_interpreter"))
 
 
 @dataclass(slots=True)
-class _Line:
+class _Received:
     text: str
     answer: Answer
 
@@ -46,9 +46,9 @@ class Interpreter:
     """The statements of one controller, and where they go."""
 
     def __init__(self) -> None:
-        self._execution: Execution | None = None
+        self._execution: ScriptRun | None = None
         self._base = self._context = Context({})
-        self._lines: deque[_Line] = deque()
+        self._lines: deque[_Received] = deque()
         self._queue: deque[tuple[int, Addition]] = deque()
         self._active = self._ending = self._held = self._abort = False
         self._interpreted = self._executed = self._cleared = 0
@@ -62,7 +62,7 @@ class Interpreter:
         }
         """What is answered at once, also while a statement runs."""
 
-    def begin(self, execution: Execution, context: Context) -> None:
+    def begin(self, execution: ScriptRun, context: Context) -> None:
         """A program has started."""
         self._execution, self._base = execution, context
         self._context = context
@@ -84,7 +84,7 @@ class Interpreter:
             text: The line.
             answer: Takes the reply, now or when the line has been compiled.
         """
-        line = _Line(text, answer)
+        line = _Received(text, answer)
         if self._execution is None:
             line.discard(_NOT_RUNNING)
         elif text in self._commands:

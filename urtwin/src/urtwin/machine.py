@@ -12,10 +12,10 @@ from dynid.core import InputError
 from dynid.protocol import RobotMode, SafetyMode
 from dynid.simulation import SimulatedArm, Thermal
 from urtwin.arm import ControlledArm
-from urtwin.core import Core, Message, MessageKind, Watchdog
+from urtwin.core import Core, InputWatchdog, Message, MessageKind
 from urtwin.programs import Programs, compile_program, refuse
-from urtwin.safety import Safety, SafetyLimits
-from urtwin.urscript import Program, ScriptError
+from urtwin.safety import Safety, WatchedLimits
+from urtwin.urscript import CompiledProgram, ScriptError
 from urtwin.variables import READERS, Inputs, InputValue, OutputValue
 
 _BOOT_S, _RELEASE_S = 1.0, 0.5
@@ -168,10 +168,10 @@ class ControllerMachine:
         version: Version = (3, 15, 0, 0),
         pose: Sequence[float] = UPRIGHT,
         powered: bool = True,
-        safety: SafetyLimits | None = None,
+        safety: WatchedLimits | None = None,
     ) -> None:
         controlled = ControlledArm(arm, rate_hz, thermal, seed, pose)
-        self.core = Core(controlled, Safety(safety or SafetyLimits()), rate_hz, version)
+        self.core = Core(controlled, Safety(safety or WatchedLimits()), rate_hz, version)
         self._inputs, self._power = Inputs(self.core), Power(self.core)
         self._programs = Programs(self.core)
         if not powered:
@@ -229,7 +229,7 @@ class ControllerMachine:
         self._inputs.write(name, value)
 
     @staticmethod
-    def compile(text: str) -> Program:
+    def compile(text: str) -> CompiledProgram:
         """Compile a script; touches nothing, so it may run in another thread.
 
         Raises:
@@ -244,7 +244,7 @@ class ControllerMachine:
         """
         self._programs.submit(text)
 
-    def run_program(self, program: Program) -> None:
+    def run_program(self, program: CompiledProgram) -> None:
         """Run a compiled script as if sent to a script port."""
         self._programs.start(program)
 
@@ -343,7 +343,7 @@ class ControllerMachine:
         if starved is not None:
             self._bite(starved)
 
-    def _bite(self, watchdog: Watchdog) -> None:
+    def _bite(self, watchdog: InputWatchdog) -> None:
         text = f"RTDE watchdog: {watchdog.variable} was not written for {watchdog.period:.3f} s"
         if watchdog.action == "pause":
             if not self.core.paused:

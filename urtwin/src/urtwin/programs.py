@@ -7,13 +7,13 @@ import re
 from dynid.protocol import RobotMode
 from urtwin.core import PROGRAM_STARTED, PROGRAM_STOPPED, Core, MessageKind
 from urtwin.functions import BUILTINS
-from urtwin.urscript import Execution, Program, ScriptError, compile_script
+from urtwin.urscript import CompiledProgram, ScriptError, ScriptRun, compile_script
 
 _SECONDARY = 10
 _LINE = re.compile(r"\bline (\d+)\b")
 
 
-def compile_program(text: str) -> Program:
+def compile_program(text: str) -> CompiledProgram:
     """Compile a script against the built-ins of the controller; touches nothing else.
 
     Raises:
@@ -53,9 +53,9 @@ class Programs:
 
     def __init__(self, core: Core) -> None:
         self._core = core
-        self._main: Execution | None = None
-        self._beside: list[Execution] = []
-        self._loaded: Program | None = None
+        self._main: ScriptRun | None = None
+        self._beside: list[ScriptRun] = []
+        self._loaded: CompiledProgram | None = None
         self._started = 0
         self.name = ""
         """The running program, or the loaded one."""
@@ -66,7 +66,7 @@ class Programs:
         if program is not None:
             self.start(program)
 
-    def start(self, program: Program) -> None:
+    def start(self, program: CompiledProgram) -> None:
         """Start a compiled script in place of the running one; a secondary one beside it."""
         core = self._core
         if core.mode != RobotMode.RUNNING or core.safety.stopped:
@@ -175,7 +175,7 @@ class Programs:
             step = core.arm.cycle * core.scaling
             core.rest = core.rest if core.rest.alone(core.arm, step) else None
 
-    def _compiled(self, text: str) -> Program | None:
+    def _compiled(self, text: str) -> CompiledProgram | None:
         try:
             return compile_program(text)
         except ScriptError as error:

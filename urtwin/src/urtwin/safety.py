@@ -24,7 +24,7 @@ _BITS = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SafetyLimits:
+class WatchedLimits:
     """What must not be exceeded; the defaults are a UR5's in PolyScope (`safety.conf.UR5`).
 
     Raises:
@@ -62,7 +62,7 @@ class Safety:
         limits: What is watched.
     """
 
-    def __init__(self, limits: SafetyLimits) -> None:
+    def __init__(self, limits: WatchedLimits) -> None:
         self.limits = limits
         self.mode = SafetyMode.NORMAL
         self.reason = ""

@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Generator
 from typing import Any
 
-from urtwin.core import FLAGS, Core, MessageKind, Registers, Watchdog
-from urtwin.urscript import Builtin, Kind, ScriptFault, Value, builtin, number, shown, truth
+from urtwin.core import FLAGS, Core, InputWatchdog, MessageKind, Registers
+from urtwin.urscript import Builtin, Calling, ScriptFault, Value, builtin, number, shown, truth
 
 _MESSAGE_WEIGHT = 100
 _ACTIONS = ("ignore", "pause", "stop")
@@ -69,7 +69,7 @@ def _rtde_set_watchdog(
     if not 0.0 <= rate <= core.rate_hz:
         raise ScriptFault("frequency of a watchdog", value=rate, limit=(0, core.rate_hz))
     period = 1.0 / rate if rate > 0.0 else math.inf
-    core.watchdogs[name] = Watchdog(name, period, wanted, core.now)
+    core.watchdogs[name] = InputWatchdog(name, period, wanted, core.now)
 
 
 def _digital_out(shift: int, count: int) -> Any:
@@ -236,9 +236,9 @@ _MODBUS: dict[str, Any] = {
     "modbus_set_output_signal": _set_digital_signal,
 }
 IO: list[Builtin] = [
-    *(builtin(f, Kind.INSTANT, name=name) for name, f in (_INSTANT | _MODBUS).items()),
-    builtin(_textmsg, Kind.INSTANT, name="textmsg", weight=_MESSAGE_WEIGHT),
-    builtin(_popup, Kind.BLOCKING, name="popup", weight=_MESSAGE_WEIGHT),
+    *(builtin(f, Calling.INSTANT, name=name) for name, f in (_INSTANT | _MODBUS).items()),
+    builtin(_textmsg, Calling.INSTANT, name="textmsg", weight=_MESSAGE_WEIGHT),
+    builtin(_popup, Calling.BLOCKING, name="popup", weight=_MESSAGE_WEIGHT),
 ]
 """Built-ins that read and write what RTDE shows."""
 
@@ -288,7 +288,7 @@ def _absent(name: str, answer: bool | int, names: tuple[str, ...]) -> Builtin:
         core.lacks(name)
         return answer
 
-    return Builtin(name, say, Kind.INSTANT, names, (0,) * len(names), _WEIGHT)
+    return Builtin(name, say, Calling.INSTANT, names, (0,) * len(names), _WEIGHT)
 
 
 def _all(answer: bool | int, table: dict[int, str]) -> list[Any]:

@@ -19,7 +19,7 @@ from urtwin.urscript import (
     LISTENING,
     MAX_LENGTH,
     Builtin,
-    Kind,
+    Calling,
     ScriptFault,
     Value,
     builtin,
@@ -218,7 +218,7 @@ _AT_ONCE: dict[str, Any] = {
     "socket_close": _close,
 }
 SOCKETS: list[Builtin] = [
-    *(builtin(f, Kind.BLOCKING, name=name, weight=_WEIGHT) for name, f in _WAITING.items()),
-    *(builtin(f, Kind.INSTANT, name=name, weight=_WEIGHT) for name, f in _AT_ONCE.items()),
+    *(builtin(f, Calling.BLOCKING, name=name, weight=_WEIGHT) for name, f in _WAITING.items()),
+    *(builtin(f, Calling.INSTANT, name=name, weight=_WEIGHT) for name, f in _AT_ONCE.items()),
 ]
 """Built-ins that talk to other machines."""

@@ -9,10 +9,10 @@ import numpy as np
 
 from dynid.core import Array, JobError
 from urtwin.arm import ForceMode
-from urtwin.core import Core, Payload
+from urtwin.core import Core, ToolPayload
 from urtwin.urscript import (
     Builtin,
-    Kind,
+    Calling,
     Pose,
     ScriptFault,
     Value,
@@ -108,7 +108,7 @@ def _set_payload(core: Core, m: Value, cog: Value = None, inertia: Value = None)
         raise ScriptFault("payload [kg]", value=mass, limit=(0, _MAX_PAYLOAD_KG))
     center = core.tcp[:3] if cog is None else numbers(cog, 3, "a centre of gravity")
     moments = [0.0] * 6 if inertia is None else numbers(inertia, 6, "inertias")
-    core.payload = Payload(float(mass), list(center), moments)
+    core.payload = ToolPayload(float(mass), list(center), moments)
     core.believe()
 
 
@@ -212,7 +212,7 @@ _SOLVE: dict[str, Any] = {
     "is_within_safety_limits": _within_limits,
 }
 STATE: list[Builtin] = [
-    builtin(function, Kind.INSTANT, name=name, weight=weight)
+    builtin(function, Calling.INSTANT, name=name, weight=weight)
     for group, weight in (
         (_ASK, 50),
         (_KINEMATICS, _KINEMATICS_WEIGHT),
@@ -263,7 +263,8 @@ _TABLE: dict[str, Any] = {
     "get_jacobian_time_derivative": _jacobian_rate,
 }
 MODEL: list[Builtin] = [
-    builtin(function, Kind.INSTANT, name=name, weight=_WEIGHT) for name, function in _TABLE.items()
+    builtin(function, Calling.INSTANT, name=name, weight=_WEIGHT)
+    for name, function in _TABLE.items()
 ]
 """Built-ins about the controller's model."""
 
@@ -354,7 +355,7 @@ _FORCE_TABLE: dict[str, Any] = {
     "tool_contact": _tool_contact,
 }
 FORCE: list[Builtin] = [
-    builtin(function, Kind.INSTANT, name=name, weight=_FORCE_WEIGHT)
+    builtin(function, Calling.INSTANT, name=name, weight=_FORCE_WEIGHT)
     for name, function in _FORCE_TABLE.items()
 ]
 """Built-ins about the force at the tool."""

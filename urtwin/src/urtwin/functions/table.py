@@ -27,7 +27,7 @@ from urtwin.urscript import (
     MATRICES,
     POSES,
     Builtin,
-    Kind,
+    Calling,
     Routine,
     ScriptFault,
     Value,
@@ -175,10 +175,10 @@ BUILTINS: dict[str, Builtin] = table(
     FORCE,
     SOCKETS,
     (
-        builtin(function, Kind.BLOCKING, name=name, weight=_MOTION_WEIGHT)
+        builtin(function, Calling.BLOCKING, name=name, weight=_MOTION_WEIGHT)
         for name, function in _MOTIONS.items()
     ),
-    (builtin(function, Kind.INSTANT, name=name) for name, function in _INTERPRETER.items()),
+    (builtin(function, Calling.INSTANT, name=name) for name, function in _INTERPRETER.items()),
     ABSENT,
 )
 """The functions that every script may call."""

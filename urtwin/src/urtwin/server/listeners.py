@@ -40,7 +40,7 @@ _SEND_BUFFER = 1 << 17
 
 
 @dataclass(frozen=True, slots=True)
-class Door:
+class Listener:
     """One listening port."""
 
     socket: socket.socket
@@ -57,7 +57,7 @@ class Door:
         return sock, f"{host}:{port}"
 
 
-def open_doors(host: str) -> list[Door]:
+def open_listeners(host: str) -> list[Listener]:
     """Listen on all ports of a controller.
 
     Args:
@@ -66,7 +66,7 @@ def open_doors(host: str) -> list[Door]:
     Raises:
         JobError: A port is taken or the address is not of this machine.
     """
-    doors: list[Door] = []
+    listeners: list[Listener] = []
     for port in PORTS:
         sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -78,16 +78,16 @@ def open_doors(host: str) -> list[Door]:
             sock.listen(_BACKLOG)
         except OSError as error:
             sock.close()
-            for door in doors:
-                door.socket.close()
+            for listener in listeners:
+                listener.socket.close()
             raise JobError(
                 f"cannot listen on port {port}: {error.strerror}",
                 where=host,
                 next_step="A controller may run there already; each needs an address of its own, "
                 "for example --host 127.0.0.2",
             ) from error
-        doors.append(Door(sock, port))
-    return doors
+        listeners.append(Listener(sock, port))
+    return listeners
 
 
 def place_for_another(clients: Iterable[Client], now: float) -> tuple[bool, Client | None]:

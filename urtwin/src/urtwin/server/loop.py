@@ -30,13 +30,13 @@ from urtwin.server.listeners import (
     PRIMARY,
     READ_ONLY,
     REALTIME,
-    Door,
+    Listener,
     Reception,
     ServerSettings,
-    open_doors,
+    open_listeners,
     place_for_another,
 )
-from urtwin.urscript import Program, ScriptError
+from urtwin.urscript import CompiledProgram, ScriptError
 
 _PER_SECOND = 100
 _SAME_PER_SECOND = 3
@@ -87,7 +87,7 @@ WAITING = 8
 class Compiled:
     """What came of a script."""
 
-    program: Program | None
+    program: CompiledProgram | None
     """The program; None when it does not compile."""
     problem: ScriptError | None = None
     """What is wrong with it."""
@@ -103,7 +103,7 @@ class ScriptCompiler:
         real_time: Whether the loop is to have a real-time priority, and the thread with it.
     """
 
-    def __init__(self, compile_: Callable[[str], Program], *, real_time: bool) -> None:
+    def __init__(self, compile_: Callable[[str], CompiledProgram], *, real_time: bool) -> None:
         self._compile, self._real_time = compile_, real_time
         self._scripts: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._finished: queue.SimpleQueue[Compiled] = queue.SimpleQueue()
@@ -269,7 +269,9 @@ class ControllerServer:
         self._machine, self._log = machine, log
         # A socket of the loop's waits in this one: its time-outs are not rounded up to 1 ms.
         self._epoll = select.epoll()
-        self._doors = {door.socket.fileno(): door for door in open_doors(settings.host)}
+        self._listeners = {
+            listener.socket.fileno(): listener for listener in open_listeners(settings.host)
+        }
         self._clients: dict[int, Client] = {}
         self._rtde: list[RtdeClient] = []
         self._reception = Reception(machine, settings, self._submit)
@@ -279,7 +281,7 @@ class ControllerServer:
             machine.core.network = Network(lambda _: True)
         self._virtual = VirtualPace(machine) if settings.virtual else None
         self._held = settings.hold
-        for fd in (*self._doors, self._compiler.signal.fileno()):
+        for fd in (*self._listeners, self._compiler.signal.fileno()):
             self._epoll.register(fd, select.EPOLLIN)
         self.pace = Pace(machine.cycle, time.monotonic())
 
@@ -318,8 +320,8 @@ class ControllerServer:
         """Hang up on everybody and free the ports."""
         for client in list(self._clients.values()):
             self._close(client)
-        for door in self._doors.values():
-            door.socket.close()
+        for listener in self._listeners.values():
+            listener.socket.close()
         self._compiler.close()
         if self._virtual is not None:
             self._virtual.close()
@@ -347,8 +349,8 @@ class ControllerServer:
         for fd, _ in self._epoll.poll(0, _EVENTS):
             client = self._clients.get(fd)
             with self._isolated(client):
-                if fd in self._doors:
-                    self._welcome(self._doors[fd])
+                if fd in self._listeners:
+                    self._welcome(self._listeners[fd])
                 elif client is not None:
                     client.readable()
                 else:
@@ -406,26 +408,26 @@ class ControllerServer:
             words = "a program was refused: too many are waiting to be compiled"
             self._machine.core.say(words, "controller", rtde.Level.ERROR)
 
-    def _welcome(self, door: Door) -> None:
-        accepted = door.accept()
+    def _welcome(self, listener: Listener) -> None:
+        accepted = listener.accept()
         if accepted is None:
             return
         now = time.monotonic()
         try:
             connection = Connection(*accepted)
-            client = self._reception.client(connection, door.port)
+            client = self._reception.client(connection, listener.port)
         except OSError:
             # It has left while it waited to be let in.
             accepted[0].close()
             return
-        others = [c for c in self._clients.values() if c.port == door.port]
+        others = [c for c in self._clients.values() if c.port == listener.port]
         free, leaver = place_for_another(others, now)
         if leaver is not None:
             leaver.refuse("another client needs this place: you have been silent")
             self._part(leaver, now)
         if not free:
             client.refuse("too many clients on this port")
-            self._log.say(f"{connection.peer} refused: too many clients on port {door.port}")
+            self._log.say(f"{connection.peer} refused: too many clients on port {listener.port}")
             connection.close()
             return
         self._clients[connection.socket.fileno()] = client

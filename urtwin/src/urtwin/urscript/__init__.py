@@ -3,8 +3,8 @@
 from urtwin.urscript.execution import (
     BACK,
     LISTENING,
-    Execution,
     Routine,
+    ScriptRun,
 )
 from urtwin.urscript.library import (
     MATHEMATICS,
@@ -16,8 +16,8 @@ from urtwin.urscript.library import (
 )
 from urtwin.urscript.program import (
     Addition,
+    CompiledProgram,
     Context,
-    Program,
     compile_addition,
     compile_script,
 )
@@ -25,7 +25,7 @@ from urtwin.urscript.syntax import MAX_CHARACTERS
 from urtwin.urscript.values import (
     MAX_LENGTH,
     Builtin,
-    Kind,
+    Calling,
     Pose,
     ScriptError,
     ScriptFault,
@@ -47,14 +47,14 @@ __all__ = [
     "POSES",
     "Addition",
     "Builtin",
+    "Calling",
+    "CompiledProgram",
     "Context",
-    "Execution",
-    "Kind",
     "Pose",
-    "Program",
     "Routine",
     "ScriptError",
     "ScriptFault",
+    "ScriptRun",
     "Value",
     "builtin",
     "compile_addition",

@@ -6,14 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Concatenate
 
-from urtwin.urscript.execution import Execution, Frame, Routine
+from urtwin.urscript.execution import Frame, Routine, ScriptRun
 from urtwin.urscript.syntax import Definition
 from urtwin.urscript.values import OPERATORS, Value, truth
 
-Runner = Callable[[Execution, Frame], Any]
+Runner = Callable[[ScriptRun, Frame], Any]
 """Gives a value, or a generator that returns it where the code takes time."""
-SlowRunner = Callable[[Execution, Frame], Routine]
-Combine = Callable[Concatenate[Execution, ...], Any]
+SlowRunner = Callable[[ScriptRun, Frame], Routine]
+Combine = Callable[Concatenate[ScriptRun, ...], Any]
 """Takes the execution and the values of the operands."""
 
 
@@ -62,7 +62,7 @@ def compose(operands: list[Code], combine: Combine, *, slow: bool = False, weigh
 def _waiting(operands: list[Code], combine: Combine, slow: bool) -> Runner:
     parts = [(operand.run, operand.wait, operand.slow) for operand in operands]
 
-    def run(x: Execution, v: Frame) -> Routine:
+    def run(x: ScriptRun, v: Frame) -> Routine:
         values: list[Any] = []
         for part, wait, waits in parts:
             values.append((yield from wait(x, v)) if waits else part(x, v))
@@ -89,14 +89,14 @@ class Function:
         """What a call does with the arguments; a generator function if the function is slow."""
         blank: list[Value] = [None] * (len(self.places) - len(self.definition.parameters))
 
-        def at_once(x: Execution, *values: Value) -> Value:
+        def at_once(x: ScriptRun, *values: Value) -> Value:
             frame = [*values, *blank]
             x.enter(frame)
             signal = self.code.run(x, frame)
             x.leave()
             return signal[0] if signal.__class__ is tuple else None
 
-        def waiting(x: Execution, *values: Value) -> Routine:
+        def waiting(x: ScriptRun, *values: Value) -> Routine:
             frame = [*values, *blank]
             x.enter(frame)
             signal = yield from self.code.wait(x, frame)
@@ -109,13 +109,13 @@ class Function:
         """What `run` does with the arguments: it gives the handle of the new thread."""
         call = self.caller()
 
-        def routine(x: Execution, values: tuple[Value, ...]) -> Routine:
+        def routine(x: ScriptRun, values: tuple[Value, ...]) -> Routine:
             if self.slow:
                 yield from call(x, *values)
             else:
                 call(x, *values)
 
-        def start(x: Execution, *values: Value) -> int:
+        def start(x: ScriptRun, *values: Value) -> int:
             thread = x.new_thread()
             thread.function = self
             x.start(thread, routine(x, values))
@@ -147,13 +147,13 @@ def arithmetic(operands: list[Code], signs: list[str]) -> Code:
     if weight == 1:
         only = operations[0]
 
-        def pair(x: Execution, a: Value, b: Value) -> Value:
+        def pair(x: ScriptRun, a: Value, b: Value) -> Value:
             return only(a, b)
 
         return compose(operands, pair)
     if any(operand.slow for operand in operands):
 
-        def combine(x: Execution, first: Value, *others: Value) -> Value:
+        def combine(x: ScriptRun, first: Value, *others: Value) -> Value:
             for operation, other in zip(operations, others, strict=True):
                 first = operation(first, other)
             return first
@@ -162,7 +162,7 @@ def arithmetic(operands: list[Code], signs: list[str]) -> Code:
     head = operands[0].run
     steps = [(sign, code.run) for sign, code in zip(operations, operands[1:], strict=True)]
 
-    def run(x: Execution, v: Frame) -> Value:
+    def run(x: ScriptRun, v: Frame) -> Value:
         value = head(x, v)
         for operation, operand in steps:
             value = operation(value, operand(x, v))
@@ -184,7 +184,7 @@ def logic(operands: list[Code], signs: list[str]) -> Code:
     head, quick = first.run, [(sign, code.run) for sign, code in parts]
     if not any(operand.slow for operand in operands):
 
-        def at_once(x: Execution, v: Frame) -> bool:
+        def at_once(x: ScriptRun, v: Frame) -> bool:
             value = truth(head(x, v))
             for sign, part in quick:
                 if sign == "xor":
@@ -195,7 +195,7 @@ def logic(operands: list[Code], signs: list[str]) -> Code:
 
         return Code(at_once, False, weight)
 
-    def waiting(x: Execution, v: Frame) -> Routine:
+    def waiting(x: ScriptRun, v: Frame) -> Routine:
         value = truth((yield from first.wait(x, v)) if first.slow else head(x, v))
         for sign, part in parts:
             if sign == "xor" or value is (sign == "and"):

@@ -114,7 +114,7 @@ _LOOK = 5_000
 """Operations between two looks at the clock, 1 ms or less."""
 
 
-class Execution:
+class ScriptRun:
     """The state that compiled code works on.
 
     Args:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from urtwin.urscript.code import LOGIC, Code, Function, arithmetic, compose, logic
-from urtwin.urscript.execution import Execution, Frame
+from urtwin.urscript.execution import Frame, ScriptRun
 from urtwin.urscript.lists import METHODS, caller, element, listed, posed
 from urtwin.urscript.lists import WEIGHT as METHOD_WEIGHT
 from urtwin.urscript.syntax import (
@@ -17,9 +17,9 @@ from urtwin.urscript.syntax import (
     Index,
     ListOf,
     Method,
-    Name,
-    Run,
+    StartThread,
     Unary,
+    Variable,
 )
 from urtwin.urscript.values import (
     MAX_LENGTH,
@@ -28,7 +28,7 @@ from urtwin.urscript.values import (
     UNKNOWN_NAME,
     UNKNOWN_THREAD,
     Builtin,
-    Kind,
+    Calling,
     ScriptError,
     ScriptFault,
     Struct,
@@ -62,7 +62,7 @@ class Scope:
         if isinstance(tree, Constant):
             value = tree.value
             return Code(lambda x, v: value, False, 1)
-        if isinstance(tree, Name):
+        if isinstance(tree, Variable):
             return self._variable(tree)
         if isinstance(tree, ListOf):
             if len(tree.items) > MAX_LENGTH:
@@ -77,12 +77,12 @@ class Scope:
             return self._call(tree)
         if isinstance(tree, Method):
             return self._method(tree)
-        if isinstance(tree, Run):
+        if isinstance(tree, StartThread):
             return self._run(tree)
         if isinstance(tree, Unary):
             operation = SIGNS[tree.operator]
 
-            def turn(x: Execution, value: Value) -> Value:
+            def turn(x: ScriptRun, value: Value) -> Value:
                 return operation(value)
 
             return compose([self.expression(tree.operand)], turn)
@@ -107,17 +107,17 @@ class Scope:
         Raises:
             ScriptError: An unknown name.
         """
-        return self._variable(Name(line, name))
+        return self._variable(Variable(line, name))
 
     def _all(self, trees: list[Expression]) -> list[Code]:
         return [self.expression(tree) for tree in trees]
 
-    def _variable(self, tree: Name) -> Code:
+    def _variable(self, tree: Variable) -> Code:
         name = tree.name
         if name in self.own:
             place = self.own[name]
 
-            def own(x: Execution, v: Frame) -> Value:
+            def own(x: ScriptRun, v: Frame) -> Value:
                 value = v[place]
                 if value is None:
                     raise ScriptFault(f"variable '{name}' has no value")
@@ -128,7 +128,7 @@ class Scope:
             raise ScriptError(UNKNOWN_NAME, tree.line, value=name)
         place = self.shared[name]
 
-        def shared(x: Execution, v: Frame) -> Value:
+        def shared(x: ScriptRun, v: Frame) -> Value:
             value = x.shared[place]
             if value is None:
                 raise ScriptFault(f"variable '{name}' has no value")
@@ -147,11 +147,11 @@ class Scope:
             raise ScriptError(UNKNOWN_FUNCTION, tree.line, value=tree.name)
         operands = self._arguments(tree, known.parameters, _constants(known))
         call = known.function
-        if known.kind == Kind.PURE:
+        if known.kind == Calling.PURE:
             return compose(operands, lambda x, *values: call(*values), weight=known.weight)
-        if known.kind == Kind.BLOCKING and not self.may_wait:
+        if known.kind == Calling.BLOCKING and not self.may_wait:
             raise ScriptError("a secondary program must not take time", tree.line, value=known.name)
-        slow = known.kind == Kind.BLOCKING
+        slow = known.kind == Calling.BLOCKING
         return compose(
             operands, lambda x, *values: call(x.port, *values), slow=slow, weight=known.weight
         )
@@ -161,7 +161,7 @@ class Scope:
         if tree.positional or not names:
             raise ScriptError("a struct needs a name for each value", tree.line)
 
-        def made(x: Execution, *values: Value) -> Value:
+        def made(x: ScriptRun, *values: Value) -> Value:
             return Struct(names, listed(x, *values))
 
         return compose([self.kept(value) for value in tree.named.values()], made)
@@ -183,7 +183,7 @@ class Scope:
         operands = self._own_arguments(tree, function)
         return compose(operands, function.caller(), slow=function.slow, weight=_CALL_WEIGHT)
 
-    def _run(self, tree: Run) -> Code:
+    def _run(self, tree: StartThread) -> Code:
         function = self.functions.get(tree.call.name)
         if function is None:
             raise ScriptError(UNKNOWN_THREAD, tree.line, value=tree.call.name)
@@ -231,7 +231,7 @@ def _constants(known: Builtin) -> dict[str, Code]:
     }
 
 
-def _copy(x: Execution, value: Value) -> Value:
+def _copy(x: ScriptRun, value: Value) -> Value:
     if value.__class__ is float:
         return value
     if isinstance(value, list):

@@ -17,7 +17,7 @@ from urtwin.kinematics import rotation_matrix, rotation_vector, to_matrix, to_po
 from urtwin.urscript.values import (
     MAX_LENGTH,
     Builtin,
-    Kind,
+    Calling,
     Pose,
     ScriptFault,
     Value,
@@ -173,9 +173,9 @@ _TABLE: dict[str, Any] = {
     "str_sub": _str_sub,
 }
 MATHEMATICS: list[Builtin] = [
-    *(builtin(function, Kind.PURE, name=name) for name, function in _TABLE.items()),
-    builtin(_to_str, Kind.PURE, name="to_str", weight=200),
-    builtin(_to_num, Kind.PURE, name="to_num"),
+    *(builtin(function, Calling.PURE, name=name) for name, function in _TABLE.items()),
+    builtin(_to_str, Calling.PURE, name="to_str", weight=200),
+    builtin(_to_num, Calling.PURE, name="to_num"),
 ]
 """Built-ins that only compute."""
 
@@ -284,7 +284,7 @@ _POSE_TABLE: dict[str, Any] = {
     "rotvec2rpy": _rotvec2rpy,
 }
 POSES: list[Builtin] = [
-    builtin(function, Kind.PURE, name=name, weight=_WEIGHT)
+    builtin(function, Calling.PURE, name=name, weight=_WEIGHT)
     for name, function in _POSE_TABLE.items()
 ]
 """Built-ins for poses."""
@@ -325,7 +325,7 @@ def _wrench_trans(T_from_to: Value, w_from: Value) -> Value:
 
 
 MATRICES: list[Builtin] = [
-    builtin(function, Kind.PURE, name=name, weight=_WEIGHT)
+    builtin(function, Calling.PURE, name=name, weight=_WEIGHT)
     for name, function in (
         ("transpose", _transpose),
         ("inv", _inv),

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, cast
 
-from urtwin.urscript.execution import Execution
+from urtwin.urscript.execution import ScriptRun
 from urtwin.urscript.values import (
     MAX_LENGTH,
     Pose,
@@ -23,7 +23,7 @@ from urtwin.urscript.values import (
 )
 
 
-def listed(x: Execution, *items: Value) -> Value:
+def listed(x: ScriptRun, *items: Value) -> Value:
     """A list.
 
     Raises:
@@ -40,7 +40,7 @@ def listed(x: Execution, *items: Value) -> Value:
     return found
 
 
-def posed(x: Execution, *items: Value) -> Value:
+def posed(x: ScriptRun, *items: Value) -> Value:
     """A pose.
 
     Raises:
@@ -49,7 +49,7 @@ def posed(x: Execution, *items: Value) -> Value:
     return Pose([number(item) for item in items])
 
 
-def element(x: Execution, base: Value, *indices: Value) -> Value:
+def element(x: ScriptRun, base: Value, *indices: Value) -> Value:
     """An element of a list, a pose or a matrix.
 
     Raises:
@@ -124,48 +124,48 @@ WEIGHT = 20
 """What a call costs, in operations."""
 
 
-def _append(x: Execution, items: list[Any], value: Value) -> None:
+def _append(x: ScriptRun, items: list[Any], value: Value) -> None:
     _insert(x, items, len(items), value)
 
 
-def _insert(x: Execution, items: list[Any], index: Value, value: Value) -> None:
+def _insert(x: ScriptRun, items: list[Any], index: Value, value: Value) -> None:
     (kept,) = listed(x, value)
     where = len(items) if index == len(items) else place(items, index)
     check_size([*items, kept])
     items.insert(where, kept)
 
 
-def _extend(x: Execution, items: list[Any], others: Value) -> None:
+def _extend(x: ScriptRun, items: list[Any], others: Value) -> None:
     more = listed(x, *base_list(others))
     check_size([*items, *more])
     items.extend(more)
 
 
-def _pop(x: Execution, items: list[Any]) -> Value:
+def _pop(x: ScriptRun, items: list[Any]) -> Value:
     if not items:
         raise ScriptFault("the list is empty")
     return items.pop()
 
 
-def _remove(x: Execution, items: list[Any], index: Value) -> None:
+def _remove(x: ScriptRun, items: list[Any], index: Value) -> None:
     del items[place(items, index)]
 
 
-def _clear(x: Execution, items: list[Any]) -> None:
+def _clear(x: ScriptRun, items: list[Any]) -> None:
     items.clear()
 
 
-def _slice(x: Execution, items: list[Any], begin: Value, end: Value) -> Value:
+def _slice(x: ScriptRun, items: list[Any], begin: Value, end: Value) -> Value:
     first = len(items) if begin == len(items) else place(items, begin)
     last = len(items) if end == len(items) else place(items, end)
     return listed(x, *items[first:last])
 
 
-def _length(x: Execution, items: list[Any]) -> int:
+def _length(x: ScriptRun, items: list[Any]) -> int:
     return len(items)
 
 
-def _to_string(x: Execution, items: list[Any]) -> str:
+def _to_string(x: ScriptRun, items: list[Any]) -> str:
     return shown(items)
 
 
@@ -188,7 +188,7 @@ def caller(name: str) -> Callable[..., Value]:
     """What a call of a method does: it takes the execution, the list and the arguments."""
     method, _ = METHODS[name]
 
-    def call(x: Execution, base: Value, *arguments: Value) -> Value:
+    def call(x: ScriptRun, base: Value, *arguments: Value) -> Value:
         items = base_list(base)
         if items.__class__ in (Pose, Struct) and name not in _LEAVE_IT:
             raise ScriptFault("a pose or a struct keeps its length", value=name)

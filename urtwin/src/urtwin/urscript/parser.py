@@ -20,16 +20,16 @@ from urtwin.urscript.syntax import (
     Index,
     ListOf,
     Method,
-    Name,
     OnThread,
     Return,
-    Run,
     Script,
     Signal,
     Simple,
+    StartThread,
     Statement,
     Token,
     Unary,
+    Variable,
     While,
     number_of,
     tokenize,
@@ -217,13 +217,13 @@ class ExpressionParser:
                 found = self._member(found)
                 continue
             indices = self.indices()
-            pose_head = isinstance(found, Name) and found.name == "p"
+            pose_head = isinstance(found, Variable) and found.name == "p"
             if pose_head and len(indices) == _POSE:
                 found = ListOf(found.line, indices, True)
                 continue
             if not 1 <= len(indices) <= 2:
                 raise self.wrong("one or two indices expected")
-            if isinstance(found, Name) and found.name in SIGNALS:
+            if isinstance(found, Variable) and found.name in SIGNALS:
                 found = Signal(found.line, f"get_{found.name}", indices, {})
             else:
                 found = Index(found.line, found, indices)
@@ -257,12 +257,12 @@ class ExpressionParser:
         if self.at("["):
             return ListOf(token.line, self.indices(), False)
         if self.accept("run"):
-            return Run(token.line, self.call())
+            return StartThread(token.line, self.call())
         if token.kind == "name":
             if self.peek().kind == "sign" and self.peek().text == "(":
                 return self.call()
             self.take()
-            return Name(token.line, token.text)
+            return Variable(token.line, token.text)
         raise self.wrong("an expression expected")
 
 
@@ -346,7 +346,7 @@ class _Parser(ExpressionParser):
             return OnThread(token.line, self.take().text, self.expression())
         if self.at("global", "local"):
             scope = self.take().text
-            return self._assignment(Name(self.token.line, self.name()), scope)
+            return self._assignment(Variable(self.token.line, self.name()), scope)
         if self.at(*_DEFINITIONS):
             raise self.wrong("a definition must not stand inside a block")
         if self.token.kind == "end of text":
@@ -388,7 +388,7 @@ class _Parser(ExpressionParser):
         base = target
         while isinstance(base, Index):
             indices, base = [*base.indices, *indices], base.base
-        if not isinstance(base, Name):
+        if not isinstance(base, Variable):
             raise self.wrong("only a variable or an element of one can be assigned to")
         if not self.at("=") and scope:
             raise ScriptError("'=' expected", target.line, value=base.name)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from urtwin.urscript.code import Code, Function
-from urtwin.urscript.execution import Execution, Frame, Routine
+from urtwin.urscript.execution import Frame, Routine, ScriptRun
 from urtwin.urscript.expressions import Scope
 from urtwin.urscript.parser import parse
 from urtwin.urscript.statements import block
@@ -28,13 +28,13 @@ from urtwin.urscript.syntax import (
     Method,
     OnThread,
     Return,
-    Run,
     Simple,
+    StartThread,
     Statement,
     Unary,
     While,
 )
-from urtwin.urscript.values import Builtin, Kind, ScriptError
+from urtwin.urscript.values import Builtin, Calling, ScriptError
 
 MAX_VARIABLES = 2_000
 """Most variables of a program or a function."""
@@ -118,7 +118,7 @@ def calls(expression: Expression) -> Iterator[Call]:
     if isinstance(expression, Call):
         yield expression
         parts = [*expression.positional, *expression.named.values()]
-    elif isinstance(expression, Run):
+    elif isinstance(expression, StartThread):
         parts = [*expression.call.positional, *expression.call.named.values()]
     elif isinstance(expression, Chain):
         parts = [expression.first, *(part for _, part in expression.rest)]
@@ -170,7 +170,7 @@ def _slow(names: Names, builtins: Mapping[str, Builtin], known_slow: set[str]) -
             for call in (call for part in expressions(statement) for call in calls(part)):
                 callers.setdefault(call.name, set()).add(name)
                 known = None if call.name in names.functions else builtins.get(call.name)
-                waits = waits or (known is not None and known.kind == Kind.BLOCKING)
+                waits = waits or (known is not None and known.kind == Calling.BLOCKING)
             if waits:
                 found.append(name)
     slow: set[str] = set()
@@ -227,7 +227,7 @@ class Context:
 
 
 @dataclass(frozen=True, slots=True)
-class Program:
+class CompiledProgram:
     """A compiled script; running it changes nothing in it."""
 
     name: str
@@ -244,20 +244,20 @@ class Program:
         """Program variables and their places."""
         return self.context.names.shared
 
-    def execution(self, port: Any) -> Execution:
+    def execution(self, port: Any) -> ScriptRun:
         """The program, ready for its first cycle.
 
         Args:
             port: The controller, handed to the built-ins.
         """
-        execution = Execution(port, len(self.variables))
+        execution = ScriptRun(port, len(self.variables))
         execution.start(
             execution.new_thread(), routine_of(self.body, execution, [None] * self.locals)
         )
         return execution
 
 
-def compile_script(text: str, builtins: Mapping[str, Builtin]) -> Program:
+def compile_script(text: str, builtins: Mapping[str, Builtin]) -> CompiledProgram:
     """Compile a script.
 
     A lone `def` is the program; of several the last one is. Statements outside any definition
@@ -285,10 +285,10 @@ def compile_script(text: str, builtins: Mapping[str, Builtin]) -> Program:
         raise ScriptError("a program takes no arguments", main.line, value=main.parameters)
     context = Context(builtins).with_program(main)
     body, slots = context.body_of(main)
-    return Program(main.name, main.kind == "sec", context, slots, body)
+    return CompiledProgram(main.name, main.kind == "sec", context, slots, body)
 
 
-def routine_of(body: Code, execution: Execution, frame: Frame) -> Routine:
+def routine_of(body: Code, execution: ScriptRun, frame: Frame) -> Routine:
     """What runs a compiled body, with the variables that it declares `local`."""
     if body.slow:
         yield from body.wait(execution, frame)
@@ -297,7 +297,7 @@ def routine_of(body: Code, execution: Execution, frame: Frame) -> Routine:
 
 
 def _as_waiting(code: Code) -> Code:
-    def run(x: Execution, v: Frame) -> Any:
+    def run(x: ScriptRun, v: Frame) -> Any:
         return code.run(x, v)
         yield  # makes it a generator function
 
@@ -320,7 +320,7 @@ class Addition:
     called: frozenset[str]
     """The functions that they call themselves."""
 
-    def routine(self, execution: Execution) -> Routine:
+    def routine(self, execution: ScriptRun) -> Routine:
         """What runs them."""
         return routine_of(self.body, execution, [None] * self.locals)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from dynid.core import DynidError
 from urtwin.urscript.code import Code, Runner, compose
-from urtwin.urscript.execution import BACK, ENTERING, LISTENING, Execution, Frame, Routine
+from urtwin.urscript.execution import BACK, ENTERING, LISTENING, Frame, Routine, ScriptRun
 from urtwin.urscript.expressions import Scope
 from urtwin.urscript.lists import store
 from urtwin.urscript.syntax import Assign, Do, If, OnThread, Return, Simple, Statement, While
@@ -31,7 +31,7 @@ def sequence(codes: list[Code], lines: list[int], weight: int) -> Code:
 def _at_once(codes: list[Code], lines: list[int], weight: int) -> Runner:
     steps = [code.run for code in codes]
 
-    def run(x: Execution, v: Frame) -> Any:
+    def run(x: ScriptRun, v: Frame) -> Any:
         x.left -= weight
         if x.left < 0:
             x.look()
@@ -56,7 +56,7 @@ def _at_once(codes: list[Code], lines: list[int], weight: int) -> Runner:
 def _waiting(codes: list[Code], lines: list[int], weight: int) -> Runner:
     steps = [(code.run, code.wait, code.slow) for code in codes]
 
-    def run(x: Execution, v: Frame) -> Routine:
+    def run(x: ScriptRun, v: Frame) -> Routine:
         x.left -= weight
         if x.left < 0:
             x.look()
@@ -137,7 +137,7 @@ def _statement(scope: Scope, statement: Statement, in_loop: bool) -> Code:
     raise TypeError(statement)
 
 
-def _returned(x: Execution, value: Value) -> tuple[Value]:
+def _returned(x: ScriptRun, value: Value) -> tuple[Value]:
     return (value,)
 
 
@@ -145,12 +145,12 @@ def _for_effect(code: Code) -> Code:
     inner, wait = code.run, code.wait
     if code.slow:
 
-        def waiting(x: Execution, v: Frame) -> Routine:
+        def waiting(x: ScriptRun, v: Frame) -> Routine:
             yield from wait(x, v)
 
         return Code(waiting, True, code.weight)
 
-    def at_once(x: Execution, v: Frame) -> None:
+    def at_once(x: ScriptRun, v: Frame) -> None:
         inner(x, v)
 
     return Code(at_once, False, code.weight)
@@ -164,27 +164,27 @@ def _assign(scope: Scope, statement: Assign) -> Code:
         base = scope.expression_named(name, statement.line)
         indices = [scope.expression(index) for index in statement.indices]
 
-        def change(x: Execution, value: Value, base: Value, *indices: Value) -> None:
+        def change(x: ScriptRun, value: Value, base: Value, *indices: Value) -> None:
             store(base, list(indices), value)
 
         return compose([value, base, *indices], change)
     inner, wait = value.run, value.wait
     if value.slow:
 
-        def waiting(x: Execution, v: Frame) -> Routine:
+        def waiting(x: ScriptRun, v: Frame) -> Routine:
             result = yield from wait(x, v)
             (v if local else x.shared)[place] = _something(result, name)
 
         return Code(waiting, True, value.weight + 1)
     if local:
 
-        def own(x: Execution, v: Frame) -> None:
+        def own(x: ScriptRun, v: Frame) -> None:
             result = inner(x, v)
             v[place] = result if result is not None else _something(result, name)
 
         return Code(own, False, value.weight + 1)
 
-    def shared(x: Execution, v: Frame) -> None:
+    def shared(x: ScriptRun, v: Frame) -> None:
         result = inner(x, v)
         x.shared[place] = result if result is not None else _something(result, name)
 
@@ -210,7 +210,7 @@ def _if(scope: Scope, statement: If, in_loop: bool) -> Code:
     last = otherwise.run
     if not otherwise.slow and not any(ask.slow or body.slow for ask, body in branches):
 
-        def at_once(x: Execution, v: Frame) -> Any:
+        def at_once(x: ScriptRun, v: Frame) -> Any:
             for cost, condition, body in parts:
                 if truth(condition(x, v)):
                     x.left -= cost
@@ -220,7 +220,7 @@ def _if(scope: Scope, statement: If, in_loop: bool) -> Code:
 
         return Code(at_once, False, 1)
 
-    def waiting(x: Execution, v: Frame) -> Routine:
+    def waiting(x: ScriptRun, v: Frame) -> Routine:
         for ask, body in branches:
             x.left -= ask.weight
             if truth((yield from ask.wait(x, v)) if ask.slow else ask.run(x, v)):
@@ -236,7 +236,7 @@ def _while(scope: Scope, statement: While) -> Code:
     ask, do = condition.run, body.run
     if not condition.slow and not body.slow:
 
-        def at_once(x: Execution, v: Frame) -> Any:
+        def at_once(x: ScriptRun, v: Frame) -> Any:
             while truth(ask(x, v)):
                 signal = do(x, v)
                 if signal is BREAK:
@@ -249,7 +249,7 @@ def _while(scope: Scope, statement: While) -> Code:
 
     ask_wait, do_wait, ask_slow, do_slow = condition.wait, body.wait, condition.slow, body.slow
 
-    def waiting(x: Execution, v: Frame) -> Routine:
+    def waiting(x: ScriptRun, v: Frame) -> Routine:
         while truth((yield from ask_wait(x, v)) if ask_slow else ask(x, v)):
             signal = (yield from do_wait(x, v)) if do_slow else do(x, v)
             if signal is BREAK:
@@ -264,11 +264,11 @@ def _while(scope: Scope, statement: While) -> Code:
 def _on_thread(scope: Scope, statement: OnThread) -> Code:
     handle = scope.expression(statement.handle)
     if statement.word == "kill":
-        return compose([handle], Execution.kill)
+        return compose([handle], ScriptRun.kill)
     if not scope.may_wait:
         raise ScriptError("a secondary program must not take time", statement.line, value="join")
 
-    def wait(x: Execution, value: Value) -> Routine:
+    def wait(x: ScriptRun, value: Value) -> Routine:
         # Whoever joins in a critical section lets others have it: they could not end else.
         waited = False
         while x.lives(value):
@@ -294,12 +294,12 @@ def _simple(scope: Scope, statement: Simple, in_loop: bool) -> Code:
     return Code(lambda x, v: x.let_go(), False, 1)
 
 
-def _enter(x: Execution, v: Frame) -> Routine:
+def _enter(x: ScriptRun, v: Frame) -> Routine:
     if x.section.open_to(x.thread):
         x.hold()
     else:
         yield ENTERING
 
 
-def _halt(x: Execution, v: Frame) -> None:
+def _halt(x: ScriptRun, v: Frame) -> None:
     raise ScriptHalt

@@ -28,7 +28,7 @@ class Constant(Expression):
 
 
 @dataclass(slots=True)
-class Name(Expression):
+class Variable(Expression):
     """A variable."""
 
     name: str
@@ -74,7 +74,7 @@ class Method(Expression):
 
 
 @dataclass(slots=True)
-class Run(Expression):
+class StartThread(Expression):
     """A thread that starts; its value is the handle."""
 
     call: Call

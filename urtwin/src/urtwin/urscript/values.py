@@ -279,7 +279,7 @@ SIGNS: dict[str, Callable[[Value], Value]] = {"-": negated, "+": number, "not": 
 Function = Callable[..., Any]
 
 
-class Kind(Enum):
+class Calling(Enum):
     """How a built-in runs."""
 
     PURE = "arithmetic alone"
@@ -294,7 +294,7 @@ class Builtin:
     name: str
     function: Function
     """Takes the controller first, unless it is pure."""
-    kind: Kind
+    kind: Calling
     parameters: tuple[str, ...]
     """Names of its arguments in a script."""
     defaults: tuple[Any, ...]
@@ -308,7 +308,9 @@ class Builtin:
         return len(self.parameters) - len(self.defaults)
 
 
-def builtin(function: Function, kind: Kind, *, name: str | None = None, weight: int = 5) -> Builtin:
+def builtin(
+    function: Function, kind: Calling, *, name: str | None = None, weight: int = 5
+) -> Builtin:
     """A built-in whose arguments are those of a Python function.
 
     Args:
@@ -318,7 +320,7 @@ def builtin(function: Function, kind: Kind, *, name: str | None = None, weight: 
         weight: What a call costs, in operations.
     """
     parameters = list(inspect.signature(function).parameters.values())
-    own = parameters if kind == Kind.PURE else parameters[1:]
+    own = parameters if kind == Calling.PURE else parameters[1:]
     empty = inspect.Parameter.empty
     return Builtin(
         name=name or function.__name__,
