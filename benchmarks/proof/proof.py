@@ -101,6 +101,13 @@ def steps() -> list[Step]:
         )
     )
     found += [
+        Step(
+            f"20 000 hostile lines at {rate} Hz",
+            (python, "urtwin/tests/fuzzing.py", "--lines", "20000", "--rate", rate),
+        )
+        for rate in ("125", "500")
+    ]
+    found += [
         Step(f"benchmark {path.stem}", (python, str(path.relative_to(ROOT))))
         for path in sorted((ROOT / "benchmarks").glob("*.py"))
     ]
