@@ -11,8 +11,15 @@ import pytest
 
 from dynid.core import InputError, JsonFields
 from dynid.robot import load_robot
-from dynid.trajectory import MotionSequence, PointToPoint, motion_family, points_text, ur_program
-from dynid.trajectory.files import trajectory_from_json, trajectory_to_json
+from dynid.trajectory import (
+    MotionSequence,
+    PointToPoint,
+    motion_family,
+    points_text,
+    trajectory_from_json,
+    trajectory_to_json,
+    ur_program,
+)
 from dynid.trajectory.urscript import pieces
 
 STEP = 1e-5
