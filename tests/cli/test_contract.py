@@ -318,7 +318,9 @@ def test_bad_windows_and_settings(run: Run, recordings: Recordings) -> None:
     assert_bad_usage(run(*paper, "--from", "1000"), "1000")
     assert_bad_usage(run(*paper, "--cutoff", "0"), "--cutoff")
     assert_bad_usage(run(*paper, "--validate-from", "1000"), "1000")
-    assert_bad_usage(run(*paper, record, "--validate-from", "5"), "--validate RECORD")
+    assert_bad_usage(
+        run(*paper, recordings.validation, "--validate-from", "5"), "--validate RECORD"
+    )
     assert_bad_usage(run("validate", recordings.estimate, record, "--to", "0"), "--to")
     assert_bad_usage(run("validate", record, record), record.name)
     assert_bad_usage(run(*paper, "-o", record.with_suffix(".txt")), ".json")

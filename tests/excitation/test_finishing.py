@@ -43,7 +43,7 @@ def test_a_motion_that_breaks_a_limit_is_improved_until_it_passes() -> None:
     asked = problem(arm(torque=60.0), safe=True)
     found = finished(asked, too_fast(asked), stop=False)
     assert found.repair == "tightened"
-    assert found.certificate.feasible
+    assert found.certificate.holds
 
 
 def test_without_time_it_is_made_as_small_as_it_must_be() -> None:
@@ -51,7 +51,7 @@ def test_without_time_it_is_made_as_small_as_it_must_be() -> None:
     (candidate,) = too_fast(asked)
     found = finished(asked, [candidate], stop=True)
     assert found.repair == "smaller"
-    assert found.certificate.feasible
+    assert found.certificate.holds
     ratio = found.x[:, 1:] / candidate.x[:, 1:]
     np.testing.assert_allclose(ratio, ratio[0, 0], rtol=1e-12)
     # Not smaller than it must be: some limit is nearly used up.
@@ -75,7 +75,7 @@ def test_what_cannot_be_repaired_comes_back_with_its_verdict() -> None:
     # The arm cannot even hold itself.
     asked = problem(leaning(torque=0.5), safe=True)
     found = finished(asked, too_fast(asked), stop=True)
-    assert not found.certificate.feasible
+    assert not found.certificate.holds
     assert "torque" in found.certificate.broken
 
 

@@ -377,7 +377,7 @@ def _validate(
     ] = None,
     json: JsonFlag = False,
 ) -> None:
-    """Prediction error on another recording (paper 3.1), and where it comes from."""
+    """Prediction error on another recording (paper 3.1)."""
     from dynid.cli.output import console, number, print_json, print_notices, print_table
     from dynid.validation import CAUSES
     from dynid.workflow import estimate_at, validate_files
