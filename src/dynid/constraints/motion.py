@@ -302,10 +302,8 @@ PRESETS = ("safe", "paper")
 MARGIN = 0.05
 """Share of a limit that a safe motion keeps free."""
 CLEARANCE = 0.01
-"""What a safe motion keeps to the scene [m]. An arm that stands on its table has no more under
+"""What a safe motion keeps between bodies and to the scene [m]. An arm that stands on its table has no more under
 its shoulder: the UR5 keeps 13 mm there whatever it does."""
-SELF_CLEARANCE = 0.001
-"""What it keeps between bodies of the arm [m]."""
 
 
 def paper_constraints(
@@ -338,7 +336,7 @@ def safe_constraints(
     *,
     collision: bool = True,
     acceleration: ArrayLike | None = None,
-    clearance: float | None = None,
+    clearance: float = CLEARANCE,
     margin: float = MARGIN,
     floor: float | str = "mount",
 ) -> MotionConstraints:
@@ -349,7 +347,7 @@ def safe_constraints(
         scene: What stands around it and what it carries.
         collision: Whether to look at collisions (`--no-collision` switches it off).
         acceleration: Bounds where the robot knows none [rad/s^2 or m/s^2].
-        clearance: Smallest distance between bodies, and to the scene [m]; None for the usual ones.
+        clearance: Smallest distance between bodies, and to the scene [m].
         margin: Share kept free of the limits of velocity, speed, torque, momentum and power.
         floor: Where the floor is; see `ConstraintSettings`.
 
@@ -361,8 +359,8 @@ def safe_constraints(
         bounds=replace(bounds, velocity=(1.0 - margin) * bounds.velocity),
         self_collision=collision,
         scene=scene if collision else None,
-        clearance=CLEARANCE if clearance is None else clearance,
-        self_clearance=SELF_CLEARANCE if clearance is None else clearance,
+        clearance=clearance,
+        self_clearance=clearance,
         margin=margin,
         floor=floor if collision else "none",
     )

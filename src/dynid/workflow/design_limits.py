@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dynid.constraints import (
+    CLEARANCE,
     FLOORS,
     MARGIN,
     PRESETS,
@@ -45,8 +46,8 @@ class DesignLimits:
     """(4) mass that the flange carries [kg] and its centre [m]; None for the robot's own."""
     margin_percent: float = 100.0 * MARGIN
     """Of the limits of velocity, speed, torque, momentum and power, kept free."""
-    clearance: float | None = None
-    """Smallest distance of bodies [m]; None for the usual ones."""
+    clearance: float = CLEARANCE
+    """Smallest distance between bodies [m]."""
 
     def __post_init__(self) -> None:
         for name, value, known in (
