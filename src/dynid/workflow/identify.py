@@ -175,7 +175,9 @@ def choose(
     # Maximum likelihood has a noise of its own for each sample: no filter fits there. A filter
     # that one record has passed says nothing of the others.
     smoothed = settings.estimator != "ml" and all(map(was_smoothed, recordings))
-    if len(recordings) == 1:
+    # For this motion its repetitions are what is left out: their average would hide how they
+    # differ.
+    if len(recordings) == 1 and settings.purpose == "anywhere":
         signals = recordings[0]
         period = find_period(signals.q, signals.rate_hz)
         if period is not None:
