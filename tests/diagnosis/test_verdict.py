@@ -65,6 +65,9 @@ def test_each_purpose_has_its_own_answer() -> None:
     assert (heavy.prediction.answer, heavy.simulation.answer) == ("yes", "no")
     vague = judged(2.0, uncertain_share=0.9)
     assert (vague.parameters.answer, vague.parameters.value) == ("limits", 90.0)
+    idle = judged(2.0, pays=False)
+    assert (idle.prediction.answer, idle.parameters.answer) == ("yes", "limits")
+    assert idle.parameters.reason in idle.headline
     free = judged(2.0, consistent=False)
     assert (free.prediction.answer, free.simulation.answer) == ("yes", "limits")
 

@@ -32,6 +32,7 @@ from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel
 from dynid.signals import process
 from dynid.workflow import IdentifySettings
+from dynid.workflow.identify import gains_nothing
 
 SAME = 1e-6
 NEAR = 1.25
@@ -168,6 +169,9 @@ def test_an_estimate_carries_left_out_errors_models_and_intervals(tmp_path: Path
     assert (told.this_motion <= 1.5 * told.anywhere).all()
     assert (told.noise_floor <= told.this_motion).all()
     assert result.to_json()["assessment"]["left_out_rms"]["anywhere"] == told.anywhere.tolist()
+    (finding,) = gains_nothing(replace(result.estimate, assessment=replace(told, pays=False)))
+    assert finding.code == "weak_excitation"
+    assert gains_nothing(replace(result.estimate, assessment=replace(told, pays=True))) == ()
     write_estimate(result.estimate, tmp_path / "e.json")
     read = read_estimate(tmp_path / "e.json")
     q = np.random.default_rng(1).uniform(-3, 3, (50, 6))

@@ -27,6 +27,7 @@ KINDS: Mapping[str, tuple[str, str]] = {
     "non_white_residuals": ("non_white_residuals", "info"),
     "extrapolated": ("extrapolated", "warning"),
     "other_motion": ("extrapolated", "info"),
+    "identification_gains_nothing": ("weak_excitation", "info"),
     "ripple": ("ripple", "info"),
     "unwrapped": ("unit_suspect", "info"),
     "aborted": ("aborted", "warning"),

@@ -79,15 +79,13 @@ def diagnose(
     Args:
         records: The recordings that a model was identified from.
         robot: The robot as it was told.
-        settings: Their window; delays and periods are not used, so that nothing is hidden.
+        settings: Their window; delays, periods and cut-off are not used: nothing is hidden.
 
     Returns:
         Of several recordings, each kind of fault once, as the recording shows it that shows it
         best; contacts of each.
     """
-    plain = ProcessingSettings(
-        cutoff_hz=settings.cutoff_hz, start_s=settings.start_s, stop_s=settings.stop_s
-    )
+    plain = ProcessingSettings(start_s=settings.start_s, stop_s=settings.stop_s)
     best: dict[tuple[str, tuple[int, ...]], tuple[float, Finding]] = {}
     others: list[Finding] = []
     for record in records:

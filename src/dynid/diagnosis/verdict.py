@@ -112,6 +112,7 @@ def judge(
     confirmed: bool,
     uncertain_share: float,
     consistent: bool,
+    pays: bool | None = None,
 ) -> Verdict:
     """Judge an identification.
 
@@ -123,6 +124,7 @@ def judge(
         confirmed: The error is that of another recording.
         uncertain_share: Share of parameters whose deviation exceeds half of their value.
         consistent: All masses and inertias are physically possible.
+        pays: Identified inertias predict better than published ones; None where none are.
     """
     errors = [f for f in findings if f.severity == "error"]
     faults = [f for f in findings if f.severity == "warning" and f.code in FAULTS]
@@ -131,7 +133,7 @@ def judge(
     prediction = _prediction(expected_percent, noise_percent, confirmed, wrong, faults, poor)
     return Verdict(
         prediction=prediction,
-        parameters=_parameters([*wrong, *faults], poor, uncertain_share),
+        parameters=_parameters([*wrong, *faults], poor, uncertain_share, pays),
         simulation=_simulation(prediction, findings, consistent),
     )
 
@@ -168,13 +170,18 @@ def _prediction(
     return Answer(answer=answer, reason=text, value=beyond, unit="%", limit=GOOD_PREDICTION)
 
 
-def _parameters(faults: list[Finding], poor: list[Finding], uncertain: float) -> Answer:
+def _parameters(
+    faults: list[Finding], poor: list[Finding], uncertain: float, pays: bool | None
+) -> Answer:
     if poor:
         return Answer(answer="no", reason=poor[0].text, value=poor[0].value, unit=poor[0].unit)
     if faults:
         first = faults[0]
         reason = f"{first.text}: this biases them"
         return Answer(answer="limits", reason=reason, value=first.value, unit=first.unit)
+    if pays is False:
+        reason = "identified inertias predict no better than published ones with fitted friction"
+        return Answer(answer="limits", reason=reason)
     answer = "yes" if uncertain <= POOR_SHARE else "limits"
     reason = f"{100 * uncertain:.0f} % of them are uncertain by more than half of their value"
     return Answer(

@@ -77,7 +77,7 @@ class Body:
     def surface(self) -> tuple[Array, Indices]:
         """Its surface as triangles: vertices (V, 3) and outward faces (F, 3).
 
-        The vertices lie on the rounded surface, so that the triangles are just within it.
+        The triangles are just within the rounded surface.
         """
         heights = np.linspace(0.0, np.pi, _RINGS)
         turns = 2 * np.pi * np.arange(_TURNS) / _TURNS

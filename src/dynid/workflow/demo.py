@@ -242,7 +242,9 @@ def make_recordings(robot: str, folder: Path, quick: bool, tell: Progress) -> Re
                     folder / f"{name}.json",
                     path,
                     on=on,
-                    settings=RunSettings(repeat=repetitions, thermal=thermal, seed=noise),
+                    settings=RunSettings(
+                        repeat=repetitions, thermal=thermal, seed=noise, force=True
+                    ),
                 ).raise_if_aborted()
             recorded[name][thermal] = read_record(path)
             files.append(path)

@@ -342,6 +342,7 @@ def _identify(
     training = reproduce(estimate, records[0], start_s=settings.start_s, stop_s=settings.stop_s)
     result = None
     warnings = [
+        *gains_nothing(estimate),
         *estimate.warnings,
         *diagnose(records, robot, estimate.settings),
     ]
@@ -432,6 +433,26 @@ def _check_cutoff(records: Sequence[ExperimentRecord], cutoff_hz: float | None) 
             value=f"{cutoff_hz:g} Hz",
             limit=f"up to {highest:g} Hz",
         )
+
+
+def gains_nothing(estimate: Estimate) -> tuple[Finding, ...]:
+    """Whether published inertias with fitted friction predict left-out parts as well."""
+    told_by = estimate.assessment
+    if told_by is None or told_by.pays is not False:
+        return ()
+    errors = {model.name: float(np.linalg.norm(model.rms)) for model in told_by.models}
+    fitted, identified = errors["published_friction"], errors["identified"]
+    return (
+        Finding(
+            "identification_gains_nothing",
+            value=100.0 * (identified / max(fitted, 1e-12) - 1.0),
+            unit="%",
+            text=f"on parts left out, identified inertias err by {identified:.3g} N.m, published "
+            f"ones with fitted friction and motor inertia by {fitted:.3g} N.m: identifying the "
+            "inertias gains nothing",
+            next_step="Record a motion with more excitation, or use the published inertias",
+        ),
+    )
 
 
 def over_fitted(training: ValidationResult, validation: ValidationResult) -> tuple[Finding, ...]:

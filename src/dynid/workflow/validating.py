@@ -17,7 +17,7 @@ import numpy as np
 from dynid.core import InputError, Progress
 from dynid.diagnosis import Verdict, judge
 from dynid.diagnosis.verdict import USELESS_PREDICTION
-from dynid.identification import Estimate, read_estimate, write_estimate
+from dynid.identification import read_estimate, write_estimate
 from dynid.recording import ExperimentRecord, checked_records
 from dynid.signals import window
 from dynid.validation import (
@@ -162,8 +162,11 @@ def verdict(result: Identification) -> Verdict:
     expected, noise = None, noise_percent(judged)
     if confirmed:
         expected = judged.moving.relative_error_overall_percent
-    elif expected_error_percent(estimate) is not None:
-        expected = expected_error_percent(estimate)
+    elif estimate.assessment is not None:
+        left_out = estimate.assessment
+        expected = left_out.expected_error_percent
+        size = float(np.linalg.norm(left_out.torque))
+        noise = 100 * float(np.linalg.norm(left_out.noise_floor)) / max(size, 1e-12)
     elif not fit <= USELESS_PREDICTION:
         expected = fit if np.isfinite(fit) else USELESS_PREDICTION + fit
     with np.errstate(invalid="ignore"):
@@ -174,14 +177,9 @@ def verdict(result: Identification) -> Verdict:
         noise_percent=noise,
         confirmed=confirmed,
         uncertain_share=uncertain,
+        pays=None if estimate.assessment is None else estimate.assessment.pays,
         consistent=not any(f.code == "not_physical" for f in result.warnings),
     )
-
-
-def expected_error_percent(estimate: Estimate) -> float | None:
-    """Error on left-out regions as a share of the torque [%]; None where nothing was left out."""
-    del estimate
-    return None
 
 
 def noise_percent(result: ValidationResult) -> float:

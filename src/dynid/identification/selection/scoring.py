@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynid.core import Array, Indices, InputError
+from dynid.core import Array, Indices, InputError, Mask
 from dynid.identification.bayesian import not_negative, published_prior
 from dynid.identification.problem import block_mean, chunk_size, recorded_rows
 from dynid.identification.selection.columns import (
@@ -303,7 +303,7 @@ class Search:
         places = [self.columns.places(j, c.step, c.terms) for j, c in enumerate(choices)]
         return self._picks(places, [c.delay for c in choices], self.columns, blocks)
 
-    def _positive(self, picks: tuple[Pick, ...]) -> Array:
+    def _positive(self, picks: tuple[Pick, ...]) -> Mask:
         rank = self.base.rank
         shared = not_negative(self.base.model)[list(self.base.independent)]
         candidates = self.columns.positive
