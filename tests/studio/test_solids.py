@@ -12,7 +12,7 @@ from dynid.studio.solids import arm_meshes, reach, robot_meshes, shape_mesh
 
 ON_SURFACE = 1e-6
 """Distances to a hull are found to this, and the hull that is drawn is joggled."""
-FACETED = 0.06
+FACETED = 0.08
 """A body drawn with flat faces holds a little less than a round one."""
 
 
@@ -27,7 +27,9 @@ def test_a_body_is_drawn_on_its_surface_and_seen_from_outside(end: list[float]) 
     start, stop, radius = np.array([0.1, 0.2, 0.3]), np.array(end), 0.07
     points = np.array([start, stop])
     vertices, faces = Body(name="x", link=0, points=points, radius=radius).surface()
-    np.testing.assert_allclose(beyond(vertices, points), radius, rtol=0, atol=ON_SURFACE)
+    far = beyond(vertices, points)
+    assert far.max() <= radius + ON_SURFACE
+    assert far.min() >= (1 - FACETED) * radius
     length = float(np.linalg.norm(stop - start))
     true = math.pi * radius**2 * (length + 4 / 3 * radius)
     assert (1 - FACETED) * true < volume(vertices, faces) < true

@@ -13,8 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.optimize import nnls
-from scipy.spatial import ConvexHull
 
 from dynid.core import Array, Indices, RobotError, frozen, require
 from dynid.robot.tables import shown
@@ -79,7 +77,7 @@ class Body:
     def surface(self) -> tuple[Array, Indices]:
         """Its surface as triangles: vertices (V, 3) and outward faces (F, 3).
 
-        The vertices lie on the rounded surface, so that the triangles are just within it.
+        The triangles are just within the rounded surface.
         """
         heights = np.linspace(0.0, np.pi, _RINGS)
         turns = 2 * np.pi * np.arange(_TURNS) / _TURNS
@@ -91,7 +89,7 @@ class Body:
             ]
         )
         points = (self.points[:, None] + self.radius * ball).reshape(-1, 3)
-        hull = ConvexHull(points, qhull_options="QJ")
+        hull = _joggled(points)
         faces = hull.simplices
         first, second, third = points[faces].transpose(1, 0, 2)
         inward = np.einsum("fx,fx->f", np.cross(second - first, third - first),
@@ -187,12 +185,19 @@ def _cuts(faces: Array) -> list[tuple[float, int, float]]:
     return found
 
 
-def _hull(points: Array) -> ConvexHull:
+def _hull(points: Array) -> Any:
     """The hull; of flat points that of their neighbourhood."""
     size = float(np.ptp(points, axis=0).max())
     if np.linalg.matrix_rank(points - points.mean(axis=0), tol=1e-6 * size) < 3:
         points = np.concatenate([points, points + 1e-5 * np.eye(3)[:, None]], axis=None)
-    return ConvexHull(points.reshape(-1, 3), qhull_options="QJ")
+    return _joggled(points.reshape(-1, 3))
+
+
+def _joggled(points: Array) -> Any:
+    # SciPy is imported where it is used: robots are loaded by commands that need none of it.
+    from scipy.spatial import ConvexHull  # pyright: ignore[reportMissingTypeStubs]
+
+    return ConvexHull(points, qhull_options="QJ")
 
 
 def _volume(faces: Array) -> float:
@@ -233,8 +238,12 @@ def beyond(points: Array, corners: Array) -> Array:
 
     A convex combination of the corners that is that near proves each number.
     """
+    from scipy import optimize  # pyright: ignore[reportMissingTypeStubs]
+
+    solve: Any = optimize.nnls  # pyright: ignore[reportUnknownMemberType]
     weight = 100.0
     table = np.vstack([corners.T, np.full(len(corners), weight)])
-    shares = np.array([nnls(table, np.append(point, weight))[0] for point in points])
+    found = [solve(table, np.append(point, weight))[0] for point in points]
+    shares: Array = np.array(found, dtype=np.float64)
     shares /= shares.sum(axis=1, keepdims=True)
     return np.linalg.norm(shares @ corners - points, axis=1)

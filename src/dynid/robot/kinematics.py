@@ -263,7 +263,3 @@ def _snap(pose: Array) -> Array:
     small = np.abs(pose[:3, 3]) < MEET_WITHIN
     result[:3, 3][small] = 0.0
     return result
-
-
-def _place(transform: Array, point: Array) -> Array:
-    return transform[:3, :3] @ point + transform[:3, 3]

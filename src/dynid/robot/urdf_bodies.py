@@ -127,8 +127,7 @@ def _mesh(shape: ET.Element, where: str, folders: Sequence[Path], notes: list[st
         notes.append(
             f"{where} is not judged: the mesh {shown(name)} was not found; looked for {looked}"
             f"{' ...' if len(tries) > _NAMED else ''}"
-            f"{f' ({chr(32).join(unset)} not set)' if unset else ''}; --mesh-dir names another"
-            " folder"
+            f"{f' ({chr(32).join(unset)} not set)' if unset else ''}"
         )
         return []
     scale = np.array(read_vector(shape, "scale", where)) if shape.get("scale") else np.ones(3)
