@@ -302,8 +302,8 @@ PRESETS = ("safe", "paper")
 MARGIN = 0.05
 """Share of a limit that a safe motion keeps free."""
 CLEARANCE = 0.01
-"""What a safe motion keeps between bodies and to the scene [m]. An arm that stands on its table has no more under
-its shoulder: the UR5 keeps 13 mm there whatever it does."""
+"""What a safe motion keeps between bodies and to the scene [m]. An arm that stands on its table has
+no more under its shoulder: the UR5 keeps 13 mm there whatever it does."""
 
 
 def paper_constraints(
