@@ -240,7 +240,7 @@ def beyond(points: Array, corners: Array) -> Array:
     """
     from scipy import optimize  # pyright: ignore[reportMissingTypeStubs]
 
-    solve: Any = optimize.nnls  # pyright: ignore[reportUnknownMemberType]
+    solve: Any = optimize.nnls  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
     weight = 100.0
     table = np.vstack([corners.T, np.full(len(corners), weight)])
     found = [solve(table, np.append(point, weight))[0] for point in points]
