@@ -134,11 +134,13 @@ class TorqueInterval:
             )
         variance = np.square(self.sigma)[:, None]
         variance = variance + np.square(self.scale)[:, None] * leverage(self.root, columns)
-        rest, motion = (
-            np.array([np.interp(level, LEVELS, row) for row in part])[:, None]
-            for part in self.quantiles
+        rest, motion = np.array(
+            [[np.interp(level, LEVELS, row) for row in part] for part in self.quantiles],
+            dtype=np.float64,
         )
-        half = np.where(there.moving, motion, rest) * np.sqrt(variance)
+        # As arithmetic: the type of `where` is not known to checkers.
+        factor = rest[:, None] + there.moving * (motion - rest)[:, None]
+        half = factor * np.sqrt(variance)
         # Friction at rest is anywhere between its bounds.
         half = np.maximum(half, level * there.stiction)
         normal = NormalDist().inv_cdf((1.0 + level) / 2.0)
@@ -411,7 +413,7 @@ def _rows(
     matrix = fitted.system.matrix
     total, several = matrix.sum(axis=0), len(matrix) > 1
     extra = root[:, len(root) :]
-    roots = [
+    roots: list[Array] = [
         np.concatenate([_inverse_root(total - (m if several else 0.0) + precision), extra], axis=1)
         for m in matrix
     ]
@@ -420,15 +422,15 @@ def _rows(
     indices: list[Indices] = []
     bends = np.zeros(problem.samples.joints)
     for rows, columns, torque in problem.chunks():
-        index = np.arange(rows.start, rows.stop)
-        some = index % step == 0
+        index: Indices = np.arange(int(rows.start), int(rows.stop), dtype=np.intp)
+        some: Mask = index % step == 0
         index, columns, torque = index[some], columns[:, :, some], torque[:, some]
         error, lever = np.empty(torque.shape), np.empty(torque.shape)
         for k in np.unique(regions[index]):
             here = regions[index] == k
             values = fitted.values[min(k, len(fitted.values) - 1)]
             error[:, here] = torque[:, here] - np.tensordot(values, columns[:, :, here], axes=1)
-            lever[:, here] = leverage(roots[k], columns[:, :, here])
+            lever[:, here] = leverage(roots[int(k)], columns[:, :, here])
         errors.append(error)
         levers.append(lever)
         indices.append(index)

@@ -162,7 +162,8 @@ def solutions(
     systems = matrix / np.outer(scale, scale) + RIDGE * np.eye(size)
     targets = vector / scale
     if positive is None:
-        return np.linalg.solve(systems, targets[..., None])[..., 0] / scale
+        free = np.asarray(np.linalg.solve(systems, targets[..., None]), dtype=np.float64)
+        return free[..., 0] / scale
     return signed_solutions(systems, targets, positive) / scale
 
 
@@ -200,7 +201,7 @@ def joint_weights(
         shrinkage: Prior for unit weight; it is multiplied by the number of rows.
         positive: See `solutions`.
     """
-    whole = blocks.merged(np.zeros(blocks.rows.shape[1], dtype=np.intp))
+    whole = blocks.merged(np.zeros(int(blocks.rows.shape[1]), dtype=np.intp))
     rows = np.maximum(whole.rows.sum(axis=1), 1.0)
     prior = None if shrinkage is None else shrinkage.times(float(rows.mean()))
     weights = np.ones(len(picks))

@@ -11,7 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d  # pyright: ignore[reportMissingTypeStubs]
+from scipy.ndimage import (  # pyright: ignore[reportMissingTypeStubs]
+    maximum_filter1d,  # pyright: ignore[reportUnknownVariableType]
+)
 
 from dynid.core import Array, Indices, Mask
 
@@ -86,7 +88,7 @@ def moving_rows(dq: Array, rate_hz: float) -> Mask:
     """
     speed = np.abs(dq)
     span = 2 * int(np.ceil(STANDING_S * rate_hz)) + 1
-    fastest = maximum_filter1d(speed, span, axis=0)
+    fastest = np.asarray(maximum_filter1d(speed, span, axis=0), dtype=np.float64)
     return np.asarray(fastest > SLOWEST * np.maximum(np.percentile(speed, 99, axis=0), 1e-9))
 
 

@@ -432,7 +432,7 @@ class Search:
             return found
         blocks = self.blocks(settings)
         picks, weights = self.picks(choices, blocks), self.weights(blocks, choices, prior)
-        cells = blocks.all.merged(np.zeros(blocks.all.rows.shape[1], dtype=np.intp))
+        cells = blocks.all.merged(np.zeros(int(blocks.all.rows.shape[1]), dtype=np.intp))
         system = NormalEquations(cells, picks, weights)
         values = solutions(
             system.matrix,
