@@ -21,6 +21,7 @@ import re
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,7 @@ from fit_bodies import MESHES, ROBOTS, link_meshes
 from dynid.constraints import MotionConstraints, certify, safe_constraints, scene_from_json
 from dynid.core import JsonFields
 from dynid.robot import RobotModel, load_robot
+from dynid.robot.model import Tool
 from dynid.trajectory import FourierSeries
 from dynid.workflow import DesignSettings, design, read_design
 
@@ -52,7 +54,8 @@ SCENES: tuple[dict[str, Any], ...] = (
     },
 )
 TOOL = {"type": "box", "size": [0.08, 0.08, 0.16], "position": [0, 0, 0.08]}
-MASS = 1.0
+TIP, MASS = (0.0, 0.0, 0.16), 1.0
+"""The tool's point and centre of mass in the flange's frame [m], and what it weighs [kg]."""
 _EDGE = 12
 """Halvings of the step with which a motion is pushed to the certificate's edge."""
 
@@ -216,23 +219,31 @@ def main() -> None:
                 around, file = Path(folder) / "scene.json", Path(folder) / "design.json"
                 around.write_text(json.dumps(scene))
                 settings = DesignSettings(
-                    starts=1, seed=given.seed + k, scene=str(around) if scene else None
+                    starts=1,
+                    seed=given.seed + k,
+                    scene=str(around) if scene else None,
+                    tool=TIP if tool else None,
+                    payload=(MASS, *TIP) if tool else None,
                 )
                 design(name, settings, output=file)
                 stored = read_design(file)
                 motion: Any = stored.stored.trajectory
             robot = load_robot(name)
+            if tool:
+                carried = Tool(tcp=np.array(TIP), mass=MASS, com=np.array(TIP))
+                robot = replace(robot, tool=carried)
             judge = safe_constraints(
                 robot,
                 scene_from_json(JsonFields(scene)) if scene else None,
-                payload_mass=MASS if tool else 0.0,
             )
             edge = k % 3 == 1 and isinstance(motion, FourierSeries)
             if edge:
                 motion = pushed(motion, judge)
             certificate = certify(motion, judge)
             times = np.arange(0.0, motion.duration, 1 / given.rate)
-            found = Oracle(name, scene).broken(motion.evaluate(times), robot, 0.0)
+            found = Oracle(name, scene).broken(
+                motion.evaluate(times), robot, TIP[2] if tool else 0.0
+            )
             wrong = certificate.feasible and bool(found)
             missed, passed, count = missed + wrong, passed + certificate.feasible, count + 1
             verdict = "feasible" if certificate.feasible else "/".join(certificate.broken)
