@@ -32,8 +32,7 @@ from fit_bodies import MESHES, ROBOTS, link_meshes
 
 from dynid.constraints import MotionConstraints, certify, safe_constraints, scene_from_json
 from dynid.core import JsonFields
-from dynid.robot import RobotModel, load_robot
-from dynid.robot.model import Tool
+from dynid.robot import RobotModel, Tool, load_robot
 from dynid.trajectory import FourierSeries
 from dynid.workflow import DesignSettings, design, read_design
 

@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from dynid.robot import load_robot
-from dynid.simulation import Plant, simulated_arm
+from dynid.simulation import SimulatedPlant, simulated_arm
 from urtwin import ControllerMachine
 
 ROUNDS, CYCLES = 10, 100
@@ -55,7 +55,7 @@ def measure(rate_hz: float) -> dict[str, float]:
     import script_client
 
     arm = simulated_arm(load_robot("ur5"))
-    plant = Plant(arm, rate_hz=rate_hz)
+    plant = SimulatedPlant(arm, rate_hz=rate_hz)
     plant.reset(POSE)
     moving = ControllerMachine(arm, rate_hz=rate_hz, pose=POSE.tolist())
     moving.run_script(program(moving.cycle))

@@ -26,13 +26,13 @@ from dynid.excitation import (
     ExcitationProblem,
     by_genetic_algorithm,
     parse_criterion,
+    random_numbers,
     region_of,
 )
-from dynid.excitation.region import random_numbers
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import load_robot
-from dynid.trajectory.fourier import FourierFamily
+from dynid.trajectory import FourierFamily
 from regressor import pinocchio_model
 
 PLAIN_MOTIONS = 180

@@ -25,8 +25,7 @@ from dynid.core import provenance
 from dynid.export import write_model
 from dynid.export.c_code import c_prefix
 from dynid.export.verification import C_FLAGS, c_compiler
-from dynid.identification import Estimate, inertial_prior
-from dynid.identification.estimate import MotionRange
+from dynid.identification import Estimate, MotionRange, inertial_prior
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, Gear, InverseDynamicModel, LoadFriction, TorqueRipple
 from dynid.robot import load_robot

@@ -13,7 +13,7 @@ import numpy as np
 
 import dynid
 from dynid.core import Array
-from dynid.simulation import Plant, SimulatedArm, simulated_arm
+from dynid.simulation import SimulatedArm, SimulatedPlant, simulated_arm
 from dynid.validation import MomentumObserver, contact_thresholds
 
 RATE = 125.0
@@ -28,7 +28,7 @@ Run = tuple[Array, Array, Array, Array]
 
 
 def run(
-    arm: SimulatedArm, plant: Plant, seed: int, touch: tuple[int, int, float] | None = None
+    arm: SimulatedArm, plant: SimulatedPlant, seed: int, touch: tuple[int, int, float] | None = None
 ) -> Run:
     """Times, positions, measured velocities and torques of ten seconds of random motion.
 
@@ -62,7 +62,10 @@ def main() -> int:
     record = dynid.simulate_recording(robot, motion, seed=1, periods=3, thermal="warm")
     settings = dynid.IdentifySettings(preset="paper")
     estimate = dynid.identify([record], robot, settings).estimate
-    observer, plant = MomentumObserver(estimate=estimate), Plant(arm, rate_hz=RATE, thermal="warm")
+    observer, plant = (
+        MomentumObserver(estimate=estimate),
+        SimulatedPlant(arm, rate_hz=RATE, thermal="warm"),
+    )
 
     learned = [run(arm, plant, 100 + k) for k in range(LEARN)]
     thresholds = contact_thresholds(

@@ -23,7 +23,7 @@ from dynid.experiment import ExperimentPlan
 from dynid.recording import ExperimentRecord, RecordMetadata, RecordWriter, read_record
 from dynid.robot import load_robot
 from dynid.simulation import simulated_arm
-from dynid.trajectory.fourier import rest_series
+from dynid.trajectory import rest_series
 from urtwin import controller_process
 
 HOST = "127.0.1.77"

@@ -25,8 +25,7 @@ from dynid.studio.page import Page
 from dynid.studio.server import make_door, open_server
 from dynid.studio.session import Session
 from dynid.studio.solids import arm_meshes
-from dynid.trajectory import write_trajectory
-from dynid.trajectory.fourier import rest_series
+from dynid.trajectory import rest_series, write_trajectory
 from urtwin import controller_process, own_address
 
 PERIOD = 5.0

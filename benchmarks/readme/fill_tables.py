@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 from dynid.workflow import run_demo
-from dynid.workflow.demo import Row
+from dynid.workflow.demo import DemoRow
 
 ROOT = Path(__file__).parents[2]
 
@@ -29,7 +29,7 @@ def demo() -> str:
     return "\n".join([head, "|---|---|---|---|---|", *rows])
 
 
-def _row(row: Row) -> str:
+def _row(row: DemoRow) -> str:
     numbers = (
         "-" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
         for value in (row.paper, row.preset_paper, row.preset_best)

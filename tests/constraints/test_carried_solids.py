@@ -8,6 +8,7 @@ import pytest
 from chains_for_constraints import CYLINDER_WITHIN, coal_distance, hull_in_coal, random_arm
 
 from dynid.constraints import (
+    CollisionBodies,
     ConstraintSettings,
     MotionConstraints,
     body_of,
@@ -15,7 +16,6 @@ from dynid.constraints import (
     safe_constraints,
     scene_from_json,
 )
-from dynid.constraints.collision import Bodies
 from dynid.core import JsonFields
 from dynid.robot import joint_poses, load_robot
 from dynid.trajectory import FourierSeries, usable_bounds
@@ -47,7 +47,7 @@ def judge_with(kind: str, joints: int = 5, seed: int = 3, **settings: object) ->
     return MotionConstraints(robot, held)
 
 
-def bodies_of(judge: MotionConstraints) -> Bodies:
+def bodies_of(judge: MotionConstraints) -> CollisionBodies:
     """The pairs with what is carried alone."""
     assert judge.surroundings is not None
     bodies = judge.surroundings.bodies

@@ -5,8 +5,12 @@ import numpy as np
 import pytest
 from chains_for_constraints import CYLINDER_WITHIN, coal_distance, hull_in_coal, random_arm
 
-from dynid.constraints import ConstraintSettings, MotionConstraints, scene_from_json
-from dynid.constraints.collision import Bodies
+from dynid.constraints import (
+    CollisionBodies,
+    ConstraintSettings,
+    MotionConstraints,
+    scene_from_json,
+)
 from dynid.core import JsonFields
 from dynid.robot import Body, RobotModel, joint_poses
 from dynid.trajectory import usable_bounds
@@ -16,7 +20,7 @@ SHAPES_WITHIN = 2e-6
 """coal walks to the nearest point of a box or cylinder in steps."""
 
 
-def bodies_of(robot: RobotModel, **settings: object) -> Bodies:
+def bodies_of(robot: RobotModel, **settings: object) -> CollisionBodies:
     held = ConstraintSettings(bounds=usable_bounds(robot.limits), self_clearance=0.0, **settings)
     found = MotionConstraints(robot, held).surroundings
     assert found is not None

@@ -17,7 +17,7 @@ from dynid.experiment import (
     plan_approach,
     require_ready,
 )
-from dynid.experiment.preflight import Check
+from dynid.experiment.preflight import PreflightCheck
 from dynid.robot import load_robot, with_tool
 from dynid.trajectory import rest_series
 
@@ -44,7 +44,7 @@ READY = ControllerState(
 )
 
 
-def looked(plan: ExperimentPlan, state: ControllerState) -> tuple[Check, ...]:
+def looked(plan: ExperimentPlan, state: ControllerState) -> tuple[PreflightCheck, ...]:
     return check_robot(plan, state, plan_approach(state.q, plan.start, CONSTRAINTS))
 
 

@@ -9,7 +9,7 @@ from known_exports import estimate_of, mixed_chain, parameters_of
 
 from dynid.core import JobError
 from dynid.export import write_model
-from dynid.export.completion import Bodies, complete, null_space
+from dynid.export.completion import PseudoInertias, complete, null_space
 from dynid.identification import StandardParameters, inertial_prior
 from dynid.reduction import random_states
 from dynid.robot import load_robot, to_pseudo_inertia
@@ -41,7 +41,7 @@ def test_possible_bodies_are_found_where_there_are_some(seed: int) -> None:
 def test_the_prior_comes_back_where_it_is_the_truth() -> None:
     """Data that confirm the prior leave it as it is, also where they say nothing."""
     model = estimate_of(UR5, parameters_of(UR5)).model
-    prior = Bodies.of(model, inertial_prior(UR5, model.frames).parameters).prior
+    prior = PseudoInertias.of(model, inertial_prior(UR5, model.frames).parameters).prior
     found = complete(estimate_of(UR5, prior))
     np.testing.assert_allclose(found.values, prior, rtol=1e-6, atol=1e-7)
 
@@ -49,7 +49,9 @@ def test_the_prior_comes_back_where_it_is_the_truth() -> None:
 def test_it_is_the_nearest_of_all() -> None:
     """No step that motion does not show comes nearer to the prior."""
     estimate = estimate_of(UR5, parameters_of(UR5, 3))
-    bodies = Bodies.of(estimate.model, inertial_prior(UR5, estimate.model.frames).parameters)
+    bodies = PseudoInertias.of(
+        estimate.model, inertial_prior(UR5, estimate.model.frames).parameters
+    )
     found, unseen = complete(estimate), null_space(estimate.model)
     best = bodies.divergence(found.values)[0]
     random = np.random.default_rng(0)
@@ -61,7 +63,7 @@ def test_it_is_the_nearest_of_all() -> None:
 
 def test_derivatives_of_the_divergence() -> None:
     model = estimate_of(UR5, parameters_of(UR5)).model
-    bodies = Bodies.of(model, inertial_prior(UR5, model.frames).parameters)
+    bodies = PseudoInertias.of(model, inertial_prior(UR5, model.frames).parameters)
     values, step = parameters_of(UR5, 5), 1e-6
     _, gradient, curvature = bodies.divergence(values)
     for k in (0, 5, 13, 26, 44, 59, 62, 72, 77):

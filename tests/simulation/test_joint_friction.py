@@ -5,7 +5,7 @@ import pytest
 from robots_for_simulation import one_joint
 
 from dynid.core import InputError
-from dynid.simulation import JointFriction, Plant, PlantState, SimulatedArm, ideal_friction
+from dynid.simulation import JointFriction, PlantState, SimulatedArm, SimulatedPlant, ideal_friction
 
 
 def friction(**change: object) -> JointFriction:
@@ -26,7 +26,7 @@ def friction(**change: object) -> JointFriction:
 def drive(
     arm: SimulatedArm, path: Callable[[float], float], seconds: float, thermal: float = 24.0
 ) -> list[PlantState]:
-    plant = Plant(arm, thermal=thermal)
+    plant = SimulatedPlant(arm, thermal=thermal)
     plant.reset([path(0.0)])
     times: Iterable[float] = np.arange(0.0, seconds, plant.cycle)
     return [plant.tick([path(t)]) for t in times]

@@ -121,7 +121,7 @@ def test_smaller_steps_converge_with_second_order(
 
 
 def test_the_arm_holds_still_under_gravity(arm: SimulatedArm) -> None:
-    plant = plant_module.Plant(arm)
+    plant = plant_module.SimulatedPlant(arm)
     pose = np.array([0.2, -1.0, 1.0, -0.5, 0.4, 0.1])
     plant.reset(pose)
     states = [plant.tick(pose) for _ in range(50)]

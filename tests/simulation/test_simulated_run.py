@@ -9,10 +9,10 @@ from dynid.core import InputError, JobError, MissingExtraError
 from dynid.robot import Counterbalance, Drives, RobotModel
 from dynid.simulation import (
     JointSensors,
-    Plant,
     RunTruth,
     Servo,
     SimulatedArm,
+    SimulatedPlant,
     SimulatedRun,
     chosen_sensors,
     ideal_arm,
@@ -248,12 +248,12 @@ def test_refuses_what_cannot_be(arm: SimulatedArm, ur5: RobotModel, motion: Four
     with pytest.raises(InputError, match="truth and controller"):
         SimulatedArm(robot=build_chain(), truth=arm.truth, controller=arm.controller)
     with pytest.raises(InputError, match="set point"):
-        Plant(arm).tick([float("nan")] * 6)
+        SimulatedPlant(arm).tick([float("nan")] * 6)
 
 
 def test_a_runaway_is_an_error_not_data(arm: SimulatedArm) -> None:
     free = replace(arm.robot, limits=replace(arm.robot.limits, torque=np.full(6, np.nan)))
-    plant = Plant(replace(arm, robot=free))
+    plant = SimulatedPlant(replace(arm, robot=free))
     with pytest.raises(JobError, match="ran away"):
         _ = [plant.tick(np.full(6, sign * 1e4)) for sign in (1, -1) * 5]
 
@@ -263,7 +263,7 @@ def test_without_mujoco_one_sentence_says_how(
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "mujoco", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'dynid\[sim\]'"):
-        Plant(arm)
+        SimulatedPlant(arm)
 
 
 def test_is_twenty_times_faster_than_real_time(arm: SimulatedArm, motion: FourierSeries) -> None:

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from dynid.core import InputError
 from dynid.simulation import (
     JointThermal,
-    Plant,
     SimulatedArm,
+    SimulatedPlant,
     constant_temperature,
     simulate,
     warm_up,
@@ -68,8 +68,10 @@ def test_a_warm_arm_needs_less_torque(arm: SimulatedArm, motion: FourierSeries) 
     assert (warm_size < cold_size).all()
     np.testing.assert_array_equal(cold.truth.temperature[0], 24.0)
     np.testing.assert_array_equal(warm.truth.temperature[0], arm.truth.thermal.warm_degC)
-    np.testing.assert_array_equal(Plant(arm, thermal=30.0).temperature, 30.0)
-    np.testing.assert_array_equal(Plant(arm, thermal=range(20, 26)).temperature, range(20, 26))
+    np.testing.assert_array_equal(SimulatedPlant(arm, thermal=30.0).temperature, 30.0)
+    np.testing.assert_array_equal(
+        SimulatedPlant(arm, thermal=range(20, 26)).temperature, range(20, 26)
+    )
 
 
 def test_a_constant_temperature_stays() -> None:

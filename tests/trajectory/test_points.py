@@ -15,12 +15,12 @@ from dynid.trajectory import (
     MotionSequence,
     PointToPoint,
     motion_family,
+    pieces,
     points_text,
     trajectory_from_json,
     trajectory_to_json,
     ur_program,
 )
-from dynid.trajectory.urscript import pieces
 
 STEP = 1e-5
 PERIOD, POINTS = 8.0, 4

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import dynid
 from dynid.core import Array, InputError
 from dynid.identification import Estimate
-from dynid.simulation import Plant, simulated_arm
+from dynid.simulation import SimulatedPlant, simulated_arm
 from dynid.validation import ContactThresholds, MomentumObserver, contact_thresholds
 
 RATE = 125.0
@@ -33,7 +33,7 @@ def touched(seed: int, joint: int | None, cycles: int = 750) -> tuple[Array, Arr
     """The simulated arm in motion, from `FIRST` on with a torque on one joint."""
     robot = dynid.load_robot("ur5")
     arm = simulated_arm(robot)
-    plant = Plant(arm, rate_hz=RATE, thermal="warm")
+    plant = SimulatedPlant(arm, rate_hz=RATE, thermal="warm")
     motion = dynid.random_excitation(robot.limits, seed=seed).evaluate(np.arange(cycles) / RATE)
     plant.reset(motion.q[0])
     states = []

@@ -1,8 +1,19 @@
 """Methods side by side, on arms whose truth is known."""
 
 from dynid.bench.estimators import compare_estimators, summary, to_json
-from dynid.bench.verdict_cases import Case, Recorded, cases, recorded
-from dynid.bench.verdicts import Judged, markdown, rates, run_verdicts, summarise
+from dynid.bench.verdict_cases import (
+    Case,
+    Recorded,
+    cases,
+    recorded,
+)
+from dynid.bench.verdicts import (
+    Judged,
+    markdown,
+    rates,
+    run_verdicts,
+    summarise,
+)
 
 __all__ = [
     "Case",

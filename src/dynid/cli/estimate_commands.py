@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from dynid.validation import ParameterComparison, ValidationResult
-    from dynid.workflow import Fit, Identification
+    from dynid.workflow import Identification, LogFit
 
 
 COLUMNS = ("joint", "RMS", "moving", "at rest", "rel. %", "moving %", "R2")
@@ -225,7 +225,7 @@ def _fit(
     _print_files(screen, result)
 
 
-def _print_files(screen: Console, result: Fit) -> None:
+def _print_files(screen: Console, result: LogFit) -> None:
     """Which files were written, and what to do with them."""
     screen.print()
     if "targets" in result.gains_from:

@@ -1,9 +1,14 @@
 """One judge for motions: limits of joints, speed, torque and power, and collisions."""
 
 from dynid.constraints.certificate import Certificate, certify
-from dynid.constraints.collision import Bodies
+from dynid.constraints.collision import CollisionBodies
 from dynid.constraints.dynamic import prior_dynamics, prior_link
-from dynid.constraints.limits import DISTANCES, RATIOS, Unjudged, Worst
+from dynid.constraints.limits import (
+    DISTANCES,
+    RATIOS,
+    Unjudged,
+    Worst,
+)
 from dynid.constraints.motion import (
     CLEARANCE,
     MARGIN,
@@ -37,8 +42,8 @@ __all__ = [
     "PRESETS",
     "RATIOS",
     "SPHERE",
-    "Bodies",
     "Certificate",
+    "CollisionBodies",
     "ConstraintSettings",
     "MotionConstraints",
     "Scene",

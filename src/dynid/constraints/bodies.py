@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.constraints.arm import arm_geometry
-from dynid.constraints.collision import Bodies
+from dynid.constraints.collision import CollisionBodies
 from dynid.constraints.scene import HALF_SPACE, ConstraintSettings, Scene, body_of
 from dynid.core import Array, Indices, InputError, read_only
 from dynid.robot import Body, RobotModel
@@ -25,7 +25,7 @@ _POSES = 400
 class Surroundings:
     """The bodies to judge."""
 
-    bodies: Bodies
+    bodies: CollisionBodies
     names: dict[str, list[str]]
     """Kind of distance to the names of its pairs."""
     complete: dict[str, bool]
@@ -67,7 +67,7 @@ def surroundings_of(
     shapes = sorted(scene.shapes, key=lambda shape: shape.kind == HALF_SPACE)
     solids = tuple(body_of(shape) for shape in shapes if shape.kind != HALF_SPACE)
     planes = [shape.pose for shape in shapes if shape.kind == HALF_SPACE]
-    bodies = Bodies(
+    bodies = CollisionBodies(
         arm=arm_geometry(robot),
         link=_numbers([body.link for body in (*moving, *solids)]),
         starts=_numbers(np.cumsum([0, *(len(body.points) for body in (*moving, *solids))])),
@@ -139,7 +139,7 @@ def _note_bodies(robot: RobotModel, settings: ConstraintSettings, notes: list[st
 
 
 def _free_pairs(
-    bodies: Bodies,
+    bodies: CollisionBodies,
     poses: Array,
     settings: ConstraintSettings,
     names: list[str],
@@ -200,7 +200,11 @@ def _free_pairs(
 
 
 def _reachable(
-    bodies: Bodies, poses: Array, settings: ConstraintSettings, names: list[str], notes: list[str]
+    bodies: CollisionBodies,
+    poses: Array,
+    settings: ConstraintSettings,
+    names: list[str],
+    notes: list[str],
 ) -> Indices:
     """The pairs (E, 2) with the scene that are judged; arguments as in `_free_pairs`.
 
@@ -235,7 +239,7 @@ def _reachable(
 
 
 def _proven(
-    bodies: Bodies, a: int, b: int, seen: Array, settings: ConstraintSettings, sure: float
+    bodies: CollisionBodies, a: int, b: int, seen: Array, settings: ConstraintSettings, sure: float
 ) -> bool:
     """Whether a pair keeps a distance at all positions; `seen` are distances at some."""
     bounds = settings.bounds

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.constraints.collision import Bodies
+from dynid.constraints.collision import CollisionBodies
 from dynid.constraints.extremes import Extremes, Least, dense_times, extremes, least_value
 from dynid.constraints.limits import (
     MovingPoints,
@@ -240,7 +240,7 @@ def _left(
 
 
 def _apart(
-    bodies: Bodies,
+    bodies: CollisionBodies,
     around: bool,
     trajectory: Trajectory,
     ends: Extremes,

@@ -31,7 +31,7 @@ class Nearest:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Bodies:
+class CollisionBodies:
     """Convex bodies fixed in links or in the base frame, half-spaces, and the judged pairs.
 
     A body is the hull of points, inflated by a radius. In a pair the body of the inner link

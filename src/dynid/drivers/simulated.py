@@ -19,7 +19,7 @@ from dynid.drivers.driver import (
     Source,
     Watchdog,
 )
-from dynid.simulation import Plant, PlantState, SimulatedArm, Thermal
+from dynid.simulation import PlantState, SimulatedArm, SimulatedPlant, Thermal
 
 QUANTITIES = (
     "q",
@@ -93,7 +93,7 @@ class SimulatedDriver(Driver):
             raise InputError(
                 "joints of the motion", value=setpoints.shape[1], limit=self.arm.robot.joints
             )
-        plant = Plant(self.arm, rate_hz=execution.rate_hz, thermal=self._temperature)
+        plant = SimulatedPlant(self.arm, rate_hz=execution.rate_hz, thermal=self._temperature)
         plant.reset(setpoints[0])
         watchdog = Watchdog(execution.limits, execution.rate_hz, execution.total)
         block: list[PlantState] = []
@@ -165,7 +165,7 @@ def _cycle(k: int, state: PlantState) -> Cycle:
     return Cycle(timestamp=state.t, index=k, q=state.q, qd=state.dq, target_q=state.target.q)
 
 
-def _stop(plant: Plant, setpoint: Array, rate_hz: float) -> PlantState:
+def _stop(plant: SimulatedPlant, setpoint: Array, rate_hz: float) -> PlantState:
     """Brake evenly within `STOP_S`, then hold until the arm stands still."""
     state = plant.tick(setpoint)
     speed, aim = state.target.dq, setpoint.copy()

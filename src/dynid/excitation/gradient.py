@@ -162,7 +162,7 @@ FILLS = (0.2, 0.9)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stage:
+class DescentStage:
     """One descent."""
 
     barrier: float
@@ -176,10 +176,10 @@ class Stage:
 
 
 STAGES = (
-    Stage(barrier=1e-3, sharpness=2, penalty=1.0),
-    Stage(barrier=1e-4, sharpness=5, penalty=10.0),
-    Stage(barrier=1e-5, sharpness=20, penalty=100.0),
-    Stage(barrier=1e-6, sharpness=100, penalty=1000.0),
+    DescentStage(barrier=1e-3, sharpness=2, penalty=1.0),
+    DescentStage(barrier=1e-4, sharpness=5, penalty=10.0),
+    DescentStage(barrier=1e-5, sharpness=20, penalty=100.0),
+    DescentStage(barrier=1e-6, sharpness=100, penalty=1000.0),
 )
 
 
@@ -245,7 +245,7 @@ def improve(
     *,
     stop: Stop,
     found: Found,
-    stages: tuple[Stage, ...] = STAGES,
+    stages: tuple[DescentStage, ...] = STAGES,
     tighten: float = TIGHTEN,
 ) -> Candidate:
     """Descend from a motion, stage by stage; the best candidate is kept.

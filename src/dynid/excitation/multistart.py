@@ -198,7 +198,7 @@ def multistart(
         workers: How many of them at a time.
         tell: Told how far the search is.
     """
-    run = _Run(problem, effort, seed, tell)
+    run = _StartRun(problem, effort, seed, tell)
     try:
         while run.more():
             while executor is not None and len(run.pending) < workers and run.more():
@@ -244,7 +244,7 @@ def run_start(
     return StartResult(number, best, evaluation.evaluations - before)
 
 
-class _Run:
+class _StartRun:
     """The state of one multistart."""
 
     def __init__(

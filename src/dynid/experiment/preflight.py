@@ -22,7 +22,7 @@ _MASS, _COG, _TCP = 0.01, 0.005, 0.005
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
+class PreflightCheck:
     """One thing that was looked at."""
 
     name: str
@@ -64,7 +64,7 @@ def check_design(
 
 def check_robot(
     plan: ExperimentPlan, state: ControllerState, approach: Approach
-) -> tuple[Check, ...]:
+) -> tuple[PreflightCheck, ...]:
     """Look at a controller before it gets a plan.
 
     Args:
@@ -78,24 +78,24 @@ def check_robot(
     speed = float(np.abs(state.target_qd).max())
     return (
         _model(plan.robot.name, state),
-        Check("rate", plan.rate_hz == state.rate_hz, f"{state.rate_hz:g} cycles a second"),
-        Check("robot mode", state.robot_mode == RobotMode.RUNNING, mode),
-        Check("safety mode", state.safety_mode == SafetyMode.NORMAL, safety),
-        Check("program", state.runtime_state == RuntimeState.STOPPED, program),
-        Check("remote control", state.remote is not False, _remote(state)),
-        Check(
+        PreflightCheck("rate", plan.rate_hz == state.rate_hz, f"{state.rate_hz:g} cycles a second"),
+        PreflightCheck("robot mode", state.robot_mode == RobotMode.RUNNING, mode),
+        PreflightCheck("safety mode", state.safety_mode == SafetyMode.NORMAL, safety),
+        PreflightCheck("program", state.runtime_state == RuntimeState.STOPPED, program),
+        PreflightCheck("remote control", state.remote is not False, _remote(state)),
+        PreflightCheck(
             "speed slider",
             abs(state.speed_fraction - 1.0) <= _SLIDER,
             f"{100 * state.speed_fraction:.4g} %",
         ),
-        Check("at rest", speed <= _STILL, f"{speed:.3g} rad/s"),
+        PreflightCheck("at rest", speed <= _STILL, f"{speed:.3g} rad/s"),
         _payload(plan.robot.tool, state),
         _tool(plan.robot.tool, state),
         _approach(approach),
     )
 
 
-def require_ready(checks: tuple[Check, ...], where: str) -> None:
+def require_ready(checks: tuple[PreflightCheck, ...], where: str) -> None:
     """Refuse a robot that is not ready.
 
     Args:
@@ -110,7 +110,7 @@ def require_ready(checks: tuple[Check, ...], where: str) -> None:
         raise JobError(f"the robot is not ready; {'; '.join(wrong)}", where=where)
 
 
-def _model(name: str, state: ControllerState) -> Check:
+def _model(name: str, state: ControllerState) -> PreflightCheck:
     """The dashboard calls a UR5e a UR5; the major version tells them apart."""
     version = ".".join(str(part) for part in state.version[:3])
     finding = f"{state.model or 'unknown model'}, software {version}"
@@ -119,7 +119,7 @@ def _model(name: str, state: ControllerState) -> Check:
     known = not state.model or state.model.lower().removesuffix("e") == called.removesuffix("e")
     e_series = called.endswith("e")
     fits = not called.startswith("ur") or (state.version[0] >= _E_SERIES) == e_series
-    return Check("model", known and fits, f"{finding}, design for {name}")
+    return PreflightCheck("model", known and fits, f"{finding}, design for {name}")
 
 
 def _remote(state: ControllerState) -> str:
@@ -128,34 +128,38 @@ def _remote(state: ControllerState) -> str:
     return "on" if state.remote else "off: switch it on at the pendant"
 
 
-def _payload(asked: Tool, state: ControllerState) -> Check:
+def _payload(asked: Tool, state: ControllerState) -> PreflightCheck:
     if state.payload is None:
-        return Check("payload", True, f"unknown to RTDE; {asked.mass:g} kg are meant to be set")
+        return PreflightCheck(
+            "payload", True, f"unknown to RTDE; {asked.mass:g} kg are meant to be set"
+        )
     finding = f"{state.payload:.3g} kg set, {asked.mass:.3g} kg asked for"
     fits = abs(state.payload - asked.mass) <= _MASS
     if fits and state.payload_cog is not None and asked.mass > 0:
         away = float(np.abs(state.payload_cog - asked.com).max())
         fits = away <= _COG
         finding += f", centres {1e3 * away:.3g} mm apart"
-    return Check("payload", fits, finding)
+    return PreflightCheck("payload", fits, finding)
 
 
-def _tool(asked: Tool, state: ControllerState) -> Check:
+def _tool(asked: Tool, state: ControllerState) -> PreflightCheck:
     if state.tcp_offset is None:
-        return Check("tool", True, f"unknown to RTDE; {asked.tcp.tolist()} m is meant to be set")
+        return PreflightCheck(
+            "tool", True, f"unknown to RTDE; {asked.tcp.tolist()} m is meant to be set"
+        )
     away = float(np.abs(state.tcp_offset - asked.tcp).max())
     finding = f"the point set is {1e3 * away:.3g} mm from the one asked for"
     # The arm is held to the design's point; the controller will watch its own.
     fits = away <= _TCP
-    return Check("tool", fits, finding if fits else f"{finding} (--tool X,Y,Z)")
+    return PreflightCheck("tool", fits, finding if fits else f"{finding} (--tool X,Y,Z)")
 
 
-def _approach(approach: Approach) -> Check:
+def _approach(approach: Approach) -> PreflightCheck:
     finding = approach.describe()
     if approach.refused is not None:
         start = [round(float(value), 3) for value in approach.poses[-1]]
         finding += f", {_broken(approach.refused)}: jog the robot closer to {start}"
-    return Check("way to the start", approach.free, finding)
+    return PreflightCheck("way to the start", approach.free, finding)
 
 
 def _broken(certificate: Certificate) -> str:

@@ -33,7 +33,7 @@ _SEED = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Bodies:
+class PseudoInertias:
     """The links and motors among the standard parameters, with their prior.
 
     The divergence of a link is tr(J0^-1 J) - log det(J0^-1 J) - 4 of its pseudo-inertia J to the
@@ -50,7 +50,7 @@ class Bodies:
     """(p) inertial parameters and motor inertias of possible bodies; 0 for friction."""
 
     @staticmethod
-    def of(model: InverseDynamicModel, prior: Array) -> Bodies:
+    def of(model: InverseDynamicModel, prior: Array) -> PseudoInertias:
         """The bodies of a model.
 
         A motor's inertia is guessed to be that of the arm it drives, the mean over random poses:
@@ -70,7 +70,7 @@ class Bodies:
         driven = _driven(model, values)
         for k in motors:
             values[k] = driven[model.columns[k].joint]
-        return Bodies(
+        return PseudoInertias(
             names=model.names,
             links=model.robot.joints,
             motors=np.array(motors, dtype=np.intp),
@@ -230,7 +230,7 @@ def complete(estimate: Estimate) -> Completion:
         estimate: The estimate.
     """
     model = estimate.model
-    bodies = Bodies.of(model, inertial_prior(model.robot, model.frames).parameters)
+    bodies = PseudoInertias.of(model, inertial_prior(model.robot, model.frames).parameters)
     if estimate.standard is not None:
         values = np.array(estimate.standard.values)
         worst = bodies.impossible(values)
@@ -260,20 +260,20 @@ def null_space(model: InverseDynamicModel) -> Array:
     return unseen / scale[:, None]
 
 
-def _nearest(bodies: Bodies, start: Array, unseen: Array) -> Array:
+def _nearest(bodies: PseudoInertias, start: Array, unseen: Array) -> Array:
     """Coordinates (k) of the least squares distance to the prior, in the prior's metric."""
     root = _metric(bodies)
     return _least_squares(root @ unseen, root @ (bodies.prior - start))
 
 
-def _metric(bodies: Bodies) -> Array:
+def _metric(bodies: PseudoInertias) -> Array:
     """(p, p) whose product with a small change is as long as the change's divergence says."""
     _, _, metric = bodies.divergence(bodies.prior)
     values, vectors = np.linalg.eigh(metric)
     return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
 
 
-def _with_masses(bodies: Bodies, values: Array, unseen: Array) -> Array:
+def _with_masses(bodies: PseudoInertias, values: Array, unseen: Array) -> Array:
     """The same torques with positive masses, which loaders insist on, if there are any.
 
     The smallest step that motion does not show and that lifts masses to a share of the prior's.
@@ -292,7 +292,7 @@ def _with_masses(bodies: Bodies, values: Array, unseen: Array) -> Array:
     return lifted if (lifted[places] > 0.0).all() else values
 
 
-def _possible(bodies: Bodies, start: Array, unseen: Array) -> tuple[Array, bool]:
+def _possible(bodies: PseudoInertias, start: Array, unseen: Array) -> tuple[Array, bool]:
     """Coordinates (k) where every body can exist, or as many as can, and whether it is all.
 
     The first phase of an interior point method: how much of its prior must be added to each body
@@ -317,7 +317,7 @@ def _possible(bodies: Bodies, start: Array, unseen: Array) -> tuple[Array, bool]
 
 
 def _minimise(
-    bodies: Bodies,
+    bodies: PseudoInertias,
     start: Array,
     directions: Array,
     z: Array,
@@ -357,7 +357,7 @@ def _minimise(
 
 
 def _objective(
-    bodies: Bodies, start: Array, directions: Array, z: Array, first: int, weight: float
+    bodies: PseudoInertias, start: Array, directions: Array, z: Array, first: int, weight: float
 ) -> tuple[float, Array, Array]:
     """Divergence, cost and logarithmic barrier of the slacks z[first:], with two derivatives."""
     slack = z[first:]

@@ -10,7 +10,7 @@ from dynid.core import JobError
 from dynid.export.model import ExportModel
 from dynid.export.robot_xml import (
     ADVICE,
-    Body,
+    CentredBody,
     attribute,
     bodies,
     comment,
@@ -62,7 +62,7 @@ def mjcf_text(model: ExportModel, note: str = "") -> str:
     return "\n".join([*lines, "  </worldbody>", "</mujoco>", ""])
 
 
-def _body(model: ExportModel, i: int, body: Body) -> Iterator[str]:
+def _body(model: ExportModel, i: int, body: CentredBody) -> Iterator[str]:
     robot, j = model.robot, body.central
     placement, limits = robot.placements[i], robot.limits
     yield (

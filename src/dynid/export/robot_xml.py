@@ -81,7 +81,7 @@ _LONG = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Body:
+class CentredBody:
     """A link by its centre of mass."""
 
     mass: float
@@ -92,14 +92,14 @@ class Body:
     """(3, 3) tensor about the centre of mass, along the joint frame [kg.m^2]."""
 
 
-def bodies(model: ExportModel) -> list[Body]:
+def bodies(model: ExportModel) -> list[CentredBody]:
     """The links, base to tip.
 
     Raises:
         JobError: A link whose mass is not positive, which has no centre of mass that loaders
             take.
     """
-    found: list[Body] = []
+    found: list[CentredBody] = []
     for i, row in enumerate(model.inertials):
         mass = float(row[0])
         if not mass > 0.0:
@@ -110,7 +110,7 @@ def bodies(model: ExportModel) -> list[Body]:
             )
         centre = row[1:4] / mass
         steiner = mass * ((centre @ centre) * np.eye(3) - np.outer(centre, centre))
-        found.append(Body(mass=mass, centre=centre, central=tensor(row) - steiner))
+        found.append(CentredBody(mass=mass, centre=centre, central=tensor(row) - steiner))
     return found
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from dynid.export.model import ExportModel
 from dynid.export.robot_xml import (
-    Body,
+    CentredBody,
     attribute,
     bodies,
     comment,
@@ -80,7 +80,7 @@ def _base(model: ExportModel) -> Iterator[str]:
     yield "</joint>"
 
 
-def _link(i: int, body: Body) -> Iterator[str]:
+def _link(i: int, body: CentredBody) -> Iterator[str]:
     j = body.central
     yield f'<link name="link_{i + 1}">'
     yield "  <inertial>"

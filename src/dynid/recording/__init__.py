@@ -7,9 +7,19 @@ from dynid.recording.formats import content_kind
 from dynid.recording.headers import match_headers
 from dynid.recording.messages import MessageDecoder, MessageError
 from dynid.recording.names import parse_name, says_degrees
-from dynid.recording.partial import MARK, pack, partial_path, recover
+from dynid.recording.partial import (
+    MARK,
+    pack,
+    partial_path,
+    recover,
+)
 from dynid.recording.reading import read_recording
-from dynid.recording.record import JOINT_QUANTITIES, ExperimentRecord, RecordMetadata, identity
+from dynid.recording.record import (
+    JOINT_QUANTITIES,
+    ExperimentRecord,
+    RecordMetadata,
+    identity,
+)
 from dynid.recording.repair.pipeline import RepairSettings, repair
 from dynid.recording.ros1 import ros1_messages
 from dynid.recording.store import KEY, read_record, write_record

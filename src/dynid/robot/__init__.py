@@ -51,7 +51,13 @@ from dynid.robot.transforms import (
     rotation_z,
     translation,
 )
-from dynid.robot.urdf import MAX_BYTES, find_trunk, load_urdf, place_links, robot_from_urdf
+from dynid.robot.urdf import (
+    MAX_BYTES,
+    find_trunk,
+    load_urdf,
+    place_links,
+    robot_from_urdf,
+)
 from dynid.robot.urdf_bodies import mesh_places
 from dynid.robot.urdf_xml import (
     parse_root,

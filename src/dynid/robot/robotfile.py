@@ -24,7 +24,7 @@ from dynid.robot.model import (
     Tool,
 )
 from dynid.robot.tables import (
-    Table,
+    TomlTable,
     is_there,
     located,
     locked_joints,
@@ -50,7 +50,7 @@ _STRONGEST = 30.0
 def read_mount(values: object, robot: RobotModel) -> Part:
     """The table `mount`: a kind, or gravity in the base frame."""
     del robot
-    table = Table(values, "", "mount", ("kind", "gravity"))
+    table = TomlTable(values, "", "mount", ("kind", "gravity"))
     if ("kind" in table) == ("gravity" in table):
         raise RobotError("give either kind or gravity")
     if "kind" in table:
@@ -66,7 +66,7 @@ def read_mount(values: object, robot: RobotModel) -> Part:
 
 def read_limits(values: object, robot: RobotModel) -> Part:
     """The table `limits`; what it leaves out stays as it was."""
-    table = Table(values, "", "limits", _LIMITS)
+    table = TomlTable(values, "", "limits", _LIMITS)
     found = {
         key: table.numbers(key, robot.joints, unknown=True)
         if key in table
@@ -78,7 +78,7 @@ def read_limits(values: object, robot: RobotModel) -> Part:
 
 def read_safety(values: object, robot: RobotModel) -> Part:
     """The table `safety`; `elbow` is the joint at whose `urdf` frame the elbow is."""
-    table = Table(values, "", "safety", (*_SAFETY, "elbow"))
+    table = TomlTable(values, "", "safety", (*_SAFETY, "elbow"))
     found: dict[str, Any] = {key: table.number(key) for key in _SAFETY if key in table}
     if "elbow" in table:
         found["elbow"] = 1 + robot.joint_names.index(table.text("elbow", robot.joint_names))
@@ -90,7 +90,7 @@ def read_safety(values: object, robot: RobotModel) -> Part:
 def read_tool(values: object, robot: RobotModel) -> Part:
     """The table `tool`: what the flange carries, in its frame."""
     del robot
-    table = Table(values, "", "tool", ("tcp", "mass", "com", "radius"))
+    table = TomlTable(values, "", "tool", ("tcp", "mass", "com", "radius"))
     found: dict[str, Any] = {key: table.numbers(key, 3) for key in ("tcp", "com") if key in table}
     found |= {key: table.number(key) for key in ("mass", "radius") if key in table}
     return {"tool": Tool(**found)}, table.sources("tool")
@@ -99,7 +99,7 @@ def read_tool(values: object, robot: RobotModel) -> Part:
 def read_drives(values: object, robot: RobotModel) -> Part:
     """The table `drives`."""
     known = ("gain", "gear_ratio", "coupling", "offset", "position_side", "torque_side")
-    table = Table(values, "", "drives", known)
+    table = TomlTable(values, "", "drives", known)
     n = robot.joints
     found: dict[str, Any] = {
         key: table.numbers(key, n, unknown=True) if key in table else np.full(n, np.nan)
@@ -117,7 +117,7 @@ def read_drives(values: object, robot: RobotModel) -> Part:
 
 def read_inertias(values: object, robot: RobotModel) -> Part:
     """The table `inertia`: masses, centres of mass and tensors in frames of one convention."""
-    table = Table(values, "", "inertia", ("frames", "mass", "com", "tensor"))
+    table = TomlTable(values, "", "inertia", ("frames", "mass", "com", "tensor"))
     n = robot.joints
     frames = _frames(table, robot)
     mass = table.numbers("mass", n, unknown=True)
@@ -154,7 +154,9 @@ def read_capsules(values: object, robot: RobotModel) -> Part:
     )
 
 
-def _bodies(values: object, robot: RobotModel, kind: str, points: Callable[[Table], Array]) -> Part:
+def _bodies(
+    values: object, robot: RobotModel, kind: str, points: Callable[[TomlTable], Array]
+) -> Part:
     found: list[Body] = []
     texts: list[str] = []
     known = ("name", "link", "frames", "points", "start", "end", "radius")
@@ -179,7 +181,7 @@ def read_collision(values: object, robot: RobotModel) -> Part:
 
     What release 0.1 took on trust, `apart` and `overlap`, is read and counts no more.
     """
-    table = Table(values, "", "collision", ("note", "apart", "overlap", "overlap_by"))
+    table = TomlTable(values, "", "collision", ("note", "apart", "overlap", "overlap_by"))
     notes = (*robot.body_notes, *((table.text("note"),) if "note" in table else ()))
     told = ["'apart' and 'overlap' of the table 'collision' count no more: bodies are judged"]
     trusted = "apart" in table or "overlap" in table
@@ -189,7 +191,7 @@ def read_collision(values: object, robot: RobotModel) -> Part:
     }, table.sources("collision")
 
 
-def _frames(table: Table, robot: RobotModel) -> Array:
+def _frames(table: TomlTable, robot: RobotModel) -> Array:
     name = table.text("frames", _BODY_FRAMES) if "frames" in table else "joint"
     if name == "joint":
         return np.tile(np.eye(4), (robot.joints, 1, 1))
@@ -234,7 +236,7 @@ def robot_from_toml(
         RobotError: Anything that is not a sound robot file; names table and key.
     """
     with located(shown_path(path)):
-        top = Table(parse_toml(data), "", "", _TOP)
+        top = TomlTable(parse_toml(data), "", "", _TOP)
         robot = _kinematics(top, path)
         sources = [robot.source] if robot.source else []
         changes: dict[str, Any] = {}
@@ -267,7 +269,7 @@ def robot_from_toml(
         return robot
 
 
-def _kinematics(top: Table, path: Path) -> RobotModel:
+def _kinematics(top: TomlTable, path: Path) -> RobotModel:
     kinds = [key for key in ("urdf", "dh", "joint") if key in top]
     if len(kinds) != 1:
         raise RobotError(
@@ -285,7 +287,7 @@ def _kinematics(top: Table, path: Path) -> RobotModel:
     if "joint_names" in top:
         robot = replace(robot, joint_names=top.texts("joint_names", robot.joints))
     if "urdf_frames" in top:
-        table = Table(top.raw("urdf_frames"), "urdf_frames", "", ("xyz", "rpy"))
+        table = TomlTable(top.raw("urdf_frames"), "urdf_frames", "", ("xyz", "rpy"))
         xyz, rpy = (table.rows(key, robot.joints, 3) for key in ("xyz", "rpy"))
         placed = [from_xyz_rpy(a, b) for a, b in zip(xyz.tolist(), rpy.tolist(), strict=True)]
         frames = {**robot.parameter_frames, "urdf": np.array(placed)}
@@ -294,7 +296,7 @@ def _kinematics(top: Table, path: Path) -> RobotModel:
     return robot
 
 
-def _from_urdf(top: Table, path: Path) -> RobotModel:
+def _from_urdf(top: TomlTable, path: Path) -> RobotModel:
     file = path.parent / top.text("urdf")
     if not is_there(file):
         raise RobotError(
@@ -308,9 +310,9 @@ def _from_urdf(top: Table, path: Path) -> RobotModel:
     return load_urdf(file, tip=tip, locked=locked)
 
 
-def _from_dh(top: Table, path: Path) -> RobotModel:
+def _from_dh(top: TomlTable, path: Path) -> RobotModel:
     keys = ("convention", "a", "d", "alpha", "theta", "joint_types", "sign")
-    table = Table(top.raw("dh"), "dh", "", keys)
+    table = TomlTable(top.raw("dh"), "dh", "", keys)
     a = table.numbers("a")
     n = len(a)
     robot = robot_from_dh(
@@ -328,7 +330,7 @@ def _from_dh(top: Table, path: Path) -> RobotModel:
     return replace(robot, source="; ".join(table.sources("dh")))
 
 
-def _from_joints(top: Table, path: Path) -> RobotModel:
+def _from_joints(top: TomlTable, path: Path) -> RobotModel:
     rows = tables(top.raw("joint"), "joint", "", ("name", "type", "xyz", "rpy", "axis"))
     if not 0 < len(rows) <= MAX_JOINTS:
         raise RobotError("number of [[joint]] rows", value=len(rows), limit=MAX_JOINTS)
@@ -348,20 +350,20 @@ def _from_joints(top: Table, path: Path) -> RobotModel:
     return replace(robot, source="; ".join(sources))
 
 
-def _pose(top: Table, key: str) -> Array | None:
+def _pose(top: TomlTable, key: str) -> Array | None:
     if key not in top:
         return None
-    return _row_pose(Table(top.raw(key), key, "", ("xyz", "rpy")))
+    return _row_pose(TomlTable(top.raw(key), key, "", ("xyz", "rpy")))
 
 
-def _row_pose(row: Table) -> Array:
+def _row_pose(row: TomlTable) -> Array:
     zero = np.zeros(3)
     xyz = row.numbers("xyz", 3) if "xyz" in row else zero
     rpy = row.numbers("rpy", 3) if "rpy" in row else zero
     return from_xyz_rpy(xyz.tolist(), rpy.tolist())
 
 
-def _axis(row: Table) -> Array:
+def _axis(row: TomlTable) -> Array:
     if "axis" not in row:
         return np.array([0.0, 0.0, 1.0])
     axis = row.numbers("axis", 3)

@@ -109,7 +109,7 @@ def parse_toml(data: bytes) -> dict[str, Any]:
         raise RobotError(f"not a TOML file ({reason})") from error
 
 
-class Table:
+class TomlTable:
     """One table of a robot file.
 
     Besides the known keys, `source` and `KEY_source` are texts that say where numbers are from.
@@ -215,7 +215,7 @@ class Table:
         return RobotError(f"'{key}' {what}", where=self.where or None, value=value, limit=limit)
 
 
-def tables(values: object, name: str, where: str, known: Sequence[str]) -> list[Table]:
+def tables(values: object, name: str, where: str, known: Sequence[str]) -> list[TomlTable]:
     """An array of tables.
 
     Raises:
@@ -224,7 +224,7 @@ def tables(values: object, name: str, where: str, known: Sequence[str]) -> list[
     if not isinstance(values, list):
         raise RobotError(f"write [[{name}]], not [{name}]", where=where or None)
     items = cast("list[object]", values)
-    return [Table(item, f"{name} {k + 1}", where, known) for k, item in enumerate(items)]
+    return [TomlTable(item, f"{name} {k + 1}", where, known) for k, item in enumerate(items)]
 
 
 def locked_joints(values: object) -> Mapping[str, float]:
@@ -236,5 +236,5 @@ def locked_joints(values: object) -> Mapping[str, float]:
     if not isinstance(values, dict):
         raise RobotError("must be a table of positions", where="locked")
     names = list(cast("dict[str, Any]", values))
-    table = Table(cast("object", values), "locked", "", names)
+    table = TomlTable(cast("object", values), "locked", "", names)
     return {name: table.number(name) for name in names if name != "source"}

@@ -8,10 +8,15 @@ from dynid.simulation.friction import (
     ideal_friction,
 )
 from dynid.simulation.kernel import mujoco_model
-from dynid.simulation.library import SERIAL, ideal_arm, simulated_arm, ur5_truth
+from dynid.simulation.library import (
+    SERIAL,
+    ideal_arm,
+    simulated_arm,
+    ur5_truth,
+)
 from dynid.simulation.plant import (
-    Plant,
     RunTruth,
+    SimulatedPlant,
     SimulatedRun,
     simulate,
     warm_up,
@@ -40,11 +45,11 @@ __all__ = [
     "JointFriction",
     "JointSensors",
     "JointThermal",
-    "Plant",
     "PlantState",
     "RunTruth",
     "Servo",
     "SimulatedArm",
+    "SimulatedPlant",
     "SimulatedRun",
     "Target",
     "Thermal",

@@ -21,7 +21,7 @@ _SETTLING = 0.6
 _RUNAWAY = 1e3
 
 
-class Plant:
+class SimulatedPlant:
     """The arm's physics in MuJoCo under its servo; `reset` puts it to a pose, `tick` moves it.
 
     Args:
@@ -284,7 +284,7 @@ def simulate(
     """
     if periods < 1:
         raise InputError("periods must be positive", value=periods)
-    plant = Plant(arm, rate_hz=rate_hz, thermal=thermal)
+    plant = SimulatedPlant(arm, rate_hz=rate_hz, thermal=thermal)
     count = max(round(trajectory.duration * periods * rate_hz), 2)
     command = trajectory.evaluate(np.arange(count) / rate_hz)
     if command.q.shape[1] != arm.robot.joints:
@@ -372,7 +372,7 @@ def warm_up(
     """
     if not (math.isfinite(seconds) and seconds > 0) or looks < 1:
         raise InputError("seconds and looks must be positive", value=(seconds, looks))
-    plant = Plant(arm, thermal=thermal)
+    plant = SimulatedPlant(arm, thermal=thermal)
     count = max(round(trajectory.duration / plant.cycle), 2)
     command = trajectory.evaluate(np.arange(count) * plant.cycle).q
     temperature = plant.temperature

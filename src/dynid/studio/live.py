@@ -14,12 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.constraints import (
-    DISTANCES,
-    Bodies,
-    MotionConstraints,
-    Worst,
-)
+from dynid.constraints import DISTANCES, CollisionBodies, MotionConstraints, Worst
 from dynid.core import Array, RecordError
 from dynid.recording import ExperimentRecord, partial_path, recover
 from dynid.robot import RobotModel, joint_poses
@@ -83,7 +78,7 @@ def at_rest(robot: RobotModel, q: Array) -> Instant:
 
 def _near(
     constraints: MotionConstraints,
-    bodies: Bodies,
+    bodies: CollisionBodies,
     kind: str,
     names: list[str],
     q: Array,

@@ -142,7 +142,7 @@ JOB_SCENE = "studio_scene.json"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class ShownVerdict:
     """The certificate of a motion in a scene."""
 
     certificate: Certificate | None = None
@@ -174,7 +174,7 @@ class Session:
         self.scene_error = ""
         self.limits = opened.limits
         self.constraints: MotionConstraints | None = None
-        self.verdict = Verdict()
+        self.verdict = ShownVerdict()
         self.job: Supervisor | None = None
         self.motion: Playable = Held(_middle(opened))
         self.player = Player(1.0)
@@ -287,7 +287,7 @@ class Session:
             return at_rest(self.robot, now.q)
         return instant(constraints, now.q, now.dq, now.ddq)
 
-    def certify(self) -> Verdict:
+    def certify(self) -> ShownVerdict:
         """Judge the whole motion in the scene; the verdict is kept."""
         with self.lock:
             motion, constraints, changes = self.motion, self.constraints, self.editor.changes
@@ -296,13 +296,13 @@ class Session:
                 raise InputError("only a design can be certified", value=motion.name)
             if constraints is None or self.scene_error:
                 raise InputError(self.scene_error or "the robot's limits contradict each other")
-            found = Verdict(
+            found = ShownVerdict(
                 certificate=certify(motion.trajectory, constraints),
                 motion=motion.name,
                 changes=changes,
             )
         except DynidError as error:
-            found = Verdict(error=str(error), motion=motion.name, changes=changes)
+            found = ShownVerdict(error=str(error), motion=motion.name, changes=changes)
         self.verdict = found
         return found
 

@@ -29,7 +29,12 @@ from dynid.trajectory.fourier import (
     rest_basis,
     rest_series,
 )
-from dynid.trajectory.points import LANGUAGES, PointsFamily, PointToPoint, points_text
+from dynid.trajectory.points import (
+    LANGUAGES,
+    PointsFamily,
+    PointToPoint,
+    points_text,
+)
 from dynid.trajectory.quintic import FourierQuintic, Quintic, rest_to_rest
 from dynid.trajectory.sequence import MotionSequence, Repetition, through_poses
 from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory

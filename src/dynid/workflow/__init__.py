@@ -9,11 +9,16 @@ from dynid.workflow.design_files import (
     read_design,
     write_design,
 )
-from dynid.workflow.design_limits import DesignLimits, parse_floor, parse_payload, parse_tool
+from dynid.workflow.design_limits import (
+    DesignLimits,
+    parse_floor,
+    parse_payload,
+    parse_tool,
+)
 from dynid.workflow.design_settings import DesignSettings
 from dynid.workflow.designing import design
 from dynid.workflow.exporting import check_suffix, export_file
-from dynid.workflow.fitting import Fit, fit
+from dynid.workflow.fitting import LogFit, fit
 from dynid.workflow.identify import Identification, IdentifySettings, identify
 from dynid.workflow.payload import identify_gains, identify_gains_from_payload, identify_payload
 from dynid.workflow.recordings import ImportOptions, import_recording, open_records
@@ -42,10 +47,10 @@ __all__ = [
     "Check",
     "DesignLimits",
     "DesignSettings",
-    "Fit",
     "Identification",
     "IdentifySettings",
     "ImportOptions",
+    "LogFit",
     "Run",
     "RunSettings",
     "SharedIdentification",

@@ -37,7 +37,7 @@ PAPER_ERROR = 0.0550
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class DemoRow:
     """One quantity; None where it does not apply or is not given."""
 
     quantity: str
@@ -61,7 +61,7 @@ class Row:
 
 def comparison(
     analysis: Analysis, design: ExcitationDesign, paper: Identification, best: Identification
-) -> tuple[Row, ...]:
+) -> tuple[DemoRow, ...]:
     """Structure, excitation and prediction.
 
     Args:
@@ -83,21 +83,21 @@ def comparison(
     checks = [item.validation or item.training for item in both]
     rms = [float(np.sqrt(np.mean(np.square(check.metrics.rmse)))) for check in checks]
     fits = [
-        Row(
+        DemoRow(
             quantity="condition number, designed",
             paper=PAPER_CONDITION,
             preset_paper=design.condition_number,
             preset_best=design.condition_number,
             note="ours inside every safety limit: tool speed, power, torque, self-collision",
         ),
-        Row(
+        DemoRow(
             quantity="condition number, as executed",
             paper=None,
             preset_paper=both[0].estimate.condition_number,
             preset_best=both[1].estimate.condition_number,
             note="the servo follows with a delay; preset best may have more columns",
         ),
-        Row(
+        DemoRow(
             quantity="e_N on the other motion",
             unit="N.m",
             paper=PAPER_ERROR,
@@ -105,21 +105,21 @@ def comparison(
             preset_best=checks[1].metrics.normalized_error,
             note="e_N falls as 1/sqrt(N); compare RMS where N differs",
         ),
-        Row(
+        DemoRow(
             quantity="N, samples of that motion",
             paper=None,
             preset_paper=checks[0].metrics.samples,
             preset_best=checks[1].metrics.samples,
             note="the paper does not give its N",
         ),
-        Row(
+        DemoRow(
             quantity="RMS error, all joints",
             unit="N.m",
             paper=None,
             preset_paper=rms[0],
             preset_best=rms[1],
         ),
-        Row(
+        DemoRow(
             quantity="relative error, moving joints",
             unit="%",
             paper=None,
@@ -130,7 +130,7 @@ def comparison(
     return (*structure, *fits)
 
 
-def warming(change: ParameterComparison, joints: int) -> tuple[Row, ...]:
+def warming(change: ParameterComparison, joints: int) -> tuple[DemoRow, ...]:
     """What warming up changed (paper 3.2, Fig. 4).
 
     Args:
@@ -162,16 +162,18 @@ def warming(change: ParameterComparison, joints: int) -> tuple[Row, ...]:
     return tuple(rows)
 
 
-def _ours(quantity: str, ours: float, paper: float | None, note: str = "", unit: str = "") -> Row:
+def _ours(
+    quantity: str, ours: float, paper: float | None, note: str = "", unit: str = ""
+) -> DemoRow:
     """A figure of the paper's settings alone."""
-    return Row(
+    return DemoRow(
         quantity=quantity, unit=unit, paper=paper, preset_paper=ours, preset_best=None, note=note
     )
 
 
-def _same(quantity: str, paper: float, ours: float, note: str = "") -> Row:
+def _same(quantity: str, paper: float, ours: float, note: str = "") -> DemoRow:
     """A count that does not depend on the preset."""
-    return Row(quantity=quantity, paper=paper, preset_paper=ours, preset_best=ours, note=note)
+    return DemoRow(quantity=quantity, paper=paper, preset_paper=ours, preset_best=ours, note=note)
 
 
 PERIOD_S, HARMONICS, REPETITIONS = 10.0, 5, 3
@@ -289,7 +291,7 @@ class Demo:
     """With the paper's settings, on the warm robot."""
     change: ParameterComparison
     """From cold to warm, with the paper's settings."""
-    table: tuple[Row, ...]
+    table: tuple[DemoRow, ...]
     files: tuple[Path, ...]
     wall_s: float
 

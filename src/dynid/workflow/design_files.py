@@ -14,10 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.constraints import (
-    Certificate,
-    certify,
-)
+from dynid.constraints import Certificate, certify
 from dynid.core import InputError, JsonFields, content_hash, dynid_version, load_object, write_text
 from dynid.excitation import ExcitationDesign, Purpose, purpose_of
 from dynid.reduction import BaseParametrization

@@ -40,12 +40,7 @@ from dynid.robot import RobotModel, load_robot, with_mount
 from dynid.signals import process
 from dynid.trajectory import copied_bounds, motion_family
 from dynid.workflow.analyze import unit_notes
-from dynid.workflow.design_files import (
-    ROBOT,
-    purpose_from,
-    robot_hash,
-    write_design,
-)
+from dynid.workflow.design_files import ROBOT, purpose_from, robot_hash, write_design
 from dynid.workflow.design_limits import DesignLimits, given_limits
 from dynid.workflow.design_settings import DEFAULT_STARTS, MOST_STARTS, PATIENCE, DesignSettings
 from dynid.workflow.recordings import open_record, robot_reference
@@ -97,7 +92,7 @@ def design(
     if isinstance(robot, RobotModel) and asked.mount is not None:
         model = with_mount(model, asked.mount)
     reference = model.name if isinstance(robot, RobotModel) else robot_reference(robot)
-    job = _Job(model, reference, asked, progress)
+    job = _DesignJob(model, reference, asked, progress)
     accuracy = asked.accuracy_percent
     result = job.design(asked.period_s) if accuracy is None else job.shortest(accuracy)
     if output is not None:
@@ -105,7 +100,7 @@ def design(
     return result
 
 
-class _Job:
+class _DesignJob:
     """What designs of one robot for one purpose share, whatever their period."""
 
     def __init__(

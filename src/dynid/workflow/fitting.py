@@ -24,7 +24,7 @@ REPORT = "report.html"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fit:
+class LogFit:
     """What was identified from logs, and the files that hold it."""
 
     identification: Identification
@@ -63,7 +63,7 @@ def fit(
     gains: Sequence[float] | None = None,
     settings: IdentifySettings | None = None,
     progress: Progress | None = None,
-) -> Fit:
+) -> LogFit:
     """Identify a robot from logs at hand: import, identify, validate, export and report.
 
     Args:
@@ -121,7 +121,7 @@ def fit(
     page, _ = report(
         folder, folder / REPORT, progress=lambda what, share: tell(what, 0.85 + 0.15 * share)
     )
-    return Fit(
+    return LogFit(
         identification=result,
         verdict=verdict(result),
         gains_from=tuple(sources),

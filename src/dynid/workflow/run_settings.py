@@ -31,10 +31,7 @@ from dynid.robot import RobotModel
 from dynid.simulation import Thermal
 from dynid.trajectory import Trajectory
 from dynid.workflow.analyze import unit_notes
-from dynid.workflow.design_files import (
-    StoredDesign,
-    read_design,
-)
+from dynid.workflow.design_files import StoredDesign, read_design
 from dynid.workflow.design_limits import DesignLimits, given_limits
 from dynid.workflow.recordings import robot_reference
 

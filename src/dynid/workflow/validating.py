@@ -15,8 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from dynid.core import InputError, Progress
-from dynid.diagnosis import Verdict, judge
-from dynid.diagnosis.verdict import USELESS_PREDICTION
+from dynid.diagnosis import USELESS_PREDICTION, Verdict, judge
 from dynid.identification import read_estimate, write_estimate
 from dynid.recording import ExperimentRecord, checked_records
 from dynid.signals import window

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, InputError
-from dynid.simulation import Plant, PlantState, SimulatedArm, Thermal
+from dynid.simulation import PlantState, SimulatedArm, SimulatedPlant, Thermal
 from urtwin.kinematics import ToolKinematics, rotation_matrix, to_matrix
 
 PROGRAM_STOP = 80.0
@@ -58,7 +58,7 @@ class ControlledArm:
         self.lower = np.nan_to_num(self.limits.lower, nan=-np.inf).tolist()
         self.upper = np.nan_to_num(self.limits.upper, nan=np.inf).tolist()
         self.kinematics = ToolKinematics(arm.robot)
-        self.plant = Plant(arm, rate_hz=rate_hz, thermal=thermal)
+        self.plant = SimulatedPlant(arm, rate_hz=rate_hz, thermal=thermal)
         self.cycle = self.plant.cycle
         self._seed = seed
         self._generator = np.random.default_rng(seed)

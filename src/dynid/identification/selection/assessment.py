@@ -386,7 +386,7 @@ def _inverse_root(matrix: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Rows:
+class _AssessedRows:
     """Rows left out, one by one."""
 
     index: Indices
@@ -407,7 +407,7 @@ def _rows(
     regions: Indices,
     root: Array,
     precision: Array,
-) -> _Rows:
+) -> _AssessedRows:
     """Errors and leverages of rows left out."""
     step = -(-problem.blocks // MOST_ROWS)
     matrix = fitted.system.matrix
@@ -440,7 +440,7 @@ def _rows(
     if floor is None and step == 1:
         floor = np.sqrt(bends / max(problem.blocks, 1))
     index = np.concatenate(indices)
-    return _Rows(
+    return _AssessedRows(
         index=index,
         part=regions[index],
         error=np.concatenate(errors, axis=1),
@@ -450,7 +450,7 @@ def _rows(
 
 
 def _calibrated(
-    root: Array, sigma: Array, rows: _Rows, moving: Mask, slowest: Array
+    root: Array, sigma: Array, rows: _AssessedRows, moving: Mask, slowest: Array
 ) -> TorqueInterval:
     """The smallest scale of the leverage that the parts left out allow, then quantiles.
 

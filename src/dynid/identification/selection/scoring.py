@@ -43,13 +43,7 @@ from dynid.identification.selection.regions import (
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel
 from dynid.robot import RobotModel
-from dynid.signals import (
-    ProcessingSettings,
-    Samples,
-    UniformSignals,
-    delayed,
-    samples_from,
-)
+from dynid.signals import ProcessingSettings, Samples, UniformSignals, delayed, samples_from
 
 PRIOR_WEIGHTS = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0)
 """Weights of the published inertias that are tried, see `TowardPublished`."""
@@ -129,7 +123,7 @@ class CandidateBlocks:
         self.rows = float(blocks.rows.sum(axis=1).mean())
 
 
-class Search:
+class ScoreSearch:
     """Scores choices on the recordings; caches the blocks of the current settings."""
 
     def __init__(

@@ -14,15 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, Progress, silent
-from dynid.identification.selection.columns import (
-    PLAIN_WIDTH,
-    JointChoice,
-)
-from dynid.identification.selection.scoring import (
-    GAIN_OF_SHAPE,
-    Scores,
-    Search,
-)
+from dynid.identification.selection.columns import PLAIN_WIDTH, JointChoice
+from dynid.identification.selection.scoring import GAIN_OF_SHAPE, Scores, ScoreSearch
 from dynid.regressor import FrictionTerms
 from dynid.robot import RobotModel
 from dynid.signals import (
@@ -87,7 +80,7 @@ def select(
     Raises:
         InputError: A recording is too short to leave parts out.
     """
-    search = Search(robot, frames, recordings, terms, presliding=presliding, purpose=purpose)
+    search = ScoreSearch(robot, frames, recordings, terms, presliding=presliding, purpose=purpose)
     tell = progress or silent
     choices = (JointChoice(PLAIN_WIDTH, frozenset(), search.no_delay),) * robot.joints
     trials = _settings_to_try(recordings, settings)
@@ -136,7 +129,7 @@ def select(
 
 
 def _descended(
-    search: Search, settings: ProcessingSettings, choices: tuple[JointChoice, ...]
+    search: ScoreSearch, settings: ProcessingSettings, choices: tuple[JointChoice, ...]
 ) -> tuple[tuple[JointChoice, ...], Scores, float]:
     """Choices, their scores and the weight of the prior under which they were found."""
     blocks = search.blocks(settings)
@@ -144,7 +137,7 @@ def _descended(
     return (*search.descend(settings, choices, near[0]), near[0])
 
 
-def _passed_by(search: Search, trial: ProcessingSettings) -> TorqueFilter | None:
+def _passed_by(search: ScoreSearch, trial: ProcessingSettings) -> TorqueFilter | None:
     """The filter that the torque has passed, if one explains it better than none.
 
     Cut-offs up to where the torque ends, then finer beside the best, then orders: an error in

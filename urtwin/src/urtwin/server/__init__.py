@@ -3,4 +3,8 @@
 from urtwin.server.clock import LEAD_S
 from urtwin.server.serve import ControllerSettings, serve
 
-__all__ = ["LEAD_S", "ControllerSettings", "serve"]
+__all__ = [
+    "LEAD_S",
+    "ControllerSettings",
+    "serve",
+]
