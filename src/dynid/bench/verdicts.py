@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.bench.verdict_cases import DISCRETE, FAULTS, SIZES, Case, Recorded, recorded
-from dynid.core import DynidError, Finding, Progress, silent
+from dynid.core import Array, DynidError, Finding, Progress, silent
 
 GOOD = 5.0
 """[%] true error on another motion up to which a clean recording gave a good model."""
@@ -128,7 +128,8 @@ def _error_percent(made: Recorded, judged: Judged) -> float:
     """Error against the true torques, at the times that were predicted."""
     t = made.validation.t
     times, torque = np.asarray(judged.t), np.asarray(judged.predicted)
-    true = np.array([np.interp(times, t - t[0], column) for column in made.clean.T]).T
+    columns: list[Array] = [made.clean[:, j] for j in range(made.clean.shape[1])]
+    true: Array = np.column_stack([np.interp(times, t - t[0], column) for column in columns])
     return float(100 * np.sqrt(np.square(torque - true).sum() / np.square(true).sum()))
 
 

@@ -197,7 +197,7 @@ def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
     size = float(np.sqrt(np.square(rec.tau[:, j]).mean()))
     yield Hypothesis(
         kind="spring", joints=(j,), unit="N" if slides else "N.m", width=np.full(3, size),
-        least=0.02 * size, columns=torques.columns(*shapes),
+        least=0.02 * size, columns=torques.columns(shapes[0], shapes[1], shapes[2]),
     )  # fmt: skip
 
 
@@ -259,7 +259,9 @@ def scores(found: Fits, rivals: list[Hypothesis]) -> tuple[list[Scored], Array]:
         weighted = np.tensordot(found.weights, sums, axes=1)
         right = weighted[:p, p:].copy()
         right[:, -1] += found.precision @ found.mean
-        solved = np.linalg.solve(weighted[:p, :p] + found.precision, right)
+        solved: Array = np.asarray(
+            np.linalg.solve(weighted[:p, :p] + found.precision, right), dtype=np.float64
+        )
         start = np.concatenate([-solved[:, -1], np.zeros(parts[-1]), [1.0]])
         ways = np.vstack([solved[:, :-1], -np.eye(parts[-1]), np.zeros(parts[-1])])
         on_start = judged @ start
@@ -271,8 +273,11 @@ def scores(found: Fits, rivals: list[Hypothesis]) -> tuple[list[Scored], Array]:
             before[k] = own
         for h, rival in enumerate(rivals):
             part = slice(parts[h], parts[h + 1])
-            inverse = np.linalg.inv(normal[part, part] + np.diag(1 / np.square(rival.width)))
-            x = inverse @ vector[part]
+            own_precision = np.diag(1 / np.square(rival.width))
+            inverse: Array = np.asarray(
+                np.linalg.inv(normal[part, part] + own_precision), dtype=np.float64
+            )
+            x: Array = np.asarray(inverse @ vector[part], dtype=np.float64)
             if k < BLOCKS:
                 sizes[h].append(x)
                 after[h].append(own + 2 * mixed[:, part] @ x + (square[:, part, part] @ x) @ x)

@@ -235,7 +235,8 @@ class Fits:
         p = self.own
         total = np.tensordot(self.weights, self.sums.sum(axis=0), axes=1)
         right = total[:p, -1] + self.precision @ self.mean
-        return np.asarray(np.linalg.solve(total[:p, :p] + self.precision, right))
+        solved = np.linalg.solve(total[:p, :p] + self.precision, right)
+        return np.asarray(solved, dtype=np.float64)
 
     def penalty(self, values: Array) -> float:
         """How unlikely parameters (p) are before anything was measured [nats]."""
@@ -265,9 +266,9 @@ def fits(ref: Reference, added: Array) -> tuple[Fits, Array]:
     """
     everything = np.concatenate([ref.columns, added, ref.torque[None]])
     rows, n = everything.shape[-1], everything.shape[1]
-    cuts = np.linspace(0, rows, BLOCKS + 1).astype(int)
+    cuts = [k * rows // BLOCKS for k in range(BLOCKS + 1)]
     sums = np.empty((BLOCKS, n, len(everything), len(everything)))
-    for k, (a, b) in enumerate(pairwise(cuts.tolist())):
+    for k, (a, b) in enumerate(pairwise(cuts)):
         for j in range(n):
             part = everything[:, j, a:b]
             sums[k, j] = part @ part.T
@@ -275,7 +276,7 @@ def fits(ref: Reference, added: Array) -> tuple[Fits, Array]:
         sums=sums,
         rows=rows,
         weights=1 / np.maximum(np.square(ref.torque).mean(axis=1), 1e-12),
-        counts=np.full(n, float(rows)),
+        counts=float(rows) * np.ones(n),
         mean=ref.mean,
         precision=ref.precision,
         own=len(ref.columns),

@@ -108,8 +108,9 @@ def _rivals(rec: Recording) -> Iterator[WholeSignal]:
     for by in np.arange(-WIDEST_S, WIDEST_S + STEP_S, STEP_S):
         if abs(by) < STEP_S / 2 or abs(by) > 0.15 * (rec.t[-1] - rec.t[0]):
             continue
-        tau = np.array([np.interp(rec.t + by, rec.t, row) for row in rec.tau.T]).T
-        changed = replace(rec, tau=tau)
+        signals: list[Array] = [rec.tau[:, j] for j in range(n)]
+        late: Array = np.column_stack([np.interp(rec.t + by, rec.t, x) for x in signals])
+        changed = replace(rec, tau=late)
         yield WholeSignal(
             recording=changed, kind="clock_offset", joints=(), value=float(by), unit="s"
         )
@@ -188,7 +189,8 @@ def _objective(thin: Recording, prior: tuple[Array, Array], counts: Array) -> fl
     for _ in range(SWEEPS):
         weights = counts / rows / noise
         matrix = np.tensordot(weights, square, axes=1) + precision
-        values = np.linalg.solve(matrix, weights @ cross + precision @ mean)
+        right: Array = weights @ cross + precision @ mean
+        values: Array = np.asarray(np.linalg.inv(matrix), dtype=np.float64) @ right
         left = energy - 2 * cross @ values + (square @ values) @ values
         noise = np.maximum(left / rows, 1e-8 * energy / rows + 1e-18)
         away = values - mean
