@@ -168,7 +168,7 @@ def test_identify_and_validate(run: Run, recordings: Recordings, tmp_path: Path)
 
 def test_identify_tells_first_whether_to_trust_it(run: Run, recordings: Recordings) -> None:
     outcome = run("identify", recordings.identification, "--preset", "paper", "--estimator", "irls")
-    assert outcome.out.startswith("Use this result with care: no other motion has confirmed it")
+    assert outcome.out.startswith("This result can be used: it is expected to predict")
     assert "Nothing was written" in outcome.out
     assert max(map(len, outcome.out.splitlines())) <= 80
 

@@ -142,7 +142,9 @@ def ask(words: list[str], parse: bool = True) -> Answer:
         sys.argv = before
     answer: Answer = {"exit": code}
     if code == 0 and parse:
-        _flatten("", json.loads(out.getvalue()), answer)
+        # Where the repository and the recordings are is nobody's answer.
+        text = out.getvalue().replace(str(DATA.resolve()), "DATA").replace(str(DATA), "DATA")
+        _flatten("", json.loads(text.replace(str(ROOT), "ROOT")), answer)
     return answer
 
 

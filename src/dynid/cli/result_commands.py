@@ -249,7 +249,7 @@ def _verdicts(
     preset: Annotated[str, typer.Option(metavar="paper|best", help="As for identify.")] = "best",
     json: JsonFlag = False,
 ) -> None:
-    """Clean recordings doubted and faults named, on arms that share no code with dynid."""
+    """False alarms, and faults named with their cause."""
     from dynid.bench import Judged, Recorded, cases, markdown, rates, run_verdicts, summarise
     from dynid.cli.output import console, print_json, progress_bar
     from dynid.workflow import IdentifySettings, identify, verdict
