@@ -141,7 +141,7 @@ def ask(words: list[str], parse: bool = True) -> Answer:
     finally:
         sys.argv = before
     answer: Answer = {"exit": code}
-    if code == 0 and parse:
+    if parse and code in (0, 1) and out.getvalue():
         _flatten("", json.loads(out.getvalue()), answer)
     return answer
 
