@@ -28,6 +28,7 @@ Every name below is loaded when it is first used, so `import dynid` costs nothin
 from __future__ import annotations
 
 import importlib
+import warnings
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
@@ -282,7 +283,15 @@ _HOME = {
 _MODULE_OF = {name: f"dynid.{module}" for module, names in _HOME.items() for name in names}
 
 
+_RENAMED = {"Notice": "Finding"}
+"""Names of release 0.1, for one release."""
+
+
 def __getattr__(name: str) -> Any:
+    if name in _RENAMED:
+        new = _RENAMED[name]
+        warnings.warn(f"dynid.{name} is now dynid.{new}", DeprecationWarning, stacklevel=2)
+        return getattr(importlib.import_module(_MODULE_OF[new]), new)
     if name not in _MODULE_OF:
         raise AttributeError(f"module 'dynid' has no attribute {name!r}")
     value = getattr(importlib.import_module(_MODULE_OF[name]), name)

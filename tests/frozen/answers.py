@@ -141,7 +141,7 @@ def ask(words: list[str], parse: bool = True) -> Answer:
     finally:
         sys.argv = before
     answer: Answer = {"exit": code}
-    if code == 0 and parse:
+    if parse and code in (0, 1) and out.getvalue():
         # Where the repository and the recordings are is nobody's answer.
         text = out.getvalue().replace(str(DATA.resolve()), "DATA").replace(str(DATA), "DATA")
         _flatten("", json.loads(text.replace(str(ROOT), "ROOT")), answer)
