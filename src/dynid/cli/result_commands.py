@@ -252,6 +252,7 @@ def _verdicts(
     """False alarms, and faults named with their cause."""
     from dynid.bench import Judged, Recorded, cases, markdown, rates, run_verdicts, summarise
     from dynid.cli.output import console, print_json, progress_bar
+    from dynid.core import silent
     from dynid.workflow import IdentifySettings, identify, verdict
 
     def judge(made: Recorded) -> Judged:
@@ -270,7 +271,7 @@ def _verdicts(
         )
 
     with progress_bar("bench") as progress:
-        rows = run_verdicts(judge, cases(seed, clean, each), progress=progress)
+        rows = run_verdicts(judge, cases(seed, clean, each), progress=progress or silent)
     told = summarise(rows)
     if json:
         print_json(told | {"right_cause_percent": rates(told), "seed": seed, "preset": preset})
