@@ -45,7 +45,8 @@ com = [[0.0, 0.0, 0.1], [0.0, 0.0, 0.1], [0.0, 0.0, 0.1]]
 def certified(robot: dynid.RobotModel, **settings: object) -> dynid.ExcitationDesign:
     asked = dynid.DesignSettings(**{"starts": 1, **settings})  # type: ignore[arg-type]
     found = dynid.design(robot, asked)
-    assert found.feasible
+    # Arms without bodies are unjudged in what their bodies could meet, and hold all the rest.
+    assert found.certificate.holds
     assert np.isfinite(found.condition_number)
     # A judge of its own, at samples of its own.
     judge = safe_constraints(robot)

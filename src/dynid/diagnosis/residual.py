@@ -190,9 +190,9 @@ def reference(
         [recording.average(stack) for _, stack in _parts(recording, load)], axis=-1
     )
     size = np.sqrt(np.square(recording.tau).mean(axis=0)) + 1e-9
-    norm = np.sqrt(np.square(columns[10 * n :]).mean(axis=2)).sum(axis=1) + 1e-12
-    joint_of = np.tile(np.arange(n), 2 + SHAPES)
-    own = FRICTION_SPREAD * size[joint_of] / norm
+    # A column belongs to the joint that it is largest in: motors that drive several have their own.
+    strength = np.sqrt(np.square(columns[10 * n :]).mean(axis=2))
+    own = FRICTION_SPREAD * size[strength.argmax(axis=1)] / (strength.sum(axis=1) + 1e-12)
     if added is not None and spread is not None:
         columns = np.concatenate([columns, added])
         own = np.concatenate([own, spread])

@@ -166,7 +166,8 @@ class _DesignJob:
             if found.interrupted or fitting * count >= 0.97 * total:
                 break
             period = fitting
-        assert best is not None
+        if best is None:
+            raise JobError("no design was found", next_step="Give the arm more room.")
         return best
 
     def _problem(self, period_s: float, purpose: Purpose | None) -> ExcitationProblem:
