@@ -184,7 +184,7 @@ def test_a_motion_that_excites_too_little_says_what_is_lost(run: Run, tmp_path: 
         written_arm(tmp_path),
         "-o",
         tmp_path / "d.json",
-        *QUICK[:4],
+        *QUICK[:5],
         "--starts",
         "1",
     )

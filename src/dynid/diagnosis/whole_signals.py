@@ -180,11 +180,17 @@ def _objective(thin: Recording, prior: tuple[Array, Array], counts: Array) -> fl
     energy = np.square(torque).sum(axis=1)
     size = np.sqrt(energy / rows) + 1e-12
     top = np.maximum(np.abs(thin.ddq).max(axis=0), 1e-9)
-    mean = np.concatenate([prior[0], _FRICTION * size / fast, 0 * size, _FRICTION * size])
+    # Motors that drive several joints have columns of their own between inertia and Coulomb.
+    coupling = np.full(len(stack) - 12 * n, size.max() / fast.min())
+    mean = np.concatenate(
+        [prior[0], _FRICTION * size / fast, 0 * size, 0 * coupling, _FRICTION * size]
+    )
     precision = np.zeros((len(columns), len(columns)))
     precision[: 10 * n, : 10 * n] = np.linalg.inv(prior[1])
     rest = np.arange(10 * n, len(columns))
-    precision[rest, rest] = 1 / np.square(_SPREAD * np.concatenate([size / fast, size / top, size]))
+    precision[rest, rest] = 1 / np.square(
+        _SPREAD * np.concatenate([size / fast, size / top, coupling, size])
+    )
     noise, value = energy / rows + 1e-18, 0.0
     for _ in range(SWEEPS):
         weights = counts / rows / noise
