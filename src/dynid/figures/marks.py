@@ -1,0 +1,180 @@
+"""What is drawn in a plot: lines, points, bands, bars, stretches of time, levels and texts.
+
+Every mark has a role (`theme.ROLES`), which is its colour on light and on dark ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dynid.core import Array, Indices
+
+COLUMNS = 2000
+"""A curve with more than twice as many points is drawn by the extremes of as many stretches."""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A curve; NaN interrupts it."""
+
+    x: ArrayLike
+    y: ArrayLike
+    role: str = "predicted"
+    name: str = ""
+    width: float = 1.4
+    dash: str = ""
+    """SVG dash array [px], such as `4 3`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Points:
+    """Round dots, or rings of the ground's colour inside."""
+
+    x: ArrayLike
+    y: ArrayLike
+    role: str = "measured"
+    name: str = ""
+    size: float = 5.0
+    hollow: bool = False
+    faint: bool = False
+    """Half transparent: clouds of many points."""
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """The area between two curves."""
+
+    x: ArrayLike
+    low: ArrayLike
+    high: ArrayLike
+    role: str = "band"
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Bars:
+    """Bars from zero; `across` lays them along the x axis."""
+
+    at: ArrayLike
+    length: ArrayLike
+    role: str = "predicted"
+    name: str = ""
+    thickness: float = 0.7
+    """In units of the axis that they stand on."""
+    across: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Ranges:
+    """Intervals as straight strokes: `across` along the x axis, else along the y axis."""
+
+    at: ArrayLike
+    low: ArrayLike
+    high: ArrayLike
+    role: str = "predicted"
+    name: str = ""
+    width: float = 1.4
+    across: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Spans:
+    """Stretches of the x axis that are shaded over the whole height."""
+
+    stretches: Sequence[tuple[float, float]]
+    role: str = "still"
+    name: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """A straight line over the whole plot: at a y value, or at an x value if `upright`."""
+
+    value: float
+    role: str = "limit"
+    name: str = ""
+    upright: bool = False
+    dash: str = "4 3"
+
+
+@dataclass(frozen=True, slots=True)
+class Texts:
+    """Short texts in the plot; their middle stands at the place."""
+
+    x: ArrayLike
+    y: ArrayLike
+    texts: Sequence[str]
+    role: str = "ink"
+    anchor: str = "middle"
+    size: float = 12.0
+
+
+Mark = Line | Points | Band | Bars | Ranges | Spans | Level | Texts
+
+
+@dataclass(frozen=True, slots=True)
+class LegendEntry:
+    """What marks of one name are called and look like."""
+
+    name: str
+    role: str
+    swatch: str
+    """`stroke`, `dash`, `dot`, `ring` or `box`."""
+
+
+def legend(marks: Sequence[Mark]) -> tuple[LegendEntry, ...]:
+    """One entry a name, in the order in which they are drawn."""
+    found: dict[str, LegendEntry] = {}
+    for mark in marks:
+        if not isinstance(mark, Texts) and mark.name:
+            found.setdefault(mark.name, LegendEntry(mark.name, mark.role, _swatch(mark)))
+    return tuple(found.values())
+
+
+def _swatch(mark: Mark) -> str:
+    if isinstance(mark, Points):
+        return "ring" if mark.hollow else "dot"
+    if isinstance(mark, Level) or (isinstance(mark, Line) and mark.dash):
+        return "dash"
+    return "box" if isinstance(mark, Band | Bars | Spans) else "stroke"
+
+
+def shaded(t: Array, mask: ArrayLike, shortest: float = 0.0) -> tuple[tuple[float, float], ...]:
+    """Stretches in which a condition holds.
+
+    Args:
+        t: (N) instants.
+        mask: (N) whether it holds.
+        shortest: Shorter stretches are left out.
+    """
+    edges = np.diff(np.concatenate([[0], np.asarray(mask, dtype=np.int8), [0]]))
+    starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
+    return tuple(
+        (float(t[a]), float(t[b]))
+        for a, b in zip(starts, stops, strict=True)
+        if t[b] - t[a] >= shortest
+    )
+
+
+def thinned(y: Array, columns: int = COLUMNS) -> Indices:
+    """Indices that draw the same picture: smallest and largest value of each of many stretches.
+
+    Args:
+        y: (N) values; NaN is kept where a whole stretch has no value.
+        columns: Number of stretches.
+    """
+    count = len(y)
+    if count <= 2 * columns:
+        return np.arange(count)
+    length = -(-count // columns)
+    padded = np.concatenate([y, np.full(-count % length, np.nan)]).reshape(-1, length)
+    first = np.where(np.isnan(padded), np.inf, padded).argmin(axis=1)
+    last = np.where(np.isnan(padded), -np.inf, padded).argmax(axis=1)
+    offset = length * np.arange(len(padded))
+    chosen = np.unique(np.concatenate([[0, count - 1], offset + first, offset + last]))
+    found: Indices = chosen[chosen < count]
+    return found

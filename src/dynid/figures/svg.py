@@ -1,0 +1,396 @@
+"""Figures as SVG: fluid ones for pages, whose curves stretch and whose texts do not, and files.
+
+In a page a plot is an `svg` without a view box: texts stand at percentages of it and keep their
+size. The curves are in an `svg` inside, in units of their own, which is stretched to the plot; a
+script zooms by changing the view box of the inner one. In a file everything stands in pixels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dynid.core import Array
+from dynid.figures.axes import Axis
+from dynid.figures.marks import (
+    Band,
+    Bars,
+    LegendEntry,
+    Level,
+    Line,
+    Mark,
+    Points,
+    Ranges,
+    Spans,
+    Texts,
+    legend,
+    thinned,
+)
+from dynid.figures.theme import FONT, colour
+
+FLUID = (20000.0, 10000.0)
+"""Units of the inner picture of a plot in a page: finer than pixels at every zoom."""
+FINE = 10.0
+"""Units a pixel in a file."""
+CHARACTER = 6.7
+"""Width of a figure at 12 px [px]."""
+FAR = 1e7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Panel:
+    """One plot.
+
+    Attributes:
+        marks: What is drawn, from below to above.
+        y: The y axis.
+        x: Its own x axis; None for that of the figure.
+        height: Height [px].
+        title: Shown above it, such as the joint's name.
+        grid: Also lines at the ticks of the x axis.
+    """
+
+    marks: tuple[Mark, ...]
+    y: Axis
+    x: Axis | None = None
+    height: float = 120.0
+    title: str = ""
+    grid: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Figure:
+    """Plots with a title and a legend.
+
+    Attributes:
+        title: One line.
+        x: The x axis of all plots.
+        panels: The plots, above each other or in columns.
+        columns: Number of columns.
+        link: Plots of a page with the same link share cursor and zoom; empty for none.
+        note: A sentence below the title.
+    """
+
+    title: str
+    x: Axis
+    panels: tuple[Panel, ...]
+    columns: int = 1
+    link: str = ""
+    note: str = ""
+
+    @property
+    def legend(self) -> tuple[LegendEntry, ...]:
+        """What the marks are called."""
+        return legend([mark for panel in self.panels for mark in panel.marks])
+
+
+@dataclass(frozen=True, slots=True)
+class _Sheet:
+    """Where things stand and how they are painted: in a page, or in a file of so many pixels."""
+
+    x: Axis
+    y: Axis
+    size: tuple[float, float] | None = None
+    dark: bool = False
+
+    @property
+    def units(self) -> tuple[float, float]:
+        return FLUID if self.size is None else (self.size[0] * FINE, self.size[1] * FINE)
+
+    def across(self, values: ArrayLike) -> Array:
+        return _whole(self.x.share(values) * self.units[0])
+
+    def up(self, values: ArrayLike) -> Array:
+        share = self.y.share(values)
+        return _whole((share if self.y.names else 1.0 - share) * self.units[1])
+
+    def place(self, share: float, axis: int) -> str:
+        """A place for a text."""
+        return f"{100 * share:.4g}%" if self.size is None else f"{share * self.size[axis]:.1f}"
+
+    def stroke(self, role: str, width: float, dash: str = "") -> str:
+        if self.size is None:
+            dashed = f";stroke-dasharray:{dash}" if dash else ""
+            return f'class="ln {role}" style="stroke-width:{width:g}{dashed}"'
+        dashed = " ".join(f"{float(d) * FINE:g}" for d in dash.split())
+        return (
+            f'fill="none" stroke="{colour(role, dark=self.dark)}" stroke-width="{width * FINE:g}"'
+            ' stroke-linejoin="round" stroke-linecap="round"'
+            + (f' stroke-dasharray="{dashed}"' if dash else "")
+        )
+
+    def area(self, role: str) -> str:
+        if self.size is None:
+            return f'class="ar {role}"'
+        return f'fill="{colour(role, dark=self.dark)}"'
+
+    def text(
+        self,
+        x: str,
+        y: str,
+        text: str,
+        role: str = "ink2",
+        anchor: str = "middle",
+        size: float = 12,
+    ) -> str:
+        paint = f'class="{role}"' if self.size is None else f'fill="{colour(role, dark=self.dark)}"'
+        return (
+            f'<text x="{x}" y="{y}" dy=".35em" {paint} text-anchor="{anchor}" '
+            f'font-size="{size:g}">{escape(text)}</text>'
+        )
+
+
+def _whole(values: Array) -> Array:
+    return np.where(np.isfinite(values), np.rint(np.clip(values, -FAR, FAR)), np.nan)
+
+
+def _path(x: Array, y: Array) -> str:
+    """Whole numbers as a path of relative steps; NaN lifts the pen."""
+    parts: list[str] = []
+    known = np.isfinite(x) & np.isfinite(y)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], known.astype(np.int8), [0]])))
+    for start, stop in edges.reshape(-1, 2):
+        px, py = x[start:stop].astype(int), y[start:stop].astype(int)
+        steps = np.column_stack([np.diff(px), np.diff(py)]).ravel().tolist()
+        parts.append(f"M{px[0]} {py[0]}l" if len(steps) else f"M{px[0]} {py[0]}h1")
+        parts.extend(str(s) if s < 0 or k == 0 else f" {s}" for k, s in enumerate(steps))
+    return "".join(parts)
+
+
+def _strokes(sheet: _Sheet, mark: Mark) -> Iterator[str]:
+    """The mark as elements of the inner picture."""
+    wide, tall = sheet.units
+    if isinstance(mark, Line):
+        x, y = np.asarray(mark.x, dtype=np.float64), np.asarray(mark.y, dtype=np.float64)
+        chosen = thinned(y)
+        named = f' data-n="{escape(mark.name)}"' if mark.name and sheet.size is None else ""
+        path = _path(sheet.across(x[chosen]), sheet.up(y[chosen]))
+        yield f'<path {sheet.stroke(mark.role, mark.width, mark.dash)}{named} d="{path}"/>'
+    elif isinstance(mark, Points):
+        x, y = sheet.across(mark.x), sheet.up(mark.y)
+        known = np.isfinite(x) & np.isfinite(y)
+        path = "".join(f"M{a:.0f} {b:.0f}h1" for a, b in zip(x[known], y[known], strict=True))
+        faint = ' opacity=".45"' if mark.faint else ""
+        yield f'<path {sheet.stroke(mark.role, mark.size)}{faint} d="{path}"/>'
+        if mark.hollow:
+            yield f'<path {sheet.stroke("ground", mark.size - 2.6)} d="{path}"/>'
+    elif isinstance(mark, Band):
+        x = np.concatenate([np.asarray(mark.x), np.asarray(mark.x)[::-1]])
+        y = np.concatenate([np.asarray(mark.low), np.asarray(mark.high)[::-1]])
+        yield f'<path {sheet.area(mark.role)} d="{_path(sheet.across(x), sheet.up(y))}z"/>'
+    elif isinstance(mark, Bars):
+        at, half = np.asarray(mark.at, dtype=np.float64), mark.thickness / 2
+        ends = (
+            (np.zeros(len(at)), np.asarray(mark.length), at - half, at + half)
+            if mark.across
+            else (at - half, at + half, np.zeros(len(at)), np.asarray(mark.length))
+        )
+        corners = sheet.across(ends[0]), sheet.across(ends[1]), sheet.up(ends[2]), sheet.up(ends[3])
+        path = "".join(
+            f"M{a:.0f} {c:.0f}H{b:.0f}V{d:.0f}H{a:.0f}z"
+            for a, b, c, d in zip(*corners, strict=True)
+            if np.isfinite(a + b + c + d)
+        )
+        yield f'<path {sheet.area(mark.role)} d="{path}"/>'
+    elif isinstance(mark, Ranges):
+        first, second = (sheet.across, sheet.up) if mark.across else (sheet.up, sheet.across)
+        low, high, at = first(mark.low), first(mark.high), second(mark.at)
+        path = "".join(
+            f"M{a:.0f} {c:.0f}H{b:.0f}" if mark.across else f"M{c:.0f} {a:.0f}V{b:.0f}"
+            for a, b, c in zip(low, high, at, strict=True)
+            if np.isfinite(a + b + c)
+        )
+        yield f'<path {sheet.stroke(mark.role, mark.width)} d="{path}"/>'
+    elif isinstance(mark, Spans):
+        ends = sheet.across(np.asarray(mark.stretches, dtype=np.float64).reshape(-1, 2))
+        path = "".join(f"M{a:.0f} 0H{b:.0f}V{tall:.0f}H{a:.0f}z" for a, b in ends)
+        yield f'<path {sheet.area(mark.role)} d="{path}"/>'
+    elif isinstance(mark, Level):
+        if mark.upright:
+            path = f"M{sheet.across(mark.value):.0f} 0V{tall:.0f}"
+        else:
+            path = f"M0 {sheet.up(mark.value):.0f}H{wide:.0f}"
+        yield f'<path {sheet.stroke(mark.role, 1.1, mark.dash)} d="{path}"/>'
+
+
+def _picture(sheet: _Sheet, panel: Panel, most: int, ticks: bool) -> str:
+    """Grid, curves, then texts."""
+    wide, tall = sheet.units
+    rows = sheet.y.ticks(max(2, int(panel.height / 36)))
+    columns = sheet.x.ticks(most)
+    lines = [f"M0 {sheet.up(v):.0f}H{wide:.0f}" for v, _ in rows if not sheet.y.names]
+    if panel.grid:
+        lines += [f"M{sheet.across(v):.0f} 0V{tall:.0f}" for v, _ in columns]
+    inner = [f'<path {sheet.stroke("grid", 1)} d="{"".join(lines)}"/>'] if lines else []
+    if not sheet.y.names and not sheet.y.log and sheet.y.low < 0 < sheet.y.high:
+        inner.append(f'<path {sheet.stroke("line", 1)} d="M0 {sheet.up(0.0):.0f}H{wide:.0f}"/>')
+    for mark in panel.marks:
+        inner.extend(_strokes(sheet, mark))
+    size = (
+        'class="in" width="100%" height="100%"'
+        if sheet.size is None
+        else f'width="{sheet.size[0]:g}" height="{sheet.size[1]:g}"'
+    )
+    drawn = [
+        f'<svg {size} viewBox="0 0 {wide:.0f} {tall:.0f}" preserveAspectRatio="none">'
+        f"{''.join(inner)}</svg>"
+    ]
+    for mark in panel.marks:
+        if isinstance(mark, Texts):
+            places = zip(sheet.x.share(mark.x), sheet.y.share(mark.y), mark.texts, strict=True)
+            drawn += [
+                sheet.text(
+                    sheet.place(float(a), 0),
+                    sheet.place(float(b if sheet.y.names else 1 - b), 1),
+                    text,
+                    mark.role,
+                    mark.anchor,
+                    mark.size,
+                )
+                for a, b, text in places
+            ]
+    drawn += [
+        sheet.text("-8", sheet.place(_row(sheet.y, value), 1), text, anchor="end")
+        for value, text in rows
+    ]
+    if ticks:
+        below = "100%" if sheet.size is None else f"{sheet.size[1]:g}"
+        marks = "".join(
+            sheet.text(sheet.place(float(sheet.x.share(value)), 0), below, text)
+            for value, text in columns
+        )
+        drawn.append(f'<g class="xt" transform="translate(0 14)">{marks}</g>')
+    return "".join(drawn)
+
+
+def _row(axis: Axis, value: float) -> float:
+    share = float(axis.share(value))
+    return share if axis.names else 1.0 - share
+
+
+def plot(
+    panel: Panel, x: Axis, *, ticks: bool = True, most: int = 7, link: str = "", label: str = ""
+) -> str:
+    """One fluid plot for a page, as wide as its place; the texts of its axes stand around it.
+
+    Args:
+        panel: What to draw.
+        x: The x axis, where the panel has none.
+        ticks: Whether the x axis has texts.
+        most: About how many.
+        link: Plots with the same link share cursor and zoom.
+        label: What a screen reader says; None for the names of the axes.
+    """
+    axis = panel.x or x
+    names = ", ".join(entry.name for entry in legend(panel.marks))
+    said = label or f"{panel.title} {panel.y.label} over {axis.label}: {names}".strip(" :")
+    linked = (
+        f' data-link="{escape(link)}" data-x="{axis.low:.9g},{axis.high:.9g}"'
+        f' data-y="{panel.y.low:.9g},{panel.y.high:.9g}"'
+        if link
+        else ""
+    )
+    body = _picture(_Sheet(axis, panel.y), panel, most, ticks)
+    return (
+        f'<svg class="plot{"" if ticks else " bare"}" role="img" aria-label="{escape(said)}" '
+        f'style="height:{panel.height:g}px"{linked}>{body}</svg>'
+    )
+
+
+def margin(panels: Sequence[Panel]) -> float:
+    """Room left of plots for the texts of their y axes [px]."""
+    longest = max(
+        (len(text) for p in panels for _, text in p.y.ticks(max(2, int(p.height / 36)))), default=0
+    )
+    return 14 + CHARACTER * longest
+
+
+def key(entries: Sequence[LegendEntry]) -> str:
+    """A legend for a page."""
+    shown = "".join(
+        f'<span><i class="{entry.swatch} {entry.role}"></i>{escape(entry.name)}</span>'
+        for entry in entries
+    )
+    return f'<div class="key">{shown}</div>' if shown else ""
+
+
+def fragment(figure: Figure) -> str:
+    """A whole figure for a page: title, legend, plots; needs `style()` and, if linked, `script()`.
+
+    Args:
+        figure: The figure.
+    """
+    bottom = len(figure.panels) - figure.columns
+    plots: list[str] = []
+    for k, panel in enumerate(figure.panels):
+        ticks = panel.x is not None or k >= bottom
+        svg = plot(panel, figure.x, ticks=ticks, most=max(3, 8 // figure.columns), link=figure.link)
+        heading = " ".join(filter(None, (panel.title, panel.y.label)))
+        plots.append(f'<div class="panel"><p class="pt">{escape(heading)}</p>{svg}</div>')
+    note = f'<p class="note">{escape(figure.note)}</p>' if figure.note else ""
+    return (
+        f'<figure class="fig" style="--l:{margin(figure.panels):.0f}px;--k:{figure.columns}">'
+        f"<figcaption><b>{escape(figure.title)}</b>{key(figure.legend)}</figcaption>{note}"
+        f'<div class="panels">{"".join(plots)}</div>'
+        f'<p class="xl">{escape(figure.x.label)}</p></figure>'
+    )
+
+
+WIDTH, GAP, EDGE = 960.0, 28.0, 24.0
+"""Width of a file, between its columns, and around everything [px]."""
+
+
+def document(figure: Figure, *, dark: bool = False) -> str:
+    """A figure as an SVG file that needs nothing else.
+
+    Args:
+        figure: The figure.
+        dark: On a dark ground.
+    """
+    left = margin(figure.panels)
+    cell = (WIDTH - 2 * EDGE - GAP * (figure.columns - 1)) / figure.columns
+    parts: list[str] = []
+    page = _Sheet(figure.x, figure.panels[0].y, (WIDTH, WIDTH), dark)
+    parts.append(page.text(f"{EDGE}", "30", figure.title, "ink", "start", 17))
+    y, x = 54.0, EDGE
+    for entry in figure.legend:
+        role, name = entry.role, entry.name
+        if x + 34 + CHARACTER * len(name) > WIDTH - EDGE:
+            x, y = EDGE, y + 18
+        thick = 10 if entry.swatch == "box" else 3
+        parts.append(
+            f'<path d="M{x} {y}h18" stroke="{colour(role, dark=dark)}" stroke-width="{thick}"/>'
+            + page.text(f"{x + 24}", f"{y}", name, "ink2", "start")
+        )
+        x += 44 + CHARACTER * len(name)
+    y += 18 if figure.legend else 0
+    bottom = len(figure.panels) - figure.columns
+    for start in range(0, len(figure.panels), figure.columns):
+        row = figure.panels[start : start + figure.columns]
+        titled = 26 if any(p.title or p.y.label for p in row) else 10
+        for k, panel in enumerate(row):
+            x = EDGE + k * (cell + GAP)
+            sheet = _Sheet(panel.x or figure.x, panel.y, (cell - left, panel.height), dark)
+            ticks = panel.x is not None or start + k >= bottom
+            heading = " ".join(filter(None, (panel.title, panel.y.label)))
+            parts.append(
+                page.text(f"{x + left:.1f}", f"{y + 12:.1f}", heading, "ink", "start")
+                + f'<g transform="translate({x + left:.1f} {y + titled:.1f})">'
+                + _picture(sheet, panel, max(3, 8 // figure.columns), ticks)
+                + "</g>"
+            )
+        shown = any(p.x is not None for p in row) or start + len(row) > bottom
+        y += titled + max(p.height for p in row) + (24 if shown else 6)
+    parts.append(page.text(f"{WIDTH - EDGE}", f"{y + 6:.1f}", figure.x.label, "ink2", "end"))
+    tall = y + EDGE
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH:g}" height="{tall:.0f}" '
+        f'viewBox="0 0 {WIDTH:g} {tall:.0f}" font-family="{escape(FONT)}">'
+        f"<title>{escape(figure.title)}</title>"
+        f'<rect width="100%" height="100%" fill="{colour("ground", dark=dark)}"/>'
+        f"{''.join(parts)}</svg>"
+    )
