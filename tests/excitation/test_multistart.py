@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from design_arms import arm, problem
 
-from dynid.core import InputError
+from dynid.core import InputError, Workers, workers
 from dynid.excitation import (
     DesignEvaluation,
     Effort,
@@ -17,7 +17,6 @@ from dynid.excitation import (
     by_gradient,
     evolve,
     region_of,
-    workers,
 )
 from dynid.excitation.gradient import judged
 from dynid.excitation.multistart import multistart, run_start
@@ -59,8 +58,8 @@ def test_the_answer_does_not_depend_on_who_runs_the_starts() -> None:
     assert (alone.ended_by, alone.starts) == ("starts", 3)
     with workers(2) as found:
         assert found.executor is not None
-        beside = multistart(asked, effort, seed=1, executor=found.executor, workers=found.slots)
-    immediate = multistart(asked, effort, seed=1, executor=Immediate(), workers=2)
+        beside = multistart(asked, effort, seed=1, beside=found)
+    immediate = multistart(asked, effort, seed=1, beside=Workers(Immediate(), 2))
     for other in (beside, immediate):
         assert other.starts == 3
         assert best(other)[0] == best(alone)[0]
@@ -73,30 +72,10 @@ def test_the_answer_does_not_depend_on_who_runs_the_starts() -> None:
 def test_starts_of_dead_workers_are_run_here(at_once: bool) -> None:
     asked, effort = problem(), Effort(starts=3)
     dying = Dying(at_once=at_once)
-    search = multistart(asked, effort, seed=1, executor=dying, workers=1)
+    search = multistart(asked, effort, seed=1, beside=Workers(dying, 1))
     assert dying.tasks >= 1
     assert search.starts == 3
     assert best(search)[0] == best(multistart(asked, effort, seed=1))[0]
-
-
-def test_a_dask_cluster_takes_part() -> None:
-    distributed = pytest.importorskip("distributed")
-    options: dict[str, Any] = {
-        "n_workers": 1,
-        "threads_per_worker": 1,
-        "processes": False,
-        "protocol": "tcp://",
-        "host": "127.0.0.1",
-    }
-    with (
-        distributed.LocalCluster(**options, dashboard_address=None) as cluster,
-        workers(1, cluster.scheduler_address) as found,
-    ):
-        assert found.slots == 1
-        search = multistart(
-            problem(), Effort(starts=2), seed=1, executor=found.executor, workers=found.slots
-        )
-    assert best(search)[0] == best(multistart(problem(), Effort(starts=2), seed=1))[0]
 
 
 def test_interrupted_searches_keep_the_best_motion() -> None:
@@ -163,17 +142,6 @@ def test_efforts_that_are_none_are_refused() -> None:
             Effort(**numbers)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="budget is too short"):
         by_gradient(problem(), Effort(budget_s=1e-6), seed=0)
-    with pytest.raises(InputError, match="--jobs"), workers(0):
-        pass
-
-
-def test_no_scheduler_at_the_address(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dynid.excitation.multistart.DASK_TIMEOUT_S", 0.5)
-    with (
-        pytest.raises(InputError, match="no Dask scheduler answers"),
-        workers(1, "tcp://127.0.0.1:9"),
-    ):
-        pass
 
 
 def test_designs_are_certified() -> None:

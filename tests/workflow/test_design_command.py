@@ -296,7 +296,7 @@ def test_bad_input_is_one_clear_message(
     told: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("dynid.excitation.multistart.DASK_TIMEOUT_S", 0.5)
+    monkeypatch.setattr("dynid.core.parallel.DASK_TIMEOUT_S", 0.5)
     for name, shape in SCENES.items():
         Path(f"{name}.json").write_text(json.dumps({"shapes": [shape]}))
     base = () if "--starts" in words or "--budget" in words else ("--starts", "1")

@@ -1,8 +1,9 @@
-"""The ground floor: errors, arrays, findings, provenance, optional dependencies.
+"""The ground floor: errors, arrays, findings, provenance, optional dependencies, workers.
 
-What needs NumPy is loaded when it is first used: `dynid --help` does without.
+What needs NumPy or other processes is loaded when it is first used: `dynid --help` does without.
 """
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from dynid.core.errors import (
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
         upper_triangle,
     )
     from dynid.core.json_fields import JsonFields, load_object, parse_json
+    from dynid.core.parallel import WorkerLost, Workers, each, result_of, told_to_stop, workers
 
 __all__ = [
     "CODES",
@@ -65,9 +67,12 @@ __all__ = [
     "Provenance",
     "RecordError",
     "RobotError",
+    "WorkerLost",
+    "Workers",
     "cannot_write",
     "content_hash",
     "dynid_version",
+    "each",
     "file_behind",
     "file_hash",
     "finding_from_json",
@@ -79,20 +84,31 @@ __all__ = [
     "provenance",
     "read_only",
     "require",
+    "result_of",
     "silent",
     "solve_upper",
     "told",
+    "told_to_stop",
     "upper_triangle",
+    "workers",
     "write_json",
     "write_text",
 ]
 
+_LATER = {
+    "arrays": (
+        "Array", "Indices", "Mask", "frozen", "inverse_upper", "read_only", "solve_upper",
+        "upper_triangle",
+    ),
+    "json_fields": ("JsonFields", "load_object", "parse_json"),
+    "parallel": ("WorkerLost", "Workers", "each", "result_of", "told_to_stop", "workers"),
+}  # fmt: skip
+
 
 def __getattr__(name: str) -> Any:
-    if name not in __all__:
+    module = next((module for module, names in _LATER.items() if name in names), None)
+    if module is None:
         raise AttributeError(f"module 'dynid.core' has no attribute {name!r}")
-    from dynid.core import arrays, json_fields
-
-    value = getattr(arrays if hasattr(arrays, name) else json_fields, name)
+    value = getattr(import_module(f"dynid.core.{module}"), name)
     globals()[name] = value
     return value

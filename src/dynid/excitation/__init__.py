@@ -13,7 +13,7 @@ from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.feasible import check_room
 from dynid.excitation.genetic import evolve
 from dynid.excitation.gram import GramKernel
-from dynid.excitation.multistart import Effort, workers
+from dynid.excitation.multistart import Effort
 from dynid.excitation.optimise import (
     METHODS,
     ExcitationDesign,
@@ -64,5 +64,4 @@ __all__ = [
     "scaled_condition_number",
     "whole_workspace",
     "without_friction",
-    "workers",
 ]

@@ -1,133 +1,18 @@
-"""Many starts of the gradient method, here and in other processes.
-
-Where starts run beside this process: local processes, or a Dask cluster.
-"""
+"""Many starts of the gradient method, here and beside this process."""
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
 import threading
 import time
-from collections.abc import Generator
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    CancelledError,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    wait,
-)
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from concurrent.futures import Future
 from dataclasses import dataclass
-from multiprocessing.synchronize import Event
-from typing import Any, NamedTuple
 from uuid import uuid4
 
-from dynid.core import InputError, Progress, require
+from dynid.core import InputError, Progress, WorkerLost, Workers, result_of, told_to_stop
 from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.gradient import one_start
 from dynid.excitation.problem import Candidate, ExcitationProblem, Search
 from dynid.excitation.region import region_of
-
-DASK_TIMEOUT_S = 10.0
-"""A scheduler that does not answer by then is none."""
-_enough: Event | None = None
-"""In a worker: set when the search is over."""
-
-
-class Workers(NamedTuple):
-    """An executor and how many tasks it takes at a time."""
-
-    executor: Executor | None
-    slots: int
-
-
-@contextmanager
-def workers(jobs: int, dask: str | None = None) -> Generator[Workers]:
-    """Open workers, and close them when the search is over.
-
-    Args:
-        jobs: Processes on this machine, the calling one included; 1 opens none.
-        dask: Address of a Dask scheduler, whose workers are taken instead.
-
-    Yields:
-        The workers.
-
-    Raises:
-        InputError: Jobs below 1, or no scheduler at the address.
-        MissingExtraError: Dask is not installed.
-    """
-    if jobs < 1:
-        raise InputError("must be at least 1", where="--jobs", value=jobs)
-    if dask is not None:
-        with _dask_workers(dask) as found:
-            yield found
-        return
-    if jobs == 1:
-        yield Workers(None, 0)
-        return
-    # Spawned, not forked: threads of BLAS and Numba do not survive a fork.
-    context = multiprocessing.get_context("spawn")
-    enough = context.Event()
-    pool = ProcessPoolExecutor(
-        jobs - 1, mp_context=context, initializer=_begin_worker, initargs=(enough,)
-    )
-    try:
-        with _single_threaded():
-            yield Workers(pool, jobs - 1)
-    finally:
-        enough.set()
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
-def told_to_stop() -> bool:
-    """In a worker: whether the search is over and its start no longer wanted."""
-    return _enough is not None and _enough.is_set()
-
-
-@contextmanager
-def _dask_workers(address: str) -> Generator[Workers]:
-    distributed: Any = require("distributed", "dask")
-    try:
-        client = distributed.Client(address, timeout=DASK_TIMEOUT_S)
-    except (OSError, ValueError) as error:
-        raise InputError(
-            "no Dask scheduler answers", where="--dask", value=address, limit=str(error) or None
-        ) from error
-    try:
-        slots = sum(client.nthreads().values())
-        if not slots:
-            raise InputError("the Dask cluster has no workers", where="--dask", value=address)
-        yield Workers(client.get_executor(), slots)
-    finally:
-        client.close()
-
-
-@contextmanager
-def _single_threaded() -> Generator[None]:
-    """Workers that begin now keep their numerical libraries to one thread."""
-    names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-    before = {name: os.environ.get(name) for name in names}
-    os.environ.update(dict.fromkeys(names, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
-
-
-def _begin_worker(enough: Event) -> None:
-    global _enough
-    _enough = enough
-    # Ctrl-C reaches the whole process group; the calling process decides what ends.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
 
 GRACE_S = 0.5
 """What workers may take after the deadline to tell what they have [s]."""
@@ -180,8 +65,7 @@ def multistart(
     effort: Effort,
     *,
     seed: int,
-    executor: Executor | None = None,
-    workers: int = 0,
+    beside: Workers | None = None,
     tell: Progress | None = None,
 ) -> Search:
     """Run starts until their number, the time or the patience is up.
@@ -194,18 +78,14 @@ def multistart(
         problem: What to design.
         effort: How long.
         seed: Seed of all random numbers.
-        executor: Where further starts run; None to run all of them here.
-        workers: How many of them at a time.
+        beside: Who runs further starts; None to run all of them here.
         tell: Told how far the search is.
     """
-    run = _StartRun(problem, effort, seed, tell)
+    run = _StartRun(problem, effort, seed, beside or Workers(), tell)
     try:
         while run.more():
-            while executor is not None and len(run.pending) < workers and run.more():
-                try:
-                    run.submit(executor)
-                except (BrokenProcessPool, RuntimeError):
-                    executor = None
+            while len(run.pending) < run.beside.slots and run.more() and run.submit():
+                pass
             if run.more():
                 run.start_here()
             run.collect(wait_s=0.0)
@@ -248,9 +128,15 @@ class _StartRun:
     """The state of one multistart."""
 
     def __init__(
-        self, problem: ExcitationProblem, effort: Effort, seed: int, tell: Progress | None
+        self,
+        problem: ExcitationProblem,
+        effort: Effort,
+        seed: int,
+        beside: Workers,
+        tell: Progress | None,
     ) -> None:
         self.problem, self.effort, self.seed, self.tell = problem, effort, seed, tell
+        self.beside = beside
         self.evaluation = DesignEvaluation(problem)
         self.region = region_of(problem)
         self.evaluation.warm_up()
@@ -277,23 +163,20 @@ class _StartRun:
             self.search.ended_by = "stagnation"
         return not self.search.ended_by
 
-    def submit(self, executor: Executor) -> None:
+    def submit(self) -> bool:
+        """Whether somebody took another start."""
         budget = self.effort.budget_s
         # Not the time left: a worker may need seconds before it begins.
         deadline = None if budget is None else time.time() + budget - self.search.wall_s
         number = self._next()
-        # A worker that is being born inherits the mask: Ctrl-C is for the calling process alone.
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            future = executor.submit(
-                run_start, self.problem, self.token, self.seed, number, deadline
-            )
-        except BaseException:
+        future = self.beside.submit(
+            run_start, self.problem, self.token, self.seed, number, deadline
+        )
+        if future is None:
             self.lost.append(number)
-            raise
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+            return False
         self.pending[future] = number
+        return True
 
     def start_here(self) -> None:
         number = self._next()
@@ -313,12 +196,11 @@ class _StartRun:
 
     def collect(self, wait_s: float | None) -> None:
         """Take in what other processes finished, waiting for the first so long."""
-        done, _ = wait(self.pending, timeout=wait_s, return_when=FIRST_COMPLETED)
-        for future in done:
+        for future in self.beside.finished(self.pending, wait_s):
             number = self.pending.pop(future)
             try:
-                self._take(future.result(), self.search.best)
-            except (BrokenProcessPool, CancelledError):
+                self._take(result_of(future), self.search.best)
+            except WorkerLost:
                 # A worker that died takes its start with it; it is begun again here.
                 self.lost.append(number)
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from concurrent.futures import Executor
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,7 +14,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.constraints import Certificate
-from dynid.core import Array, Finding, InputError, JobError, Progress, Provenance
+from dynid.core import Array, Finding, InputError, JobError, Progress, Provenance, Workers
 from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.finishing import Finished, finish
 from dynid.excitation.genetic import elite_count, evolve
@@ -179,16 +178,13 @@ def by_gradient(
     effort: Effort,
     *,
     seed: int,
-    executor: Executor | None = None,
-    workers: int = 0,
+    beside: Workers | None = None,
     tell: Progress | None = None,
 ) -> Optimised:
     """Design by gradients from many starts; see `multistart`."""
     check_budget(effort.budget_s)
     with one_thread():
-        search = multistart(
-            problem, effort, seed=seed, executor=executor, workers=workers, tell=tell
-        )
+        search = multistart(problem, effort, seed=seed, beside=beside, tell=tell)
         return _finished(problem, search, effort.budget_s)
 
 

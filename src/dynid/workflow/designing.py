@@ -10,7 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from dynid.constraints import MotionConstraints
-from dynid.core import Array, Finding, InputError, JobError, Progress, file_hash, provenance
+from dynid.core import (
+    Array,
+    Finding,
+    InputError,
+    JobError,
+    Progress,
+    file_hash,
+    provenance,
+    workers,
+)
 from dynid.excitation import (
     AOptimal,
     Effort,
@@ -32,7 +41,6 @@ from dynid.excitation import (
     scaled_condition_number,
     whole_workspace,
     without_friction,
-    workers,
 )
 from dynid.reduction import BaseParametrization, reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
@@ -329,8 +337,7 @@ def _optimised(
             problem,
             effort,
             seed=asked.seed,
-            executor=found.executor,
-            workers=found.slots,
+            beside=found,
             tell=progress,
         )
 

@@ -1,0 +1,119 @@
+"""Workers beside the calling process: who takes part, and what a dead one costs."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dynid.core import InputError, Workers, each, workers
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "excitation"))
+ITEMS = list(range(12))
+
+
+def square(value: int) -> int:
+    return value * value
+
+
+def fatal(folder: str) -> int:
+    """The first process that takes this, other than the caller's, dies of it."""
+    mark, caller = folder.split("|")
+    if os.getpid() != int(caller):
+        try:
+            os.close(os.open(mark, os.O_CREAT | os.O_EXCL))
+        except FileExistsError:
+            return 7
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(0.02)
+    return 7
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Generator[Any]:
+    """The address of a scheduler of two workers in processes of their own."""
+    distributed: Any = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
+    ) as found:
+        yield found
+
+
+def test_each_item_once_wherever_it_ran() -> None:
+    told: list[tuple[str, float]] = []
+    with workers() as nobody:
+        found = dict(each(square, ITEMS, nobody, tell=lambda *a: told.append(a), words="squares"))
+    assert found == {k: k * k for k in ITEMS}
+    assert [share for _, share in told] == pytest.approx([(k + 1) / 12 for k in ITEMS])
+    assert told[0][0] == "squares"
+
+
+def test_what_a_task_raises_is_raised_here() -> None:
+    with workers() as nobody, pytest.raises(TypeError):
+        list(each(square, ["a"], nobody))  # type: ignore[list-item]
+
+
+def test_local_processes_and_one_that_is_killed(tmp_path: Path) -> None:
+    with workers(2) as found:
+        assert dict(each(square, ITEMS, found)) == {k: k * k for k in ITEMS}
+        mark = f"{tmp_path / 'dead'}|{os.getpid()}"
+        assert dict(each(fatal, [mark] * 40, found)) == dict.fromkeys(range(40), 7)
+        assert (tmp_path / "dead").exists()
+        assert found.reopened == 1
+
+
+def test_a_cluster_and_a_worker_that_is_killed(cluster: Any, tmp_path: Path) -> None:
+    with workers(dask=cluster.scheduler_address) as found:
+        assert found.slots == 2
+        assert dict(each(square, ITEMS, found)) == {k: k * k for k in ITEMS}
+        mark = f"{tmp_path / 'dead'}|{os.getpid()}"
+        assert dict(each(fatal, [mark] * 40, found)) == dict.fromkeys(range(40), 7)
+        assert (tmp_path / "dead").exists()
+
+
+def test_starts_of_a_design_on_a_cluster(cluster: Any) -> None:
+    problem = importlib.import_module("design_arms").problem
+    multistart = importlib.import_module("dynid.excitation.multistart")
+    effort = importlib.import_module("dynid.excitation").Effort(starts=3)
+    alone = multistart.multistart(problem(), effort, seed=1)
+    with workers(dask=cluster.scheduler_address) as found:
+        beside = multistart.multistart(problem(), effort, seed=1, beside=found)
+    assert beside.best.objective == alone.best.objective
+    assert beside.evaluations == alone.evaluations
+
+
+class Empty:
+    """A cluster that lost all its workers: nothing is ever done."""
+
+    def submit(self, task: Any, *words: Any) -> Any:
+        return importlib.import_module("concurrent.futures").Future()
+
+
+def test_a_cluster_without_workers_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("dynid.core.parallel.POLL_S", 0.01)
+    monkeypatch.setattr("dynid.core.parallel.GONE_S", 0.03)
+    gone = Workers(Empty(), 2, present=lambda: 0)  # type: ignore[arg-type]
+    assert dict(each(square, ITEMS, gone)) == {k: k * k for k in ITEMS}
+    assert gone.executor is None
+
+
+def test_what_cannot_be_opened_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match="--jobs"), workers(0):
+        pass
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("dynid.core.parallel.DASK_TIMEOUT_S", 0.5)
+    with pytest.raises(InputError, match="no Dask scheduler"), workers(1, "tcp://127.0.0.1:9"):
+        pass
+
+
+def test_dynid_does_not_open_processes_to_be_imported() -> None:
+    code = "import sys, dynid.core; sys.exit('multiprocessing' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
