@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import tomllib
@@ -20,26 +21,29 @@ EXTRAS = {
     "figures": "kaleido",
     "studio": "viser",
     "hdf5": "h5py",
+    "excel": "python_calamine",
     "ros": "lz4",
 }
 """Every extra, and the module that it is for."""
-WITHOUT = """
-import json, sys
-for name in json.loads(sys.argv[1]):
-    sys.modules[name] = None
-from dynid.cli.app import main
-sys.exit(main(sys.argv[2:]))
-"""
+EXTRA_MODULES = (*EXTRAS.values(), "rtde_receive", "backports.zstd", "trimesh")
 
 
-def without_extras(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    """What a command says where no extra is installed."""
-    hidden = [*EXTRAS.values(), "rtde_receive", "backports.zstd", "trimesh"]
+def without(
+    modules: tuple[str, ...], folder: Path, *words: str
+) -> subprocess.CompletedProcess[str]:
+    """What a command says where modules are missing, also in the processes that it starts."""
+    start = folder.with_name(f"{folder.name}-start")
+    start.mkdir()
+    (start / "sitecustomize.py").write_text(
+        f"import sys\nsys.modules.update(dict.fromkeys({modules}))\n"
+    )
+    paths = [str(start), *filter(None, [os.environ.get("PYTHONPATH")])]
     return subprocess.run(
-        [sys.executable, "-c", WITHOUT, json.dumps(hidden), *words],
+        [sys.executable, "-m", "dynid", *words],
         capture_output=True,
         text=True,
         cwd=folder,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
         timeout=120,
         check=False,
     )
@@ -60,6 +64,7 @@ def test_every_extra_is_looked_at() -> None:
         (("controller", "--robot", "ur5", "--virtual-time"), "sim"),
         (("studio",), "studio"),
         (("import", "a.h5", "-o", "a.parquet", "--robot", "ur5"), "hdf5"),
+        (("import", "a.xlsx", "-o", "a.parquet", "--robot", "ur5"), "excel"),
         (("import", "a.csv.zst", "-o", "a.parquet", "--robot", "ur5"), "ros"),
         (("design", "ur5", "-o", "d.json", "--dask", "127.0.0.1:1"), "dask"),
     ],
@@ -68,9 +73,10 @@ def test_a_job_says_which_extra_it_needs_and_leaves_nothing(
     words: tuple[str, ...], extra: str, tmp_path: Path
 ) -> None:
     (tmp_path / "a.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(64))
+    (tmp_path / "a.xlsx").write_bytes(b"PK\x03\x04" + bytes(64))
     (tmp_path / "a.csv.zst").write_bytes(b"\x28\xb5\x2f\xfd" + bytes(64))
     before = sorted(item.name for item in tmp_path.iterdir())
-    done = without_extras(tmp_path, *words)
+    done = without(EXTRA_MODULES, tmp_path, *words)
     assert done.returncode == 2, done.stderr
     assert done.stderr.count("\n") == 1
     assert done.stderr.startswith("dynid: ")
@@ -80,20 +86,13 @@ def test_a_job_says_which_extra_it_needs_and_leaves_nothing(
 
 
 def test_without_urtwin_the_command_says_how_to_install_it(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", WITHOUT, '["urtwin"]', "controller", "--robot", "ur5"],
-        capture_output=True,
-        text=True,
-        cwd=tmp_path,
-        timeout=120,
-        check=False,
-    )
+    done = without(("urtwin",), tmp_path, "controller", "--robot", "ur5")
     assert done.returncode == 2, done.stderr
     assert done.stderr.count("\n") == 1
     assert "pip install ./urtwin" in done.stderr
 
 
 def test_the_core_dependencies_are_enough_to_analyze(tmp_path: Path) -> None:
-    done = without_extras(tmp_path, "analyze", "ur5", "--json")
+    done = without(EXTRA_MODULES, tmp_path, "analyze", "ur5", "--json")
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["base_parameters"] == 52
