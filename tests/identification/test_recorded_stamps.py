@@ -19,18 +19,22 @@ def irregular(record: ExperimentRecord, share: float = 0.7) -> ExperimentRecord:
     )
 
 
-def test_a_uniform_record_is_judged_on_its_samples() -> None:
+def test_a_uniform_record_is_judged_on_all_its_samples() -> None:
     record = recording(0)
     ours, plain = (f(record, ur5(), SETTINGS) for f in (samples_at_stamps, process))
-    np.testing.assert_array_equal(ours.tau, plain.tau)
-    np.testing.assert_array_equal(ours.q, plain.q)
+    np.testing.assert_array_equal(ours.tau, record.signals["effort"])
+    # An identification leaves out the ends, where filters settle.
+    cut = (record.samples - plain.count) // 2
+    assert cut > 0
+    for name in ("tau", "q", "dq", "ddq"):
+        np.testing.assert_array_equal(getattr(ours, name)[cut:-cut], getattr(plain, name))
 
 
 def test_lost_rows_are_not_made_up() -> None:
     record = irregular(recording(0))
     grid = process(record, ur5(), SETTINGS)
     samples = samples_at_stamps(record, ur5(), SETTINGS)
-    assert grid.count > record.samples > samples.count > 0.9 * record.samples
+    assert grid.count > samples.count == record.samples
     rows = np.searchsorted(record.t - record.t[0], samples.t + 1e-9) - 1
     np.testing.assert_allclose(samples.tau, record.signals["effort"][rows], rtol=0, atol=1e-9)
     np.testing.assert_allclose(samples.q, record.signals["q"][rows], rtol=0, atol=MOTION)
