@@ -322,7 +322,7 @@ REPAIRS: dict[str, Damage] = {
     "saturated torque": Damage(
         np.column_stack([TABLE[:, :13], np.clip(CURRENT, -9, 0.6)]), "saturated"
     ),
-    "dead torque": Damage(_changed(slice(None), 15, 0.25), "saturated"),
+    "dead torque": Damage(_changed(slice(None), 15, 0.25), "dead_channel"),
     "standstill": Damage(_rested(), "at_rest", 2000),
     "cut line": Damage(TABLE, "truncated_file", ROWS - 1, cut=40),
     "wrong rate of the clock": Damage(_clock(lambda t: 2 * t), "clock_mismatch"),
