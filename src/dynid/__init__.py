@@ -12,6 +12,7 @@ The verbs of the command line, in the order of a job; robots are names, files or
     identify, verdict           parameters with uncertainty, and whether to use them
     validate, compare           errors on another recording; what moved between two estimates
     identify_shared, identify_temperature, identify_gains, identify_payload
+    fleet                       many robots and days: shared inertias, friction trends, alarms
     write_model                 URDF, MJCF, JSON, C, Python
 
 `read_X` and `write_X` take paths as text or `pathlib.Path`. SI units; joint quantities have shape
@@ -76,6 +77,8 @@ if TYPE_CHECKING:
         Analysis,
         Check,
         DesignSettings,
+        Fleet,
+        FleetSettings,
         Identification,
         IdentifySettings,
         ImportOptions,
@@ -90,6 +93,7 @@ if TYPE_CHECKING:
         check,
         design,
         fit,
+        fleet,
         identify,
         identify_gains,
         identify_gains_from_payload,
@@ -118,6 +122,8 @@ __all__ = [
     "ExperimentRecord",
     "ExportedFile",
     "Finding",
+    "Fleet",
+    "FleetSettings",
     "FourierSeries",
     "FrictionTerms",
     "Identification",
@@ -152,6 +158,7 @@ __all__ = [
     "contact_thresholds",
     "design",
     "fit",
+    "fleet",
     "identify",
     "identify_gains",
     "identify_gains_from_payload",
@@ -250,6 +257,8 @@ _HOME = {
         "Analysis",
         "Check",
         "DesignSettings",
+        "Fleet",
+        "FleetSettings",
         "LogFit",
         "Identification",
         "IdentifySettings",
@@ -264,6 +273,7 @@ _HOME = {
         "check",
         "design",
         "fit",
+        "fleet",
         "identify",
         "identify_gains",
         "identify_gains_from_payload",

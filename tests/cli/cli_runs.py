@@ -28,6 +28,7 @@ COMMANDS = (
     "payload",
     "export",
     "report",
+    "fleet",
     "studio",
     "demo",
 )

@@ -1,6 +1,7 @@
 """Methods side by side, on arms whose truth is known."""
 
 from dynid.bench.estimators import compare_estimators, summary, to_json
+from dynid.bench.plants import Motion, Plant, arm, motion, plant
 from dynid.bench.verdict_cases import (
     Case,
     Recorded,
@@ -18,10 +19,15 @@ from dynid.bench.verdicts import (
 __all__ = [
     "Case",
     "Judged",
+    "Motion",
+    "Plant",
     "Recorded",
+    "arm",
     "cases",
     "compare_estimators",
     "markdown",
+    "motion",
+    "plant",
     "rates",
     "recorded",
     "run_verdicts",

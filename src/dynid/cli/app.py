@@ -23,6 +23,7 @@ from dynid.cli.result_commands import (
     register_bench,
     register_demo,
     register_export,
+    register_fleet,
     register_report,
     register_studio,
 )
@@ -79,6 +80,7 @@ def build() -> typer.Typer:
         register_payload,
         register_export,
         register_report,
+        register_fleet,
         register_studio,
         register_demo,
         register_bench,

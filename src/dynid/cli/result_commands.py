@@ -1,4 +1,4 @@
-"""Commands that show and hand over results: export, report, studio, bench, demo."""
+"""Commands that show and hand over results: export, report, fleet, studio, bench, demo."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dynid.cli.options import JsonFlag, TemperatureOption, examples
+from dynid.cli.options import JsonFlag, RobotOption, TemperatureOption, examples
 
 if TYPE_CHECKING:
     from dynid.studio import Served
@@ -104,6 +104,94 @@ def _report(
     for name, why in contents.skipped:
         screen.print(f"- left out: {name} ({why})", soft_wrap=True)
     screen.print(f"Written: {path}", soft_wrap=True)
+
+
+def register_fleet(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command(
+        "fleet",
+        epilog=examples(
+            "dynid fleet recordings/ -o runs/fleet",
+            "dynid fleet recordings/ -o runs/fleet --jobs 4 --json",
+        ),
+    )(_fleet)
+
+
+def _fleet(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Recordings: ROBOT/DAY/FILE, or a manifest.csv.")
+    ],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="DIR", help="Table, page, state and cache.")
+    ] = Path("runs/fleet"),
+    robot: RobotOption = None,
+    terms: Annotated[
+        str, typer.Option(metavar="fc,fv,im[,fo]", help="Friction terms, the same for all.")
+    ] = "fc,fv,im",
+    false_alarms: Annotated[
+        float, typer.Option(metavar="P", help="Probability of any false alarm, a run.")
+    ] = 0.05,
+    reference: Annotated[
+        float | None,
+        typer.Option(metavar="DEGC", help="Of the trends. [default: median of each joint]"),
+    ] = None,
+    jobs: Annotated[int, typer.Option(metavar="N", min=1, help="Processes.")] = 1,
+    dask: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, instead of --jobs.")
+    ] = None,
+    json: JsonFlag = False,
+) -> None:
+    """Many recordings of many robots and days: estimates, friction trends, alarms."""
+    from dynid.cli.output import (
+        console,
+        number,
+        print_json,
+        print_notices,
+        print_table,
+        progress_bar,
+    )
+    from dynid.workflow import FleetSettings, fleet
+
+    settings = FleetSettings(
+        robot=robot,
+        terms=terms,
+        false_alarms=false_alarms,
+        reference_degC=reference,
+        jobs=jobs,
+        dask=dask,
+    )
+    with progress_bar("fleet") as progress:
+        found = fleet(folder, output, settings, progress=progress)
+    data = found.to_json()
+    if json:
+        print_json(data)
+        return
+    screen = console()
+    screen.print(
+        f"{data['recordings']} recordings of {len(data['robots'])} robots: {data['computed']} "
+        f"computed, {data['cached']} from the cache, {len(data['skipped'])} left out",
+        style="bold",
+    )
+    print_table(
+        screen,
+        f"Alarms ({data['tests']} trends, {100 * false_alarms:g} % for any false alarm)",
+        ("robot", "joint", "alarm", "friction [%]", "from", "to"),
+        [
+            (
+                joint.robot,
+                joint.name,
+                joint.alarm,
+                *(number(percent, 3) for percent in joint.change_percent),
+            )
+            for joint in found.alarms
+        ],
+        words=range(3),
+    )
+    print_notices(screen, "Findings", data["findings"])
+    for name, why in found.skipped:
+        screen.print(f"- left out {name}: {why}", soft_wrap=True)
+    for file in data["files"]:
+        screen.print(f"- {file}", soft_wrap=True)
 
 
 def register_studio(app: typer.Typer) -> None:

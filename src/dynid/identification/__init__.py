@@ -29,6 +29,14 @@ from dynid.identification.estimate import (
     write_estimate,
 )
 from dynid.identification.fitting import ESTIMATORS, estimator_of, fit_estimate
+from dynid.identification.fleet import (
+    RecordStatistics,
+    RobotStates,
+    friction_names,
+    record_statistics,
+    shared_names,
+    solve_robot,
+)
 from dynid.identification.instrumental import (
     ClosedLoop,
     InstrumentalVariables,
@@ -84,6 +92,7 @@ from dynid.identification.statistics import (
     naive_covariance,
 )
 from dynid.identification.temperature import LEAST_SPREAD_K, JointTemperatureLaw, fit_law
+from dynid.identification.trends import JointState, Trend, holm, judge, trend
 
 __all__ = [
     "ESTIMATORS",
@@ -104,6 +113,7 @@ __all__ = [
     "IdentificationProblem",
     "InertialPrior",
     "InstrumentalVariables",
+    "JointState",
     "JointTemperatureLaw",
     "Likelihood",
     "MaximumLikelihood",
@@ -113,8 +123,10 @@ __all__ = [
     "OutputError",
     "Payload",
     "PhysicallyConsistent",
+    "RecordStatistics",
     "RecursiveEstimate",
     "RecursiveLeastSquares",
+    "RobotStates",
     "Selection",
     "SharedFit",
     "SharedProblem",
@@ -123,6 +135,7 @@ __all__ = [
     "TorquePrediction",
     "TotalLeastSquares",
     "TowardPublished",
+    "Trend",
     "WeighedGains",
     "WeightedLeastSquares",
     "autocorrelation",
@@ -137,8 +150,11 @@ __all__ = [
     "fit_estimate",
     "fit_law",
     "fit_shared",
+    "friction_names",
     "hac_covariance",
+    "holm",
     "inertial_prior",
+    "judge",
     "long_run_covariance",
     "motion_noise",
     "motion_state",
@@ -149,12 +165,16 @@ __all__ = [
     "posterior",
     "published_prior",
     "read_estimate",
+    "record_statistics",
     "recorded_rows",
     "select",
     "shared_estimates",
+    "shared_names",
     "smooth_motion",
     "solve_instrumental",
+    "solve_robot",
     "solve_total",
+    "trend",
     "weighed_gains",
     "with_load",
     "with_ripple",

@@ -46,6 +46,7 @@ from dynid.identification.statistics import (
     long_run_covariance,
 )
 from dynid.recording import ExperimentRecord
+from dynid.reduction import BaseParametrization
 from dynid.signals import ProcessingSettings, uniform_signals
 
 INERTIAS = ("Im", "Imm")
@@ -54,6 +55,16 @@ PAYLOAD = 10
 """Inertial parameters of a payload."""
 SINGULAR = 1e-11
 """Smallest pivot over the largest, columns of unit norm, that counts as resolved."""
+
+
+def friction_parameters(base: BaseParametrization) -> tuple[int, ...]:
+    """(f) base parameters that are friction: all that are neither inertias nor of motors."""
+    links = 10 * base.model.robot.joints
+    return tuple(
+        k
+        for k, (column, name) in enumerate(zip(base.independent, base.names, strict=True))
+        if column >= links and name.rstrip("0123456789") not in INERTIAS
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,13 +103,7 @@ class SharedProblem:
     @property
     def own(self) -> tuple[int, ...]:
         """(f) base parameters that each record has of its own: its friction."""
-        base = self.problems[0].base
-        links = 10 * self.joints
-        return tuple(
-            k
-            for k, (column, name) in enumerate(zip(base.independent, base.names, strict=True))
-            if column >= links and name.rstrip("0123456789") not in INERTIAS
-        )
+        return friction_parameters(self.problems[0].base)
 
     @property
     def common(self) -> tuple[int, ...]:

@@ -6,6 +6,7 @@ from dynid.report.contents import (
     ReportedDesign,
     ReportedEstimate,
 )
+from dynid.report.fleet_page import write_fleet_page
 from dynid.report.page import write_report
 from dynid.report.theme import (
     Canvas,
@@ -23,5 +24,6 @@ __all__ = [
     "colour",
     "joint_unit",
     "paint",
+    "write_fleet_page",
     "write_report",
 ]

@@ -19,6 +19,7 @@ from dynid.workflow.design_settings import DesignSettings
 from dynid.workflow.designing import design
 from dynid.workflow.exporting import check_suffix, export_file
 from dynid.workflow.fitting import LogFit, fit
+from dynid.workflow.fleet import Fleet, FleetSettings, fleet
 from dynid.workflow.identify import Identification, IdentifySettings, identify
 from dynid.workflow.payload import identify_gains, identify_gains_from_payload, identify_payload
 from dynid.workflow.recordings import ImportOptions, import_recording, open_records
@@ -47,6 +48,8 @@ __all__ = [
     "Check",
     "DesignLimits",
     "DesignSettings",
+    "Fleet",
+    "FleetSettings",
     "Identification",
     "IdentifySettings",
     "ImportOptions",
@@ -66,6 +69,7 @@ __all__ = [
     "export_file",
     "export_motion",
     "fit",
+    "fleet",
     "identify",
     "identify_files",
     "identify_gains",

@@ -1,0 +1,244 @@
+"""Many recordings of one robot: shared inertias, and a friction state of each recording.
+
+Of a recording only its sufficient statistics are needed: for each joint the triangular factor of
+[friction columns of the joint, shared columns, torque]. The friction columns come first, so their
+elimination does not depend on weights, and recordings are pooled by sums of small Gram matrices.
+Memory grows with recordings by some 50 kB each, and a new recording costs its own pass alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dynid.core import Array, InputError, JobError, Mask, upper_triangle
+from dynid.identification.shared import SharedProblem, friction_parameters
+from dynid.identification.statistics import correlation_lag, long_run_covariance
+from dynid.reduction import BaseParametrization
+
+ROUNDS = 6
+"""Rounds of weighting each joint of each recording by its own noise."""
+SETTLED = 1e-3
+UNRESOLVED = 1e-9
+"""Eigenvalue over the largest, columns of unit norm, below which no recording shows a direction."""
+UNSEEN_SHARE = 1e-3
+"""Share of a parameter among unresolved directions from which it is not resolved."""
+MOVING = 0.02
+"""Share of a joint's highest speed from which it counts as moving."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordStatistics:
+    """What a recording contributes; f friction columns a joint at most, s shared columns."""
+
+    factors: Array
+    """(n, f + s + 1, f + s + 1) triangular factors; missing friction columns are zero."""
+    scores: Array
+    """(n, f, f) long-run covariance of the sums of friction column times residual."""
+    samples: int
+    """Rows a joint."""
+    speed: Array
+    """(n) mean speed of each joint while it moves [rad/s or m/s]; 0 where it never does."""
+
+
+def shared_names(base: BaseParametrization) -> list[str]:
+    """(s) names of the base parameters that recordings share."""
+    own = set(friction_parameters(base))
+    return [name for k, name in enumerate(base.names) if k not in own]
+
+
+def friction_names(base: BaseParametrization) -> list[list[str]]:
+    """For each joint, the names of its friction parameters, in the order of `RobotStates`."""
+    own = friction_parameters(base)
+    return [[base.names[own[c]] for c in place] for place in _places(base)]
+
+
+def _places(base: BaseParametrization) -> list[list[int]]:
+    """For each joint, which of a recording's own parameters are its friction."""
+    joint = [base.model.columns[base.independent[k]].joint for k in friction_parameters(base)]
+    joints = range(base.model.robot.joints)
+    return [[c for c, of in enumerate(joint) if of == j] for j in joints]
+
+
+def record_statistics(problem: SharedProblem) -> RecordStatistics:
+    """Sufficient statistics of one recording, in two passes over its samples.
+
+    Args:
+        problem: The recording alone.
+
+    Raises:
+        InputError: More than one recording.
+    """
+    if len(problem.problems) != 1:
+        raise InputError("statistics are of one recording", value=len(problem.problems))
+    item, places = problem.problems[0], _places(problem.problems[0].base)
+    joints, own, widest = problem.joints, len(problem.own), max(len(p) for p in places)
+    width = widest + problem.shared + 1
+    factors = np.zeros((joints, width, width))
+    for _, columns, torque in problem.chunks(0):
+        rows = np.zeros((columns.shape[2], width))
+        for j, place in enumerate(places):
+            rows[:, :widest] = 0.0
+            rows[:, : len(place)] = columns[place, j].T
+            rows[:, widest:-1] = columns[own:, j].T
+            rows[:, -1] = torque[j]
+            factors[j] = upper_triangle(np.vstack([factors[j], rows]))
+    # The residuals' correlation hardly depends on the parameters: those of this recording serve.
+    rest = factors[None, :, widest:, widest:]
+    level = np.linalg.norm(factors[..., -1], axis=1)[None]
+    local = _pooled(rest, np.maximum(level, 1e-9 * max(float(level.max()), 1e-9)))[0]
+    friction = _friction(factors, local)[0]
+    scores = np.zeros((joints, widest, item.blocks))
+    residual = np.empty((joints, item.blocks))
+    for part, columns, torque in problem.chunks(0):
+        residual[:, part] = torque - np.tensordot(local, columns[own:], axes=1)
+        for j, place in enumerate(places):
+            residual[j, part] -= friction[j, : len(place)] @ columns[place, j]
+            scores[j, : len(place), part] = columns[place, j] * residual[j, part]
+    lag = correlation_lag(residual, item.rate_hz)
+    short = 1.0 / max(1.0 - 2.0 * lag / item.blocks, 0.5)
+    speed = np.abs(item.samples.dq)
+    moving = speed > MOVING * speed.max(axis=0)
+    return RecordStatistics(
+        factors=factors,
+        scores=np.array([short * long_run_covariance(s, lag) for s in scores]),
+        samples=item.blocks,
+        speed=np.where(moving, speed, 0.0).sum(axis=0) / np.maximum(moving.sum(axis=0), 1),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotStates:
+    """What the recordings of one robot say together."""
+
+    shared: Array
+    """(s) shared parameters, the inertias."""
+    shared_std: Array
+    """(s) their standard deviations, by the scatter between recordings; NaN where none of the
+    recordings shows the parameter."""
+    friction: Array
+    """(R, n, f) friction parameters of each recording and joint."""
+    covariance: Array
+    """(R, n, f, f) their covariance, correlated residuals allowed for."""
+    scale: Array
+    """(R, n) measured over predicted torque of the inertias: 1 where neither the inertias nor the
+    drive gain of the joint moved."""
+    scale_std: Array
+    """(R, n)"""
+    noise: Array
+    """(R, n) residual standard deviation [N.m or N]."""
+
+    def level(self, weights: Array) -> tuple[Array, Array]:
+        """(R, n) a combination of the friction parameters, and its standard deviation.
+
+        Args:
+            weights: (n, f) such as 1 for Coulomb, a speed for viscous friction.
+        """
+        variance = np.einsum("jf,rjfg,jg->rj", weights, self.covariance, weights)
+        return np.einsum("rjf,jf->rj", self.friction, weights), np.sqrt(np.maximum(variance, 0.0))
+
+
+def solve_robot(statistics: Sequence[RecordStatistics]) -> RobotStates:
+    """Pool the recordings of one robot.
+
+    Args:
+        statistics: Of recordings with the same columns.
+
+    Raises:
+        InputError: No recordings, or columns that differ.
+        JobError: Recordings in which nothing moves.
+    """
+    if not statistics or len({one.factors.shape for one in statistics}) > 1:
+        raise InputError(
+            "recordings of one robot and one model are pooled",
+            value=sorted({one.factors.shape for one in statistics}),
+        )
+    factors = np.array([one.factors for one in statistics])
+    samples = np.array([one.samples for one in statistics], dtype=np.float64)[:, None]
+    noise = np.linalg.norm(factors[..., -1], axis=2) / np.sqrt(samples)
+    least = 1e-9 * max(float(noise.max()), 1e-9)
+    noise = np.maximum(noise, least)
+    inner, widest = factors.shape[-1] - 1, statistics[0].scores.shape[-1]
+    rest = factors[:, :, widest:, widest:]
+    for _ in range(ROUNDS):
+        shared = _pooled(rest, noise)[0]
+        left = np.linalg.norm(rest @ np.append(shared, -1.0), axis=2)
+        update = np.maximum(left / np.sqrt(np.maximum(samples - inner, 1.0)), least)
+        settled = np.abs(update / noise - 1).max() < SETTLED
+        noise = update
+        if settled:
+            break
+    shared, inverse, resolved = _pooled(rest, noise)
+    friction, gain = _friction(factors, shared)
+    scores = np.array([one.scores for one in statistics])
+    bread = gain @ gain.swapaxes(2, 3)
+    naive = bread * np.square(noise)[..., None, None]
+    covariance = bread @ scores @ bread
+    # Never below the answer for white residuals.
+    own = np.einsum("rjff->rjf", covariance), np.einsum("rjff->rjf", naive)
+    lift = np.sqrt(np.maximum(own[1] / np.maximum(own[0], 1e-300), 1.0))
+    covariance = covariance * lift[..., :, None] * lift[..., None, :]
+    trace = np.einsum("rjff->rj", covariance), np.einsum("rjff->rj", naive)
+    inertial = rest[..., :-1] @ shared
+    power = np.square(inertial).sum(axis=2)
+    seen = power > 0
+    scale = np.where(seen, (inertial * rest[..., -1]).sum(axis=2) / np.where(seen, power, 1), 1.0)
+    inflation = trace[0] / np.maximum(trace[1], 1e-300)
+    std = noise * np.sqrt(np.maximum(inflation, 1.0) / np.where(seen, power, np.nan))
+    return RobotStates(
+        shared=shared,
+        shared_std=np.where(resolved, _scatter(rest, noise, shared, inverse), np.nan),
+        friction=friction,
+        covariance=covariance,
+        scale=scale,
+        scale_std=std,
+        noise=noise,
+    )
+
+
+def _pooled(rest: Array, noise: Array) -> tuple[Array, Array, Mask]:
+    """Weighted least squares in the shared parameters.
+
+    Args:
+        rest: (R, n, s + 1, s + 1) factors without the friction, which is eliminated.
+        noise: (R, n) residual standard deviations.
+
+    Returns:
+        The parameters (s), the inverse of their information (s, s), which are resolved (s).
+    """
+    rows = rest / noise[..., None, None]
+    gram = np.einsum("rjka,rjkb->ab", rows, rows, optimize=True)
+    size = np.sqrt(np.diag(gram)[:-1])
+    if not size.any():
+        raise JobError("nothing moves in these recordings", next_step="Record a motion.")
+    scale = np.where(size > 0, size, 1.0)
+    values, vectors = np.linalg.eigh(gram[:-1, :-1] / np.outer(scale, scale))
+    seen = values > UNRESOLVED * values[-1]
+    turn = vectors[:, seen] / np.sqrt(values[seen])
+    inverse = turn @ turn.T / np.outer(scale, scale)
+    resolved = np.square(vectors[:, ~seen]).sum(axis=1) < UNSEEN_SHARE
+    return inverse @ gram[:-1, -1], inverse, resolved
+
+
+def _friction(factors: Array, shared: Array) -> tuple[Array, Array]:
+    """Friction (..., f) of each joint for given inertias, and a root (..., f, f) of its gain."""
+    widest = factors.shape[-1] - 1 - len(shared)
+    gain: Array = np.asarray(np.linalg.pinv(factors[..., :widest, :widest]), dtype=np.float64)
+    target = factors[..., :widest, -1] - factors[..., :widest, widest:-1] @ shared
+    return (gain @ target[..., None])[..., 0], gain
+
+
+def _scatter(rest: Array, noise: Array, shared: Array, inverse: Array) -> Array:
+    """(s) standard deviations of the shared parameters: sandwich, one cluster a recording.
+
+    What the model gets wrong in a recording is then one error, not one a sample.
+    """
+    rows = rest / noise[..., None, None]
+    error = rows @ np.append(shared, -1.0)
+    scores = np.einsum("rjka,rjk->ra", rows[..., :-1], error, optimize=True)
+    count = len(scores)
+    spread = scores.T @ scores * (count / max(count - 1, 1))
+    variance = np.diag(inverse @ spread @ inverse) if count > 1 else np.zeros(len(shared))
+    return np.sqrt(np.maximum(variance, np.diag(inverse)))

@@ -1,0 +1,296 @@
+"""Trends over time with temperature regressed out, and alarms at a stated false-alarm rate.
+
+The model of a series is a constant, a polynomial in temperature, and perhaps one step at an
+unknown time. The statistic is the largest share of the residual sum of squares that a step at any
+admitted time takes away. Its distribution without a step is simulated for the very design (times,
+temperatures, weights); the family of all series tested together is corrected by Holm's method.
+A slow drift raises the statistic as a step does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from scipy import special  # pyright: ignore[reportMissingTypeStubs]
+
+from dynid.core import Array, Indices, InputError
+
+LEAST_RECORDINGS = 8
+"""Fewer recordings have no trend."""
+LINEAR_FROM_K, SQUARE_FROM_K = 1.0, 6.0
+"""Spread of temperature from which a slope, and from which a curvature too, is regressed out."""
+SIMULATED = 9999
+"""Series without a step that are simulated."""
+SEED = 20
+MOST_STEPS = 60
+"""Times of a step that are tried, evenly taken from all."""
+SEGMENT = 3
+"""Recordings on either side of a step, at least ..."""
+SEGMENT_SHARE = 0.05
+"""... and at least this share of them."""
+CONFIDENCE = 1.96
+DAY_S = 86400.0
+YEAR_DAYS = 365.25
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trend:
+    """A series of one joint over its recordings."""
+
+    time_s: Array
+    """(R) when each recording was made, ascending [s]."""
+    at_reference: Array
+    """(R) values less the effect of temperature."""
+    std: Array
+    """(R) standard deviation of each, the scatter between recordings included."""
+    reference_degC: float
+    """Temperature of `at_reference`; NaN where no temperatures are known."""
+    per_kelvin: float
+    """Slope over temperature there; 0 where none was regressed out."""
+    level: float
+    """Mean at the reference temperature, without a step."""
+    step_at: int
+    """The first recording after the step that fits best."""
+    before: float
+    """Mean at the reference temperature before that step."""
+    change: float
+    """Height of that step."""
+    change_std: float
+    slope_per_year: float
+    """Of a straight line in place of the step."""
+    slope_std: float
+    p_value: float
+    """Probability of a step statistic as large without any change."""
+
+
+def trend(
+    time_s: Array, values: Array, std: Array, temperature_degC: Array, reference_degC: float
+) -> Trend | None:
+    """Regress temperature out of a series, and look for a change.
+
+    Errors of recordings are independent and normal, with the given variances plus one between
+    recordings that is estimated.
+
+    Args:
+        time_s: (R) when each recording was made, ascending [s].
+        values: (R) the values.
+        std: (R) their standard deviations.
+        temperature_degC: (R) temperatures; NaN in all where none are known.
+        reference_degC: Temperature to refer to.
+
+    Returns:
+        The trend; None with fewer than `LEAST_RECORDINGS` recordings, or times that are equal.
+
+    Raises:
+        InputError: Times that descend.
+    """
+    if (np.diff(time_s) < 0).any():
+        raise InputError("times of a trend must ascend")
+    count = len(values)
+    steps = _steps(time_s)
+    if count < LEAST_RECORDINGS or not len(steps):
+        return None
+    design = _temperature_columns(temperature_degC, reference_degC)
+    after = (np.arange(count)[:, None] >= steps).astype(np.float64)
+    spread = np.ones(count)
+    # First unweighted, for the variance between recordings; then with all variances.
+    for _ in range(3):
+        best, shares, freedom = _scan(design, after, values, spread)
+        full = np.column_stack([design, after[:, best]])
+        white = full / spread[:, None]
+        inverse = np.linalg.pinv(white)
+        fitted = inverse @ (values / spread)
+        error = values - full @ fitted
+        # The spread between recordings is what their own deviations do not explain.
+        between = max(float(np.square(error).sum() / freedom - np.mean(np.square(std))), 0.0)
+        spread = np.sqrt(np.square(std) + between)
+        spread = np.maximum(spread, 1e-9 * max(float(np.abs(values).max()), 1e-12))
+    best, shares, freedom = _scan(design, after, values, spread)
+    full = np.column_stack([design, after[:, best]])
+    inverse = np.linalg.pinv(full / spread[:, None])
+    fitted = inverse @ (values / spread)
+    noise = np.square((values - full @ fitted) / spread).sum() / freedom
+    covariance = noise * inverse @ inverse.T
+    plain = np.linalg.pinv(design / spread[:, None]) @ (values / spread)
+    line = np.column_stack([design, (time_s - time_s[0]) / (YEAR_DAYS * DAY_S)])
+    turn = np.linalg.pinv(line / spread[:, None])
+    sloped = turn @ (values / spread)
+    rest = np.square((values - line @ sloped) / spread).sum() / freedom
+    effect = design[:, 1:] @ fitted[1 : design.shape[1]]
+    blur = np.einsum("ij,jk,ik->i", design[:, 1:], covariance[1:-1, 1:-1], design[:, 1:])
+    return Trend(
+        time_s=time_s,
+        at_reference=values - effect,
+        std=np.sqrt(noise * np.square(spread) + blur),
+        reference_degC=reference_degC,
+        per_kelvin=float(fitted[1]) / 10.0 if design.shape[1] > 1 else 0.0,
+        level=float(plain[0]),
+        step_at=int(steps[best]),
+        before=float(fitted[0]),
+        change=float(fitted[-1]),
+        change_std=float(np.sqrt(covariance[-1, -1])),
+        slope_per_year=float(sloped[-1]),
+        slope_std=float(np.sqrt(rest * np.square(turn[-1]).sum())),
+        p_value=_p_value(design, after, spread, float(shares.max()), freedom),
+    )
+
+
+def _steps(time_s: Array) -> Indices:
+    """First recordings after a step: between different times, both sides long enough."""
+    count = len(time_s)
+    least = max(SEGMENT, int(np.ceil(SEGMENT_SHARE * count)))
+    places = np.flatnonzero(np.diff(time_s) > 0) + 1
+    places = places[(places >= least) & (places <= count - least)]
+    if len(places) > MOST_STEPS:
+        places = places[np.unique(np.linspace(0, len(places) - 1, MOST_STEPS).astype(int))]
+    return places
+
+
+def _temperature_columns(temperature_degC: Array, reference_degC: float) -> Array:
+    """(R, c) a constant, and powers of the temperature as far as its spread tells of them."""
+    one = np.ones(len(temperature_degC))
+    spread = float(np.ptp(temperature_degC))
+    if not spread >= LINEAR_FROM_K:
+        return one[:, None]
+    rise = (temperature_degC - reference_degC) / 10.0
+    powers = [one, rise]
+    if spread >= SQUARE_FROM_K and len(one) >= 2 * LEAST_RECORDINGS:
+        powers.append(np.square(rise))
+    return np.column_stack(powers)
+
+
+def _scan(design: Array, after: Array, values: Array, spread: Array) -> tuple[int, Array, int]:
+    """The best step, the share of the residuals that each takes away, and degrees of freedom."""
+    root, steps = _whitened(design, after, spread)
+    error = values / spread
+    error = error - root @ (root.T @ error)
+    shares = np.square(steps.T @ error) / max(float(error @ error), 1e-300)
+    return int(np.argmax(shares)), shares, max(len(values) - design.shape[1] - 1, 1)
+
+
+def _whitened(design: Array, after: Array, spread: Array) -> tuple[Array, Array]:
+    """An orthonormal basis of the design, and unit steps orthogonal to it."""
+    root = np.linalg.qr(design / spread[:, None])[0]
+    steps = after / spread[:, None]
+    steps = steps - root @ (root.T @ steps)
+    size = np.linalg.norm(steps, axis=0)
+    return root, np.where(size > 1e-6 * size.max(), steps / np.maximum(size, 1e-300), 0.0)
+
+
+def _p_value(design: Array, after: Array, spread: Array, share: float, freedom: int) -> float:
+    """Share of simulated series without a step that reach the statistic.
+
+    Far out, where none of them does, Bonferroni's bound over the steps, which always holds.
+    """
+    root, steps = _whitened(design, after, spread)
+    noise = _normal(len(design))
+    error = noise - (noise @ root) @ root.T
+    most = np.square(error @ steps).max(axis=1) / np.square(error).sum(axis=1)
+    simulated = (1.0 + float((most >= share).sum())) / (1.0 + SIMULATED)
+    # Without a step, the share that one given step takes is beta distributed.
+    tail = float(special.betainc(freedom / 2, 0.5, 1.0 - share))  # pyright: ignore[reportUnknownMemberType, reportUnknownArgumentType]
+    return min(simulated, after.shape[1] * tail)
+
+
+@lru_cache(maxsize=4)
+def _normal(count: int) -> Array:
+    return np.random.default_rng(SEED).normal(size=(SIMULATED, count))
+
+
+def holm(p_values: Sequence[float]) -> Array:
+    """P values corrected for a family of tests (Holm 1979).
+
+    Rejecting those up to a level errs at all with at most that probability, however the tests
+    depend on each other.
+
+    Args:
+        p_values: Of all tests of the family.
+    """
+    values = np.asarray(p_values, dtype=np.float64)
+    order = np.argsort(values)
+    raised = np.minimum(values[order] * np.arange(len(values), 0, -1), 1.0)
+    found = np.empty_like(values)
+    found[order] = np.maximum.accumulate(raised) if len(raised) else raised
+    return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointState:
+    """A joint of one robot: its friction over time, and its inertias as a control."""
+
+    robot: str
+    joint: int
+    """From 0."""
+    name: str
+    unit: str
+    """Of the friction level."""
+    reference_speed: float
+    """Speed at which the friction level is taken [rad/s or m/s]."""
+    friction: Trend | None
+    """Of the friction level at that speed; None with too few recordings."""
+    control: Trend | None
+    """Of the torque scale: measured over predicted torque of the inertias."""
+    friction_p: float = 1.0
+    """P value corrected for the whole fleet."""
+    control_p: float = 1.0
+    alarm: str = ""
+    """`friction_drift`; `torque_scale` where the control moved (too): drive gain, load or sensor,
+    not friction alone; empty for none."""
+
+    @property
+    def change_percent(self) -> tuple[float, float, float]:
+        """Step of the friction level, with its 95 % interval [%]; NaN without a trend."""
+        if self.friction is None:
+            return float("nan"), float("nan"), float("nan")
+        size = 100.0 / max(abs(self.friction.before), 1e-12)
+        step, width = size * self.friction.change, size * CONFIDENCE * self.friction.change_std
+        return step, step - width, step + width
+
+    @property
+    def now(self) -> float:
+        """Friction level at the reference temperature; after the step where there is an alarm."""
+        if self.friction is None:
+            return float("nan")
+        one = self.friction
+        return one.before + one.change if self.alarm else one.level
+
+    @property
+    def now_std(self) -> float:
+        """Standard deviation of `now`, from the recordings that it is the mean of."""
+        if self.friction is None:
+            return float("nan")
+        std = self.friction.std[self.friction.step_at if self.alarm else 0 :]
+        return float(1.0 / np.sqrt(np.sum(1.0 / np.square(std))))
+
+
+def judge(joints: Sequence[JointState], false_alarms: float) -> tuple[tuple[JointState, ...], int]:
+    """Raise alarms: all trends, of friction and of the control, are one family of tests.
+
+    Args:
+        joints: Of the whole fleet.
+        false_alarms: Probability of any false alarm among them.
+
+    Returns:
+        The joints with corrected p values and alarms, and how many trends were tested.
+    """
+    tested = [
+        (k, word)
+        for word in ("friction", "control")
+        for k, joint in enumerate(joints)
+        if getattr(joint, word) is not None
+    ]
+    corrected = dict(
+        zip(tested, holm([getattr(joints[k], word).p_value for k, word in tested]), strict=True)
+    )
+    judged: list[JointState] = []
+    for k, joint in enumerate(joints):
+        friction = float(corrected.get((k, "friction"), 1.0))
+        control = float(corrected.get((k, "control"), 1.0))
+        alarm = "torque_scale" if control <= false_alarms else ""
+        if not alarm and friction <= false_alarms:
+            alarm = "friction_drift"
+        judged.append(replace(joint, friction_p=friction, control_p=control, alarm=alarm))
+    return tuple(judged), len(tested)

@@ -1,0 +1,369 @@
+"""`dynid fleet`: many recordings of many robots become estimates, trends and alarms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dynid.core import (
+    Finding,
+    InputError,
+    Progress,
+    silent,
+    told,
+)
+from dynid.excitation import workers
+from dynid.identification import (
+    JointState,
+    RobotStates,
+    friction_names,
+    judge,
+    shared_names,
+    solve_robot,
+    trend,
+)
+from dynid.reduction import BaseParametrization
+from dynid.report import write_fleet_page
+from dynid.workflow.fleet_files import COLUMNS, MANIFEST, FleetRecording, base_of, read_folder
+from dynid.workflow.fleet_outputs import (
+    METRICS,
+    STATE,
+    iso_time,
+    joint_row,
+    write_state,
+    write_table,
+)
+
+TABLE, PAGE = "estimates.parquet", "report.html"
+CACHE = "statistics"
+FALSE_ALARMS = 0.05
+CONFIDENCE = 1.96
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FleetSettings:
+    """How a fleet is judged.
+
+    Raises:
+        InputError: A false-alarm rate that is no probability.
+    """
+
+    robot: str | None = None
+    """Model of recordings that name none: built-in name, URDF or robot file."""
+    terms: str = "fc,fv,im"
+    """Friction terms, the same for all recordings."""
+    false_alarms: float = FALSE_ALARMS
+    """Probability of any false alarm in the whole fleet, a run."""
+    reference_degC: float | None = None
+    """Temperature of the trends; None for the median of each joint."""
+    jobs: int = 1
+    dask: str | None = None
+
+    def __post_init__(self) -> None:
+        if not 0 < self.false_alarms < 1:
+            raise InputError(
+                "must be a probability",
+                where="--false-alarms",
+                value=self.false_alarms,
+                limit="0 to 1",
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fleet:
+    """What `dynid fleet` found."""
+
+    folder: Path
+    output: Path
+    settings: FleetSettings
+    recordings: tuple[FleetRecording, ...]
+    skipped: tuple[tuple[str, str], ...]
+    joints: tuple[JointState, ...]
+    tests: int
+    """Trends that were tested together."""
+    findings: tuple[Finding, ...]
+
+    @property
+    def computed(self) -> int:
+        """Recordings that were computed now; the others came from the cache."""
+        return sum(one.computed for one in self.recordings)
+
+    @property
+    def alarms(self) -> tuple[JointState, ...]:
+        """The joints with an alarm."""
+        return tuple(joint for joint in self.joints if joint.alarm)
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object."""
+        robots: list[dict[str, Any]] = [
+            {
+                "robot": name,
+                "model": group[0].model,
+                "recordings": len(group),
+                "first": iso_time(group[0].time_s),
+                "last": iso_time(group[-1].time_s),
+                "joints": [joint_row(joint) for joint in self.joints if joint.robot == name],
+            }
+            for name, group in _by_robot(self.recordings).items()
+        ]
+        return {
+            "folder": str(self.folder),
+            "recordings": len(self.recordings),
+            "computed": self.computed,
+            "cached": len(self.recordings) - self.computed,
+            "skipped": [list(pair) for pair in self.skipped],
+            "robots": robots,
+            "alarms": [row for robot in robots for row in robot["joints"] if row["alarm"]],
+            "false_alarm_rate": self.settings.false_alarms,
+            "tests": self.tests,
+            "files": [str(self.output / name) for name in (TABLE, PAGE, STATE, METRICS)],
+            "warnings": told(self.findings),
+            "findings": [finding.to_json() for finding in self.findings],
+        }
+
+
+def fleet(
+    folder: str | Path,
+    output: str | Path = "runs/fleet",
+    settings: FleetSettings | None = None,
+    *,
+    progress: Progress | None = None,
+) -> Fleet:
+    """Identify the recordings of a fleet together, follow friction over time, raise alarms.
+
+    Inertias are shared by the recordings of a robot, friction is of each recording. Only
+    recordings that are not in the cache beside the table are computed.
+
+    Args:
+        folder: The recordings; how they name robot and time: `read_folder`.
+        output: Folder of the table, the page, the state and the cache.
+        settings: How it is judged.
+        progress: Told what is being done and how far it is (0 to 1).
+
+    Raises:
+        InputError: No recordings that can be read, or a place where no files can be.
+        JobError: A recording or robot that cannot be computed.
+    """
+    asked, source, target = settings or FleetSettings(), Path(folder), Path(output)
+    if target.resolve() in (source.resolve(), *source.resolve().parents):
+        raise InputError(
+            "the output must not hold the recordings",
+            where="-o",
+            value=str(target),
+            next_step="Name another folder.",
+        )
+    # `workers` counts the calling process, which only collects here.
+    with workers(asked.jobs + (asked.jobs > 1), asked.dask) as found:
+        read = read_folder(
+            source,
+            target / CACHE,
+            model=asked.robot,
+            terms=asked.terms,
+            executor=found.executor,
+            progress=progress or silent,
+        )
+    if not read.recordings:
+        raise InputError(
+            "no recording in the folder can be used",
+            where=str(source),
+            value="; ".join(f"{name}: {why}" for name, why in read.skipped[:3]) or None,
+            next_step="dynid import converts foreign recordings; --robot names their robot.",
+        )
+    joints: list[JointState] = []
+    rows: list[dict[str, Any]] = []
+    notes = _missing(read.recordings)
+    for robot, group in _by_robot(read.recordings).items():
+        if len({one.model for one in group}) > 1:
+            raise InputError(
+                "recordings of one robot name different models",
+                where=robot,
+                value=sorted({one.model for one in group}),
+            )
+        of_robot, of_table = _robot(robot, group, asked)
+        joints += of_robot
+        rows += of_table
+    judged, tests = judge(joints, asked.false_alarms)
+    result = Fleet(
+        folder=source,
+        output=target,
+        settings=asked,
+        recordings=read.recordings,
+        skipped=read.skipped,
+        joints=judged,
+        tests=tests,
+        findings=(*notes, *(_alarm(joint) for joint in judged if joint.alarm)),
+    )
+    write_table(target / TABLE, rows)
+    write_state(target, joints=judged, recordings=len(read.recordings))
+    write_fleet_page(
+        target / PAGE,
+        joints=judged,
+        notes=[finding.message for finding in result.findings],
+        facts=_procedure(result),
+    )
+    return result
+
+
+def _by_robot(recordings: Sequence[FleetRecording]) -> dict[str, list[FleetRecording]]:
+    return {name: list(group) for name, group in groupby(recordings, key=lambda one: one.robot)}
+
+
+def _missing(recordings: Sequence[FleetRecording]) -> list[Finding]:
+    """What the recordings do not say, and how to say it."""
+    lacking = {
+        ("another_robot", "their robot, and are taken as one robot"): [
+            one.path for one in recordings if not one.robot
+        ],
+        ("clock_mismatch", "when they were made, and are left out of the trends"): [
+            one.path for one in recordings if np.isnan(one.time_s)
+        ],
+        ("extrapolated", "joint temperatures, which cannot be regressed out"): [
+            one.path for one in recordings if np.isnan(one.temperature_degC).any()
+        ],
+    }
+    return [
+        Finding(
+            kind,
+            f"{len(names)} recordings do not say {what}: {', '.join(names[:3])}",
+            value=float(len(names)),
+            next_step=f"Say it in {MANIFEST} ({','.join(COLUMNS)})",
+        )
+        for (kind, what), names in lacking.items()
+        if names
+    ]
+
+
+def _robot(
+    robot: str, group: Sequence[FleetRecording], asked: FleetSettings
+) -> tuple[list[JointState], list[dict[str, Any]]]:
+    """The joints of one robot, not yet judged, and its rows of the table."""
+    base = base_of(group[0], asked.terms)
+    model = base.model.robot
+    states = solve_robot([one.statistics for one in group])
+    time_s = np.array([one.time_s for one in group])
+    warm = np.array([one.temperature_degC for one in group])
+    speed = np.median([one.statistics.speed for one in group], axis=0)
+    names = friction_names(base)
+    weights = np.zeros(states.friction.shape[1:])
+    for j, own in enumerate(names):
+        for f, name in enumerate(own):
+            weights[j, f] = {"Fc": 1.0, "Fv": float(speed[j])}.get(name.rstrip("0123456789"), 0.0)
+    level, level_std = states.level(weights)
+    rows = _inertia_rows(robot, group, base, states)
+    joints: list[JointState] = []
+    for j, name in enumerate(model.joint_names):
+        known = np.isfinite(warm[:, j])
+        dated = np.isfinite(time_s) & (known | ~known.any())
+        reference = asked.reference_degC
+        if reference is None:
+            reference = float(np.median(warm[known, j])) if known.any() else float("nan")
+        found = [
+            trend(time_s[dated], value[dated], std[dated], warm[dated, j], reference)
+            for value, std in (
+                (level[:, j], level_std[:, j]),
+                (states.scale[:, j], states.scale_std[:, j]),
+            )
+            if np.isfinite(std[dated]).all()
+        ]
+        friction, control = (*found, None, None)[:2]
+        joints.append(
+            JointState(
+                robot=robot,
+                joint=j,
+                name=name,
+                unit="N" if model.prismatic[j] else "N.m",
+                reference_speed=float(speed[j]),
+                friction=friction,
+                control=control,
+            )
+        )
+        own = np.sqrt(np.maximum(np.einsum("rff->rf", states.covariance[:, j]), 0.0))
+        series = [
+            (f"friction{j + 1}", level[:, j], level_std[:, j], friction),
+            (f"torque_scale{j + 1}", states.scale[:, j], states.scale_std[:, j], control),
+            *((n, states.friction[:, j, f], own[:, f], None) for f, n in enumerate(names[j])),
+        ]
+        for quantity, value, std, over in series:
+            at = np.full((2, len(group)), np.nan)
+            if over is not None:
+                at[:, dated] = over.at_reference, over.std
+            rows += [
+                {
+                    **_facts(robot, one),
+                    "recording": one.path,
+                    "time": one.time_s,
+                    "joint": j + 1,
+                    "name": quantity,
+                    "value": float(value[k]),
+                    "std": float(std[k]),
+                    "temperature_degC": float(warm[k, j]),
+                    "at_reference": float(at[0, k]),
+                    "at_reference_std": float(at[1, k]),
+                    "reference_degC": reference,
+                }
+                for k, one in enumerate(group)
+            ]
+    return joints, rows
+
+
+def _facts(robot: str, one: FleetRecording) -> dict[str, Any]:
+    return {"robot": robot, "model": one.model}
+
+
+def _inertia_rows(
+    robot: str,
+    group: Sequence[FleetRecording],
+    base: BaseParametrization,
+    states: RobotStates,
+) -> list[dict[str, Any]]:
+    """What the robot's recordings share: no recording, no time."""
+    return [
+        {**_facts(robot, group[0]), "joint": 0, "name": name, "value": float(v), "std": float(s)}
+        for name, v, s in zip(shared_names(base), states.shared, states.shared_std, strict=True)
+    ]
+
+
+def _alarm(joint: JointState) -> Finding:
+    """An alarm as a finding."""
+    step, low, high = joint.change_percent
+    friction, control = joint.friction, joint.control
+    if joint.alarm == "friction_drift" and friction is not None:
+        return Finding(
+            "friction_drift",
+            f"{joint.robot}, {joint.name}: friction changed by {step:+.1f} % ({low:+.1f} to "
+            f"{high:+.1f}) about {iso_time(float(friction.time_s[friction.step_at]))}, "
+            f"p {joint.friction_p:.2g}; the inertias did not",
+            joints=(joint.joint,),
+            value=step,
+            std=(high - low) / (2 * CONFIDENCE),
+            unit="%",
+            next_step="Look at gear, brake and lubrication of this joint",
+        )
+    size = 100.0 * (control.change if control is not None else float("nan"))
+    return Finding(
+        "torque_scale",
+        f"{joint.robot}, {joint.name}: the torque of the inertias changed by {size:+.1f} %, "
+        f"p {joint.control_p:.2g}: drive gain, load or sensor, not friction alone",
+        joints=(joint.joint,),
+        value=size,
+        unit="%",
+        next_step="Check what the robot carries, its drive gain and its torque signal",
+    )
+
+
+def _procedure(result: Fleet) -> list[str]:
+    """How the alarms are raised, in words."""
+    return [
+        f"{len(result.recordings)} recordings of {len(_by_robot(result.recordings))} robots; "
+        f"{result.computed} computed in this run, {len(result.skipped)} left out.",
+        "Inertias are shared by the recordings of a robot; friction is of each recording, taken "
+        "at the joint's mean speed, with temperature regressed out.",
+        f"An alarm is a step at any time (at least three recordings on either side) that "
+        f"{result.tests} trends without any change would show somewhere with a probability of "
+        f"{100 * result.settings.false_alarms:g} % (Holm's correction), in one run.",
+    ]

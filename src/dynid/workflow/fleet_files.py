@@ -1,0 +1,361 @@
+"""The recordings of a fleet: which robot, when, how warm; their statistics, cached by content."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import re
+import zlib
+from collections.abc import Iterable, Mapping
+from concurrent.futures import Executor, as_completed
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
+
+from dynid.core import (
+    Array,
+    DynidError,
+    InputError,
+    Progress,
+    cannot_write,
+    content_hash,
+    file_hash,
+)
+from dynid.identification import (
+    IdentificationProblem,
+    RecordStatistics,
+    SharedProblem,
+    record_statistics,
+)
+from dynid.reduction import BaseParametrization, reduce_model
+from dynid.regressor import InverseDynamicModel, parse_terms
+from dynid.robot import load_robot
+from dynid.signals import ProcessingSettings, process
+from dynid.workflow.recordings import known_gains, open_record, stored_robot
+
+SCHEME = 1
+"""Of what is cached; another number makes all of it new."""
+MANIFEST = "manifest.csv"
+COLUMNS = ("file", "robot", "model", "time", "temperature_degC")
+SUFFIXES = frozenset(
+    (".parquet", ".csv", ".tsv", ".txt", ".mat", ".npz", ".db3", ".mcap", ".bag", ".h5", ".hdf5")
+)
+_DAY = re.compile(r"\d{4}-\d{2}-\d{2}(?:[T_ ]\d{2}[:-]?\d{2}(?:[:-]?\d{2})?)?")
+ROBOT_KEYS, TIME_KEYS = ("robot_id", "serial"), ("time", "created")
+"""Entries of a recording's metadata (`extra`) that name the individual and the time."""
+EPOCH_FROM_S = 1e8
+"""First stamps from here on are seconds since 1970, smaller ones count from anything."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FleetRecording:
+    """One recording of a fleet, and what it contributes."""
+
+    path: str
+    """Relative to the folder."""
+    robot: str
+    """The individual."""
+    model: str
+    """Built-in name, URDF or robot file."""
+    time_s: float
+    """When it was made, seconds since 1970; NaN where nobody says."""
+    temperature_degC: Array
+    """(n) mean joint temperatures; NaN where nobody says."""
+    digest: str
+    """SHA-256 of the file."""
+    statistics: RecordStatistics
+    computed: bool
+    """Whether it was computed now, not taken from the cache."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FleetFolder:
+    """All recordings below a folder."""
+
+    recordings: tuple[FleetRecording, ...]
+    """In the order of robots, then times."""
+    skipped: tuple[tuple[str, str], ...]
+    """Files left out, and why."""
+
+
+def read_folder(
+    folder: Path,
+    cache: Path,
+    *,
+    model: str | None,
+    terms: str,
+    executor: Executor | None,
+    progress: Progress,
+) -> FleetFolder:
+    """Statistics of all recordings below a folder; only those not in the cache are computed.
+
+    Robot, model, time and temperature come from the recording's metadata (`extra`: `robot_id` or
+    `serial`, `time`; temperature channels), else from the row of the file in `manifest.csv`, else
+    robot and day from the names of folder and file.
+
+    Args:
+        folder: The recordings, `ROBOT/DAY/FILE` or as a manifest says.
+        cache: Where statistics are kept.
+        model: The robot model of recordings that name none.
+        terms: Friction terms as of `--terms`.
+        executor: Where recordings are computed; None for here.
+        progress: Told how far it is.
+
+    Raises:
+        InputError: No such folder, a manifest that cannot be read, or a cache that cannot be
+            written.
+    """
+    if not folder.is_dir():
+        raise InputError("there is no such folder", where=str(folder))
+    manifest = _manifest(folder / MANIFEST)
+    paths, found = _files(folder, cache.parent), list[FleetRecording]()
+    skipped, seen = list[tuple[str, str]](), dict[str, str]()
+    waiting: dict[str, tuple[str, str, Mapping[str, str]]] = {}
+    try:
+        cache.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise cannot_write(cache, error) from error
+    for path in paths:
+        name = path.relative_to(folder).as_posix()
+        row, digest = manifest.get(name, {}), file_hash(path)
+        if digest in seen:
+            skipped.append((name, f"the same recording as {seen[digest]}"))
+            continue
+        seen[digest] = name
+        known = _cached(cache / f"{digest}.npz", row.get("model") or model, terms)
+        if known is None:
+            waiting[name] = (str(path), digest, row)
+        else:
+            found.append(_placed(name, digest, known, row, computed=False))
+    jobs = {
+        name: (path, row.get("model") or model, terms) for name, (path, _, row) in waiting.items()
+    }
+    for name, outcome in _computed(jobs, executor, progress):
+        _, digest, row = waiting[name]
+        if isinstance(outcome, str):
+            skipped.append((name, outcome))
+            continue
+        _write(cache / f"{digest}.npz", outcome)
+        found.append(_placed(name, digest, outcome, row, computed=True))
+    found.sort(key=lambda one: (one.robot, np.nan_to_num(one.time_s, nan=np.inf), one.path))
+    return FleetFolder(recordings=tuple(found), skipped=tuple(sorted(skipped)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Contribution:
+    """What is cached of a recording."""
+
+    statistics: RecordStatistics
+    temperature_degC: Array
+    facts: Mapping[str, str]
+    """`model`, `key` (of model and terms), and where known `robot` and `time`."""
+
+
+def _computed(
+    jobs: Mapping[str, tuple[str, str | None, str]],
+    executor: Executor | None,
+    progress: Progress,
+) -> Iterable[tuple[str, _Contribution | str]]:
+    def tell(done: int) -> None:
+        progress(f"recording {done} of {len(jobs)}", done / len(jobs))
+
+    if executor is None:
+        for done, (name, words) in enumerate(jobs.items(), start=1):
+            yield name, contribution(*words)
+            tell(done)
+        return
+    futures = {executor.submit(contribution, *words): name for name, words in jobs.items()}
+    for done, future in enumerate(as_completed(futures), start=1):
+        yield futures[future], future.result()
+        tell(done)
+
+
+def contribution(path: str, model: str | None, terms: str) -> _Contribution | str:
+    """The statistics of one file, or why there are none; runs in a worker.
+
+    Args:
+        path: The recording.
+        model: Built-in name, URDF or robot file; None for what the recording says.
+        terms: Friction terms.
+    """
+    try:
+        reference = stored_robot([path]) if model is None else model
+        base = _base(reference, terms)
+        robot = base.model.robot
+        record, _ = known_gains(open_record(path, robot), robot)
+        with threadpool_limits(limits=1, user_api="blas"):
+            samples = process(record, robot, ProcessingSettings(decimate=True))
+            problem = IdentificationProblem(base=base, samples=samples)
+            statistics = record_statistics(SharedProblem(problems=(problem,)))
+    except DynidError as error:
+        return str(error)
+    extra = record.metadata.extra
+    facts = {"model": reference, "key": _key(reference, terms)}
+    for fact, keys in (("robot", ROBOT_KEYS), ("time", TIME_KEYS)):
+        named = [extra[key] for key in keys if extra.get(key)]
+        facts |= {fact: named[0]} if named else {}
+    first = float(extra.get("t0", "nan"))
+    if "time" not in facts and first >= EPOCH_FROM_S:
+        facts["time"] = datetime.fromtimestamp(first, UTC).isoformat()
+    warm = record.signals.get("temperature")
+    return _Contribution(
+        statistics=statistics,
+        temperature_degC=np.full(robot.joints, np.nan) if warm is None else warm.mean(axis=0),
+        facts=facts,
+    )
+
+
+@lru_cache(maxsize=16)
+def _base(reference: str, terms: str) -> BaseParametrization:
+    model = InverseDynamicModel(robot=load_robot(reference), friction=parse_terms(terms))
+    return reduce_model(model)
+
+
+def base_of(recording: FleetRecording, terms: str) -> BaseParametrization:
+    """The base parameters that a recording's statistics are about."""
+    return _base(recording.model, terms)
+
+
+@lru_cache(maxsize=64)
+def _key(reference: str, terms: str) -> str:
+    """What of model and settings a cached result depends on."""
+    robot = load_robot(reference)
+    return content_hash([SCHEME, terms, robot.name, robot.placements.tolist(), robot.axes.tolist()])
+
+
+def _placed(
+    name: str, digest: str, known: _Contribution, row: Mapping[str, str], *, computed: bool
+) -> FleetRecording:
+    folders = name.split("/")[:-1]
+    day = _DAY.search(name)
+    named = next((part for part in folders if not _DAY.fullmatch(part)), "")
+    facts = known.facts
+    when = facts.get("time") or row.get("time") or (day.group() if day else "")
+    temperature = known.temperature_degC
+    if np.isnan(temperature).any() and row.get("temperature_degC"):
+        given = _number(row["temperature_degC"], name)
+        temperature = np.where(np.isnan(temperature), given, temperature)
+    return FleetRecording(
+        path=name,
+        robot=facts.get("robot") or row.get("robot") or named,
+        model=facts["model"],
+        time_s=_seconds(when),
+        temperature_degC=temperature,
+        digest=digest,
+        statistics=known.statistics,
+        computed=computed,
+    )
+
+
+def _seconds(text: str) -> float:
+    """Seconds since 1970 of an ISO time, UTC where it names no zone; NaN where it is none."""
+    text = text.strip()
+    if len(text) > len("2026-01-31") and text[10] in "_ T":
+        digits = re.sub(r"[:-]", "", text[11:]) if text[10] == "_" else text[11:]
+        text = f"{text[:10]}T{digits}"
+    try:
+        found = datetime.fromisoformat(text)
+    except ValueError:
+        return float("nan")
+    return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
+
+
+def _number(text: str, where: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise InputError(
+            f"a temperature in {MANIFEST} is no number", where=where, value=text
+        ) from error
+
+
+def _files(folder: Path, output: Path) -> list[Path]:
+    """Files that may be recordings, outside the output and without hidden ones."""
+    output = output.resolve()
+    return sorted(
+        path
+        for path in folder.rglob("*")
+        if path.suffix.lower() in SUFFIXES
+        and path.name != MANIFEST
+        and path.is_file()
+        and not any(part.startswith(".") for part in path.relative_to(folder).parts)
+        and output not in path.resolve().parents
+    )
+
+
+def _manifest(path: Path) -> dict[str, dict[str, str]]:
+    """Rows of the manifest by file; none without one."""
+    if not path.is_file():
+        return {}
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            rows = list(csv.DictReader(stream))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(
+            "the manifest cannot be read", where=str(path), value=str(error)
+        ) from error
+    if rows and "file" not in rows[0]:
+        raise InputError(
+            "the manifest needs a column `file`",
+            where=str(path),
+            value=", ".join(rows[0]),
+            limit=", ".join(COLUMNS),
+        )
+    return {
+        row["file"].strip(): {
+            name: (row.get(name) or "").strip() for name in COLUMNS if name != "file"
+        }
+        for row in rows
+    }
+
+
+def _cached(path: Path, model: str | None, terms: str) -> _Contribution | None:
+    """What is cached, if it is of the same model and terms; None else, or where damaged."""
+    if not path.is_file():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            facts: dict[str, str] = json.loads(str(stored["facts"]))
+            if facts["key"] != _key(model or facts["model"], terms):
+                return None
+            return _Contribution(
+                statistics=RecordStatistics(
+                    factors=stored["factors"],
+                    scores=stored["scores"],
+                    samples=int(stored["samples"]),
+                    speed=stored["speed"],
+                ),
+                temperature_degC=stored["temperature_degC"],
+                facts=facts,
+            )
+    # A cache that is damaged, or whose robot file has gone, is computed again.
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error, DynidError):
+        return None
+
+
+def _write(path: Path, known: _Contribution) -> None:
+    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
+    values: dict[str, Any] = {
+        "factors": known.statistics.factors,
+        "scores": known.statistics.scores,
+        "samples": np.array(known.statistics.samples),
+        "speed": known.statistics.speed,
+        "temperature_degC": known.temperature_degC,
+        "facts": np.array(json.dumps(dict(known.facts))),
+    }
+    try:
+        try:
+            with draft.open("wb") as stream:
+                np.savez_compressed(stream, **values)
+            draft.replace(path)
+        finally:
+            draft.unlink(missing_ok=True)
+    except OSError as error:
+        raise cannot_write(path, error) from error

@@ -1,0 +1,172 @@
+"""A fleet with known changes: which joint, from when, and what is only temperature or gain."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as parquet
+import pytest
+
+import dynid
+from dynid.bench import Plant, motion, plant
+from dynid.cli.app import main
+from dynid.identification import holm, trend
+
+START = datetime(2026, 1, 5, tzinfo=UTC)
+RATE_HZ, LENGTH_S, DAYS = 100.0, 4.0, 12
+WORN, RISE = 1, 1.4
+"""The joint of arm b whose friction rises from the day `CHANGED` on."""
+CHANGED = 7
+DAY_S = 86400.0
+
+
+def write(folder: Path, name: str, real: Plant, day: int, *, factor: float, gain: float) -> None:
+    draw = np.random.default_rng([day, len(name)])
+    moved = motion(real.robot, "fourier", day % 2, RATE_HZ, LENGTH_S)
+    rigid = real.torque(moved.q, moved.dq, moved.ddq)
+    warm = 25.0 + 8.0 * draw.random(real.robot.joints)
+    friction = real.friction(moved.dq, rigid, 1 / RATE_HZ) * np.exp(-0.02 * (warm - 29.0))
+    friction[:, WORN] *= factor
+    torque = rigid + friction + draw.normal(0, real.torque_noise, rigid.shape)
+    torque[:, 0] *= gain
+    record = dynid.ExperimentRecord(
+        t=moved.t,
+        signals={"q": moved.q, "effort": torque, "temperature": warm + 0 * rigid},
+        metadata=dynid.RecordMetadata(robot="ur5"),
+    )
+    place = folder / name / f"{(START + timedelta(days=day)).date()}"
+    place.mkdir(parents=True)
+    dynid.write_record(record, place / "excitation.parquet")
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("fleet")
+    for name, seed in (("arm a", 1), ("arm b", 2)):
+        real = plant(dynid.load_robot("ur5"), seed)
+        for day in range(DAYS):
+            late = day >= CHANGED
+            write(
+                folder / "recordings",
+                name,
+                real,
+                day,
+                factor=RISE if late and name == "arm b" else 1.0,
+                gain=1.3 if late and name == "arm a" else 1.0,
+            )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def found(data: Path) -> dynid.Fleet:
+    return dynid.fleet(data / "recordings", data / "out")
+
+
+def test_friction_that_rose_is_told_from_a_gain_that_drifted(found: dynid.Fleet) -> None:
+    alarms = {(joint.robot, joint.joint): joint for joint in found.alarms}
+    assert {place: joint.alarm for place, joint in alarms.items()} == {
+        ("arm a", 0): "torque_scale",
+        ("arm b", WORN): "friction_drift",
+    }
+    _, low, high = alarms["arm b", WORN].change_percent
+    assert low < 100 * (RISE - 1) < high
+    assert high - low < 30
+    series = alarms["arm b", WORN].friction
+    assert series is not None
+    assert series.step_at == CHANGED
+    assert series.per_kelvin / series.before == pytest.approx(-0.02, abs=0.01)
+
+
+def test_table_holds_shared_inertias_and_a_friction_state_a_day(found: dynid.Fleet) -> None:
+    table = parquet.read_table(found.output / "estimates.parquet").to_pylist()
+    shared = [row for row in table if row["recording"] is None]
+    assert {row["robot"] for row in shared} == {"arm a", "arm b"}
+    assert len(shared) == 2 * (52 - 12)
+    days = [row for row in table if row["robot"] == "arm b" and row["name"] == "Fc2"]
+    assert [row["time"].date() for row in days] == [
+        (START + timedelta(days=day)).date() for day in range(DAYS)
+    ]
+
+
+def test_inertias_are_those_of_the_arm(found: dynid.Fleet) -> None:
+    # What both arms share with their published model, gravity of the big links, within 15 %.
+    table = parquet.read_table(found.output / "estimates.parquet").to_pylist()
+    real = plant(dynid.load_robot("ur5"), 2)
+    still = np.zeros((1, 6))
+    q = np.array([[0.3, -0.5, 0.8, 0.2, 0.4, 0.1]])
+    base = dynid.reduce_model(dynid.InverseDynamicModel(robot=real.robot))
+    value = {row["name"]: row["value"] for row in table if row["robot"] == "arm b"}
+    torque = np.zeros(6)
+    for k, name in enumerate(base.names):
+        if not name.startswith(("Fc", "Fv")):
+            column = base.model.stack(q, still, still)[base.independent[k]]
+            torque += value[name] * np.asarray(column).reshape(6)
+    assert torque == pytest.approx(real.torque(q, still, still)[0], abs=1.0)
+
+
+def test_second_run_computes_new_recordings_only(data: Path, found: dynid.Fleet) -> None:
+    assert found.computed == 2 * DAYS
+    write(
+        data / "recordings",
+        "arm b",
+        plant(dynid.load_robot("ur5"), 2),
+        DAYS,
+        factor=RISE,
+        gain=1.0,
+    )
+    again = dynid.fleet(data / "recordings", data / "out")
+    assert (again.computed, len(again.recordings)) == (1, 2 * DAYS + 1)
+    damaged = next((data / "out" / "statistics").glob("*.npz"))
+    damaged.write_bytes(damaged.read_bytes()[:1000])
+    assert dynid.fleet(data / "recordings", data / "out").computed == 1
+
+
+def test_state_for_dashboards_and_page(found: dynid.Fleet) -> None:
+    metrics = (found.output / "state.prom").read_text().splitlines()
+    assert 'dynid_alarm{robot="arm b",joint="2"} 1' in metrics
+    assert sum(line.startswith("dynid_friction{") for line in metrics) == 12
+    assert len((found.output / "state.csv").read_text().splitlines()) == 13
+    page = (found.output / "report.html").read_text()
+    assert page.count("<svg") == 24
+    assert "http" not in page
+
+
+def test_what_recordings_do_not_say_is_told_and_a_manifest_says_it(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "flat"
+    folder.mkdir()
+    for k, path in enumerate(sorted((data / "recordings" / "arm a").rglob("*.parquet"))[:2]):
+        (folder / f"{k}.parquet").write_bytes(path.read_bytes())
+    (folder / "notes.csv").write_text("no recording\n")
+    nameless = dynid.fleet(folder, tmp_path / "out")
+    assert {finding.kind for finding in nameless.findings} == {"another_robot", "clock_mismatch"}
+    assert [name for name, _ in nameless.skipped] == ["notes.csv"]
+    (folder / "manifest.csv").write_text(
+        "file,robot,time\n0.parquet,r7,2026-02-01\n1.parquet,r7,2026-02-02T08:00:00+01:00\n"
+    )
+    assert main(["fleet", str(folder), "-o", str(tmp_path / "out"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["computed"], told["cached"], told["findings"]) == (0, 2, [])
+    assert told["robots"][0]["robot"] == "r7"
+    assert told["robots"][0]["last"] == "2026-02-02T07:00:00+00:00"
+
+
+def test_false_alarms_come_at_the_stated_rate() -> None:
+    draw, count = np.random.default_rng(5), 400
+    p_values = []
+    for _ in range(count):
+        time_s = DAY_S * np.arange(20.0)
+        std = draw.uniform(0.5, 2.0, 20)
+        warm = 25 + 5 * draw.random(20)
+        values = 10.0 - 0.3 * (warm - 27) + std * draw.normal(size=20)
+        found = trend(time_s, values, std, warm, 27.0)
+        assert found is not None
+        p_values.append(found.p_value)
+    for rate in (0.05, 0.2, 0.5):
+        band = 3 * np.sqrt(rate * (1 - rate) / count)
+        assert np.mean(np.array(p_values) <= rate) == pytest.approx(rate, abs=band)
+    assert holm([0.01, 0.04, 0.03]).tolist() == pytest.approx([0.03, 0.06, 0.06])
