@@ -321,7 +321,7 @@ def _cached(path: Path, model: str | None, terms: str) -> _Contribution | None:
     if not path.is_file():
         return None
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             facts: dict[str, str] = json.loads(str(stored["facts"]))
             if facts["key"] != _key(model or facts["model"], terms):
                 return None
