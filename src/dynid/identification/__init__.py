@@ -92,9 +92,10 @@ from dynid.identification.statistics import (
     naive_covariance,
 )
 from dynid.identification.temperature import LEAST_SPREAD_K, JointTemperatureLaw, fit_law
-from dynid.identification.trends import JointState, Trend, holm, judge, trend
+from dynid.identification.trends import CONFIDENCE, JointState, Trend, holm, judge, trend
 
 __all__ = [
+    "CONFIDENCE",
     "ESTIMATORS",
     "FORMAT",
     "ILL_CONDITIONED",

@@ -16,9 +16,10 @@ from dynid.core import (
     Progress,
     silent,
     told,
+    workers,
 )
-from dynid.excitation import workers
 from dynid.identification import (
+    CONFIDENCE,
     JointState,
     RobotStates,
     friction_names,
@@ -42,7 +43,6 @@ from dynid.workflow.fleet_outputs import (
 TABLE, PAGE = "estimates.parquet", "report.html"
 CACHE = "statistics"
 FALSE_ALARMS = 0.05
-CONFIDENCE = 1.96
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,14 +157,13 @@ def fleet(
             value=str(target),
             next_step="Name another folder.",
         )
-    # `workers` counts the calling process, which only collects here.
-    with workers(asked.jobs + (asked.jobs > 1), asked.dask) as found:
+    with workers(asked.jobs, asked.dask) as beside:
         read = read_folder(
             source,
             target / CACHE,
             model=asked.robot,
             terms=asked.terms,
-            executor=found.executor,
+            beside=beside,
             progress=progress or silent,
         )
     if not read.recordings:

@@ -7,8 +7,7 @@ import json
 import os
 import re
 import zlib
-from collections.abc import Iterable, Mapping
-from concurrent.futures import Executor, as_completed
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
@@ -24,8 +23,10 @@ from dynid.core import (
     DynidError,
     InputError,
     Progress,
+    Workers,
     cannot_write,
     content_hash,
+    each,
     file_hash,
 )
 from dynid.identification import (
@@ -91,7 +92,7 @@ def read_folder(
     *,
     model: str | None,
     terms: str,
-    executor: Executor | None,
+    beside: Workers,
     progress: Progress,
 ) -> FleetFolder:
     """Statistics of all recordings below a folder; only those not in the cache are computed.
@@ -105,7 +106,7 @@ def read_folder(
         cache: Where statistics are kept.
         model: The robot model of recordings that name none.
         terms: Friction terms as of `--terms`.
-        executor: Where recordings are computed; None for here.
+        beside: Who computes recordings beside this process.
         progress: Told how far it is.
 
     Raises:
@@ -134,10 +135,10 @@ def read_folder(
             waiting[name] = (str(path), digest, row)
         else:
             found.append(_placed(name, digest, known, row, computed=False))
-    jobs = {
-        name: (path, row.get("model") or model, terms) for name, (path, _, row) in waiting.items()
-    }
-    for name, outcome in _computed(jobs, executor, progress):
+    names = list(waiting)
+    jobs = [(path, row.get("model") or model, terms) for path, _, row in waiting.values()]
+    for number, outcome in each(contribution, jobs, beside, tell=progress, words="recordings"):
+        name = names[number]
         _, digest, row = waiting[name]
         if isinstance(outcome, str):
             skipped.append((name, outcome))
@@ -158,33 +159,14 @@ class _Contribution:
     """`model`, `key` (of model and terms), and where known `robot` and `time`."""
 
 
-def _computed(
-    jobs: Mapping[str, tuple[str, str | None, str]],
-    executor: Executor | None,
-    progress: Progress,
-) -> Iterable[tuple[str, _Contribution | str]]:
-    def tell(done: int) -> None:
-        progress(f"recording {done} of {len(jobs)}", done / len(jobs))
-
-    if executor is None:
-        for done, (name, words) in enumerate(jobs.items(), start=1):
-            yield name, contribution(*words)
-            tell(done)
-        return
-    futures = {executor.submit(contribution, *words): name for name, words in jobs.items()}
-    for done, future in enumerate(as_completed(futures), start=1):
-        yield futures[future], future.result()
-        tell(done)
-
-
-def contribution(path: str, model: str | None, terms: str) -> _Contribution | str:
+def contribution(job: tuple[str, str | None, str]) -> _Contribution | str:
     """The statistics of one file, or why there are none; runs in a worker.
 
     Args:
-        path: The recording.
-        model: Built-in name, URDF or robot file; None for what the recording says.
-        terms: Friction terms.
+        job: The recording; built-in name, URDF or robot file, None for what the recording says;
+            the friction terms.
     """
+    path, model, terms = job
     try:
         reference = stored_robot([path]) if model is None else model
         base = _base(reference, terms)
