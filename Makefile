@@ -29,7 +29,7 @@ $(USER): pyproject.toml urtwin/pyproject.toml | $(BIN)/python
 $(DEV): $(USER)
 	$(PIP) -e '.[all,dev]'
 	@# Numba compiles once a machine: better now than in the middle of a test.
-	-@$(BIN)/dynid design ur5 -o $(VENV)/first.json --starts 1 --jobs 1 >/dev/null 2>&1
+	-@$(BIN)/dynid design ur5 -o $(VENV)/first.json --starts 1 --jobs 1 --force >/dev/null 2>&1
 	@touch $@
 
 demo: install

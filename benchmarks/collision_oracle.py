@@ -1,28 +1,29 @@
 """Judge certified motions by an independent oracle: pinocchio and coal, with the real meshes.
 
-    python benchmarks/collision_oracle.py [--robots ur3e ...] [--designs 12] [--rate 2000]
+    python benchmarks/collision_oracle.py [--robots ur3e ...] [--motions 12] [--rate 2000]
+    python benchmarks/collision_oracle.py --designs [--mounts floor wall ceiling] [--motions 10]
 
-Twelve designs each of the seven UR arms by default (`dynid design`, one start, one seed each):
-every other one has a table, a wall or boxes, every third carries a tool and a payload, every
-third is pushed by bisection to the edge of the certificate: its amplitudes are grown as long as
-`certify` holds it. The oracle knows nothing of dynid but the joint positions. It builds
-the kinematics from Universal Robots' YAML files, places their collision meshes, and at 2 kHz
-looks at position, velocity and acceleration limits, speeds of tool and elbow, mesh against mesh
-of every two links that are not neighbours, and meshes and tool against the scene. Prints one
-line a design; exits 1 if it finds anything in a motion that the certificate calls feasible.
+Twelve certified motions each of the seven UR arms by default: random Fourier series about free
+poses, as large as the limits let them be at 125 Hz samples. Every other one has a table, a wall or
+boxes, every third carries a tool and a payload, every third is pushed by bisection to the edge of
+the certificate. With `--designs` they are what `dynid design` writes by default, on each mounting,
+a seed each. The oracle knows nothing of dynid but the joint positions. It builds the kinematics
+from Universal Robots' YAML files, places their collision meshes, and at 2 kHz looks at position,
+velocity and acceleration limits, speeds of tool and elbow, mesh against mesh of every two links
+that are not neighbours, and meshes and tool against the scene and the mounting plane. Samples
+before which a pair cannot have met, as the distance over its largest speed says, are skipped.
+Prints one line a motion; exits 1 if it finds anything in one that the certificate calls feasible.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
+import itertools
 import math
 import re
 import sys
-import tempfile
 import time
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import coal
@@ -34,7 +35,7 @@ from dynid.constraints import MotionConstraints, certify, safe_constraints, scen
 from dynid.core import JsonFields
 from dynid.robot import RobotModel, Tool, load_robot
 from dynid.trajectory import FourierSeries
-from dynid.workflow import DesignSettings, design, read_design
+from dynid.workflow import DesignSettings, design
 
 SCENES: tuple[dict[str, Any], ...] = (
     {"shapes": [{"type": "table", "size": [1.4, 1.4], "position": [0, 0, -0.02]}]},
@@ -52,10 +53,13 @@ SCENES: tuple[dict[str, Any], ...] = (
         ]
     },
 )
+FLOOR = {"type": "floor", "height": 0}
 TOOL = {"type": "box", "size": [0.08, 0.08, 0.16], "position": [0, 0, 0.08]}
 TIP, MASS = (0.0, 0.0, 0.16), 1.0
 """The tool's point and centre of mass in the flange's frame [m], and what it weighs [kg]."""
-_EDGE = 12
+PERIOD = 10.0
+"""Of the random motions [s]."""
+_EDGE = 10
 """Halvings of the step with which a motion is pushed to the certificate's edge."""
 
 
@@ -70,15 +74,20 @@ def mesh_of(faces: np.ndarray) -> coal.BVHModelOBBRSS:
     return mesh
 
 
+def plane_of(shape: dict[str, Any]) -> tuple[np.ndarray, float] | None:
+    """Outward normal and height of a floor or wall of a scene file; None of other shapes."""
+    if shape["type"] == "floor":
+        return np.array([0.0, 0, 1]), float(shape.get("height", 0))
+    if shape["type"] == "wall":
+        normal = np.array(shape["normal"], dtype=float)
+        normal /= np.linalg.norm(normal)
+        return normal, float(normal @ shape["point"])
+    return None
+
+
 def solid_of(shape: dict[str, Any]) -> tuple[Any, pin.SE3]:
     """A shape of a scene file for coal, read here once more, and its placement."""
     kind, place = shape["type"], np.array(shape.get("position", [0, 0, 0]), dtype=float)
-    if kind == "floor":
-        return coal.Halfspace(np.array([0.0, 0, 1]), float(shape.get("height", 0))), pin.SE3(1)
-    if kind == "wall":
-        normal = np.array(shape["normal"], dtype=float)
-        normal /= np.linalg.norm(normal)
-        return coal.Halfspace(normal, float(normal @ shape["point"])), pin.SE3(1)
     if kind == "table":
         return coal.Box(*shape["size"], 0.05), pin.SE3(np.eye(3), place - [0, 0, 0.025])
     if kind == "cylinder":
@@ -113,42 +122,89 @@ class Oracle:
         if joint != 6:
             raise ValueError(f"{name}: {joint} joints read")
         self.forearm = steps[3][0]
-        self.shapes = pin.GeometryModel()
-        scene = scene or {}
+        parts: list[tuple[str, int, pin.SE3, Any, np.ndarray]] = []
         for k, faces in enumerate(link_meshes(name)):
-            self._add(f"link {k}", k, pin.SE3.Identity(), mesh_of(faces))
+            parts.append((f"link {k}", k, pin.SE3.Identity(), mesh_of(faces), faces.reshape(-1, 3)))
+        scene = scene or {}
         for shape in scene.get("payload", []):
-            self._add("tool", 6, pin.SE3(np.eye(3), np.array(shape["position"], dtype=float)),
-                      coal.Box(*shape["size"]))  # fmt: skip
-        links = [item.parentJoint for item in self.shapes.geometryObjects]
-        for a, first in enumerate(links):
-            for b in range(a + 1, len(links)):
-                if links[b] - first > 1 or (b >= 7 and first < 6):
-                    self.shapes.addCollisionPair(pin.CollisionPair(a, b))
-        for shape in scene.get("shapes", []):
+            middle, half = np.array(shape["position"], dtype=float), np.array(shape["size"]) / 2
+            corners = middle + half * np.array(list(itertools.product((-1, 1), repeat=3)))
+            box = coal.Box(*shape["size"])
+            parts.append(("tool", 6, pin.SE3(np.eye(3), middle), box, corners))
+        self.parts = [(what, joint, place, shape) for what, joint, place, shape, _ in parts]
+        self.corners = [np.unique(corners, axis=0) for *_, corners in parts]
+        arm = len(parts)
+        self.pairs = [
+            (a, b)
+            for a in range(arm)
+            for b in range(a + 1, arm)
+            if parts[b][1] - parts[a][1] > 1 or (b >= 7 and parts[a][1] < 6)
+        ]
+        self.planes = []
+        shapes = list(scene.get("shapes", []))
+        if not any(shape["type"] == "floor" for shape in shapes):
+            # The mounting plane.
+            shapes.append(FLOOR)
+        for shape in shapes:
+            if (plane := plane_of(shape)) is not None:
+                self.planes.append(plane)
+                continue
             solid, place = solid_of(shape)
-            index = self._add("scene", 0, place, solid)
-            for a, first in enumerate(links):
-                if first > 0:
-                    self.shapes.addCollisionPair(pin.CollisionPair(a, index))
-        self.data, self.placed = self.model.createData(), self.shapes.createData()
+            self.parts.append(("scene", 0, place, solid))
+            self.pairs += [(a, len(self.parts) - 1) for a in range(1, arm)]
+        # How far each joint moves any point of a link, at most, for a radian [m].
+        steps_m = [float(np.linalg.norm(self.model.jointPlacements[j].translation))
+                   for j in range(7)]  # fmt: skip
+        self.reach = np.zeros((arm, 6))
+        for b, (_, joint, *_) in enumerate(self.parts[:arm]):
+            size = float(np.linalg.norm(self.corners[b], axis=1).max())
+            for j in range(joint):
+                self.reach[b, j] = sum(steps_m[j + 2 : joint + 1]) + size
+        self.data = self.model.createData()
 
-    def _add(self, name: str, joint: int, place: pin.SE3, shape: Any) -> int:
-        count = len(self.shapes.geometryObjects)
-        item = pin.GeometryObject(f"{name} {count}", joint, place, shape)
-        return int(self.shapes.addGeometryObject(item))
+    def _place(self, part: int) -> pin.SE3:
+        _, joint, place, _ = self.parts[part]
+        return self.data.oMi[joint] * place
 
-    def hits(self, q: np.ndarray) -> str:
-        """The first two that touch, or nothing."""
-        if not pin.computeCollisions(self.model, self.data, self.shapes, self.placed, q, True):
-            return ""
-        for pair, result in zip(
-            self.shapes.collisionPairs, self.placed.collisionResults, strict=True
-        ):
-            if result.isCollision():
-                items = self.shapes.geometryObjects
-                return f"{items[pair.first].name} - {items[pair.second].name}"
-        return "?"
+    def _apart(self, a: int, b: int) -> float:
+        """Distance of two parts where the arm stands; zero or less where they meet."""
+        places = [coal.Transform3s(x.rotation, x.translation) for x in map(self._place, (a, b))]
+        found = coal.DistanceResult()
+        first, second = self.parts[a][3], self.parts[b][3]
+        coal.distance(first, places[0], second, places[1], coal.DistanceRequest(), found)
+        return float(found.min_distance)
+
+    def meets(self, q: np.ndarray) -> tuple[str, float, int]:
+        """The first two parts that touch at samples q (N, 6), the least distance, and queries."""
+        travel = np.vstack([np.zeros(6), np.cumsum(np.abs(np.diff(q, axis=0)), axis=0)])
+        least, queries = math.inf, 0
+        checks: list[tuple[int, Any, str]] = []
+        for a, b in self.pairs:
+            name = f"{self.parts[a][0]} - {self.parts[b][0]}"
+            # A link's own motion where the other part is of the scene.
+            checks.append((b if b < len(self.corners) else a, (a, b), name))
+        for normal, height in self.planes:
+            for a in range(1, len(self.corners)):
+                checks.append((a, (normal, height), f"{self.parts[a][0]} - plane"))
+        for mover, what, name in checks:
+            rate = self.reach[mover].copy()
+            if isinstance(what[0], int) and what[1] < len(self.corners):
+                rate[: self.parts[what[0]][1]] = 0.0
+            way, k = travel @ rate, 0
+            while k < len(q):
+                pin.forwardKinematics(self.model, self.data, q[k])
+                queries += 1
+                if isinstance(what[0], int):
+                    far = self._apart(*what)
+                else:
+                    at = self.data.oMi[self.parts[mover][1]]
+                    far = float((self.corners[mover] @ (at.rotation.T @ what[0])).min())
+                    far += float(what[0] @ at.translation) - what[1]
+                least = min(least, far)
+                if far <= 0.0:
+                    return f"{name} at sample {k}", far, queries
+                k = max(k + 1, int(np.searchsorted(way, way[k] + far)))
+        return "", least, queries
 
     def broken(self, motion: Any, robot: RobotModel, tool: float) -> list[str]:
         """What is wrong with samples of a motion; `tool` is the length of the tool [m]."""
@@ -176,86 +232,108 @@ class Oracle:
             found.append(f"tool speed {top:.3f} m/s")
         if elbow > robot.safety.elbow_speed + slack:
             found.append(f"elbow speed {elbow:.3f} m/s")
-        for k, q in enumerate(motion.q):
-            if hit := self.hits(q):
-                found.append(f"{hit} at sample {k}")
-                break
-        return found
+        self.said, self.least, self.queries = self.meets(motion.q)
+        return [*found, self.said] if self.said else found
+
+
+def scaled(motion: FourierSeries, by: float) -> FourierSeries:
+    """The motion with other amplitudes."""
+    return FourierSeries(
+        period=motion.period, offset=motion.offset, a=motion.a * by, b=motion.b * by
+    )
 
 
 def pushed(motion: FourierSeries, judge: MotionConstraints) -> FourierSeries:
     """The motion with amplitudes as large as the certificate allows."""
-
-    def grown(by: float) -> FourierSeries:
-        return FourierSeries(
-            period=motion.period, offset=motion.offset, a=motion.a * by, b=motion.b * by
-        )
-
-    low, step = 1.0, 0.5
+    low, step = 1.0, 0.25
     for _ in range(_EDGE):
-        if certify(grown(low + step), judge).feasible:
+        if certify(scaled(motion, low + step), judge).feasible:
             low += step
         step /= 2
-    return grown(low)
+    return scaled(motion, low)
+
+
+def random_motion(judge: MotionConstraints, random: np.random.Generator) -> FourierSeries:
+    """A certified motion about a random pose, as large as samples let it be."""
+    robot, harmonics = judge.robot, np.arange(1, 6)
+    times = np.arange(0.0, PERIOD, 1 / 125)
+
+    def fits(motion: FourierSeries, at: np.ndarray) -> bool:
+        found = motion.evaluate(at)
+        return judge.usage(found.q, found.dq, found.ddq).feasible
+
+    while True:
+        pose = random.uniform(-2.5, 2.5, robot.joints)
+        pose[0] = random.uniform(-3, 3)
+        shape = random.normal(size=(2, robot.joints, 5)) / harmonics
+        motion = FourierSeries(period=PERIOD, offset=pose, a=shape[0], b=shape[1])
+        if not fits(scaled(motion, 1e-3), times[:1]):
+            continue
+        low, high = 0.0, 1.0
+        for _ in range(7):
+            middle = (low + high) / 2
+            low, high = (middle, high) if fits(scaled(motion, middle), times) else (low, middle)
+        # Little motion in a corner tells little.
+        while low > 0.05:
+            if certify(scaled(motion, low), judge).feasible:
+                return scaled(motion, low)
+            low *= 0.97
+
+
+def designed(name: str, mount: str, seed: int, starts: int | None) -> Any:
+    """What `dynid design` makes by default."""
+    robot = load_robot(name, mount=mount)
+    return design(robot, DesignSettings(starts=starts, seed=seed)).trajectory
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--robots", nargs="*", default=ROBOTS)
-    parser.add_argument("--designs", type=int, default=12, help="of each arm")
+    parser.add_argument("--motions", type=int, default=12, help="of each arm (and mounting)")
+    parser.add_argument("--designs", action="store_true", help="what dynid design makes")
+    parser.add_argument("--mounts", nargs="*", default=["floor"], help="with --designs")
+    parser.add_argument("--starts", type=int, help="of a design; default: the command's")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--rate", type=float, default=2000.0, help="[Hz]")
     given = parser.parse_args()
     missed = passed = count = 0
-    for name in given.robots:
-        for k in range(given.designs):
-            start = time.process_time()
-            scene: dict[str, Any] = dict(SCENES[(k // 2) % len(SCENES)]) if k % 2 else {}
-            tool = k % 3 == 0
-            if tool:
-                scene["payload"] = [TOOL]
-            with tempfile.TemporaryDirectory() as folder:
-                around, file = Path(folder) / "scene.json", Path(folder) / "design.json"
-                around.write_text(json.dumps(scene))
-                settings = DesignSettings(
-                    starts=1,
-                    seed=given.seed + k,
-                    scene=str(around) if scene else None,
-                    tool=TIP if tool else None,
-                    payload=(MASS, *TIP) if tool else None,
-                )
-                design(name, settings, output=file)
-                stored = read_design(file)
-                motion: Any = stored.stored.trajectory
-            robot = load_robot(name)
-            if tool:
-                carried = Tool(tcp=np.array(TIP), mass=MASS, com=np.array(TIP))
-                robot = replace(robot, tool=carried)
-            judge = safe_constraints(
-                robot,
-                scene_from_json(JsonFields(scene)) if scene else None,
-            )
-            edge = k % 3 == 1 and isinstance(motion, FourierSeries)
-            if edge:
-                motion = pushed(motion, judge)
-            certificate = certify(motion, judge)
-            times = np.arange(0.0, motion.duration, 1 / given.rate)
-            found = Oracle(name, scene).broken(
-                motion.evaluate(times), robot, TIP[2] if tool else 0.0
-            )
-            wrong = certificate.feasible and bool(found)
-            missed, passed, count = missed + wrong, passed + certificate.feasible, count + 1
-            verdict = "feasible" if certificate.feasible else "/".join(certificate.broken)
-            near = certificate.margins["self_collision_m"]
-            print(
-                f"{name:6s} {k:2d} {'scene' if k % 2 else '':5s} {'tool' if tool else '':4s}"
-                f" {'edge' if edge else '':4s} certificate: {verdict:20s} self-collision"
-                f" {'-' if near is None else f'{1e3 * near:6.1f} mm'}  oracle:"
-                f" {'/'.join(found) or 'nothing'}{'   MISSED' if wrong else ''}"
-                f"  {time.process_time() - start:.0f} s",
-                flush=True,
-            )
-    print(f"{count} designs at {given.rate:g} Hz, {passed} feasible; missed violations: {missed}")
+    mounts = given.mounts if given.designs else ["floor"]
+    for name, mount, k in itertools.product(given.robots, mounts, range(given.motions)):
+        start = time.process_time()
+        plain = given.designs
+        scene: dict[str, Any] = {} if plain or not k % 2 else dict(SCENES[(k // 2) % len(SCENES)])
+        tool, edge = not plain and k % 3 == 0, not plain and k % 3 == 1
+        robot = load_robot(name, mount=mount)
+        if tool:
+            scene["payload"] = [TOOL]
+            robot = replace(robot, tool=Tool(tcp=np.array(TIP), mass=MASS, com=np.array(TIP)))
+        judge = safe_constraints(robot, scene_from_json(JsonFields(scene)) if scene else None)
+        if plain:
+            motion = designed(name, mount, given.seed + k, given.starts)
+        else:
+            motion = random_motion(judge, np.random.default_rng([given.seed, k]))
+        if edge:
+            motion = pushed(motion, judge)
+        certificate = certify(motion, judge)
+        times = np.arange(0.0, motion.duration, 1 / given.rate)
+        made = time.process_time() - start
+        oracle = Oracle(name, scene)
+        found = oracle.broken(motion.evaluate(times), robot, TIP[2] if tool else 0.0)
+        wrong = certificate.feasible and bool(found)
+        missed, passed, count = missed + wrong, passed + certificate.feasible, count + 1
+        verdict = "feasible" if certificate.feasible else "/".join(certificate.broken)
+        near = certificate.margins["self_collision_m"]
+        words = [mount] if plain else [w for w, on in (("scene", k % 2), ("tool", tool),
+                                                       ("edge", edge)) if on]  # fmt: skip
+        print(
+            f"{name:6s} {k:2d} {' '.join(words):16s} certificate: {verdict:12s} bodies"
+            f" {'-' if near is None else f'{1e3 * near:6.1f} mm'}, meshes"
+            f" {1e3 * oracle.least:6.1f} mm in {oracle.queries} queries;"
+            f" oracle: {'/'.join(found) or 'nothing'}{'   MISSED' if wrong else ''}"
+            f"  {made:.0f} + {time.process_time() - start - made:.0f} s",
+            flush=True,
+        )
+    print(f"{count} motions at {given.rate:g} Hz, {passed} feasible; missed violations: {missed}")
     sys.exit(1 if missed else 0)
 
 

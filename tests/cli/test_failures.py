@@ -67,10 +67,33 @@ def test_an_interrupt_while_writing_leaves_the_old_file(
         raise KeyboardInterrupt
 
     monkeypatch.setattr("dynid.core.files.Path.write_text", half)
-    outcome = run("identify", recordings.identification, "--preset", "paper", "-o", target)
+    outcome = run(
+        "identify", recordings.identification, "--preset", "paper", "-o", target, "--force"
+    )
     assert outcome.code == 130
     assert [path.name for path in tmp_path.iterdir()] == ["estimate.json"]
     assert target.read_text() == "old"
+
+
+@pytest.mark.parametrize("command", ["import", "design", "identify", "validate"])
+def test_no_result_is_replaced_unasked(
+    run: Run, recordings: Recordings, tmp_path: Path, command: str
+) -> None:
+    target = tmp_path / ("old.parquet" if command == "import" else "old.json")
+    target.write_text("old")
+    words: dict[str, list[str | Path]] = {
+        "import": [recordings.csv, "--robot", "ur5"],
+        "design": ["ur5", "--starts", "1"],
+        "identify": [recordings.identification, "--preset", "paper"],
+        "validate": [recordings.estimate, recordings.validation, "--refit", "friction"],
+    }
+    outcome = run(command, *words[command], "-o", target)
+    assert outcome.code == 2
+    assert "--force" in outcome.err
+    assert target.read_text() == "old"
+    if command != "design":
+        assert run(command, *words[command], "-o", target, "--force").code == 0
+        assert target.read_bytes() != b"old"
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hostile_files import DOCUMENTS, MAKERS
 
-from dynid.core import InputError, load_object
-from dynid.recording import read_recording
+from dynid.core import InputError, RecordError, load_object
+from dynid.recording import KEY, read_record, read_recording
+from dynid.recording.budget import Budget
 from dynid.robot import load_robot
 
 SAMPLE = [
@@ -39,6 +41,20 @@ def test_a_reader_that_ended_is_followed_by_another(tmp_path: Path) -> None:
     text = tmp_path / "x.csv"
     text.write_text("t,q,tau\n" + "".join(f"{k / 125},{k % 9},{k % 7}\n" for k in range(99)))
     assert read_recording(text).samples > 90
+
+
+def test_own_recordings_have_the_same_budget(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "own.parquet"
+    arrow, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    zeros = arrow.table({"t": np.zeros(20_000_000)})
+    parquet.write_table(zeros.replace_schema_metadata({KEY: b"{}"}), path, compression="zstd")
+    assert path.stat().st_size < 1e6
+    monkeypatch.setattr(Budget, "of", lambda files: Budget(memory_bytes=100 << 20))
+    for read in (read_record, read_recording):
+        with pytest.raises(RecordError, match=r"memory.*100 MB"):
+            read(path)
 
 
 @pytest.mark.parametrize("name", sorted(DOCUMENTS))

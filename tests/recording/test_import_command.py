@@ -9,7 +9,7 @@ import scipy.io
 from recorded_motions import UR_JOINTS, Motion, write_rtde_csv
 
 from dynid.core import InputError, RecordError
-from dynid.recording import read_recording
+from dynid.recording import read_record, read_recording
 from dynid.robot import load_robot
 from dynid.workflow import import_recording
 
@@ -23,6 +23,17 @@ def test_an_output_that_cannot_be_written_is_bad_usage(tmp_path: Path, output: s
         import_recording([path], tmp_path / output)
     assert caught.value.exit_code == 2
     assert [file.name for file in tmp_path.iterdir()] == ["x.csv"]
+
+
+def test_nothing_is_replaced_unasked(tmp_path: Path) -> None:
+    path, output = write_rtde_csv(MOTION, tmp_path / "x.csv"), tmp_path / "run.parquet"
+    output.write_bytes(b"the only recording of a broken arm")
+    with pytest.raises(InputError, match="--force") as caught:
+        import_recording([path], output)
+    assert caught.value.exit_code == 2
+    assert output.read_bytes() == b"the only recording of a broken arm"
+    import_recording([path], output, force=True)
+    assert read_record(output).samples == MOTION.samples
 
 
 def test_a_matrix_without_names_says_what_to_type(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dynid.core import Finding, JobError, RecordError
+from dynid.core import Finding, InputError, JobError, RecordError
 from dynid.recording import (
     MARK,
     RecordMetadata,
@@ -253,9 +253,9 @@ def test_nothing_takes_the_place_of_a_recording_unasked(tmp_path: Path) -> None:
     with open_writer(path) as writer:
         fill(writer, 30)
     good = path.read_bytes()
-    with pytest.raises(RecordError, match="--force"):
+    with pytest.raises(InputError, match="--force"):
         open_writer(path)
-    with pytest.raises(RecordError, match="--force"):
+    with pytest.raises(InputError, match="--force"):
         write_record(read_record(path), path, force=False)
     assert path.read_bytes() == good
     with RecordWriter(path, NAMES, ("q",), force=True) as writer:

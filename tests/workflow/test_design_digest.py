@@ -179,3 +179,40 @@ def test_hostile_numbers_are_one_line(
     with pytest.raises(InputError) as caught:
         check(path)
     assert "\n" not in str(caught.value)
+
+
+ARM = """<robot name="arm"><link name="base"/><link name="one">
+<inertial><mass value="2"/><origin xyz="0 0 0.2"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><geometry><mesh filename="package://arm/meshes/part.stl"/></geometry></collision></link>
+<joint name="j" type="revolute"><parent link="base"/><child link="one"/><axis xyz="0 1 0"/>
+<origin xyz="0 0 0.5"/><limit lower="-1" upper="1" velocity="1" effort="90"/></joint></robot>"""
+STL = """solid part
+facet normal 0 0 1
+outer loop
+vertex 0.01 0.02 0
+vertex 0.2 0 0
+vertex 0 0.2 0.1
+endloop
+endfacet
+endsolid part
+"""
+
+
+def test_a_design_remembers_where_meshes_are(tmp_path: Path) -> None:
+    path, folder = tmp_path / "arm.urdf", tmp_path / "meshes of mine"
+    path.write_text(ARM)
+    folder.mkdir()
+    (folder / "part.stl").write_text(STL)
+    settings = DesignSettings(
+        method="ga", population=4, generations=1, harmonics=3, period_s=8.0,
+        mesh_dirs=(str(folder),),
+    )  # fmt: skip
+    design(path, settings, output=tmp_path / "design.json")
+    stored = read_design(tmp_path / "design.json")
+    assert (len(stored.robot.bodies), stored.changed) == (1, ())
+    folder.rename(tmp_path / "elsewhere")
+    stored = read_design(tmp_path / "design.json")
+    assert (len(stored.robot.bodies), stored.changed) == (0, ("robot",))
+    there = [str(tmp_path / "elsewhere")]
+    assert check(tmp_path / "design.json", mesh_dirs=there).design.digest == "matches"

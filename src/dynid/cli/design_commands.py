@@ -13,9 +13,11 @@ import typer
 from dynid.cli.options import (
     ClearanceOption,
     FloorOption,
+    ForceFlag,
     Interrupted,
     JsonFlag,
     MarginOption,
+    MeshDirOption,
     PayloadOption,
     SeedOption,
     ToolOption,
@@ -155,6 +157,7 @@ def _design(
     no_collision: Annotated[
         bool, typer.Option("--no-collision", help="Do not look at collisions.")
     ] = False,
+    mesh_dir: MeshDirOption = None,
     floor: FloorOption = None,
     tool: ToolOption = None,
     payload: PayloadOption = None,
@@ -205,6 +208,7 @@ def _design(
     ] = None,
     krl: Annotated[Path | None, typer.Option(metavar="FILE", help="Points as KUKA KRL.")] = None,
     rapid: Annotated[Path | None, typer.Option(metavar="FILE", help="Points as ABB RAPID.")] = None,
+    force: ForceFlag = False,
     json: JsonFlag = False,
 ) -> int:
     """Optimal excitation trajectory, certified (paper 2.2)."""
@@ -213,18 +217,19 @@ def _design(
         DesignSettings,
         design,
         export_motion,
+        mesh_folders,
         parse_floor,
         parse_payload,
         parse_tool,
     )
 
     inputs = [path for path in (scene, *(previous or ()), *(motion or ())) if path is not None]
-    check_output(output, inputs=inputs, suffix=".json")
+    check_output(output, inputs=inputs, suffix=".json", force=force)
     exports = {"csv": csv, "urscript": urscript, "ros": ros}
     exports |= {"movej": movej, "waypoints": waypoints, "krl": krl, "rapid": rapid}
     for kind, path in exports.items():
         if path is not None:
-            check_output(path, inputs=inputs, where=f"--{kind}")
+            check_output(path, inputs=inputs, where=f"--{kind}", force=force)
     _check_apart({"-o": output, **{f"--{kind}": path for kind, path in exports.items()}})
     settings = DesignSettings(
         method=method,
@@ -243,6 +248,7 @@ def _design(
         limits=limits,
         scene=None if scene is None else str(scene),
         collision=not no_collision,
+        mesh_dirs=mesh_folders(mesh_dir),
         floor=parse_floor(floor),
         tool=parse_tool(tool),
         payload=parse_payload(payload),
@@ -379,6 +385,7 @@ def _check(
             metavar="floor|wall|ceiling|tilt:DEG", help="Mounting; default: the design's."
         ),
     ] = None,
+    mesh_dir: MeshDirOption = None,
     floor: FloorOption = None,
     tool: ToolOption = None,
     payload: PayloadOption = None,
@@ -388,7 +395,7 @@ def _check(
 ) -> int:
     """Certify limits and collisions, between samples too."""
     from dynid.cli.output import print_json
-    from dynid.workflow import check, parse_floor, parse_payload, parse_tool
+    from dynid.workflow import check, mesh_folders, parse_floor, parse_payload, parse_tool
 
     result = check(
         design,
@@ -397,6 +404,7 @@ def _check(
         collision=not no_collision,
         robot=robot,
         mount=mount,
+        mesh_dirs=mesh_folders(mesh_dir),
         floor=parse_floor(floor),
         tool=parse_tool(tool),
         payload=parse_payload(payload),

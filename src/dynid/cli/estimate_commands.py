@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dynid.cli.options import (
+    ForceFlag,
     GainsOption,
     JsonFlag,
     RobotOption,
@@ -300,6 +301,7 @@ def _identify(
         float | None, typer.Option("--validate-to", metavar="S", help="End of its window.")
     ] = None,
     gains: GainsOption = None,
+    force: ForceFlag = False,
     everything: AllFlag = False,
     json: JsonFlag = False,
 ) -> None:
@@ -320,7 +322,7 @@ def _identify(
     )
     if output is not None:
         inputs = [*records, *([] if validation is None else [validation])]
-        check_output(output, inputs=inputs, suffix=".json")
+        check_output(output, inputs=inputs, suffix=".json", force=force)
     with progress_bar("identify") as progress:
         result = identify_files(
             records,
@@ -375,12 +377,23 @@ def _validate(
         Path | None,
         typer.Option("--output", "-o", metavar="FILE", help="Write the refitted estimate here."),
     ] = None,
+    force: ForceFlag = False,
     json: JsonFlag = False,
 ) -> None:
     """Prediction error on another recording (paper 3.1)."""
-    from dynid.cli.output import console, number, print_json, print_notices, print_table
+    from dynid.cli.output import (
+        check_output,
+        console,
+        number,
+        print_json,
+        print_notices,
+        print_table,
+    )
     from dynid.validation import CAUSES
     from dynid.workflow import estimate_at, validate_files
+
+    if output is not None:
+        check_output(output, inputs=[estimate, record], force=force)
 
     result = validate_files(
         estimate,

@@ -9,6 +9,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable
+from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any
 
@@ -16,6 +17,7 @@ import typer
 
 from dynid.core import DynidError, InputError
 
+ForceFlag = Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")]
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 RobotOption = Annotated[
     str | None,
@@ -67,6 +69,10 @@ def parse_gains(text: str | None) -> tuple[float, ...] | None:
         ) from error
 
 
+MeshDirOption = Annotated[
+    list[Path] | None,
+    typer.Option("--mesh-dir", metavar="DIR", help="Where meshes of a URDF are; may be repeated."),
+]
 FloorOption = Annotated[
     str | None,
     typer.Option(

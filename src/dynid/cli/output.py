@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from dynid.core import InputError
+from dynid.core import InputError, require_absent
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -131,7 +131,12 @@ def count(number: int, noun: str) -> str:
 
 
 def check_output(
-    path: Path, inputs: Iterable[Path] = (), suffix: str | None = None, *, where: str = "-o"
+    path: Path,
+    inputs: Iterable[Path] = (),
+    suffix: str | None = None,
+    *,
+    where: str = "-o",
+    force: bool = True,
 ) -> None:
     """Find out before a long job whether its result can be written.
 
@@ -140,6 +145,7 @@ def check_output(
         inputs: Files that it must not overwrite.
         suffix: What the name must end in.
         where: The option that named it.
+        force: Whether it may replace a file that exists.
 
     Raises:
         InputError: The directory is missing or closed, or the path is no place for the result.
@@ -157,6 +163,7 @@ def check_output(
         raise InputError("the output would overwrite an input", where=where, value=str(path))
     if str(path) == "-" or (os.path.exists(path) and not os.path.isfile(path)):
         raise InputError("the output must be a file that can be kept", where=where, value=str(path))
+    require_absent(path, force=force)
     directory = path.parent
     if not os.path.isdir(directory):
         raise InputError(

@@ -11,8 +11,10 @@ import typer
 
 from dynid.cli.options import (
     FloorOption,
+    ForceFlag,
     GainsOption,
     JsonFlag,
+    MeshDirOption,
     PayloadOption,
     SeedOption,
     ToolOption,
@@ -71,6 +73,7 @@ def _run(
     scene: Annotated[
         str | None, typer.Option(metavar="SCENE.json", help="Surroundings, if not the design's.")
     ] = None,
+    mesh_dir: MeshDirOption = None,
     floor: FloorOption = None,
     tool: ToolOption = None,
     payload: PayloadOption = None,
@@ -78,9 +81,7 @@ def _run(
         list[str] | None,
         typer.Option(metavar="KIND", help="Move though this cannot be judged, as self-collision."),
     ] = None,
-    force: Annotated[
-        bool, typer.Option("--force", help="Replace the recording if it exists.")
-    ] = False,
+    force: ForceFlag = False,
     seed: SeedOption = 0,
     json: JsonFlag = False,
 ) -> None:
@@ -89,6 +90,7 @@ def _run(
     from dynid.experiment import stop_on_signals
     from dynid.workflow import (
         RunSettings,
+        mesh_folders,
         parse_floor,
         parse_payload,
         parse_thermal,
@@ -107,6 +109,7 @@ def _run(
         robot=robot,
         mount=mount,
         scene=scene,
+        mesh_dirs=mesh_folders(mesh_dir),
         floor=parse_floor(floor),
         tool=parse_tool(tool),
         payload=parse_payload(payload),
@@ -217,13 +220,14 @@ def _import(
     topic: Annotated[
         str | None, typer.Option(metavar="NAME", help="The bag's topic, of any type.")
     ] = None,
+    force: ForceFlag = False,
     json: JsonFlag = False,
 ) -> None:
     """A foreign recording becomes ours: checked and repaired."""
     from dynid.cli.output import check_output, print_json
     from dynid.workflow import ImportOptions, import_recording
 
-    check_output(output, inputs=files, suffix=".parquet")
+    check_output(output, inputs=files, suffix=".parquet", force=force)
     imported = import_recording(
         files,
         output,
@@ -239,6 +243,7 @@ def _import(
             joint_order=None if joint_order is None else tuple(joint_order.split(",")),
             topic=topic,
         ),
+        force=force,
     )
     if json:
         print_json(imported.to_json())

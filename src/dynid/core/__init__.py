@@ -24,6 +24,7 @@ from dynid.core.files import (
     file_behind,
     file_hash,
     provenance,
+    require_absent,
     write_json,
     write_text,
 )
@@ -84,6 +85,7 @@ __all__ = [
     "provenance",
     "read_only",
     "require",
+    "require_absent",
     "result_of",
     "silent",
     "solve_upper",

@@ -72,6 +72,26 @@ def file_behind(path: Path) -> Path:
     return target
 
 
+def require_absent(*paths: Path, force: bool) -> None:
+    """Refuse to write where a file stands, unless told to.
+
+    Args:
+        *paths: The files to write.
+        force: Whether they may replace what stands there.
+
+    Raises:
+        InputError: A file stands there.
+    """
+    # os.path says False where Path raises, as for names that no file can have.
+    there = None if force else next((path for path in paths if os.path.exists(path)), None)
+    if there is not None:
+        raise InputError(
+            "the file exists, and nothing is replaced unasked",
+            where=str(there),
+            next_step="Name another file, or pass --force.",
+        )
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a file in one piece: an interrupt leaves the old file or the new one.
 

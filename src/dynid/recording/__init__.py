@@ -13,7 +13,7 @@ from dynid.recording.partial import (
     partial_path,
     recover,
 )
-from dynid.recording.reading import read_recording
+from dynid.recording.reading import read_record, read_recording
 from dynid.recording.record import (
     JOINT_QUANTITIES,
     ExperimentRecord,
@@ -22,7 +22,7 @@ from dynid.recording.record import (
 )
 from dynid.recording.repair.pipeline import RepairSettings, repair
 from dynid.recording.ros1 import ros1_messages
-from dynid.recording.store import KEY, read_record, write_record
+from dynid.recording.store import KEY, write_record
 from dynid.recording.table import RawTable
 from dynid.recording.units import factor_of
 from dynid.recording.writer import RecordWriter

@@ -148,8 +148,6 @@ _NOT_MEASURED = frozenset(
     )
     for word in line.split()
 )
-NOT_TAKEN = "not taken for measured torques:"
-"""Begins the note on columns that look like torques and may be others."""
 _MAIN_SCOPES = frozenset({"joint_states", "joint_state", "actual", "feedback", "measured", "state"})
 
 
@@ -232,7 +230,7 @@ def choose(
         )
     passed = [family.label for family in like if family not in others]
     if passed and not any(name in chosen for name in TORQUE_SOURCES):
-        notes.append(f"{NOT_TAKEN} {', '.join(map(repr, passed[:8]))}")
+        notes.append(f"not taken for measured torques: {', '.join(map(repr, passed[:8]))}")
     return chosen, notes
 
 

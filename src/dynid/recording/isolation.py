@@ -1,4 +1,4 @@
-"""Foreign files are read in a process of their own, whose memory and time the system limits.
+"""Recordings are read in a process of their own, whose memory and time the system limits.
 
 One bound for all formats: whatever a file claims or a library does with it, the reader ends and the
 caller gets one message. The process is started once (0.4 s of CPU) and reads one file after the
@@ -32,10 +32,17 @@ from dynid.core import (
     finding_from_json,
 )
 from dynid.recording.budget import Budget
+from dynid.recording.record import (
+    ExperimentRecord,
+    metadata_from_json,
+    metadata_to_json,
+    notices_from_json,
+)
 from dynid.recording.table import RawTable, ReadOptions
 
-Reader = Callable[[list[Path], ReadOptions, Budget], RawTable | Path]
-"""Reads files with options; a path is an own recording that was packed."""
+Read = RawTable | ExperimentRecord
+"""What files hold: a table to be repaired, or an own recording, which is complete."""
+Reader = Callable[[list[Path], ReadOptions, Budget], Read]
 _ERRORS: dict[str, type[DynidError]] = {
     kind.__name__: kind for kind in (InputError, JobError, MissingExtraError, RecordError)
 }
@@ -64,7 +71,7 @@ class _Worker:
             start_new_session=True,
         )
 
-    def ask(self, request: dict[str, Any]) -> RawTable | Path | None:
+    def ask(self, request: dict[str, Any]) -> Read | None:
         """The answer to one request; None where the process ended before it."""
         stdin, stdout = self.process.stdin, self.process.stdout
         if stdin is None or stdout is None:
@@ -81,7 +88,7 @@ class _Worker:
         if "error" in answer:
             kind = _ERRORS.get(answer.pop("error"), RecordError)
             raise kind(answer.pop("what"), **answer)
-        return Path(answer["own"]) if "own" in answer else _unpack(answer, stdout)
+        return _unpack(answer, stdout)
 
     def end(self) -> int:
         """End the process and tell how it ended."""
@@ -102,24 +109,28 @@ _lock = threading.Lock()
 _worker: list[_Worker] = []
 
 
-def read_isolated(files: Sequence[Path], options: ReadOptions, folder: Path) -> RawTable | Path:
+def read_isolated(files: Sequence[Path], options: ReadOptions) -> Read:
     """Read files within their budget.
 
     Args:
         files: The files of one recording.
         options: What the user says of them.
-        folder: A folder for what is unpacked, which the caller removes.
 
     Raises:
         RecordError: Not a recording, or one that needs more than its budget.
         MissingExtraError: A format whose extra is not installed.
     """
+    with tempfile.TemporaryDirectory(prefix="dynid-") as folder:
+        return _ask(files, options, folder)
+
+
+def _ask(files: Sequence[Path], options: ReadOptions, folder: str) -> Read:
     budget = Budget.of(files)
     request = {
         "files": [str(file.resolve()) for file in files],
         "options": {**asdict(options), "columns": _plain(options.columns)},
         "budget": {item.name: getattr(budget, item.name) for item in fields(Budget)},
-        "folder": str(folder),
+        "folder": folder,
     }
     where = ", ".join(file.name for file in files)
     with _lock:
@@ -175,7 +186,8 @@ def serve(read: Reader) -> None:
             _relax()
             limit = f"{budget.memory_bytes >> 20} MB"
             text = "the file needs more memory than one of its size may"
-            _refuse(RecordError(text, limit=limit, next_step=_SMALLER), answers)
+            where = ", ".join(Path(file).name for file in request["files"])
+            _refuse(RecordError(text, where=where, limit=limit, next_step=_SMALLER), answers)
             return
 
 
@@ -217,34 +229,38 @@ def _refuse(error: DynidError, answers: IO[bytes]) -> None:
     answers.flush()
 
 
-def _send(found: RawTable | Path, answers: IO[bytes]) -> None:
-    if isinstance(found, Path):
-        answers.write(json.dumps({"own": str(found)}).encode() + b"\n")
-        answers.flush()
-        return
-    arrays = {name: getattr(found, name) for name in _ARRAYS}
+def _send(found: Read, answers: IO[bytes]) -> None:
+    own = isinstance(found, ExperimentRecord)
+    arrays = {"t": found.t} if own else {name: getattr(found, name) for name in _ARRAYS}
     arrays |= {f"signals/{name}": value for name, value in found.signals.items()}
     arrays |= {f"channels/{name}": value for name, value in found.channels.items()}
     there = {
         name: np.ascontiguousarray(value) for name, value in arrays.items() if value is not None
     }
-    facts: dict[str, Any] = {
-        item.name: getattr(found, item.name)
-        for item in fields(RawTable)
-        if item.name not in (*_ARRAYS, "signals", "channels")
-    }
-    facts["said"] = sorted(found.said)
-    facts["notices"] = [notice.to_json() for notice in found.notices]
-    head = {"facts": facts, "arrays": [[k, v.dtype.str, v.shape] for k, v in there.items()]}
+    facts: dict[str, Any]
+    if own:
+        facts = {"metadata": metadata_to_json(found.metadata)}
+        facts["problems"] = [notice.to_json() for notice in found.problems]
+    else:
+        facts = {
+            item.name: getattr(found, item.name)
+            for item in fields(RawTable)
+            if item.name not in (*_ARRAYS, "signals", "channels")
+        }
+        facts["said"] = sorted(found.said)
+        facts["notices"] = [notice.to_json() for notice in found.notices]
+    listed = [[name, value.dtype.str, value.shape] for name, value in there.items()]
+    head = {"own": own, "facts": facts, "arrays": listed}
     answers.write(json.dumps(head).encode() + b"\n")
     for value in there.values():
         answers.write(value.data)
     answers.flush()
 
 
-def _unpack(answer: dict[str, Any], stream: IO[bytes]) -> RawTable | None:
-    facts: dict[str, Any] = {**answer["facts"], **dict.fromkeys(_ARRAYS)}
-    facts |= {"signals": {}, "channels": {}}
+def _unpack(answer: dict[str, Any], stream: IO[bytes]) -> Read | None:
+    facts: dict[str, Any] = {**answer["facts"], "signals": {}, "channels": {}}
+    if not answer["own"]:
+        facts |= dict.fromkeys(_ARRAYS)
     for name, kind, shape in answer["arrays"]:
         value = np.empty(shape, dtype=np.dtype(kind))
         view = value.reshape(-1).view(np.uint8).data
@@ -258,6 +274,14 @@ def _unpack(answer: dict[str, Any], stream: IO[bytes]) -> RawTable | None:
             facts[group][key] = value
         else:
             facts[name] = value
+    if answer["own"]:
+        return ExperimentRecord(
+            t=facts["t"],
+            signals=facts["signals"],
+            metadata=metadata_from_json(facts["metadata"]),
+            problems=notices_from_json(facts["problems"]),
+            channels=facts["channels"],
+        )
     facts["said"] = frozenset(facts["said"])
     facts["notices"] = tuple(map(finding_from_json, facts["notices"]))
     facts["labels"] = {name: tuple(names) for name, names in facts["labels"].items()}

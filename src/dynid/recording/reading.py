@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import tempfile
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +22,7 @@ from dynid.recording.partial import partial_path
 from dynid.recording.record import ExperimentRecord
 from dynid.recording.repair.pipeline import RepairSettings, repair
 from dynid.recording.sheets import are_one_run
-from dynid.recording.store import read_own
+from dynid.recording.store import fitted, read_own
 from dynid.recording.table import RawTable, ReadOptions
 from dynid.robot import RobotModel
 
@@ -96,6 +96,8 @@ def _in_folder(folder: Path) -> list[Path]:
     )
 
 
+OWN = "own"
+"""Of `ReadOptions.format`: a recording of ours and nothing else."""
 _TEXT = ("auto", "csv", "ur-csv", "ur-rtde-csv")
 _READERS: dict[str, Callable[[list[Path], ReadOptions, Budget], RawTable]] = {
     **dict.fromkeys(_TEXT, read_csv),
@@ -179,13 +181,9 @@ def read_recording(
         topic=topic,
         degrees=degrees,
     )
-    with tempfile.TemporaryDirectory(prefix="dynid-") as folder:
-        if len(given) == 1 and content_kind(given[0]) == "parquet":
-            table = _own(given, options)
-        else:
-            table = read_isolated(given, options, Path(folder))
-        if isinstance(table, Path):
-            return read_own(table, robot, known)
+    table = read_isolated(given, options)
+    if isinstance(table, ExperimentRecord):
+        return fitted(table, robot, known, given[0].name)
     record = repair(table, settings)
     metadata = replace(
         record.metadata, origin=", ".join(str(file) for file in given), input_hash=_hash(given)
@@ -198,32 +196,52 @@ def serve_requests() -> None:
     serve(read_table)
 
 
-def read_table(given: list[Path], options: ReadOptions, budget: Budget) -> RawTable | Path:
-    """What files hold, before anything is repaired; an own recording that was packed as a path.
+def read_record(path: str | Path) -> ExperimentRecord:
+    """Read a recording of ours, or what is left of one whose writer was killed.
+
+    Args:
+        path: The Parquet file; its `.partial` file is read where the Parquet was never
+            finished (the recording then has a `truncated_file` problem).
+
+    Raises:
+        RecordError: Missing, foreign, or damaged.
+    """
+    file = Path(path)
+    # os.path says False where Path raises, as for names that no file can have.
+    if not os.path.exists(file):
+        file = partial_path(file)
+    if not os.path.isfile(file):
+        raise RecordError("there is no such file", where=str(path))
+    found = read_isolated([file], ReadOptions(format=OWN))
+    if not isinstance(found, ExperimentRecord):
+        raise RecordError("this is no dynid recording", where=str(path))
+    return found
+
+
+def read_table(
+    given: list[Path], options: ReadOptions, budget: Budget
+) -> RawTable | ExperimentRecord:
+    """What files hold, before anything is repaired; an own recording is complete.
 
     Raises:
         RecordError: Not a recording.
         MissingExtraError: A format whose extra is not installed.
     """
+    if options.format == OWN:
+        return read_own(given[0])
     with unpacked(given, budget) as files:
         kind = _format(files, options.format)
         if kind == "parquet":
-            return _own(files, options)
+            if options.columns is not None or options.degrees or options.joint_order is not None:
+                raise RecordError(
+                    "a dynid recording is complete: columns, degrees and joint order do not apply",
+                    where=files[0].name,
+                )
+            return read_own(files[0])
         table = _READERS[kind](files, replace(options, format=kind), budget)
     values = sum(value.size for value in (*table.signals.values(), *table.channels.values()))
     budget.require_values(values, where=table.source)
     return table
-
-
-def _own(files: Sequence[Path], options: ReadOptions) -> Path:
-    if _format(list(files), options.format) != "parquet" or (
-        options.columns is not None or options.degrees or options.joint_order is not None
-    ):
-        raise RecordError(
-            "a dynid recording is complete: columns, degrees and joint order do not apply",
-            where=files[0].name,
-        )
-    return files[0]
 
 
 def _format(files: list[Path], wanted: str) -> str:

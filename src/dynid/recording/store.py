@@ -11,7 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Finding, RecordError, cannot_write, file_behind, parse_json
+from dynid.core import (
+    Array,
+    Finding,
+    RecordError,
+    cannot_write,
+    file_behind,
+    parse_json,
+    require_absent,
+)
 from dynid.recording.partial import is_partial, partial_path, read_partial, recover
 from dynid.recording.record import (
     UNITS,
@@ -31,20 +39,6 @@ KEY = b"dynid"
 _FOREIGN = "Import it with: dynid import FILE -o RECORD.parquet"
 
 
-def require_absent(path: Path, force: bool) -> None:
-    """Refuse to write where a file stands, unless told to.
-
-    Raises:
-        RecordError: A file stands there.
-    """
-    if path.exists() and not force:
-        raise RecordError(
-            "there is a file already, and nothing replaces it unasked",
-            where=str(path),
-            next_step="Choose another name, or pass --force.",
-        )
-
-
 def write_record(record: ExperimentRecord, path: str | Path, *, force: bool = True) -> None:
     """Write a recording; the file appears whole or not at all.
 
@@ -58,7 +52,7 @@ def write_record(record: ExperimentRecord, path: str | Path, *, force: bool = Tr
         JobError: The disk does not take it.
     """
     target = file_behind(Path(path))
-    require_absent(target, force)
+    require_absent(target, force=force)
     names, columns = _columns(record)
     description: dict[str, Any] = {
         "schema": VERSION,
@@ -102,37 +96,36 @@ def write_record(record: ExperimentRecord, path: str | Path, *, force: bool = Tr
 
 
 def is_own(path: Path) -> bool:
-    """Whether a file is a recording of ours, whole, unfinished or damaged."""
+    """Whether a file is a recording of ours, whole, unfinished or damaged.
+
+    The key of the description is looked for in the footer's bytes: nothing is decoded.
+    """
     if is_partial(path):
         return True
-    parquet = importlib.import_module("pyarrow.parquet")
-    try:
-        return KEY in (parquet.read_schema(path).metadata or {})
-    # A file whose description is damaged may be ours: reading it says what is wrong.
-    except Exception:
-        return True
+    with path.open("rb") as stream:
+        end = stream.seek(0, os.SEEK_END)
+        stream.seek(max(end - 8, 0))
+        tail = stream.read()
+        start = end - 8 - int.from_bytes(tail[:4], "little")
+        if tail[4:] != b"PAR1" or start < 4:
+            # A file whose footer is damaged may be ours: reading it says what is wrong.
+            return True
+        stream.seek(start)
+        # Thrift writes a text's length before it.
+        return bytes([len(KEY)]) + KEY in stream.read()
 
 
-def read_record(path: str | Path) -> ExperimentRecord:
-    """Read a recording of ours, or what is left of one whose writer was killed.
-
-    Args:
-        path: The Parquet file; its `.partial` file is read where the Parquet was never
-            finished (the recording then has a `truncated_file` problem).
+def read_own(file: Path) -> ExperimentRecord:
+    """Read a recording of ours, finished or not; `read_record` bounds what that costs.
 
     Raises:
-        RecordError: Missing, foreign, or damaged.
+        RecordError: Foreign, or damaged.
     """
-    file = Path(path)
-    if not file.exists() and partial_path(file).is_file():
-        return recover(partial_path(file))
-    if not file.is_file():
-        raise RecordError("there is no such file", where=str(file))
     if is_partial(file):
         return recover(file)
     parquet = importlib.import_module("pyarrow.parquet")
     try:
-        with parquet.ParquetFile(file, page_checksum_verification=True) as source:
+        with parquet.ParquetFile(file, page_checksum_verification=True, pre_buffer=False) as source:
             entries: dict[bytes, bytes] = source.schema_arrow.metadata or {}
             if KEY not in entries:
                 raise RecordError(
@@ -146,7 +139,7 @@ def read_record(path: str | Path) -> ExperimentRecord:
                 for name in table.column_names
             }
         description: dict[str, Any] = parse_json(entries[KEY].decode())
-    except RecordError:
+    except (RecordError, MemoryError):
         raise
     # pyarrow raises many kinds on damaged bytes (ArrowInvalid, OSError, UnicodeError, ...).
     except Exception as error:
@@ -218,25 +211,28 @@ def _record(file: Path, description: Any, columns: dict[str, Array]) -> Experime
         ) from error
 
 
-def read_own(
-    path: Path, robot: RobotModel | None, gains: tuple[float, ...] | None
+def fitted(
+    record: ExperimentRecord,
+    robot: RobotModel | None,
+    gains: tuple[float, ...] | None,
+    where: str,
 ) -> ExperimentRecord:
-    """Read a Parquet recording of ours and fit it to a robot.
+    """A recording of ours, fitted to a robot.
 
     Args:
-        path: The file.
+        record: The recording.
         robot: The robot; its joints must be those of the recording.
         gains: Drive gains [N.m/A] that override those of the recording.
+        where: The file, for messages.
 
     Raises:
-        RecordError: Foreign or damaged, or another number of joints or gains.
+        RecordError: Another number of joints or gains.
     """
-    record = read_record(path)
     if robot is not None:
         if record.joints != robot.joints:
             raise RecordError(
                 f"the recording has {record.joints} joints but {robot.name} has {robot.joints}",
-                where=path.name,
+                where=where,
             )
         names = record.metadata.joint_names
         if set(names) == set(robot.joint_names) and names != robot.joint_names:

@@ -18,10 +18,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, Finding, InputError, JobError, RecordError
+from dynid.core import Array, Finding, InputError, JobError, RecordError, require_absent
 from dynid.recording.partial import MARK, create_partial, pack, partial_path, read_partial, recover
 from dynid.recording.record import RecordMetadata, check_quantities, metadata_to_json
-from dynid.recording.store import require_absent, write_record
+from dynid.recording.store import write_record
 
 _FLUSH_S = 0.5
 _FLUSH_ROWS = 4096
@@ -71,7 +71,7 @@ class RecordWriter:
         """Where the rows are: the partial file, and the recording once it is closed."""
         self._force = force
         self._aborted = False
-        require_absent(self.path, force)
+        require_absent(self.path, force=force)
         self._quantities = check_quantities(quantities)
         self._channels = tuple(channels)
         self._joints = len(joint_names)

@@ -11,6 +11,7 @@ from dynid.workflow.design_files import (
 )
 from dynid.workflow.design_limits import (
     DesignLimits,
+    mesh_folders,
     parse_floor,
     parse_payload,
     parse_tool,
@@ -78,6 +79,7 @@ __all__ = [
     "identify_shared",
     "identify_temperature",
     "import_recording",
+    "mesh_folders",
     "open_records",
     "parse_floor",
     "parse_payload",

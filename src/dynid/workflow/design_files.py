@@ -72,6 +72,8 @@ def digest_of(
     """
     held = limits.to_json()
     around = {name: held.pop(name) for name in ("scene", "scene_file", "floor")}
+    # What was found there is part of the robot.
+    del held["mesh_dirs"]
     rest = {name: value for name, value in facts.items() if name not in ("limits", "digest")}
     bounds = {name: value.tolist() for name, value in asdict(stored.limits).items()}
     parts = {
@@ -142,7 +144,8 @@ def write_design(design: ExcitationDesign, path: str | Path) -> None:
         limits=copied_bounds(design.limits),
         provenance=design.provenance,
     )
-    robot = limits.equipped(load_robot(design.robot, mount=_mount(facts)))
+    folders = tuple(map(Path, limits.mesh_dirs))
+    robot = limits.equipped(load_robot(design.robot, mount=_mount(facts), mesh_dirs=folders))
     facts["digest"] = digest_of(
         stored, facts, limits, str(facts["limits"].pop(ROBOT, robot_hash(robot))), robot.tool
     )
@@ -157,7 +160,11 @@ def write_design(design: ExcitationDesign, path: str | Path) -> None:
 
 
 def read_design(
-    path: str | Path, *, robot: str | Path | None = None, mount: str | None = None
+    path: str | Path,
+    *,
+    robot: str | Path | None = None,
+    mount: str | None = None,
+    mesh_dirs: Sequence[str] | None = None,
 ) -> StoredDesign:
     """Read a design or a plain trajectory, and its robot.
 
@@ -165,6 +172,7 @@ def read_design(
         path: The file.
         robot: Another name or file of the robot, where the stored one has moved.
         mount: The mounting; None for the design's.
+        mesh_dirs: Folders where meshes of a URDF are looked for; None for the design's.
 
     Raises:
         InputError: Not a design, or its robot cannot be read or has other joints.
@@ -173,8 +181,14 @@ def read_design(
     found = stored.extra.get("design")
     facts: dict[str, Any] = dict(JsonFields(stored.extra).object("design").values) if found else {}
     placed = mount if mount is not None else _mount(facts)
+    limits = limits_from_json(JsonFields(facts, "design.").object("limits")) if facts else None
+    if mesh_dirs is None:
+        mesh_dirs = () if limits is None else limits.mesh_dirs
+    folders = tuple(map(Path, mesh_dirs))
     try:
-        model = load_robot(stored.robot if robot is None else robot, mount=placed)
+        model = load_robot(
+            stored.robot if robot is None else robot, mount=placed, mesh_dirs=folders
+        )
     except InputError as error:
         raise InputError(
             f"the robot of the design: {error.what}",
@@ -190,7 +204,6 @@ def read_design(
             value=f"{stored.trajectory.joints} joints",
             limit=f"{model.joints} of {model.name}",
         )
-    limits = limits_from_json(JsonFields(facts, "design.").object("limits")) if facts else None
     changed: tuple[str, ...] = ()
     if limits is not None:
         model = limits.equipped(model)
@@ -265,6 +278,7 @@ def check(
     payload: tuple[float, ...] | None = None,
     margin_percent: float | None = None,
     clearance: float | None = None,
+    mesh_dirs: Sequence[str] | None = None,
 ) -> Check:
     """Judge a design from its start to its end, between samples too.
 
@@ -282,11 +296,12 @@ def check(
         payload: (4) mass that the flange carries [kg] and its centre [m].
         margin_percent: Of the limits, kept free.
         clearance: Smallest distance of bodies [m].
+        mesh_dirs: Folders where meshes of a URDF are looked for.
 
     Raises:
         InputError: Not a design, a scene that makes no sense, or one that would not be looked at.
     """
-    stored = read_design(design, robot=robot, mount=mount)
+    stored = read_design(design, robot=robot, mount=mount, mesh_dirs=mesh_dirs)
     held = given_limits(
         limits,
         collision,

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from dynid.constraints import (
     CLEARANCE,
@@ -48,6 +49,8 @@ class DesignLimits:
     """Of the limits of velocity, speed, torque, momentum and power, kept free."""
     clearance: float = CLEARANCE
     """Smallest distance between bodies [m]."""
+    mesh_dirs: tuple[str, ...] = ()
+    """Folders where meshes of the robot are looked for, beside the usual places."""
 
     def __post_init__(self) -> None:
         for name, value, known in (
@@ -104,6 +107,7 @@ class DesignLimits:
             "payload": None if self.payload is None else list(self.payload),
             "margin_percent": self.margin_percent,
             "clearance": self.clearance,
+            "mesh_dirs": list(self.mesh_dirs),
         }
 
     def _scene(self) -> Scene | None:
@@ -142,6 +146,18 @@ def given_limits(
     elif blind:
         given |= {"scene": None, "scene_file": ""}
     return replace(base or DesignLimits(), preset=preset, collision=collision, **given)
+
+
+def mesh_folders(given: Sequence[Path] | None) -> tuple[str, ...] | None:
+    """The folders of `--mesh-dir`, so that they are found again from elsewhere.
+
+    Raises:
+        InputError: One that is none.
+    """
+    for folder in given or ():
+        if not os.path.isdir(folder):
+            raise InputError("there is no such folder", where="--mesh-dir", value=str(folder))
+    return tuple(str(folder.resolve()) for folder in given) if given else None
 
 
 def parse_floor(text: str | None) -> float | str | None:
@@ -209,5 +225,6 @@ def limits_from_json(fields: JsonFields) -> DesignLimits:
     for name in ("tool", "payload"):
         if fields.get(name) is not None:
             found[name] = tuple(fields.vector(name).tolist())
+    found["mesh_dirs"] = tuple(map(str, cast("list[str]", fields.get("mesh_dirs") or [])))
     scene_file = str(fields.get("scene_file") or "")
     return DesignLimits(preset=preset, collision=collision, scene_file=scene_file, **found)

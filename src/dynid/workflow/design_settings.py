@@ -88,6 +88,8 @@ class DesignSettings:
     """Of the limits, kept free; None for the usual."""
     clearance: float | None = None
     """Smallest distance of bodies [m]; None for the usual ones."""
+    mesh_dirs: tuple[str, ...] | None = None
+    """Folders where meshes of a URDF are looked for, beside the usual places."""
     frames: str = ""
     """`dh`, `mdh` or `urdf`; empty for the robot's own."""
     mount: str | None = None
@@ -182,7 +184,7 @@ class DesignSettings:
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
         data: dict[str, Any] = asdict(self)
-        for name in ("start_pose", "tool", "payload", "noise", "previous", "motions"):
+        for name in ("start_pose", "tool", "payload", "noise", "previous", "motions", "mesh_dirs"):
             if data[name] is not None:
                 data[name] = list(data[name])
         return data

@@ -96,7 +96,11 @@ def design(
             accuracy within ten minutes.
     """
     asked = settings or DesignSettings()
-    model = robot if isinstance(robot, RobotModel) else load_robot(robot, mount=asked.mount)
+    model = (
+        robot
+        if isinstance(robot, RobotModel)
+        else load_robot(robot, mount=asked.mount, mesh_dirs=tuple(map(Path, asked.mesh_dirs or ())))
+    )
     if isinstance(robot, RobotModel) and asked.mount is not None:
         model = with_mount(model, asked.mount)
     reference = model.name if isinstance(robot, RobotModel) else robot_reference(robot)
@@ -125,6 +129,7 @@ class _DesignJob:
             payload=asked.payload,
             margin_percent=asked.margin_percent,
             clearance=asked.clearance,
+            mesh_dirs=asked.mesh_dirs,
         )
         robot = self.robot = self.limits.equipped(robot)
         self.judge: MotionConstraints = self.limits.constraints(robot)

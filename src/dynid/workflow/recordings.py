@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import InputError, JobError, RecordError, told
+from dynid.core import InputError, JobError, RecordError, require_absent, told
 from dynid.recording import (
     ExperimentRecord,
     content_kind,
@@ -273,6 +273,7 @@ def import_recording(
     *,
     robot: str | Path | None = None,
     options: ImportOptions | None = None,
+    force: bool = False,
 ) -> Imported:
     """Read a recording in any format, repair it, write it as ours.
 
@@ -282,6 +283,7 @@ def import_recording(
         robot: Built-in name, URDF or robot file. Without one, nothing is checked against the
             robot, motor signals stay as they are, and `identify` has to be told the robot.
         options: How to read the files.
+        force: Whether an existing file is replaced.
 
     Raises:
         InputError: A robot or recording that cannot be read, or a place where no such file can
@@ -289,6 +291,7 @@ def import_recording(
         JobError: The disk does not take the recording.
     """
     how = options or ImportOptions()
+    require_absent(Path(output), force=force)
     record = read_recording(
         [Path(file) for file in files],
         robot=None if robot is None else load_robot(robot),
@@ -306,5 +309,5 @@ def import_recording(
         # The name alone would not find a robot file again.
         metadata = replace(record.metadata, robot=robot_reference(robot))
         record = replace(record, metadata=metadata)
-    write_record(record, output)
+    write_record(record, output, force=force)
     return Imported(record=record, path=Path(output))

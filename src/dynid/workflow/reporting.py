@@ -8,7 +8,6 @@ An estimate as the report shows it: beside its record, and beside what confirms 
 from __future__ import annotations
 
 import itertools
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from dynid.constraints import DISTANCES
-from dynid.core import Array, DynidError, InputError, Progress, silent
+from dynid.core import Array, DynidError, InputError, Progress, load_object, silent
 from dynid.identification import FORMAT, Estimate, read_estimate
 from dynid.recording import ExperimentRecord, identity, read_record
 from dynid.reduction import reduce_model
@@ -269,7 +268,6 @@ def _temperature(partner: _Partner, result: ValidationResult) -> Array | None:
 
 MOST_ESTIMATES = 6
 """A page with more would no longer be light."""
-MAX_JSON = 64 << 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -359,18 +357,13 @@ def _reporting_search(folder: Path, tell: Progress) -> _Found:
 
 def _kind(path: Path) -> str:
     """What a JSON file holds; empty for anything else."""
-    if path.stat().st_size > MAX_JSON:
-        return ""
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        fields = load_object(path)
+    except InputError:
         return ""
-    if not isinstance(document, dict):
-        return ""
-    fields: dict[str, object] = document  # pyright: ignore[reportUnknownVariableType]
     if fields.get("format") == FORMAT:
         return FORMAT
-    kind = str(fields.get("kind", ""))
+    kind = str(fields.get("kind") or "")
     return "trajectory" if kind.startswith("dynid.") else ""
 
 

@@ -68,6 +68,8 @@ class RunSettings:
     """Mounting, where it is not the design's."""
     scene: str | None = None
     """Scene file, where the surroundings are not the design's."""
+    mesh_dirs: tuple[str, ...] | None = None
+    """Folders where meshes of a URDF are looked for; None for the design's."""
     floor: float | str | None = None
     """Height of the floor [m], `mount` or `none`; None for the design's."""
     tool: tuple[float, ...] | None = None
@@ -164,7 +166,7 @@ def load_design(path: Path, asked: RunSettings) -> LoadedDesign:
     Raises:
         InputError: Not a design, or one for a robot that cannot be read.
     """
-    found = read_design(path, robot=asked.robot, mount=asked.mount)
+    found = read_design(path, robot=asked.robot, mount=asked.mount, mesh_dirs=asked.mesh_dirs)
     # A design for the paper's limits may still not run on a robot: safe ones hold there.
     limits = given_limits(
         "safe",
@@ -195,22 +197,6 @@ def mark_aborted(path: Path, abort: Abort) -> None:
             record = replace(record, problems=(*record.problems, said))
         extra = {**record.metadata.extra, "aborted": abort.message, "abort": abort.code}
         write_record(replace(record, metadata=replace(record.metadata, extra=extra)), path)
-
-
-def require_absent(files: tuple[Path, ...], force: bool) -> None:
-    """Refuse before anything moves to write where a file stands, unless told to.
-
-    Raises:
-        InputError: One does.
-    """
-    there = next((file for file in files if file.exists()), None)
-    if there is not None and not force:
-        raise InputError(
-            "the file exists, and nothing is replaced unasked",
-            where="-o",
-            value=str(there),
-            next_step="Name another file, or pass --force.",
-        )
 
 
 def truth_path(recording: Path) -> Path:

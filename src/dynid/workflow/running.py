@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import InputError, JobError, Progress
+from dynid.core import InputError, JobError, Progress, require_absent
 from dynid.drivers import Abort, Driver, SimulatedDriver, UrDriver, inspect
 from dynid.experiment import ExperimentPlan, RunResult, run
 from dynid.recording import ExperimentRecord, RecordMetadata, RecordWriter, partial_path
@@ -28,7 +28,6 @@ from dynid.workflow.run_settings import (
     load_design,
     made_ready,
     mark_aborted,
-    require_absent,
     truth_path,
     write_truth,
 )
@@ -193,7 +192,8 @@ def run_design(
             next_step="Leave it out, or stream to a controller: dynid controller, --on ur://HOST.",
         )
     loaded = load_design(Path(design), asked)
-    require_absent((path, truth_path(path)) if on == SIMULATED else (path,), asked.force)
+    written = (path, truth_path(path)) if on == SIMULATED else (path,)
+    require_absent(*written, force=asked.force)
     if on == SIMULATED:
         driver = _simulated(loaded, asked)
         plan = _plan(loaded, asked, RATE_HZ, warm_up_s=0.0)

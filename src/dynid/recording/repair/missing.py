@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynid.core import Array, RecordError
-from dynid.recording.headers import NOT_TAKEN, by_rows
+from dynid.recording.headers import by_rows
 from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, Mask, RawTable, Rows, rows_with
 
 ABSURD = 1e12
@@ -45,8 +45,8 @@ def drop_missing(table: RawTable) -> RawTable:
         table = _judge(table, quantity, alive)
     table = _without_silence(table)
     if not any(name in table.signals for name in TORQUE_SOURCES):
-        hints = [n.message for n in table.notices if n.kind == "dead_channel"]
-        hints += [note for note in table.notes if note.startswith(NOT_TAKEN)]
+        hints = [notice.text for notice in table.notices if notice.kind == "dead_channel"]
+        hints += table.notes
         raise RecordError(
             "there is neither current nor effort",
             where=table.source,
