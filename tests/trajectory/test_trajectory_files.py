@@ -94,7 +94,10 @@ def spoil(path: Path, change: Callable[[dict[str, Any]], object]) -> Path:
         (lambda d: d["trajectory"].update(period=True), "period must be a number"),
         (lambda d: d["trajectory"].update(period=-1), "period must be positive"),
         (lambda d: d["trajectory"].update(offset=[1e9, 0.0]), "position; .* below 1e"),
-        (lambda d: d["trajectory"].update(period=1e-3, a=[[3e4] * 3] * 2), "acceleration; .* below"),
+        (
+            lambda d: d["trajectory"].update(period=1e-3, a=[[3e4] * 3] * 2),
+            "acceleration; .* below",
+        ),
         (lambda d: d["trajectory"].update(period=10**400), "period is too large"),
         (lambda d: d["trajectory"].update(offset=[0.1]), "wrong shape"),
         (lambda d: d["trajectory"].update(a=[[1, 2], [1]]), "rows of one length"),
