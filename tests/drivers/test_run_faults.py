@@ -192,8 +192,10 @@ def test_a_protective_stop(controller: RunningController, fault: Fault) -> None:
     observer = fault.run(controller.host, bump)
     fault.check(observer, "safety_mode", 1, "safety mode became protective stop")
     # And while it lasts, the preflight lets nothing move.
-    words = ["run", fault.design, "--on", f"ur://{controller.host}", "-o", fault.record, "--yes"]
+    again = fault.record.with_name("again.parquet")
+    words = ["run", fault.design, "--on", f"ur://{controller.host}", "-o", again, "--yes"]
     assert main([str(word) for word in words]) == 1
+    assert not again.exists()
     with Observer(controller.host) as waiting:
         unlock = fault.at + UNLOCK_S
         waiting.wait_for(lambda package: waiting.number(package, "timestamp") > unlock)

@@ -127,4 +127,6 @@ def test_a_joint_that_stands_still_takes_nothing_from_the_others() -> None:
     json.dumps(result.to_json(), allow_nan=False)
     value = dict(zip(estimate.names, estimate.values, strict=True))
     assert [value[f"Fv{j}"] for j in (1, 2, 3)] == pytest.approx(VISCOUS[:3], rel=0.1)
-    assert verdict(result).level == "do_not_use"
+    judged = verdict(result)
+    assert (judged.prediction.answer, judged.parameters.answer) == ("limits", "no")
+    assert "only for motions like these" in judged.prediction.reason

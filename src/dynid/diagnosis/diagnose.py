@@ -82,8 +82,8 @@ def diagnose(
         settings: Their window; delays, periods and cut-off are not used: nothing is hidden.
 
     Returns:
-        Of several recordings, each kind of fault once, as the recording shows it that shows it
-        best; contacts of each.
+        Errors first. Of several recordings, each kind of fault once, as the recording shows it
+        that shows it best; contacts of each.
     """
     plain = ProcessingSettings(start_s=settings.start_s, stop_s=settings.stop_s)
     best: dict[tuple[str, tuple[int, ...]], tuple[float, Finding]] = {}
@@ -98,7 +98,7 @@ def diagnose(
             if key not in best or best[key][0] < item.score:
                 best[key] = (item.score, finding_of(item, robot))
         others += _signals(record, robot, samples, explained)
-    ranked = sorted(best.values(), key=lambda pair: -pair[0])
+    ranked = sorted(best.values(), key=lambda pair: (pair[1].severity != "error", -pair[0]))
     kinds = {finding.kind for _, finding in ranked}
     # The clock shows itself in two ways.
     rest = [f for f in others if not (f.kind == "clock_scale" and f.kind in kinds)]

@@ -114,11 +114,11 @@ def _rivals(rec: Recording) -> Iterator[WholeSignal]:
         yield WholeSignal(
             recording=changed, kind="clock_offset", joints=(), value=float(by), unit="s"
         )
-    for j in range(n):
+    for joints in (*((j,) for j in range(n)), tuple(range(n))):
         sign = np.ones(n)
-        sign[j] = -1.0
+        sign[list(joints)] = -1.0
         changed = replace(rec, tau=rec.tau * sign)
-        yield WholeSignal(recording=changed, kind="reversed", joints=(j,), value=-1.0, unit="1")
+        yield WholeSignal(recording=changed, kind="reversed", joints=joints, value=-1.0, unit="1")
     for i, j in combinations(range(n), 2):
         if robot.prismatic[i] != robot.prismatic[j]:
             continue
