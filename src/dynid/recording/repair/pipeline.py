@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -156,49 +157,50 @@ class RepairSettings:
     """Column numbers base to tip, or the robot's joint names in the file's order."""
 
 
-def repair(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """One thing that a file may have wrong, and what is done about it."""
+
+    name: str
+    """What to leave out of `repair` to see what the rule is worth."""
+    apply: Callable[[RawTable, RepairSettings], RawTable]
+    """The table with it repaired and reported."""
+    earned_by: str
+    """A file or damage that is read worse without it."""
+
+
+def _alone(rule: Callable[[RawTable], RawTable]) -> Callable[[RawTable, RepairSettings], RawTable]:
+    return lambda table, settings: rule(table)
+
+
+def _of_robot(
+    rule: Callable[[RawTable, RobotModel | None], RawTable],
+) -> Callable[[RawTable, RepairSettings], RawTable]:
+    return lambda table, settings: rule(table, settings.robot)
+
+
+def repair(
+    table: RawTable, settings: RepairSettings, rules: Sequence[Rule] | None = None
+) -> ExperimentRecord:
     """Check a raw table, repair what can be repaired, and report all of it.
 
     Args:
         table: What an importer found.
         settings: What the user knows.
+        rules: What is looked for, in this order; all of `RULES` by default.
 
     Raises:
         RecordError: What is left is no recording of this robot.
     """
-    robot = settings.robot
-    table = settle_joints(table, robot, settings.joint_order)
-    table = replace(table, index=np.arange(table.samples, dtype=np.int64))
-    _check_gains(settings.gains, table)
-    table = _start_clock(table, settings.rate_hz)
-    table = lay_together(table)
-    table = drop_missing(table)
-    table = drop_zero_positions(table)
-    table = drop_repeats(table)
-    table = mend_jumps(table)
-    table = join_runs(table)
-    table = spread_stamps(table)
-    table = repair_stamps(table)
-    table = shorten_gaps(table)
-    _require_rows(table)
-    table = convert_degrees(table, robot, settings.degrees)
-    table = unwrap_turns(table, robot)
-    table = to_joint_side(table, robot)
-    table = shift_turns(table, robot)
-    table = drop_frozen(table)
-    table = drop_spikes(table)
-    table = drop_bursts(table)
-    table = drop_broken_ends(table)
-    _require_rows(table)
-    table = settle_unit(table)
-    table = refuse_degrees(table, robot)
-    table = report_clock(table)
-    table = check_counted_rows(table)
-    table = check_velocities(table, settings.rate_hz)
-    table = report_saturation(table)
-    table = report_rest(table)
-    table = report_odd_torques(table, robot)
+    for rule in RULES if rules is None else rules:
+        table = rule.apply(table, settings)
     return _record(table, settings)
+
+
+def _number_rows(table: RawTable, settings: RepairSettings) -> RawTable:
+    if settings.gains is not None:
+        _check_gains(settings.gains, table)
+    return replace(table, index=np.arange(table.samples, dtype=np.int64))
 
 
 def _start_clock(table: RawTable, rate_hz: float | None) -> RawTable:
@@ -217,9 +219,7 @@ def _start_clock(table: RawTable, rate_hz: float | None) -> RawTable:
     return replace(table, t=t, time_scale=1.0, t0="0.0", clock="rate")
 
 
-def _check_gains(gains: tuple[float, ...] | None, table: RawTable) -> None:
-    if gains is None:
-        return
+def _check_gains(gains: tuple[float, ...], table: RawTable) -> None:
     if len(gains) != table.joints:
         raise RecordError(
             "the number of gains is not the number of joints", value=gains, limit=table.joints
@@ -228,11 +228,12 @@ def _check_gains(gains: tuple[float, ...] | None, table: RawTable) -> None:
         raise RecordError("drive gains must be finite and not zero", value=gains)
 
 
-def _require_rows(table: RawTable) -> None:
+def _require_rows(table: RawTable) -> RawTable:
     if table.samples < 2:
         raise RecordError(
             "fewer than two usable rows are left", where=table.source, value=table.samples
         )
+    return table
 
 
 def _record(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
@@ -258,3 +259,42 @@ def _record(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
         channels=table.channels,
     )
     return replace(record, problems=(*record.problems, *check_channels(record)))
+
+
+RULES: tuple[Rule, ...] = (
+    Rule("joints", lambda t, s: settle_joints(t, s.robot, s.joint_order), "ROS messages"),
+    Rule("rows", _number_rows, "every message that names a row"),
+    Rule("clock", lambda t, s: _start_clock(t, s.rate_hz), "tx40: no time stamps"),
+    Rule("lay_together", _alone(lay_together), "files of one run with clocks of their own"),
+    Rule("drop_missing", _alone(drop_missing), "cells that are empty or no number"),
+    Rule("drop_zero_positions", _alone(drop_zero_positions), "rows of zeros at a lost link"),
+    Rule("drop_repeats", _alone(drop_repeats), "rows written twice"),
+    Rule("mend_jumps", _alone(mend_jumps), "a clock that was set while it ran"),
+    Rule("join_runs", _alone(join_runs), "several runs in one file"),
+    Rule("spread_stamps", _alone(spread_stamps), "stamps that are rounded"),
+    Rule("repair_stamps", _alone(repair_stamps), "panda_gaz: stamps that jitter"),
+    Rule("shorten_gaps", _alone(shorten_gaps), "pauses of minutes between runs"),
+    Rule("enough_rows", _alone(_require_rows), "files of a header alone"),
+    Rule("degrees", lambda t, s: convert_degrees(t, s.robot, s.degrees), "kr300_weigand: degrees"),
+    Rule("unwrap_turns", _of_robot(unwrap_turns), "kinova_gen3: angles between 0 and 360"),
+    Rule("to_joint_side", _of_robot(to_joint_side), "tx40: motor values of a coupled wrist"),
+    Rule("shift_turns", _of_robot(shift_turns), "angles that are a turn off"),
+    Rule("drop_frozen", _alone(drop_frozen), "rows repeated while the link was lost"),
+    Rule("drop_spikes", _alone(drop_spikes), "single samples that are wrong"),
+    Rule("drop_bursts", _alone(drop_bursts), "stretches of rows that are wrong"),
+    Rule("drop_broken_ends", _alone(drop_broken_ends), "a last row that was cut"),
+    Rule("enough_rows_left", _alone(_require_rows), "files of damage alone"),
+    Rule("settle_unit", _alone(settle_unit), "time in milliseconds"),
+    Rule("refuse_degrees", _of_robot(refuse_degrees), "degrees that nobody announced"),
+    Rule("report_clock", _alone(report_clock), "jitter and lost rows"),
+    Rule("check_counted_rows", _alone(check_counted_rows), "rows lost where nothing has a stamp"),
+    Rule(
+        "check_velocities",
+        lambda t, s: check_velocities(t, s.rate_hz),
+        "velocities in another unit, or a wrong clock",
+    ),
+    Rule("report_saturation", _alone(report_saturation), "torques that are clipped"),
+    Rule("report_rest", _alone(report_rest), "long standstill at an end"),
+    Rule("report_odd_torques", _of_robot(report_odd_torques), "currents called efforts"),
+)
+"""All rules in their order; `benchmarks/import_rules.py` takes out one after the other."""
