@@ -46,7 +46,16 @@ if TYPE_CHECKING:
     )
     from dynid.excitation import ExcitationDesign
     from dynid.export import ExportedFile, write_model
-    from dynid.identification import DriveGains, Estimate, Payload, read_estimate, write_estimate
+    from dynid.identification import (
+        DriveGains,
+        Estimate,
+        Estimator,
+        Fit,
+        IdentificationProblem,
+        Payload,
+        read_estimate,
+        write_estimate,
+    )
     from dynid.recording import (
         ExperimentRecord,
         RecordMetadata,
@@ -118,15 +127,18 @@ __all__ = [
     "DriveGains",
     "DynidError",
     "Estimate",
+    "Estimator",
     "ExcitationDesign",
     "ExperimentRecord",
     "ExportedFile",
     "Finding",
+    "Fit",
     "Fleet",
     "FleetSettings",
     "FourierSeries",
     "FrictionTerms",
     "Identification",
+    "IdentificationProblem",
     "IdentifySettings",
     "ImportOptions",
     "InputError",
@@ -208,6 +220,9 @@ _HOME = {
     "identification": (
         "DriveGains",
         "Estimate",
+        "Estimator",
+        "Fit",
+        "IdentificationProblem",
         "Payload",
         "read_estimate",
         "write_estimate",

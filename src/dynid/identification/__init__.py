@@ -47,6 +47,7 @@ from dynid.identification.instrumental import (
 from dynid.identification.least_squares import (
     PRIOR_GAIN,
     Estimator,
+    Fit,
     HuberRegression,
     OrdinaryLeastSquares,
     RecursiveEstimate,
@@ -110,6 +111,7 @@ __all__ = [
     "DriveGains",
     "Estimate",
     "Estimator",
+    "Fit",
     "HuberRegression",
     "IdentificationProblem",
     "InertialPrior",

@@ -6,13 +6,14 @@ Whether the parameters of two estimates mean the same.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy import special  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core import Array, Finding, Indices, InputError, Mask, read_only, told
-from dynid.identification import Estimate
+from dynid.identification import Estimate, read_estimate
 from dynid.robot import RobotModel
 
 _SAME_PLACE = 1e-9
@@ -168,19 +169,20 @@ class ParameterComparison:
         }
 
 
-def compare(a: Estimate, b: Estimate) -> ParameterComparison:
+def compare(a: Estimate | str | Path, b: Estimate | str | Path) -> ParameterComparison:
     """Compare two estimates parameter by parameter and group by group.
 
     The records are taken as independent. What a wrong model does to both alike cancels in the
     difference; z-scores then follow a standard normal where nothing moved.
 
     Args:
-        a: The first estimate, such as the cold robot's.
+        a: The first estimate or its file, such as the cold robot's.
         b: The second, such as the warm robot's.
 
     Raises:
         InputError: Estimates of different robots, mountings, frames, terms or base sets.
     """
+    a, b = (x if isinstance(x, Estimate) else read_estimate(x) for x in (a, b))
     refuse_strangers(a, b)
     difference = b.values - a.values
     deviation = np.sqrt(np.square(a.std) + np.square(b.std))

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dynid.core import Array, Finding, Mask, read_only, told
-from dynid.identification import Estimate, autocorrelation, motion_state
-from dynid.recording import ExperimentRecord, identity
+from dynid.identification import Estimate, autocorrelation, motion_state, read_estimate
+from dynid.recording import ExperimentRecord, identity, read_recording
 from dynid.signals import (
     ProcessingSettings,
     Samples,
@@ -241,8 +242,8 @@ class ValidationResult:
 
 
 def validate(
-    estimate: Estimate,
-    record: ExperimentRecord,
+    estimate: Estimate | str | Path,
+    record: ExperimentRecord | str | Path,
     *,
     start_s: float | None = None,
     stop_s: float | None = None,
@@ -255,15 +256,19 @@ def validate(
     said in the warnings.
 
     Args:
-        estimate: The estimate; its settings are used, its delays as they are.
-        record: The record to predict.
+        estimate: The estimate or its file; its settings are used, its delays as they are.
+        record: The record to predict, or its file in any format that is read without options.
         start_s: Start of the window, from the record's start [s].
         stop_s: End of the window [s].
 
     Raises:
         InputError: The record does not fit the robot, or the window is empty.
     """
+    if not isinstance(estimate, Estimate):
+        estimate = read_estimate(estimate)
     robot = estimate.model.robot
+    if not isinstance(record, ExperimentRecord):
+        record = read_recording(record, robot=robot)
     settings = _settings(estimate, record, start_s, stop_s)
     signals = uniform_signals(record, robot, settings)
     own = max(settings.cutoff_hz or 0.0, default_cutoff(signals.q, signals.rate_hz))

@@ -7,9 +7,11 @@ The motion of a design in the formats of others: CSV, URScript, ROS.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -211,6 +213,18 @@ def read_design(
     return StoredDesign(stored=stored, robot=model, facts=facts, limits=limits, changed=changed)
 
 
+@contextmanager
+def design_file(design: ExcitationDesign | str | Path) -> Generator[Path]:
+    """The file of a design; one in memory is written to a folder that is removed afterwards."""
+    if not isinstance(design, ExcitationDesign):
+        yield Path(design)
+        return
+    with TemporaryDirectory(prefix="dynid-") as folder:
+        path = Path(folder) / "design.json"
+        write_design(design, path)
+        yield path
+
+
 def _changed(
     stored: StoredTrajectory, facts: dict[str, Any], limits: DesignLimits, robot: RobotModel
 ) -> tuple[str, ...]:
@@ -266,7 +280,7 @@ class Check:
 
 
 def check(
-    design: str | Path,
+    design: ExcitationDesign | str | Path,
     *,
     limits: str = "safe",
     scene: str | Path | None = None,
@@ -283,7 +297,7 @@ def check(
     """Judge a design from its start to its end, between samples too.
 
     Args:
-        design: A design, or any trajectory file.
+        design: A design or its file, or any trajectory file.
         limits: `safe`, whatever the design was made for; or `paper`: position, velocity and
             acceleration alone.
         scene: A scene file; None for the one that the design was made in.
@@ -301,7 +315,8 @@ def check(
     Raises:
         InputError: Not a design, a scene that makes no sense, or one that would not be looked at.
     """
-    stored = read_design(design, robot=robot, mount=mount, mesh_dirs=mesh_dirs)
+    with design_file(design) as path:
+        stored = read_design(path, robot=robot, mount=mount, mesh_dirs=mesh_dirs)
     held = given_limits(
         limits,
         collision,

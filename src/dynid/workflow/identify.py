@@ -48,6 +48,7 @@ from dynid.signals import (
     was_smoothed,
 )
 from dynid.validation import ValidationResult, reproduce, validate
+from dynid.workflow.recordings import RecordLike, opened
 
 PRESETS = ("best", "paper")
 WEIGHTINGS = ("joint", "size")
@@ -62,7 +63,8 @@ class IdentifySettings:
     """
 
     preset: str = "best"
-    estimator: str | None = None
+    estimator: str | Estimator | None = None
+    """A word of `ESTIMATORS`, or an estimator of your own."""
     terms: FrictionTerms | None = None
     cutoff_hz: float | None = None
     """Low-pass cut-off [Hz]."""
@@ -79,17 +81,27 @@ class IdentifySettings:
         for value, allowed, where in (
             (self.preset, PRESETS, "--preset"),
             (self.purpose, PURPOSES, "--for"),
-            (self.estimator or "ols", ESTIMATORS, "--estimator"),
+            (self.estimator_name or "ols", (*ESTIMATORS, self.own_name), "--estimator"),
             (self.weighting, WEIGHTINGS, "--weighting"),
         ):
             if value not in allowed:
                 raise InputError("unknown", where=where, value=value, limit=", ".join(allowed))
 
+    @property
+    def own_name(self) -> str | None:
+        """Name of an estimator of one's own."""
+        return self.estimator.name if isinstance(self.estimator, Estimator) else None
+
+    @property
+    def estimator_name(self) -> str | None:
+        """The estimator's word or name; None: as the preset says."""
+        return self.own_name if isinstance(self.estimator, Estimator) else self.estimator
+
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
         return {
             "preset": self.preset,
-            "estimator": self.estimator,
+            "estimator": self.estimator_name,
             "terms": None if self.terms is None else self.terms.to_json(),
             "cutoff_hz": self.cutoff_hz,
             "start_s": self.start_s,
@@ -118,6 +130,8 @@ def chosen_estimator(
     Raises:
         InputError: Weighting by joint size without torque limits.
     """
+    if isinstance(settings.estimator, Estimator):
+        return settings.estimator
     weight = 0.0 if choice is None else choice.prior_weight
     gain = None if choice is None else PRIOR_GAIN
     word = settings.estimator or ("ols" if choice is None else "wls")
@@ -285,11 +299,11 @@ class Identification:
 
 
 def identify(
-    records: ExperimentRecord | Sequence[ExperimentRecord],
+    records: RecordLike | Sequence[RecordLike],
     robot: RobotModel | str | Path,
     settings: IdentifySettings | None = None,
     *,
-    validation: ExperimentRecord | None = None,
+    validation: RecordLike | None = None,
     validation_start_s: float | None = None,
     validation_stop_s: float | None = None,
     progress: Progress | None = None,
@@ -297,7 +311,7 @@ def identify(
     """Identify base parameters from one or more recordings.
 
     Args:
-        records: Recordings of the robot, or one; the window applies to each.
+        records: Recordings of the robot or their files, or one; the window applies to each.
         robot: The robot, or its name or file.
         settings: What to do; the default is `--preset best`.
         validation: Another recording to predict, or the same one with another window.
@@ -309,14 +323,10 @@ def identify(
         InputError: Recordings that do not fit the robot, an empty window, unknown settings.
         JobError: A singular problem.
     """
-    several = [records] if isinstance(records, ExperimentRecord) else list(records)
-    for record in (*several, *(() if validation is None else (validation,))):
-        if not isinstance(record, ExperimentRecord):  # pyright: ignore[reportUnnecessaryIsInstance]
-            raise InputError(
-                "not a recording", value=record, next_step="Read it with dynid.read_recording."
-            )
     if not isinstance(robot, RobotModel):
         robot = load_robot(robot)
+    several = opened(records, robot)
+    other = None if validation is None else opened(validation, robot)[0]
     # Matrices of sixty columns: a second BLAS thread spins more than it helps.
     with threadpool_limits(limits=1, user_api="blas"):
         return _identify(
@@ -324,7 +334,7 @@ def identify(
             robot,
             settings or IdentifySettings(),
             progress,
-            (validation, validation_start_s, validation_stop_s),
+            (other, validation_start_s, validation_stop_s),
         )
 
 

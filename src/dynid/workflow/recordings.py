@@ -25,6 +25,8 @@ from dynid.recording import (
 from dynid.robot import RobotModel, load_robot, robots
 from dynid.workflow.payload import identify_gains
 
+RecordLike = ExperimentRecord | str | Path
+"""A recording, or its file in any format that is read without options."""
 _HEAD = 400
 _TEXT_SUFFIXES = (".csv", ".tsv", ".txt")
 _RESULTS = {
@@ -63,6 +65,28 @@ def open_record(
         _refuse_results(Path(path))
         record = read_recording(_files_of(Path(path)), robot=robot)
     return record if gains is None else with_gains(record, robot, gains)
+
+
+def opened(records: RecordLike | Sequence[RecordLike], robot: RobotModel) -> list[ExperimentRecord]:
+    """Recordings, read where they are files.
+
+    Args:
+        records: One or several.
+        robot: The robot they were made on.
+
+    Raises:
+        InputError: What is no recording, or not one of this robot.
+    """
+    single = isinstance(records, ExperimentRecord | str | Path)
+    found: list[ExperimentRecord] = []
+    for record in [records] if single else records:
+        if isinstance(record, str | Path):
+            found.append(open_record(record, robot))
+        elif isinstance(record, ExperimentRecord):  # pyright: ignore[reportUnnecessaryIsInstance]
+            found.append(record)
+        else:
+            raise InputError("not a recording or its file", value=record)
+    return found
 
 
 def with_gains(

@@ -15,12 +15,21 @@ import numpy as np
 
 from dynid.core import InputError, JobError, Progress, require_absent
 from dynid.drivers import Abort, Driver, SimulatedDriver, UrDriver, inspect
+from dynid.excitation import ExcitationDesign
 from dynid.experiment import ExperimentPlan, RunResult, run
 from dynid.recording import ExperimentRecord, RecordMetadata, RecordWriter, partial_path
 from dynid.robot import RobotModel
-from dynid.simulation import SERIAL, SimulatedRun, Thermal, simulate, simulated_arm, with_payload
+from dynid.simulation import (
+    SERIAL,
+    SimulatedArm,
+    SimulatedRun,
+    Thermal,
+    simulate,
+    simulated_arm,
+    with_payload,
+)
 from dynid.trajectory import Trajectory
-from dynid.workflow.design_files import StoredDesign
+from dynid.workflow.design_files import StoredDesign, design_file
 from dynid.workflow.run_settings import (
     Confirm,
     LoadedDesign,
@@ -45,7 +54,7 @@ def simulate_recording(
     """Run a trajectory on the simulated arm of a robot; MuJoCo moves it, not our regressor.
 
     Args:
-        robot: The robot; the UR5, or any with known masses.
+        robot: The robot; the UR5, or any with known masses. It carries its tool.
         trajectory: What to command.
         rate_hz: Control cycles, and samples, a second.
         periods: How many times the trajectory's duration.
@@ -58,7 +67,7 @@ def simulate_recording(
         MissingExtraError: MuJoCo is not installed.
     """
     run = simulate(
-        simulated_arm(robot, serial=SERIAL),
+        _equipped_arm(robot),
         trajectory,
         rate_hz=rate_hz,
         periods=periods,
@@ -153,7 +162,7 @@ class Run:
 
 
 def run_design(
-    design: str | Path,
+    design: ExcitationDesign | str | Path,
     output: str | Path,
     *,
     on: str = SIMULATED,
@@ -165,7 +174,7 @@ def run_design(
     """Execute a design and record it.
 
     Args:
-        design: A design, or any trajectory file.
+        design: A design or its file, or any trajectory file.
         output: The recording, `*.parquet`.
         on: `sim` for the simulated arm, which moves and carries what it is told without a
             certificate; `ur://HOST` for a UR controller.
@@ -191,7 +200,8 @@ def run_design(
             value=asked.method,
             next_step="Leave it out, or stream to a controller: dynid controller, --on ur://HOST.",
         )
-    loaded = load_design(Path(design), asked)
+    with design_file(design) as file:
+        loaded = load_design(file, asked)
     written = (path, truth_path(path)) if on == SIMULATED else (path,)
     require_absent(*written, force=asked.force)
     if on == SIMULATED:
@@ -235,12 +245,16 @@ def _plan(
     )
 
 
-def _simulated(loaded: LoadedDesign, asked: RunSettings) -> SimulatedDriver:
-    arm = simulated_arm(loaded.robot, serial=SERIAL)
-    tool = loaded.robot.tool
-    if tool.mass > 0:
+def _equipped_arm(robot: RobotModel) -> SimulatedArm:
+    arm = simulated_arm(robot, serial=SERIAL)
+    if robot.tool.mass > 0:
         # Of its size nothing is said: all of it is where its centre is.
-        arm = with_payload(arm, tool.mass, tool.com, np.zeros((3, 3)))
+        arm = with_payload(arm, robot.tool.mass, robot.tool.com, np.zeros((3, 3)))
+    return arm
+
+
+def _simulated(loaded: LoadedDesign, asked: RunSettings) -> SimulatedDriver:
+    arm = _equipped_arm(loaded.robot)
     thermal = asked.thermal
     if asked.warm_up_s > 0:
         # Heat flows far more slowly than the arm moves: no need to simulate every second.
