@@ -12,7 +12,7 @@ records = [
 ]
 found = dynid.identify_temperature(records, robot)
 cold, warm = found.estimate_at(20.0), found.estimate_at(40.0)
-viscous = [k for k, name in enumerate(cold.names) if name.startswith("fv")]
+viscous = [k for k, name in enumerate(cold.names) if name.startswith("Fv")]
 for k in viscous:
     change = 100 * (warm.values[k] / cold.values[k] - 1)
     print(f"{cold.names[k]}: {cold.values[k]:.2f} at 20 degC, {change:+.0f} % at 40 degC")

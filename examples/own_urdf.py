@@ -1,7 +1,4 @@
-"""Your own arm: `python own_urdf.py arm.urdf log.csv other.csv` makes a checked model.
-
-python own_urdf.py arm.urdf log.csv other.csv
-"""
+"""Your own arm: `python own_urdf.py arm.urdf log.csv other.csv` makes a checked model."""
 
 import sys
 
