@@ -78,30 +78,26 @@ class IdentifySettings:
     of time left out."""
 
     def __post_init__(self) -> None:
+        word = None if isinstance(self.estimator, Estimator) else self.estimator
         for value, allowed, where in (
             (self.preset, PRESETS, "--preset"),
             (self.purpose, PURPOSES, "--for"),
-            (self.estimator_name or "ols", (*ESTIMATORS, self.own_name), "--estimator"),
+            (word or "ols", ESTIMATORS, "--estimator"),
             (self.weighting, WEIGHTINGS, "--weighting"),
         ):
             if value not in allowed:
                 raise InputError("unknown", where=where, value=value, limit=", ".join(allowed))
 
     @property
-    def own_name(self) -> str | None:
-        """Name of an estimator of one's own."""
-        return self.estimator.name if isinstance(self.estimator, Estimator) else None
-
-    @property
-    def estimator_name(self) -> str | None:
-        """The estimator's word or name; None: as the preset says."""
-        return self.own_name if isinstance(self.estimator, Estimator) else self.estimator
+    def estimator_word(self) -> str | None:
+        """The estimator's word, or the name of one's own; None: as the preset says."""
+        return self.estimator.name if isinstance(self.estimator, Estimator) else self.estimator
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
         return {
             "preset": self.preset,
-            "estimator": self.estimator_name,
+            "estimator": self.estimator_word,
             "terms": None if self.terms is None else self.terms.to_json(),
             "cutoff_hz": self.cutoff_hz,
             "start_s": self.start_s,
