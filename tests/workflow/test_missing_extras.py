@@ -18,7 +18,7 @@ EXTRAS = {
     "collision": "coal",
     "sdp": "clarabel",
     "dask": "distributed",
-    "figures": "kaleido",
+    "figures": "resvg_py",
     "studio": "viser",
     "hdf5": "h5py",
     "excel": "python_calamine",

@@ -42,7 +42,7 @@ def print_metrics(
         result: The prediction and its errors.
         prismatic: (n) which joints slide.
     """
-    from dynid.report import joint_unit
+    from dynid.figures import joint_unit
 
     unit = joint_unit("N.m", prismatic)
     whole, moving, rest = result.metrics, result.moving, result.at_rest

@@ -69,7 +69,13 @@ def _export(
 
 def register_report(app: typer.Typer) -> None:
     """Add the command."""
-    app.command("report", epilog=examples("dynid report runs/demo -o report.html"))(_report)
+    app.command(
+        "report",
+        epilog=examples(
+            "dynid report runs/demo -o report.html",
+            "dynid report runs/demo --figures figures --png",
+        ),
+    )(_report)
 
 
 def _report(
@@ -79,15 +85,31 @@ def _report(
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="FILE.html", help="The page to write.")
     ] = Path("report.html"),
+    figures: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Also write each figure there, as SVG."),
+    ] = None,
+    png: Annotated[
+        bool, typer.Option("--png", help="With --figures: PNG too; needs the extra figures.")
+    ] = False,
     json: JsonFlag = False,
 ) -> None:
     """One self-contained page, with the verdict first."""
     from dynid.cli.output import check_output, console, print_json, progress_bar
+    from dynid.core import InputError, require
+    from dynid.report import write_figures
     from dynid.workflow import report
 
     check_output(output, suffix=".html")
+    if png:
+        if figures is None:
+            raise InputError(
+                "where do the figures go?", where="--png", next_step="--figures FOLDER"
+            )
+        require("resvg_py", "figures")
     with progress_bar("report") as progress:
         path, contents = report(directory, output, progress=progress)
+        drawn = () if figures is None else write_figures(contents, figures, png=png)
     if json:
         print_json(
             {
@@ -95,6 +117,7 @@ def _report(
                 "bytes": path.stat().st_size,
                 "estimates": [item.name for item in contents.estimates],
                 "skipped": [list(pair) for pair in contents.skipped],
+                **({} if figures is None else {"figures": [str(file) for file in drawn]}),
             }
         )
         return

@@ -1,6 +1,7 @@
 """What is wrong with a recording or a result: rival explanations of one residual."""
 
 from dynid.diagnosis.diagnose import diagnose, findings_of
+from dynid.diagnosis.events import contact_stretches
 from dynid.diagnosis.explain import Explained, Explanation, explain
 from dynid.diagnosis.residual import Recording
 from dynid.diagnosis.verdict import (
@@ -17,6 +18,7 @@ __all__ = [
     "Explanation",
     "Recording",
     "Verdict",
+    "contact_stretches",
     "diagnose",
     "explain",
     "findings_of",

@@ -8,6 +8,7 @@ import numpy as np
 
 from dynid.core import Array, Mask
 from dynid.diagnosis.residual import Recording, Reference, fits
+from dynid.robot import RobotModel
 from dynid.signals import find_period
 
 WINDOW_S = 0.2
@@ -105,6 +106,25 @@ def contacts(rec: Recording, error: Array, ease: float = 1.0) -> tuple[Contact, 
             )
         )
     return tuple(sorted(found, key=lambda c: c.start_s))
+
+
+def contact_stretches(
+    robot: RobotModel, t: Array, dq: Array, error: Array
+) -> tuple[tuple[float, float], ...]:
+    """Start and end [s] of the contacts in a prediction.
+
+    Args:
+        robot: The robot.
+        t: (N) instants, evenly spaced [s].
+        dq: (N, n) velocities [rad/s or m/s].
+        error: (N, n) measured less predicted torques [N.m or N].
+    """
+    if len(t) < 2:
+        return ()
+    # Where the joints started does not matter: positions only tell whether they moved since.
+    q = np.cumsum(dq, axis=0) * (t[1] - t[0])
+    rec = Recording(robot=robot, t=t, q=q, dq=dq, ddq=np.zeros_like(dq), tau=error, block=1)
+    return tuple((one.start_s, one.stop_s) for one in contacts(rec, error))
 
 
 def untouched(ref: Reference, values: Array) -> tuple[Array, tuple[Contact, ...]]:

@@ -85,10 +85,15 @@ class Axis:
         if self.log:
             return _decades(self.low, self.high, most)
         step = _round_step((self.high - self.low) / max(most, 1))
-        first = math.ceil(self.low / step - 1e-6)
-        last = math.floor(self.high / step + 1e-6)
+        first, last = self._within(step)
+        if last - first < 2:
+            step = _round_step(step / 2.5)
+            first, last = self._within(step)
         digits = max(0, -math.floor(math.log10(step) + 1e-9))
         return tuple((k * step, _tick(k * step, digits)) for k in range(first, last + 1))
+
+    def _within(self, step: float) -> tuple[int, int]:
+        return math.ceil(self.low / step - 1e-6), math.floor(self.high / step + 1e-6)
 
 
 def axis_around(

@@ -51,6 +51,7 @@ class Panel:
         x: Its own x axis; None for that of the figure.
         height: Height [px].
         title: Shown above it, such as the joint's name.
+        note: A line below the title, such as the values of a curve.
         grid: Also lines at the ticks of the x axis.
     """
 
@@ -59,6 +60,7 @@ class Panel:
     x: Axis | None = None
     height: float = 120.0
     title: str = ""
+    note: str = ""
     grid: bool = False
 
 
@@ -73,6 +75,7 @@ class Figure:
         columns: Number of columns.
         link: Plots of a page with the same link share cursor and zoom; empty for none.
         note: A sentence below the title.
+        rows: Panels side by side share the categories of their y axes, named once.
     """
 
     title: str
@@ -81,6 +84,7 @@ class Figure:
     columns: int = 1
     link: str = ""
     note: str = ""
+    rows: bool = False
 
     @property
     def legend(self) -> tuple[LegendEntry, ...]:
@@ -217,10 +221,10 @@ def _strokes(sheet: _Sheet, mark: Mark) -> Iterator[str]:
         yield f'<path {sheet.stroke(mark.role, 1.1, mark.dash)} d="{path}"/>'
 
 
-def _picture(sheet: _Sheet, panel: Panel, most: int, ticks: bool) -> str:
+def _picture(sheet: _Sheet, panel: Panel, most: int, ticks: bool, named: bool = True) -> str:
     """Grid, curves, then texts."""
     wide, tall = sheet.units
-    rows = sheet.y.ticks(max(2, int(panel.height / 36)))
+    rows = sheet.y.ticks(_row_count(panel))
     columns = sheet.x.ticks(most)
     lines = [f"M0 {sheet.up(v):.0f}H{wide:.0f}" for v, _ in rows if not sheet.y.names]
     if panel.grid:
@@ -253,10 +257,12 @@ def _picture(sheet: _Sheet, panel: Panel, most: int, ticks: bool) -> str:
                 )
                 for a, b, text in places
             ]
-    drawn += [
-        sheet.text("-8", sheet.place(_row(sheet.y, value), 1), text, anchor="end")
-        for value, text in rows
-    ]
+    if named:
+        texts = "".join(
+            sheet.text("-8", sheet.place(_row(sheet.y, value), 1), text, anchor="end")
+            for value, text in rows
+        )
+        drawn.append(f'<g class="yt">{texts}</g>')
     if ticks:
         below = "100%" if sheet.size is None else f"{sheet.size[1]:g}"
         marks = "".join(
@@ -265,6 +271,10 @@ def _picture(sheet: _Sheet, panel: Panel, most: int, ticks: bool) -> str:
         )
         drawn.append(f'<g class="xt" transform="translate(0 14)">{marks}</g>')
     return "".join(drawn)
+
+
+def _row_count(panel: Panel) -> int:
+    return max(3, int(panel.height / 28))
 
 
 def _row(axis: Axis, value: float) -> float:
@@ -303,9 +313,7 @@ def plot(
 
 def margin(panels: Sequence[Panel]) -> float:
     """Room left of plots for the texts of their y axes [px]."""
-    longest = max(
-        (len(text) for p in panels for _, text in p.y.ticks(max(2, int(p.height / 36)))), default=0
-    )
+    longest = max((len(text) for p in panels for _, text in p.y.ticks(_row_count(p))), default=0)
     return 14 + CHARACTER * longest
 
 
@@ -330,10 +338,16 @@ def fragment(figure: Figure) -> str:
         ticks = panel.x is not None or k >= bottom
         svg = plot(panel, figure.x, ticks=ticks, most=max(3, 8 // figure.columns), link=figure.link)
         heading = " ".join(filter(None, (panel.title, panel.y.label)))
-        plots.append(f'<div class="panel"><p class="pt">{escape(heading)}</p>{svg}</div>')
+        if panel.note:
+            heading += f"\n{panel.note}"
+        left = margin([panel] if figure.columns > 1 else figure.panels)
+        plots.append(
+            f'<div class="panel" style="--m:{left:.0f}px">'
+            f'<p class="pt">{escape(heading)}</p>{svg}</div>'
+        )
     note = f'<p class="note">{escape(figure.note)}</p>' if figure.note else ""
     return (
-        f'<figure class="fig" style="--l:{margin(figure.panels):.0f}px;--k:{figure.columns}">'
+        f'<figure class="fig{" rows" if figure.rows else ""}" style="--k:{figure.columns}">'
         f"<figcaption><b>{escape(figure.title)}</b>{key(figure.legend)}</figcaption>{note}"
         f'<div class="panels">{"".join(plots)}</div>'
         f'<p class="xl">{escape(figure.x.label)}</p></figure>'
@@ -351,8 +365,12 @@ def document(figure: Figure, *, dark: bool = False) -> str:
         figure: The figure.
         dark: On a dark ground.
     """
-    left = margin(figure.panels)
-    cell = (WIDTH - 2 * EDGE - GAP * (figure.columns - 1)) / figure.columns
+    columns = [figure.panels[k :: figure.columns] for k in range(figure.columns)]
+    lefts = [margin(c) if k == 0 or not figure.rows else 0 for k, c in enumerate(columns)]
+    room = WIDTH - 2 * EDGE - GAP * (figure.columns - 1)
+    # Columns of rows have plots of the same width, others the same width with their texts.
+    wide = (room - lefts[0]) / figure.columns if figure.rows else room / figure.columns
+    cells = [wide + lefts[0] * (k == 0) if figure.rows else wide for k in range(figure.columns)]
     parts: list[str] = []
     page = _Sheet(figure.x, figure.panels[0].y, (WIDTH, WIDTH), dark)
     parts.append(page.text(f"{EDGE}", "30", figure.title, "ink", "start", 17))
@@ -368,19 +386,33 @@ def document(figure: Figure, *, dark: bool = False) -> str:
         )
         x += 44 + CHARACTER * len(name)
     y += 18 if figure.legend else 0
+    if figure.note:
+        parts.append(page.text(f"{EDGE}", f"{y}", figure.note, "ink2", "start"))
+        y += 18
     bottom = len(figure.panels) - figure.columns
     for start in range(0, len(figure.panels), figure.columns):
         row = figure.panels[start : start + figure.columns]
         titled = 26 if any(p.title or p.y.label for p in row) else 10
+        titled += 15 if any(p.note for p in row) else 0
         for k, panel in enumerate(row):
-            x = EDGE + k * (cell + GAP)
+            x, left, cell = EDGE + sum(cells[:k]) + k * GAP, lefts[k], cells[k]
             sheet = _Sheet(panel.x or figure.x, panel.y, (cell - left, panel.height), dark)
             ticks = panel.x is not None or start + k >= bottom
             heading = " ".join(filter(None, (panel.title, panel.y.label)))
             parts.append(
                 page.text(f"{x + left:.1f}", f"{y + 12:.1f}", heading, "ink", "start")
+                + page.text(
+                    f"{x + left:.1f}",
+                    f"{y + 27:.1f}",
+                    panel.note.replace("\n", ", "),
+                    "ink2",
+                    "start",
+                    11,
+                )
                 + f'<g transform="translate({x + left:.1f} {y + titled:.1f})">'
-                + _picture(sheet, panel, max(3, 8 // figure.columns), ticks)
+                + _picture(
+                    sheet, panel, max(3, 8 // figure.columns), ticks, not figure.rows or k == 0
+                )
                 + "</g>"
             )
         shown = any(p.x is not None for p in row) or start + len(row) > bottom

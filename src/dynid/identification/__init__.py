@@ -58,6 +58,7 @@ from dynid.identification.least_squares import (
     solve_total,
 )
 from dynid.identification.likelihood import Likelihood, MaximumLikelihood, motion_noise
+from dynid.identification.links import standard_posterior
 from dynid.identification.payload import Payload, payload_of
 from dynid.identification.physical import PhysicallyConsistent
 from dynid.identification.problem import (
@@ -177,6 +178,7 @@ __all__ = [
     "solve_instrumental",
     "solve_robot",
     "solve_total",
+    "standard_posterior",
     "trend",
     "weighed_gains",
     "with_load",

@@ -1,21 +1,38 @@
-"""What a report is about: results that were computed before.
-
-A section of the report, and what it may hold.
-"""
+"""What a report is about: results that were computed before."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from dynid.core import Array, Finding
-from dynid.identification import Estimate
+from dynid.diagnosis import Verdict
+from dynid.identification import Estimate, StandardParameters
 from dynid.reduction import BaseParametrization
-from dynid.report.theme import Canvas
 from dynid.robot import RobotModel
 from dynid.trajectory import MotionBounds, Trajectory
 from dynid.validation import ParameterComparison, ValidationResult
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KnownTruth:
+    """What a simulated arm was made of, in the frames of the estimate."""
+
+    inertials: Array
+    """(n, 10) as `RobotModel.inertias`."""
+    coulomb: Array
+    """(n) Coulomb friction [N.m or N]."""
+    viscous: Array
+    """(n) viscous friction [N.m.s/rad or N.s/m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Events:
+    """Stretches of time in the prediction that is shown [s]."""
+
+    contacts: tuple[tuple[float, float], ...] = ()
+    left_out: tuple[tuple[float, float], ...] = ()
+    """Without samples: dropped or damaged rows, and what a window left out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,34 +40,45 @@ class ReportedEstimate:
     """An estimate with its predictions and the judgement of it."""
 
     name: str
-    """What the report calls it, such as its file's name."""
+    """Its file's name."""
     estimate: Estimate
-    level: str
-    """`usable`, `care` or `do_not_use`."""
-    headline: str
-    """The verdict in one sentence."""
-    warnings: tuple[Finding, ...]
+    label: str = ""
+    """What the report calls it, such as `cold, preset best`."""
+    verdict: Verdict | None = None
+    """None without any recording to judge it by."""
+    warnings: tuple[Finding, ...] = ()
     base: BaseParametrization | None = None
-    """Which parameters motion can show, for the paper's Figure 1."""
+    links: StandardParameters | None = None
+    """Masses and inertias of the links, with how much of them is data."""
     training: ValidationResult | None = None
     """Prediction of its own record, where that is at hand."""
     training_name: str = ""
     validation: ValidationResult | None = None
     """Prediction of another record, where there is one."""
     validation_name: str = ""
-    positions: Array | None = None
-    """(N, n) uniform positions of its record, for the spectrum."""
-    rate_hz: float = 0.0
-    """Their rate [Hz]."""
-    cutoff_hz: float = 0.0
-    """The cut-off that was used [Hz]."""
-    temperature: Array | None = None
-    """(N) mean joint temperature at the validation's samples [degC]."""
+    conditions: tuple[str, ...] = ()
+    """Of its recording, in words: duration, rate, temperature, payload."""
+    tested: tuple[str, ...] = ()
+    """Of the recording that was predicted, in words."""
+    truth: KnownTruth | None = None
+    events: Events = field(default_factory=Events)
 
     @property
     def shown(self) -> ValidationResult | None:
         """The prediction that counts: of another record if there is one."""
         return self.validation or self.training
+
+    @property
+    def level(self) -> str:
+        """`usable`, `care` or `do_not_use`."""
+        return "care" if self.verdict is None else self.verdict.level
+
+    @property
+    def headline(self) -> str:
+        """The verdict in one sentence."""
+        if self.verdict is None:
+            return "Use this result with care: its recording is not at hand."
+        return self.verdict.headline
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,8 +93,6 @@ class JudgedMotion:
     distance_kinds: tuple[str, ...]
     distances: Array
     """(N, d) signed distances [m], NaN where not judged."""
-    clearance: float
-    """Smallest value allowed for them [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,71 +113,29 @@ class ReportedDesign:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportContents:
-    """All that a report shows."""
+    """All that a report shows; the first estimate is the one that decides."""
 
-    title: str
+    robot: str
+    """The robot's name for people."""
+    date: str
+    """When it was recorded or identified."""
     directory: Path
-    estimates: tuple[ReportedEstimate, ...] = ()
+    estimates: tuple[ReportedEstimate, ...]
     designs: tuple[ReportedDesign, ...] = ()
     comparisons: tuple[tuple[str, str, ParameterComparison], ...] = ()
-    """Names of two estimates, and what changed between them."""
-    skipped: tuple[tuple[str, str], ...] = field(default=())
+    """Labels of two estimates, and what changed between them."""
+    skipped: tuple[tuple[str, str], ...] = ()
     """Files that could not be used, and why."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
-    """Rows of text below a heading."""
-
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    caption: str = ""
-    folded: bool = False
-    """Shown only on request: long tables."""
-
-    @property
-    def numeric(self) -> tuple[bool, ...]:
-        """Which columns hold numbers alone, and stand right below each other."""
-        cells = zip(*self.rows, strict=True) if any(self.columns) else ()
-        found = tuple(any(column) and all(map(_is_number, column)) for column in cells)
-        return found or (False,) * len(self.columns)
+def joint_labels(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of joints for people: `shoulder_pan_joint` is Shoulder pan."""
+    plain = [name.replace("_", " ").strip() for name in names]
+    short = [name.removesuffix(" joint").removesuffix(" Joint") or name for name in plain]
+    chosen = short if len(set(short)) == len(names) else plain
+    return tuple(_printable(name[:1].upper() + name[1:]) for name in chosen)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
-    """A stretch of a section: words, then tables, then figures."""
-
-    heading: str = ""
-    words: tuple[str, ...] = ()
-    """Paragraphs, plain text."""
-    mark: str = ""
-    """`usable`, `care` or `do_not_use`: the part is painted as a verdict."""
-    tables: tuple[Table, ...] = field(default=())
-    figures: tuple[Canvas, ...] = field(default=())
-
-
-class Section(ABC):
-    """One chapter; it computes nothing."""
-
-    anchor: str
-    """Its address in the page."""
-    title: str
-
-    @abstractmethod
-    def parts(self, contents: ReportContents) -> tuple[Part, ...]:
-        """What to show; nothing if it has nothing to say."""
-
-
-def number(value: float | None, digits: int = 3) -> str:
-    """A number for people; a dash where there is none."""
-    if value is None or value != value:
-        return "-"
-    return f"{value:#.{digits}g}".rstrip(".") if value else "0"
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return cell in ("", "-")
-    return True
+def _printable(name: str, longest: int = 28) -> str:
+    name = "".join(c if c.isprintable() else "?" for c in name)
+    return name if len(name) <= longest else name[: longest - 1] + "\N{HORIZONTAL ELLIPSIS}"

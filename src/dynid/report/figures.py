@@ -1,38 +1,146 @@
-"""Figures of parameters, friction, identifiability and signals."""
+"""Figures of a result: torque, friction, links, rival models, parameters, residuals."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from dynid.core import Array, InputError
+from dynid.core import Array
+from dynid.figures import (
+    Axis,
+    Band,
+    Bars,
+    Figure,
+    Level,
+    Line,
+    Mark,
+    Panel,
+    Points,
+    Ranges,
+    Spans,
+    Texts,
+    axis_around,
+    category_axis,
+    joint_role,
+    joint_unit,
+    number,
+    shaded,
+    units,
+)
 from dynid.identification import Estimate
 from dynid.reduction import BaseParametrization
-from dynid.report.theme import (
-    LIMIT,
-    MEASURED,
-    PALETTE,
-    PREDICTED,
-    Canvas,
-    bar,
-    colour,
-    figure,
-    joint_unit,
-    label,
-    line,
-    log_axis,
-    points,
-    rounded,
-    scatter,
-    torque_unit,
-)
-from dynid.validation import ValidationResult
+from dynid.report.contents import ReportedEstimate, joint_labels
+from dynid.validation import MOVING_SPEED, ParameterComparison, ValidationResult
 
-CURVE = 400
+CONFIDENCE = 1.96
+"""Standard deviations either side of a 95 % interval."""
+STANDSTILL_S = 0.1
+"""Shorter stops are reversals."""
+MAX_POINTS = 250
+"""Of a cloud, a joint."""
+TIME = "time"
+"""Link of all plots over the time of the recording."""
 
 
-def friction_curve(estimate: Estimate, speeds: Array) -> Array:
+def worst_first(result: ValidationResult) -> list[int]:
+    """Joints by their relative error while moving, the worst first."""
+    error = np.nan_to_num(result.moving.relative_error_percent, nan=-1.0)
+    return np.argsort(-error, kind="stable").tolist()
+
+
+def time_axis(result: ValidationResult) -> Axis:
+    """The time of a prediction."""
+    first, last = float(result.t[0]), float(result.t[-1])
+    return Axis(low=first, high=max(last, first + 1e-3), label="time [s]")
+
+
+def torque_panels(item: ReportedEstimate, result: ValidationResult, j: int) -> tuple[Panel, Panel]:
+    """Measured and predicted torque of one joint, and its residual on a scale of its own.
+
+    Args:
+        item: The estimate.
+        result: Its prediction.
+        j: The joint, from 0.
+    """
+    robot = item.estimate.model.robot
+    name = joint_labels(robot.joint_names)[j]
+    unit = f"[{joint_unit('N.m', robot.prismatic[j : j + 1])}]"
+    t, measured, predicted = result.t, result.measured[:, j], result.predicted[:, j]
+    error = measured - predicted
+    events: tuple[Mark, ...] = (
+        Spans(shaded(t, np.abs(result.dq[:, j]) < MOVING_SPEED, STANDSTILL_S), name="standstill"),
+        *((Spans(item.events.contacts, "contact", "contact"),) if item.events.contacts else ()),
+        *((Spans(item.events.left_out, "panel", "left out"),) if item.events.left_out else ()),
+    )
+    moving = np.abs(result.dq[:, j]) >= MOVING_SPEED
+    usual = float(np.std(error[moving])) if moving.any() else float(np.std(error))
+    reach = _rounded_up(max(5.0 * usual, 1e-6))
+    noise = _noise(item, j)
+    beyond = _beyond(t, error, reach)
+    band = (
+        (Band(t[[0, -1]], [-2 * noise] * 2, [2 * noise] * 2, name="noise ±2 σ"),)  # noqa: RUF001
+        if noise
+        else ()
+    )
+    return (
+        Panel(
+            title=name,
+            y=axis_around(measured, predicted, label=unit, zero=True),
+            marks=(
+                *events,
+                Line(t, measured, "measured", "measured", 3.2),
+                Line(t, predicted, "predicted", "predicted", 1.4),
+            ),
+            height=62,
+        ),
+        Panel(
+            title=f"{name}, residual",
+            y=Axis(low=-reach, high=reach, label=unit, bounds=True),
+            marks=(*events, *band, Line(t, error, "residual", "residual", 0.8), *beyond),
+            height=30,
+        ),
+    )
+
+
+def _noise(item: ReportedEstimate, j: int) -> float:
+    told = item.estimate.assessment
+    return float(told.noise_floor[j]) if told is not None else 0.0
+
+
+def _rounded_up(value: float) -> float:
+    decade = 10.0 ** np.floor(np.log10(value))
+    return float(decade * next(s for s in (1, 2, 3, 4, 5, 6, 8, 10) if s * decade >= value))
+
+
+def _beyond(t: Array, error: Array, reach: float) -> tuple[Texts, ...]:
+    """One small arrow at each peak that leaves the strip."""
+    marks: list[Texts] = []
+    for sign, arrow in ((1.0, "▴"), (-1.0, "▾")):
+        peaks = [(a + b) / 2 for a, b in shaded(t, sign * error > reach)]
+        if peaks:
+            at = [sign * 0.86 * reach] * len(peaks)
+            marks.append(Texts(peaks, at, [arrow] * len(peaks), "residual", size=8))
+    return tuple(marks)
+
+
+def torque_figure(item: ReportedEstimate) -> Figure | None:
+    """All joints, the worst first; None without a prediction.
+
+    Args:
+        item: The estimate.
+    """
+    result = item.shown
+    if result is None:
+        return None
+    panels = [p for j in worst_first(result) for p in torque_panels(item, result, j)]
+    return Figure(
+        title="Measured and predicted torque",
+        x=time_axis(result),
+        panels=tuple(panels),
+        link=TIME,
+    )
+
+
+def friction_torque(estimate: Estimate, speeds: Array) -> Array:
     """Friction torques (N, n) of the model at speeds (N, n): its columns beside the inertial ones.
 
     Args:
@@ -46,239 +154,341 @@ def friction_curve(estimate: Estimate, speeds: Array) -> Array:
     return model.inverse_dynamics(rest, speeds, rest, parameters)
 
 
-def friction_figure(estimate: Estimate, result: ValidationResult) -> Canvas:
+def friction_figure(item: ReportedEstimate) -> Figure | None:
     """Measured torque less the rigid body's, over velocity, with the model's friction.
 
     Args:
-        estimate: The estimate.
-        result: Its prediction of a record.
-
-    Raises:
-        InputError: A prediction of another robot.
+        item: The estimate; None without a prediction.
     """
+    result, estimate = item.shown, item.estimate
+    if result is None:
+        return None
     robot = estimate.model.robot
-    if result.dq.shape[1] != robot.joints:
-        raise InputError("joints of the prediction", value=result.dq.shape[1], limit=robot.joints)
     # Predicted less its friction is the rigid body; what is measured beyond it is friction.
-    data = result.measured - result.predicted + friction_curve(estimate, result.dq)
-    reach = np.abs(result.dq).max(axis=0)
-    grid: Array = np.linspace(-1.0, 1.0, CURVE)[:, None] * reach
-    curve = friction_curve(estimate, grid)
-    drawn = figure(
-        robot.joints,
-        title="Friction over velocity",
-        x=f"velocity [{joint_unit('rad/s', robot.prismatic)}]",
-        y=[f"[{torque_unit(slides)}]" for slides in robot.prismatic],
-        titles=robot.joint_names,
+    data = result.measured - result.predicted + friction_torque(estimate, result.dq)
+    reach = 1.03 * np.maximum(np.abs(result.dq).max(axis=0), 1e-3)
+    steps = np.concatenate([np.linspace(-1, -0.01, 100), np.linspace(-0.01, 0.01, 41)[1:-1]])
+    steps = np.concatenate([steps, np.linspace(0.01, 1, 100)])
+    grid: Array = steps[:, None] * reach
+    curve = friction_torque(estimate, grid)
+    known = dict(zip(estimate.names, zip(estimate.values, estimate.std, strict=True), strict=True))
+    panels: list[Panel] = []
+    for j, name in enumerate(joint_labels(robot.joint_names)):
+        chosen = np.unique(np.linspace(0, len(data) - 1, MAX_POINTS).astype(int))
+        marks: list[Mark] = [
+            Points(result.dq[chosen, j], data[chosen, j], name="data", faint=True, size=4.5),
+            Line(grid[:, j], curve[:, j], "predicted", "identified", 2.2),
+        ]
+        if item.truth is not None:
+            true = item.truth.coulomb[j] * np.sign(grid[:, j])
+            true = true + item.truth.viscous[j] * grid[:, j]
+            marks.append(Line(grid[:, j], true, "truth", "ground truth", 1.6, "2 5"))
+        said = [
+            f"{symbol} {number(float(known[f'{symbol}{j + 1}'][0]))} ± "
+            f"{number(CONFIDENCE * float(known[f'{symbol}{j + 1}'][1]), 2)}"
+            for symbol in ("Fc", "Fv")
+            if f"{symbol}{j + 1}" in known
+        ]
+        shown = np.percentile(np.abs(data[:, j]), 99.5)
+        high = 1.08 * max(float(shown), float(np.abs(curve[:, j]).max()), 1e-6)
+        panels.append(
+            Panel(
+                title=name,
+                note="\n".join(said),
+                x=Axis(low=-float(reach[j]), high=float(reach[j])),
+                y=Axis(low=-high, high=high),
+                marks=tuple(marks),
+                height=112,
+                grid=True,
+            )
+        )
+    torque, speed = joint_unit("N.m", robot.prismatic), joint_unit("rad/s", robot.prismatic)
+    return Figure(
+        title="Friction",
+        note=f"Torque [{torque}] over speed [{speed}]; 95 % intervals of Fc and Fv.",
+        x=Axis(low=-1, high=1, label=f"speed [{speed}]"),
+        panels=tuple(panels),
+        columns=3,
     )
-    for j in range(robot.joints):
-        drawn.add_trace(
-            points(result.dq[:, j], data[:, j], "measured", color=MEASURED, legend=j == 0),
-            row=j + 1,
-            col=1,
-        )
-        drawn.add_trace(
-            line(grid[:, j], curve[:, j], "model", color=PREDICTED, legend=j == 0),
-            row=j + 1,
-            col=1,
-        )
-    drawn.update_layout(hovermode="closest")
-    return drawn
 
 
-CONFIDENCE = 1.96
-"""Standard deviations either side of a 95 % interval."""
-
-
-def parameter_intervals(estimate: Estimate) -> Canvas:
-    """Each base parameter with its 95 % interval, in one plot a unit.
+def links_figure(item: ReportedEstimate) -> Figure | None:
+    """Masses and centres less the published ones, with intervals, and how much of them is data.
 
     Args:
-        estimate: The estimate; parameters that the data hardly speak about are drawn hollow.
+        item: The estimate; None where its links are not known.
     """
-    units = list(dict.fromkeys(estimate.units))
-    drawn = figure(
-        len(units),
-        title="Base parameters with 95 % intervals",
-        x="",
-        y=[f"[{unit}]" for unit in units],
-        height=120 + 210 * len(units),
+    found = item.links
+    if found is None:
+        return None
+    names = joint_labels(item.estimate.model.robot.joint_names)
+    n, count = len(names), 10 * len(names)
+    values, std, prior = (x[:count].reshape(n, 10) for x in (found.values, found.std, found.prior))
+    share = 100 * (1 - found.prior_share[:count].reshape(n, 10))
+    mass, known = np.maximum(np.abs(values[:, :1]), 1e-9), np.maximum(np.abs(prior[:, :1]), 1e-9)
+    rows = np.arange(n, dtype=np.float64)
+    places = rows[:, None] + np.array([-0.26, 0.0, 0.26])
+    centre = 1000 * (values[:, 1:4] / mass - prior[:, 1:4] / known)
+    # First order; mass and first moment taken as independent.
+    spread = 1000 * np.hypot(std[:, 1:4] / mass, values[:, 1:4] / mass**2 * std[:, :1])
+    change = 100 * (values[:, 0] / prior[:, 0] - 1)
+    deviation = 100 * std[:, 0] / known[:, 0]
+    truth = None if item.truth is None else item.truth.inertials
+    true_mass = None if truth is None else 100 * (truth[:, 0] / prior[:, 0] - 1)
+    true_centre = None
+    if truth is not None:
+        true_centre = 1000 * (truth[:, 1:4] / truth[:, :1] - prior[:, 1:4] / known)
+    labels = [
+        f"{name}  {number(float(values[k, 0]))} ± {number(CONFIDENCE * float(std[k, 0]), 2)} kg"
+        if share[k, 0] > 1
+        else f"{name}  {number(float(values[k, 0]))} kg"
+        for k, name in enumerate(names)
+    ]
+    height = 34.0 * n
+    return Figure(
+        title="Links",
+        note="Identified less published, 95 % intervals; centre x, y, z from top to bottom. Each "
+        "link is named by the joint that moves it.",
+        x=Axis(low=0, high=1),
+        panels=(
+            Panel(
+                title="Mass [%]",
+                x=_around(change, deviation, true_mass),
+                y=category_axis(labels),
+                marks=_intervals(rows, change, deviation, share[:, 0], true_mass),
+                height=height,
+                grid=True,
+            ),
+            Panel(
+                title="Centre of mass [mm]",
+                x=_around(centre, spread, true_centre),
+                y=category_axis(names),
+                marks=_intervals(
+                    places.ravel(),
+                    centre.ravel(),
+                    spread.ravel(),
+                    share[:, 1:4].ravel(),
+                    None if true_centre is None else true_centre.ravel(),
+                ),
+                height=height,
+                grid=True,
+            ),
+            Panel(
+                title="From data [%]",
+                note="mass, centre, inertia",
+                x=Axis(low=0, high=100),
+                y=category_axis(names),
+                marks=(
+                    Bars(places[:, 0], share[:, 0], thickness=0.2, across=True),
+                    Bars(places[:, 1], share[:, 1:4].mean(axis=1), thickness=0.2, across=True),
+                    Bars(places[:, 2], share[:, 4:10].mean(axis=1), thickness=0.2, across=True),
+                ),
+                height=height,
+                grid=True,
+            ),
+        ),
+        columns=3,
+        rows=True,
     )
-    drawn.update_layout(hovermode="closest")
-    std = estimate.std
-    for row, unit in enumerate(units, start=1):
+
+
+def _around(values: Array, std: Array, truth: Array | None) -> Axis:
+    sizes = [np.abs(values) + CONFIDENCE * std, *([] if truth is None else [np.abs(truth)])]
+    # A link that only the prior knows must not set the scale of all others.
+    reach = float(np.nanpercentile(np.concatenate([s.ravel() for s in sizes]), 95))
+    reach = max(1.1 * reach, 1e-3)
+    return Axis(low=-reach, high=reach)
+
+
+def _intervals(
+    at: Array, values: Array, std: Array, share: Array, truth: Array | None
+) -> tuple[Mark, ...]:
+    data = share >= 50
+    low, high = values - CONFIDENCE * std, values + CONFIDENCE * std
+    marks: list[Mark] = [Level(0.0, "limit", upright=True, dash="")]
+    if truth is not None:
+        marks.append(Ranges(truth, at - 0.13, at + 0.13, "truth", "ground truth", 2.2))
+    marks += [
+        Ranges(at[data], low[data], high[data], "predicted", width=1.6, across=True),
+        Points(values[data], at[data], "predicted", "from data", 7),
+        Ranges(at[~data], low[~data], high[~data], "limit", width=1.2, across=True),
+        Points(values[~data], at[~data], "limit", "mostly published", 7, hollow=True),
+    ]
+    return tuple(marks)
+
+
+MODEL_NAMES = {
+    "published": "published inertias",
+    "published_friction": "published inertias, identified friction",
+    "identified": "everything identified",
+}
+MODEL_ROLES = {"published": "published", "published_friction": "joint5", "identified": "predicted"}
+
+
+def models_figure(item: ReportedEstimate) -> Figure | None:
+    """Errors of rival models on data left out, joint by joint; None where they are not known."""
+    told = item.estimate.assessment
+    if told is None or not told.models:
+        return None
+    shown = [m for m in told.models if m.name != "published"] or list(told.models)
+    width, rows = 0.8 / len(shown), np.arange(len(told.torque), dtype=np.float64)
+    errors = [100 * model.rms / np.maximum(told.torque, 1e-9) for model in shown]
+    marks = tuple(
+        Bars(
+            rows + (k - (len(shown) - 1) / 2) * width,
+            error,
+            MODEL_ROLES.get(model.name, "predicted"),
+            MODEL_NAMES.get(model.name, model.name),
+            thickness=0.9 * width,
+            across=True,
+        )
+        for k, (model, error) in enumerate(zip(shown, errors, strict=True))
+    )
+    highest = max(1.08 * float(np.max(errors)), 1e-6)
+    names = category_axis(joint_labels(item.estimate.model.robot.joint_names))
+    return Figure(
+        title="Error by joint [% of RMS torque], on data left out",
+        x=Axis(low=0, high=highest),
+        panels=(Panel(y=names, marks=marks, height=22.0 * len(rows), grid=True),),
+    )
+
+
+def parameter_figure(estimate: Estimate) -> Figure:
+    """Each base parameter with its 95 % interval, over the size of its kind.
+
+    Args:
+        estimate: The estimate; parameters that are not significant are hollow.
+    """
+    kinds = list(dict.fromkeys(estimate.units))
+    panels: list[Panel] = []
+    for unit in kinds:
         chosen = [k for k, other in enumerate(estimate.units) if other == unit]
-        solid = [k in estimate.essential for k in chosen]
-        drawn.add_trace(
-            scatter(
-                x=[label(estimate.names[k]) for k in chosen],
-                y=estimate.values[chosen],
-                error_y={"type": "data", "array": CONFIDENCE * std[chosen], "thickness": 1.2},
-                mode="markers",
-                marker={
-                    "color": PALETTE[(row - 1) % len(PALETTE)],
-                    "symbol": ["circle" if full else "circle-open" for full in solid],
-                    "size": 7,
-                },
-                name=unit,
-                showlegend=False,
-                customdata=[label(estimate.expressions[k], 120) for k in chosen],
-                hovertemplate="%{customdata}<br>%{y:.4g}<extra></extra>",
+        values, half = estimate.values[chosen], CONFIDENCE * estimate.std[chosen]
+        solid = np.array([k in estimate.essential for k in chosen])
+        rows = np.arange(len(chosen), dtype=np.float64)
+        panels.append(
+            Panel(
+                title=f"[{units(unit)}]",
+                x=axis_around(values - half, values + half, zero=True),
+                y=category_axis([estimate.names[k] for k in chosen]),
+                marks=(
+                    Level(0.0, upright=True, dash=""),
+                    Ranges(rows, values - half, values + half, "predicted", across=True),
+                    Points(values[solid], rows[solid], "predicted", "significant", 6),
+                    Points(
+                        values[~solid], rows[~solid], "predicted", "not significant", 6, hollow=True
+                    ),
+                ),
+                height=max(15.0 * len(chosen), 40.0),
+                grid=True,
+            )
+        )
+    return Figure(
+        title="Base parameters with 95 % intervals",
+        x=Axis(low=0, high=1),
+        panels=tuple(panels),
+        columns=min(3, len(panels)),
+    )
+
+
+def changes_figure(first: str, second: str, compared: ParameterComparison) -> Figure | None:
+    """How friction changed from one estimate to another, with 95 % intervals."""
+    chosen = [k for k, name in enumerate(compared.names) if name.startswith(("Fc", "Fv"))]
+    if not chosen:
+        return None
+    with np.errstate(divide="ignore", invalid="ignore"):
+        half = CONFIDENCE * np.abs(compared.change_percent[chosen] / compared.z[chosen])
+    change, at = compared.change_percent[chosen], np.arange(len(chosen), dtype=np.float64)
+    return Figure(
+        title=f"Change of friction [%], {first} to {second}",
+        x=category_axis([compared.names[k] for k in chosen]),
+        panels=(
+            Panel(
+                y=axis_around(change - half, change + half, zero=True),
+                marks=(
+                    Bars(at, change, "predicted", "change", 0.6),
+                    Ranges(at, change - half, change + half, "ink", "95 % interval"),
+                ),
+                height=140,
             ),
-            row=row,
-            col=1,
-        )
-    drawn.update_layout(hovermode="closest")
-    # Every parameter has its name, on a telephone too.
-    drawn.update_xaxes(
-        matches=None, showticklabels=True, tickangle=-90, dtick=1, tickfont={"size": 10}
+        ),
     )
-    return drawn
 
 
-def parameter_changes(
-    names: Sequence[str],
-    change_percent: Sequence[float],
-    std_percent: Sequence[float],
-    *,
-    first: str = "cold",
-    second: str = "warm",
-) -> Canvas:
-    """How much each parameter changed, with 95 % intervals.
-
-    Args:
-        names: (r) parameters.
-        change_percent: (r) change from the first estimate to the second [%].
-        std_percent: (r) standard deviation of the change [%].
-        first: What the first estimate is called.
-        second: What the second estimate is called.
-    """
-    drawn = figure(
-        title=f"Change of the parameters, {label(first)} to {label(second)}",
-        x="",
-        y="change [%]",
-        height=420,
-    )
-    drawn.add_trace(
-        bar(
-            x=[label(name) for name in names],
-            y=np.asarray(change_percent, dtype=float),
-            error_y={
-                "type": "data",
-                "array": CONFIDENCE * np.asarray(std_percent, dtype=float),
-                "thickness": 1.2,
-            },
-            marker_color=PALETTE[0],
-            showlegend=False,
-        )
-    )
-    drawn.add_hline(0, line={"color": LIMIT})
-    drawn.update_xaxes(tickangle=-60)
-    return drawn
-
-
-def side_by_side(first: Estimate, second: Estimate, labels: tuple[str, str]) -> Canvas:
-    """Friction of two estimates beside each other, as the paper draws cold and warm.
-
-    Args:
-        first: One estimate.
-        second: Another with the same parameters.
-        labels: What they are called.
-    """
-    friction = [k for k, name in enumerate(first.names) if name.startswith(("Fc", "Fv"))]
-    units = " and ".join(dict.fromkeys(f"[{first.units[k]}]" for k in friction))
-    drawn = figure(title="Friction of two runs", x="", y=units or "friction", height=420)
-    for k, (estimate, name) in enumerate(zip((first, second), labels, strict=True)):
-        drawn.add_trace(
-            bar(
-                x=[label(estimate.names[i]) for i in friction],
-                y=estimate.values[friction],
-                error_y={
-                    "type": "data",
-                    "array": CONFIDENCE * estimate.std[friction],
-                    "thickness": 1.2,
-                },
-                name=label(name),
-                marker_color=PALETTE[k],
-            )
-        )
-    return drawn
-
-
-SPECTRUM_FLOOR = 1e-9
-
-
-def spectrum(
-    values: Array, rate_hz: float, cutoff_hz: float, names: Sequence[str], what: str
-) -> Canvas:
-    """Amplitudes over frequency, with the cut-off.
-
-    Args:
-        values: (N, n) uniform samples.
-        rate_hz: Their rate [Hz].
-        cutoff_hz: Cut-off that was chosen [Hz].
-        names: (n) joint names.
-        what: What is shown, with its unit.
-    """
-    centred: Array = values - values.mean(axis=0)
-    window = np.hanning(len(values))[:, None]
-    amplitude = 2 * np.abs(np.fft.rfft(centred * window, axis=0)) / window.sum()
-    frequency = np.arange(float(len(amplitude))) * (rate_hz / len(values))
-    drawn = figure(
-        title=f"Spectrum: {what}, cut-off {cutoff_hz:.3g} Hz", x="frequency [Hz]", y="amplitude"
-    )
-    for j, name in enumerate(names):
-        drawn.add_trace(
-            line(
-                frequency[1:],
-                np.maximum(amplitude[1:, j], SPECTRUM_FLOOR),
-                label(name),
-                color=colour(j),
-            )
-        )
-    drawn.add_vline(cutoff_hz, line={"color": LIMIT, "dash": "dash"})
-    drawn.update_xaxes(**log_axis(frequency[1:]))
-    drawn.update_yaxes(type="log", exponentformat="power")
-    return drawn
-
-
-FLOOR = 1e-17
-"""Singular values of zero, drawn here on a logarithmic axis."""
-
-
-def singular_values(base: BaseParametrization) -> Canvas:
-    """Singular values of the stacked regressor and their cumulative energy.
-
-    Args:
-        base: The base parametrization; the line stands at its rank.
-    """
+def singular_figure(base: BaseParametrization) -> Figure:
+    """Singular values of the stacked regressor; the line stands at the rank."""
     values = np.asarray(base.singular_values)
-    count = np.arange(1, len(values) + 1)
-    energy = 100 * np.cumsum(values**2) / np.sum(values**2)
-    drawn = figure(
-        2,
-        title=f"{base.rank} of {len(values)} directions can be identified",
-        x="index",
-        y=("singular value / largest", "cumulative energy [%]"),
-        height=520,
-    )
-    for row, (series, name) in enumerate(
-        ((np.maximum(values / values[0], FLOOR), "singular value"), (energy, "cumulative energy")),
-        start=1,
-    ):
-        drawn.add_trace(
-            scatter(
-                x=count,
-                y=rounded(series) if row == 2 else series,
-                name=name,
-                mode="lines+markers",
-                line={"color": PALETTE[row - 1]},
-                marker={"size": 5},
+    count = np.arange(1.0, len(values) + 1)
+    relative = np.maximum(values / values[0], 1e-17)
+    return Figure(
+        title=f"{base.rank} of {len(values)} directions are identifiable",
+        x=Axis(low=0, high=len(values) + 1.0, label="index"),
+        panels=(
+            Panel(
+                title="Singular value over the largest",
+                y=axis_around(relative, log=True),
+                marks=(
+                    Level(base.tolerance, name="tolerance"),
+                    Level(base.rank + 0.5, upright=True, name="rank"),
+                    Points(count, relative, "predicted", size=4),
+                ),
+                height=140,
             ),
-            row=row,
-            col=1,
+        ),
+    )
+
+
+def residual_figure(item: ReportedEstimate) -> Figure | None:
+    """Residuals over velocity: a shape in a cloud is something that the model lacks."""
+    result = item.shown
+    if result is None:
+        return None
+    robot = item.estimate.model.robot
+    error = result.measured - result.predicted
+    chosen = np.unique(np.linspace(0, len(error) - 1, 2 * MAX_POINTS).astype(int))
+    panels = [
+        Panel(
+            title=name,
+            x=axis_around(result.dq[:, j], even=True),
+            y=axis_around(np.percentile(error[:, j], [0.5, 99.5]), even=True),
+            marks=(Points(result.dq[chosen, j], error[chosen, j], "residual", size=3, faint=True),),
+            height=110,
+            grid=True,
         )
-        drawn.add_vline(base.rank + 0.5, line={"color": LIMIT, "dash": "dash"}, row=row, col=1)
-    drawn.add_hline(base.tolerance, line={"color": LIMIT, "dash": "dot"}, row=1, col=1)
-    drawn.update_yaxes(type="log", exponentformat="power", row=1, col=1)
-    return drawn
+        for j, name in enumerate(joint_labels(robot.joint_names))
+    ]
+    return Figure(
+        title=f"Residual [{joint_unit('N.m', robot.prismatic)}] over velocity",
+        x=Axis(low=-1, high=1, label=f"velocity [{joint_unit('rad/s', robot.prismatic)}]"),
+        panels=tuple(panels),
+        columns=3,
+    )
+
+
+LAGS = 200
+
+
+def correlation_figure(item: ReportedEstimate) -> Figure | None:
+    """Autocorrelation of the residuals; white ones stay inside the dashed lines."""
+    result = item.shown
+    if result is None or len(result.t) < 3:
+        return None
+    error = result.measured - result.predicted
+    error = error - error.mean(axis=0)
+    lags = min(LAGS, len(error) - 1)
+    size = 1 << (2 * len(error) - 1).bit_length()
+    power = np.abs(np.fft.rfft(error, size, axis=0)) ** 2
+    raw = np.fft.irfft(power, size, axis=0)[: lags + 1]
+    scale = np.where(raw[0] > 0, raw[0], 1.0)
+    bound = CONFIDENCE / np.sqrt(len(error))
+    names = joint_labels(item.estimate.model.robot.joint_names)
+    curves = [
+        Line(np.arange(lags + 1.0), raw[:, j] / scale[j], joint_role(j), name)
+        for j, name in enumerate(names)
+    ]
+    marks = (Level(bound, name="95 % of white noise"), Level(-bound), *curves)
+    return Figure(
+        title="Autocorrelation of the residuals",
+        x=Axis(low=0, high=float(lags), label="lag [samples]"),
+        panels=(Panel(y=Axis(low=-1, high=1), marks=marks, height=140),),
+    )

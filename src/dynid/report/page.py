@@ -1,119 +1,194 @@
-"""The page: sections rendered into one file that needs nothing else.
-
-The sections of the default report, in order: copy and change.
-"""
+"""The page: one file that needs nothing else, and its figures as files."""
 
 from __future__ import annotations
 
-import base64
-import gzip
-import json
-from collections.abc import Sequence
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from dynid.core import require, write_text
-from dynid.report.contents import ReportContents, Section
-from dynid.report.sections import (
-    ComparisonSection,
-    DesignSection,
-    FrictionSection,
-    NextSection,
-    ParametersSection,
-    PredictionSection,
-    ReproduceSection,
-    ResidualSection,
-    VerdictSection,
+from dynid.core import InputError, cannot_write, require, write_text
+from dynid.figures import (
+    Figure,
+    file_name,
+    fragment,
+    key,
+    legend,
+    number,
+    plot,
+    script,
+    style,
+    write_figure,
 )
-from dynid.report.theme import layout, script
-
-
-def default_sections() -> tuple[Section, ...]:
-    """Verdict first, then the evidence, then how it was made."""
-    return (
-        VerdictSection(),
-        NextSection(),
-        ComparisonSection(),
-        PredictionSection(),
-        ParametersSection(),
-        FrictionSection(),
-        ResidualSection(),
-        DesignSection(),
-        ReproduceSection(),
-    )
-
+from dynid.report.appendix import chapters
+from dynid.report.contents import ReportContents, ReportedEstimate, joint_labels
+from dynid.report.figures import (
+    TIME,
+    friction_figure,
+    links_figure,
+    models_figure,
+    time_axis,
+    torque_figure,
+    torque_panels,
+    worst_first,
+)
+from dynid.report.screens import (
+    headline,
+    joint_bars,
+    lead,
+    model_bars,
+    models_words,
+    next_steps,
+    purposes,
+)
 
 WIDTHS = "width=device-width, initial-scale=1"
 
 
-def render(contents: ReportContents, sections: Sequence[Section] | None = None) -> str:
+def report_figures(contents: ReportContents) -> tuple[Figure, ...]:
+    """All figures of a report, those that decide first.
+
+    Args:
+        contents: What the report is about.
+    """
+    item = contents.estimates[0]
+    drawn = (torque_figure(item), friction_figure(item), links_figure(item), models_figure(item))
+    more = (figure for chapter in chapters(contents) for figure in chapter.figures)
+    return (*(figure for figure in drawn if figure is not None), *more)
+
+
+def write_figures(
+    contents: ReportContents, folder: str | Path, *, png: bool = False
+) -> tuple[Path, ...]:
+    """Write each figure of a report as a file.
+
+    Args:
+        contents: What the report is about.
+        folder: Where; it is made.
+        png: PNG beside SVG; needs the extra `figures`.
+
+    Raises:
+        InputError: A place where no such files can be.
+        JobError: The disk does not take them.
+        MissingExtraError: PNG without the extra.
+    """
+    target = Path(folder)
+    if target.exists() and not target.is_dir():
+        raise InputError("this is a file, and the figures need a folder", where=str(target))
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise cannot_write(target, error) from error
+    written: list[Path] = []
+    for k, figure in enumerate(report_figures(contents), start=1):
+        name = f"{k:02d}-{file_name(figure.title)}"
+        endings = (".svg", ".png") if png else (".svg",)
+        written += [write_figure(figure, target / f"{name}{ending}") for ending in endings]
+    return tuple(written)
+
+
+def render(contents: ReportContents) -> str:
     """The report as HTML; text from files is escaped.
 
     Args:
         contents: What to show.
-        sections: The chapters; None for the default recipe. Those without parts are left out.
+
+    Raises:
+        InputError: No estimate.
     """
-    chapters: list[dict[str, Any]] = []
-    for section in default_sections() if sections is None else sections:
-        parts = section.parts(contents)
-        if parts:
-            chapters.append({"anchor": section.anchor, "title": section.title, "parts": parts})
+    if not contents.estimates:
+        raise InputError("a report needs at least one estimate", where=str(contents.directory))
+    item = contents.estimates[0]
     jinja = require("jinja2", "all")
-    environment = jinja.Environment(autoescape=True, undefined=jinja.StrictUndefined)
-    environment.filters["embedded"] = _embedded
+    environment = jinja.Environment(
+        autoescape=True, undefined=jinja.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    # Figures escape what they are given themselves.
+    environment.filters["drawn"] = _drawn
+    environment.filters["number"] = number
     template = environment.from_string(_asset("page.html"))
     page: str = template.render(
-        title=contents.title,
-        chapters=chapters,
-        style=_asset("page.css"),
-        behaviour=_asset("page.js"),
-        library=_packed(script()),
-        themes=_script_safe(_json({"light": layout(), "dark": layout(dark=True)})),
+        contents=contents,
+        item=item,
+        headline=headline(item),
+        lead=lead(item),
+        purposes=purposes(item),
+        torque=_torque(item),
+        joint_bars=joint_bars(item),
+        friction=friction_figure(item),
+        links=links_figure(item),
+        model_bars=model_bars(item),
+        models=models_figure(item),
+        models_words=models_words(item),
+        steps=next_steps(contents),
+        chapters=chapters(contents),
+        style=_markup(style() + _asset("page.css")),
+        script=_markup(script() + _asset("page.js")),
         version=version("dynid"),
         viewport=WIDTHS,
+        link=TIME,
     )
     return page
 
 
-def write_report(
-    contents: ReportContents, path: str | Path, sections: Sequence[Section] | None = None
-) -> Path:
+def write_report(contents: ReportContents, path: str | Path) -> Path:
     """Write the report in one piece: an interrupt leaves the old file or the new one.
 
     Args:
         contents: What to show.
         path: The page.
-        sections: The chapters; None for the default recipe.
 
     Raises:
-        InputError: A place where no such file can be.
+        InputError: No estimate, or a place where no such file can be.
         JobError: The disk does not take it.
     """
     target = Path(path)
-    write_text(target, render(contents, sections))
+    write_text(target, render(contents))
     return target
+
+
+def _torque(item: ReportedEstimate) -> dict[str, Any] | None:
+    """The rows of the torque section: the worst joint first, with its own place on screen one."""
+    result = item.shown
+    if result is None:
+        return None
+    robot = item.estimate.model.robot
+    names, axis = joint_labels(robot.joint_names), time_axis(result)
+    order = worst_first(result)
+    rows: list[dict[str, Any]] = []
+    marks: list[Any] = []
+    for place, j in enumerate(order):
+        main, strip = torque_panels(item, result, j)
+        marks += [*main.marks, *strip.marks]
+        last = place == len(order) - 1
+        rows.append(
+            {
+                "name": names[j],
+                "percent": float(result.moving.relative_error_percent[j]),
+                "rms": float(result.moving.rmse[j]),
+                "unit": main.y.label.strip("[]"),
+                "main": _markup(plot(main, axis, ticks=False, link=TIME)),
+                "strip": _markup(plot(strip, axis, ticks=last, link=TIME)),
+            }
+        )
+    main, strip = torque_panels(item, result, order[0])
+    return {
+        "rows": rows,
+        "key": _markup(key(legend(marks))),
+        "first_main": _markup(plot(main, axis, ticks=False, link=TIME)),
+        "first_strip": _markup(plot(strip, axis, link=TIME)),
+        "start": axis.low,
+        "stop": axis.high,
+    }
 
 
 def _asset(name: str) -> str:
     return files("dynid.report").joinpath("assets", name).read_text(encoding="utf-8")
 
 
-def _packed(text: str) -> str:
-    """Gzip in base64: the drawing library would be most of the page."""
-    return base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode("ascii")
+def _drawn(figure: Figure) -> Any:
+    return _markup(fragment(figure))
 
 
-def _embedded(canvas: Any) -> Any:
-    return _script_safe(canvas.to_json())
-
-
-def _json(value: Any) -> str:
-    return json.dumps(value)
-
-
-def _script_safe(text: str) -> Any:
-    # Inside <script> only "</" and "<!--" end the text; JSON may write every "<" as an escape.
-    safe = text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
-    return require("markupsafe", "all").Markup(safe)
+def _markup(text: str) -> Any:
+    return require("markupsafe", "all").Markup(text)

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dynid.core import DynidError, InputError
-from dynid.report import colour, joint_unit, paint
-from dynid.report import figures as parameters
-from dynid.report import time_figures as torque
+from dynid.figures import colour, fragment, joint_role, joint_unit, style
+from dynid.report import parameter_figure, torque_figure
 from dynid.studio import text
 from dynid.studio.jobs import Job
 from dynid.studio.live import Tail, TailReader
@@ -26,7 +25,7 @@ from dynid.workflow import report
 if TYPE_CHECKING:
     import viser
 
-    from dynid.report import Canvas, ReportedEstimate
+    from dynid.report import ReportedEstimate
     from dynid.studio.jobs import JobState
     from dynid.studio.session import Session
 
@@ -34,8 +33,6 @@ if TYPE_CHECKING:
 RESULT_FILE = "estimate.json"
 """What an estimate is called unless its name is typed; numbered where there is one."""
 _NONE = "-"
-_WIDTH = 340.0
-"""Of a figure in the panel, about [px]: its height stays what it was made with."""
 _COLOURS = {"usable": text.GOOD, "care": text.WARN, "do_not_use": text.BAD}
 
 
@@ -60,7 +57,7 @@ class ResultsPanel:
         self.report = gui.add_button("Write report.html")
         self._verdict = gui.add_html("")
         self._folder = gui.add_folder("Figures", expand_by_default=True, visible=False)
-        self._figures: list[viser.GuiPlotlyHandle] = []
+        self._figures: list[viser.GuiHtmlHandle] = []
         self._connect()
 
     def refresh(self) -> None:
@@ -106,24 +103,16 @@ class ResultsPanel:
         return True
 
     def _draw(self, item: ReportedEstimate) -> None:
-        robot = item.estimate.model.robot
-        drawn: list[Canvas] = []
-        if item.shown is not None:
-            drawn.append(torque.prediction(item.shown, robot.joint_names, robot.prismatic))
-        drawn.append(parameters.parameter_intervals(item.estimate))
+        drawn = (torque_figure(item), parameter_figure(item.estimate))
         for handle in self._figures:
             handle.remove()
         self._figures = []
         self._folder.visible = True
         with self._folder:
-            for canvas in drawn:
-                figure: Any = paint(canvas)
-                height = float(figure.layout.height)
-                canvas.update_layout(
-                    title_font_size=13, font_size=10, height=None, margin={"l": 44, "r": 6}
-                )
-                # viser's aspect is height over width, whatever its documentation says.
-                self._figures.append(self._server.gui.add_plotly(figure, aspect=height / _WIDTH))
+            for figure in drawn:
+                if figure is not None:
+                    page = f"<style>{style()}</style>{fragment(figure)}"
+                    self._figures.append(self._server.gui.add_html(page))
 
     def _show_verdict(self, found: list[tuple[str, str, str]]) -> None:
         self._verdict.content = "".join(
@@ -227,7 +216,9 @@ class RunPanel:
         self.signal = gui.add_dropdown("Signal", tuple(self._signals))
         series: list[Any] = [{"label": "s"}]
         for k, name in enumerate(session.robot.joint_names):
-            series.append({"label": text.plain(name, 20), "stroke": colour(k), "width": 1})
+            series.append(
+                {"label": text.plain(name, 20), "stroke": colour(joint_role(k)), "width": 1}
+            )
         zero = np.zeros(2)
         self._blank = (np.array([0.0, 1.0]), *(zero for _ in session.robot.joint_names))
         self._plot = gui.add_uplot(

@@ -21,12 +21,13 @@ from dynid.excitation import ExcitationDesign
 from dynid.identification import write_estimate
 from dynid.recording import ExperimentRecord, read_record
 from dynid.robot import load_robot
+from dynid.simulation import SERIAL, simulated_arm
 from dynid.validation import ParameterComparison, compare
 from dynid.workflow.analyze import Analysis, analyze
 from dynid.workflow.designing import DesignSettings, design
 from dynid.workflow.identify import Identification, IdentifySettings, identify
 from dynid.workflow.reporting import report
-from dynid.workflow.run_settings import RunSettings
+from dynid.workflow.run_settings import RunSettings, write_truth
 from dynid.workflow.running import run_design
 
 PAPER_CONDITION = 153.0
@@ -248,7 +249,9 @@ def make_recordings(robot: str, folder: Path, quick: bool, tell: Progress) -> Re
                         repeat=repetitions, thermal=thermal, seed=noise, force=True
                     ),
                 ).raise_if_aborted()
-            recorded[name][thermal] = read_record(path)
+            recorded[name][thermal] = record = read_record(path)
+            warm = np.mean(record.signals["temperature"], axis=0)
+            write_truth(path, simulated_arm(load_robot(robot), serial=SERIAL), warm)
             files.append(path)
     return Recordings(
         design=designs[0],

@@ -10,26 +10,31 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 
 from dynid.constraints import DISTANCES
 from dynid.core import Array, DynidError, InputError, Progress, load_object, silent
-from dynid.identification import FORMAT, Estimate, read_estimate
+from dynid.diagnosis import contact_stretches
+from dynid.identification import FORMAT, Estimate, read_estimate, standard_posterior
 from dynid.recording import ExperimentRecord, identity, read_record
 from dynid.reduction import reduce_model
 from dynid.report import (
+    Events,
     JudgedMotion,
+    KnownTruth,
     ReportContents,
     ReportedDesign,
     ReportedEstimate,
     write_report,
 )
-from dynid.signals import process
+from dynid.robot import move
 from dynid.validation import ParameterComparison, ValidationResult, compare, reproduce, validate
 from dynid.workflow.design_files import StoredDesign, read_design
 from dynid.workflow.identify import Identification, over_fitted
+from dynid.workflow.run_settings import truth_path
 from dynid.workflow.validating import verdict
 
 SAMPLES = 200
@@ -39,7 +44,7 @@ FACTS = {
     "method": "method",
     "condition_number": "condition number",
     "feasible": "feasible",
-    "evaluations": "motions looked at",
+    "evaluations": "objective evaluations",
     "wall_s": "time of the search [s]",
     "seed": "seed",
 }
@@ -117,7 +122,6 @@ def _judged(found: StoredDesign) -> JudgedMotion | None:
             f"{kind.replace('_', ' ')}, beyond {1000 * own:g} mm to keep" for kind, own in names
         ),
         distances=gaps - kept,
-        clearance=0.0,
     )
 
 
@@ -148,12 +152,12 @@ class _Partner:
 
 
 def reported_estimate(
-    name: str, estimate: Estimate, records: Mapping[str, ExperimentRecord]
+    path: Path, estimate: Estimate, records: Mapping[str, ExperimentRecord]
 ) -> ReportedEstimate:
     """Predict an estimate's own record and another motion, and judge it by them.
 
     Args:
-        name: What the report calls it.
+        path: Its file; recordings and truths lie beside it.
         estimate: The estimate; it knows its record by its hash.
         records: All recordings at hand, by name.
 
@@ -162,44 +166,99 @@ def reported_estimate(
     """
     inputs = set(estimate.provenance.inputs.values())
     own = {key: record for key, record in records.items() if identity(record) in inputs}
-    training = validation = None
-    warnings = estimate.warnings
+    findings = estimate.warnings
+    base = reduce_model(estimate.model)
     item = ReportedEstimate(
-        name=name,
+        name=path.name,
+        label=f"preset {estimate.preset}",
         estimate=estimate,
-        level="care",
-        headline="Use this result with care: its recording is not at hand.",
-        warnings=warnings,
-        base=reduce_model(estimate.model),
+        base=base,
+        # An estimate of other columns, such as one with temperatures, has no such mapping.
+        links=standard_posterior(estimate, base)
+        if tuple(base.independent) == tuple(estimate.independent)
+        else None,
+        truth=_truth([path.parent / key for key in own], estimate),
     )
-    for key, record in own.items():
-        settings = estimate.settings
-        training = reproduce(estimate, record, start_s=settings.start_s, stop_s=settings.stop_s)
-        item = _with_spectrum(replace(item, training=training, training_name=key), record)
-        break
-    partner = _partner(estimate, own, records)
+    if not own:
+        return replace(item, warnings=findings)
+    key, record = next(iter(own.items()))
+    settings = estimate.settings
+    training = reproduce(estimate, record, start_s=settings.start_s, stop_s=settings.stop_s)
+    partner, validation = _partner(estimate, own, records), None
     if partner is not None:
         validation = validate(
             estimate, partner.record, start_s=partner.start_s, stop_s=partner.stop_s
         )
-        item = replace(
-            item,
-            validation=validation,
-            validation_name=partner.name,
-            temperature=_temperature(partner, validation),
-        )
-        warnings = (*warnings, *validation.warnings)
-    if training is not None and validation is not None:
-        warnings = (*warnings, *over_fitted(training, validation))
-    warnings = tuple(dict.fromkeys(warnings))
-    item = replace(item, warnings=warnings)
-    judged = training or validation
-    if judged is None:
-        return item
-    found = verdict(
-        Identification(estimate=estimate, training=judged, validation=validation, warnings=warnings)
+        findings = (*findings, *validation.warnings, *over_fitted(training, validation))
+    findings = tuple(dict.fromkeys(findings))
+    judged = Identification(
+        estimate=estimate, training=training, validation=validation, warnings=findings
     )
-    return replace(item, level=found.level, headline=found.headline)
+    thermal = record.metadata.extra.get("thermal")
+    return replace(
+        item,
+        label=", ".join(filter(None, (thermal, f"preset {estimate.preset}"))),
+        verdict=verdict(judged),
+        warnings=findings,
+        training=training,
+        training_name=key,
+        validation=validation,
+        validation_name="" if partner is None else partner.name,
+        conditions=_conditions(record),
+        tested=() if partner is None else _conditions(partner.record),
+        events=_events(estimate, validation or training),
+    )
+
+
+def _conditions(record: ExperimentRecord) -> tuple[str, ...]:
+    """What a recording is, in words: how long, how fast, how often, how warm, what it carries."""
+    extra = record.metadata.extra
+    words = [f"{record.t[-1] - record.t[0]:.0f} s", f"{record.rate_hz:.0f} Hz"]
+    if int(extra.get("periods", "1") or 1) > 1:
+        words.append(f"{extra['periods']} periods")
+    known = record.signals.get("temperature")
+    if known is not None:
+        words.append(f"joints at {float(np.mean(known)):.0f} °C")
+    if "payload_kg" in extra:
+        mass = float(extra["payload_kg"])
+        words.append(f"payload {mass:g} kg" if mass else "no payload")
+    return tuple(words)
+
+
+def _truth(recordings: list[Path], estimate: Estimate) -> KnownTruth | None:
+    """What a simulation wrote beside a recording, in the estimate's frames."""
+    for recording in recordings:
+        file = truth_path(recording)
+        if not file.exists():
+            continue
+        robot, n = estimate.model.robot, estimate.model.robot.joints
+        try:
+            rows = load_object(file).matrix("links")
+        except InputError:
+            continue
+        if rows.shape != (n, 13):
+            continue
+        inverses = np.linalg.inv(robot.parameter_frames[estimate.model.frames])
+        return KnownTruth(
+            inertials=np.array([move(rows[i, :10], inverses[i]) for i in range(n)]),
+            coulomb=rows[:, 10],
+            viscous=rows[:, 11],
+        )
+    return None
+
+
+def _events(estimate: Estimate, shown: ValidationResult) -> Events:
+    """Contacts in what is shown, and stretches without samples."""
+    steps = np.diff(shown.t)
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    gaps = np.flatnonzero(steps > max(5 * usual, 0.05))
+    contacts: tuple[tuple[float, float], ...] = ()
+    if any(finding.code == "contact" for finding in (*estimate.warnings, *shown.warnings)):
+        contacts = contact_stretches(
+            estimate.model.robot, shown.t, shown.dq, shown.measured - shown.predicted
+        )
+    left_out = tuple((float(shown.t[k]), float(shown.t[k + 1])) for k in gaps)
+    return Events(contacts=contacts, left_out=left_out)
 
 
 def _partner(
@@ -246,24 +305,6 @@ def _rest(estimate: Estimate, name: str, record: ExperimentRecord) -> _Partner |
 def _may_be(recorded: str | None, name: str) -> bool:
     """Whether a recording can be of the robot: a path says less than a built-in name."""
     return recorded is None or recorded == name or not recorded.isalnum()
-
-
-def _with_spectrum(item: ReportedEstimate, record: ExperimentRecord) -> ReportedEstimate:
-    estimate = item.estimate
-    settings = replace(estimate.settings, decimate=False)
-    samples = process(record, estimate.model.robot, settings)
-    return replace(item, positions=samples.q, rate_hz=samples.rate_hz, cutoff_hz=samples.cutoff_hz)
-
-
-def _temperature(partner: _Partner, result: ValidationResult) -> Array | None:
-    record = partner.record
-    known = record.signals.get("temperature")
-    if known is None:
-        return None
-    # Times of a prediction count from the start of its window.
-    stamps: Array = record.t - record.t[0] - (partner.start_s or 0.0)
-    values: Array = known.mean(axis=1)
-    return np.asarray(np.interp(result.t, stamps, values), dtype=np.float64)
 
 
 MOST_ESTIMATES = 6
@@ -316,14 +357,17 @@ def report(
     estimates: list[ReportedEstimate] = []
     for k, (name, estimate) in enumerate(chosen.items()):
         tell(f"predict with {name}", 0.3 + 0.5 * k / len(chosen))
-        estimates.append(reported_estimate(name, estimate, found.records))
+        estimates.append(reported_estimate(folder / name, estimate, found.records))
     tell("write the page", 0.9)
+    compared = tuple(_comparisons(estimates))
+    estimates.sort(key=_decides)
     contents = ReportContents(
-        title=f"{estimates[0].estimate.model.robot.name}: identified dynamics",
+        robot=_robot_name(estimates[0], found.records),
+        date=_date(estimates[0].estimate.provenance.created),
         directory=folder,
         estimates=tuple(estimates),
         designs=found.designs,
-        comparisons=tuple(_comparisons(estimates)),
+        comparisons=compared,
         skipped=(
             *found.skipped,
             *((name, "too many estimates") for name in list(found.estimates)[MOST_ESTIMATES:]),
@@ -372,7 +416,30 @@ def _comparisons(
 ) -> Iterator[tuple[str, str, ParameterComparison]]:
     for first, second in itertools.pairwise(estimates):
         try:
-            yield first.name, second.name, compare(first.estimate, second.estimate)
+            yield first.label, second.label, compare(first.estimate, second.estimate)
         except InputError:
             # Estimates of other robots or terms stand side by side without a comparison.
             continue
+
+
+def _decides(item: ReportedEstimate) -> tuple[bool, float, str]:
+    """The estimate that the page is about comes first: chosen settings, then the smallest error."""
+    shown = item.shown
+    error = np.inf if shown is None else shown.moving.relative_error_overall_percent
+    return item.estimate.preset != "best", float(error), item.name
+
+
+def _robot_name(item: ReportedEstimate, records: Mapping[str, ExperimentRecord]) -> str:
+    """The robot for people: what its controller calls it, or else its name without folders."""
+    record = records.get(item.training_name)
+    model = None if record is None else record.metadata.extra.get("model")
+    name = item.estimate.model.robot.name
+    return model or (name.upper() if name.startswith("ur") and len(name) <= 5 else Path(name).stem)
+
+
+def _date(created: str) -> str:
+    try:
+        made = datetime.fromisoformat(created)
+    except ValueError:
+        return created
+    return f"{made.day} {made:%B %Y, %H:%M}"

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from dynid.constraints import DISTANCES, RATIOS, MotionConstraints
-from dynid.core import DynidError, Finding, InputError, JobError, file_hash, write_json
-from dynid.drivers import Abort, ControllerState, SimulatedDriver, inspect
+from dynid.core import Array, DynidError, Finding, InputError, JobError, file_hash, write_json
+from dynid.drivers import Abort, ControllerState, inspect
 from dynid.experiment import (
     ExperimentPlan,
     check_design,
@@ -28,7 +28,7 @@ from dynid.experiment import (
 )
 from dynid.recording import read_record, write_record
 from dynid.robot import RobotModel
-from dynid.simulation import Thermal
+from dynid.simulation import SimulatedArm, Thermal
 from dynid.trajectory import Trajectory
 from dynid.workflow.analyze import unit_notes
 from dynid.workflow.design_files import StoredDesign, read_design
@@ -204,36 +204,39 @@ def truth_path(recording: Path) -> Path:
     return recording.with_name(f"{recording.stem}_truth.json")
 
 
-def write_truth(recording: Path, driver: SimulatedDriver) -> None:
-    """Write what the simulated arm was made of; nothing but tests reads it.
+def write_truth(
+    recording: Path, arm: SimulatedArm, temperature_degC: Array, **more: object
+) -> None:
+    """Write what a simulated arm was made of beside its recording; reports draw it.
+
+    Args:
+        recording: The recording.
+        arm: The simulated arm.
+        temperature_degC: (n) mean joint temperatures of the recording.
+        more: Further keys.
 
     Raises:
         InputError: A place where no such file can be.
         JobError: The disk does not take it.
     """
-    if not driver.states:
-        return
-    truth = driver.arm.truth
-    temperature = np.mean([state.temperature for state in driver.states], axis=0)
-    torque = np.stack([state.torque for state in driver.states])
+    truth = arm.truth
     data: dict[str, Any] = {
-        "robot": driver.arm.robot.name,
+        "robot": arm.robot.name,
         "label": truth.label,
-        "seed": driver.seed,
-        "mean_degC": temperature.tolist(),
+        "mean_degC": temperature_degC.tolist(),
         "parameters": [
             *("m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy"),
             *("Fc", "Fv", "Im"),
         ],
         "frame": "joint frames, tensors about their origins; Fc and Fv at mean_degC",
-        "links": truth.standard_parameters_at(temperature).tolist(),
+        "links": truth.standard_parameters_at(temperature_degC).tolist(),
         "drive_gain": truth.gain.tolist(),
-        "torque_rms": np.sqrt(np.square(torque).mean(axis=0)).tolist(),
         "friction_beyond_the_paper": {
             "breakaway": truth.friction.breakaway.tolist(),
             "stribeck_velocity": truth.friction.stribeck_velocity.tolist(),
             "load_factor": truth.friction.load_factor.tolist(),
         },
+        **more,
     }
     write_json(truth_path(recording), data)
 

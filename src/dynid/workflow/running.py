@@ -208,8 +208,15 @@ def run_design(
         driver = _simulated(loaded, asked)
         plan = _plan(loaded, asked, RATE_HZ, warm_up_s=0.0)
         finished = _execute(plan, driver, loaded, asked, path, cancel, progress)
-        if finished.record is not None:
-            write_truth(finished.record, driver)
+        if finished.record is not None and driver.states:
+            torque = np.stack([state.torque for state in driver.states])
+            write_truth(
+                finished.record,
+                driver.arm,
+                np.mean([state.temperature for state in driver.states], axis=0),
+                seed=driver.seed,
+                torque_rms=np.sqrt(np.square(torque).mean(axis=0)).tolist(),
+            )
         return finished
     state = inspect(_host(on))
     plan = _plan(loaded, asked, state.rate_hz, warm_up_s=asked.warm_up_s)

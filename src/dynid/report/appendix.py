@@ -1,0 +1,253 @@
+"""The appendix: everything else, folded, as tables and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dynid.figures import Figure, joint_unit, number, units
+from dynid.report.contents import ReportContents, ReportedEstimate, joint_labels
+from dynid.report.figures import (
+    changes_figure,
+    correlation_figure,
+    parameter_figure,
+    residual_figure,
+    singular_figure,
+)
+from dynid.report.motion_figures import design_figures
+from dynid.report.screens import LEVEL_WORDS
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """Rows of text."""
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    @property
+    def numeric(self) -> tuple[bool, ...]:
+        """Which columns hold numbers alone, and stand right below each other."""
+        cells = list(zip(*self.rows, strict=True)) if any(self.columns) else []
+        found = tuple(any(column) and all(map(_is_number, column)) for column in cells)
+        return found or (False,) * len(self.columns)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chapter:
+    """What one fold of the appendix shows."""
+
+    title: str
+    words: str = ""
+    tables: tuple[Table, ...] = field(default=())
+    figures: tuple[Figure, ...] = field(default=())
+
+
+def chapters(contents: ReportContents) -> tuple[Chapter, ...]:
+    """All folds, in the order in which they are asked for."""
+    return tuple(_chapters(contents))
+
+
+def _chapters(contents: ReportContents) -> Iterator[Chapter]:
+    item = contents.estimates[0]
+    if item.warnings:
+        rows = tuple((f.severity, f.text, f.next_step or "") for f in item.warnings)
+        yield Chapter(
+            title=f"Findings ({len(rows)})",
+            tables=(Table(columns=("severity", "finding", "next step"), rows=rows),),
+        )
+    if item.shown is not None:
+        yield Chapter(
+            title="Errors by joint",
+            words="A joint at rest can hold any torque within its stiction: judge by the moving "
+            "joints.",
+            tables=(_errors(item),),
+        )
+    yield _parameters(item)
+    yield from _standard(item)
+    drawn = (residual_figure(item), correlation_figure(item))
+    if any(drawn):
+        yield Chapter(
+            title="Residuals",
+            words="A shape in these clouds is something that the model lacks: a step at zero "
+            "velocity is friction.",
+            figures=tuple(f for f in drawn if f is not None),
+        )
+    if item.base is not None:
+        yield Chapter(title="Identifiability", figures=(singular_figure(item.base),))
+    if len(contents.estimates) > 1:
+        yield _others(contents)
+    for first, second, compared in contents.comparisons:
+        changes = changes_figure(first, second, compared)
+        rows = tuple(
+            (
+                group.name,
+                "moved" if group.moved else "did not move",
+                number(group.median_change_percent),
+                "" if group.largest is None else compared.names[group.largest],
+                number(group.largest_z),
+                number(group.limit_z),
+            )
+            for group in compared.groups
+        )
+        yield Chapter(
+            title=f"Change from {first} to {second}",
+            words="Inertias do not change with temperature: they are the control group. If they "
+            "moved, something else than friction differs between the two recordings.",
+            tables=(
+                Table(
+                    columns=("group", "", "median change [%]", "largest", "z", "limit of z"),
+                    rows=rows,
+                ),
+            ),
+            figures=() if changes is None else (changes,),
+        )
+    for design in contents.designs:
+        facts = (Table(columns=("", ""), rows=design.facts),) if design.facts else ()
+        yield Chapter(title=f"Motion: {design.name}", tables=facts, figures=design_figures(design))
+    yield from _made(contents)
+
+
+def _errors(item: ReportedEstimate) -> Table:
+    shown = item.shown
+    assert shown is not None
+    robot = item.estimate.model.robot
+    unit = joint_unit("N.m", robot.prismatic)
+    whole, moving = shown.metrics, shown.moving
+    parts = (whole.rmse, moving.rmse, whole.relative_error_percent, moving.relative_error_percent)
+    rows = [
+        (name, *(number(float(part[j])) for part in parts), number(float(whole.r2[j])))
+        for j, name in enumerate(joint_labels(robot.joint_names))
+    ]
+    overall = (whole.relative_error_overall_percent, moving.relative_error_overall_percent)
+    rows.append(("all joints", "", "", *(number(value) for value in overall), ""))
+    rows.append((f"e_N (N = {whole.samples})", number(whole.normalized_error), "", "", "", ""))
+    columns = (f"RMS [{unit}]", f"RMS, moving [{unit}]", "relative [%]", "relative, moving [%]")
+    return Table(columns=("joint", *columns, "R²"), rows=tuple(rows))
+
+
+def _parameters(item: ReportedEstimate) -> Chapter:
+    estimate = item.estimate
+    relative = estimate.relative_std_percent
+    rows = tuple(
+        (
+            name,
+            number(float(estimate.values[k]), 4),
+            units(estimate.units[k]),
+            number(float(estimate.std[k]), 2),
+            number(float(relative[k]), 2),
+            "" if k in estimate.essential else "not significant",
+            estimate.expressions[k],
+        )
+        for k, name in enumerate(estimate.names)
+    )
+    return Chapter(
+        title=f"Base parameters ({len(rows)})",
+        words=f"{len(rows)} combinations of the {len(estimate.model.columns)} standard parameters "
+        "are identifiable. The last column says which combination a name stands for. Standard "
+        "deviations allow for autocorrelated residuals.",
+        figures=(parameter_figure(estimate),),
+        tables=(
+            Table(
+                columns=("name", "value", "unit", "std", "std [%]", "", "combination"), rows=rows
+            ),
+        ),
+    )
+
+
+def _standard(item: ReportedEstimate) -> Iterator[Chapter]:
+    found = item.links
+    if found is None:
+        return
+    columns = item.estimate.model.columns
+    known = item.estimate.standard is not None
+    rows = tuple(
+        (
+            column.name,
+            number(float(found.values[k]), 4),
+            units(column.unit),
+            number(float(found.std[k]), 2),
+            number(float(found.prior[k]), 4) if np.isfinite(found.prior[k]) else "",
+            number(float(100 * (1 - found.prior_share[k])), 2),
+        )
+        for k, column in enumerate(columns)
+    )
+    words = (
+        "Of physically consistent bodies."
+        if known
+        else "Published values, corrected by what the base parameters say about them."
+    )
+    yield Chapter(
+        title=f"Standard parameters ({len(rows)})",
+        words=words,
+        tables=(
+            Table(
+                columns=("name", "value", "unit", "std", "published", "from data [%]"), rows=rows
+            ),
+        ),
+    )
+
+
+def _others(contents: ReportContents) -> Chapter:
+    rows: list[tuple[str, ...]] = []
+    for item in contents.estimates:
+        shown = item.shown
+        error = None if shown is None else shown.moving.relative_error_overall_percent
+        rows.append(
+            (
+                item.label or item.name,
+                LEVEL_WORDS[item.level],
+                number(error, 2),
+                str(len(item.estimate.values)),
+                item.estimate.estimator,
+                item.name,
+            )
+        )
+    columns = ("estimate", "prediction", "error, moving [%]", "parameters", "estimator", "file")
+    return Chapter(
+        title=f"All estimates ({len(rows)})",
+        words="The page is about the first one.",
+        tables=(Table(columns=columns, rows=tuple(rows)),),
+    )
+
+
+def _made(contents: ReportContents) -> Iterator[Chapter]:
+    tables: list[Table] = []
+    for item in contents.estimates:
+        made = item.estimate.provenance
+        rows = [
+            ("estimate", item.name),
+            ("made", made.created),
+            ("estimator", f"{item.estimate.estimator}, preset {item.estimate.preset}"),
+            ("samples in the fit", str(item.estimate.samples)),
+            ("condition number of the motion", number(item.estimate.motion_condition_number)),
+            ("condition number of the regressor", number(item.estimate.condition_number)),
+            *((f"version of {name}", value) for name, value in made.versions.items()),
+            *((f"input {name}", f"SHA-256 {value}") for name, value in made.inputs.items()),
+            *(
+                (f"setting {name}", str(value))
+                for name, value in made.settings.items()
+                if value not in (None, "")
+            ),
+            *((("seed", str(made.seed)),) if made.seed is not None else ()),
+            *(("chosen", choice) for choice in item.estimate.choices),
+        ]
+        tables.append(Table(columns=("", ""), rows=tuple(rows)))
+    yield Chapter(
+        title="How it was made",
+        words="Files, versions, settings and seeds that give the same numbers again.",
+        tables=tuple(tables),
+    )
+    if contents.skipped:
+        table = Table(columns=("file", "reason"), rows=contents.skipped)
+        yield Chapter(title=f"Files left out ({len(contents.skipped)})", tables=(table,))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace("\N{MINUS SIGN}", "-"))
+    except ValueError:
+        return cell in ("", "\N{EN DASH}")
+    return True

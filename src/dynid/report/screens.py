@@ -1,0 +1,262 @@
+"""The three screens that decide, as values for the page: nothing is computed but shares and counts.
+
+Purposes with their answers, errors by joint, rival models, and what to do next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dynid.diagnosis import Answer
+from dynid.figures import number
+from dynid.report.contents import ReportContents, ReportedEstimate, joint_labels
+from dynid.report.figures import MODEL_NAMES, MODEL_ROLES, worst_first
+from dynid.robot import to_pseudo_inertia
+
+PRECISE_PERCENT = 10.0
+"""Relative standard deviation up to which a parameter is counted as precise."""
+MOST_STEPS = 3
+ANSWERS = {"yes": "yes", "limits": "with limits", "no": "no"}
+ROLES = {"yes": "yes", "limits": "with-limits", "no": "no"}
+LEVEL_WORDS = {"usable": "yes", "care": "with limits", "do_not_use": "no"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Purpose:
+    """One use of a result, and whether it serves it."""
+
+    title: str
+    answer: str
+    role: str
+    figure: str
+    unit: str
+    text: str
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bar:
+    """A bar with its value; shares are of the width [%]."""
+
+    name: str
+    value: str
+    share: float
+    role: str = "predicted"
+    tick: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """Something to do."""
+
+    do: str
+    why: str
+    command: str = ""
+
+
+def headline(item: ReportedEstimate) -> str:
+    """The first sentence of the page."""
+    shown = item.shown
+    if item.verdict is None or shown is None:
+        return "Identified, but its recording is not at hand"
+    if item.level == "do_not_use":
+        return "This result must not be used"
+    if item.validation is not None:
+        error = shown.moving.relative_error_overall_percent
+        return f"Predicts torque to {_percent(error)} on another motion"
+    told = item.estimate.assessment
+    if told is not None:
+        return f"Expected to predict torque to {_percent(told.expected_error_percent)}"
+    return "Fits its own recording; no other motion has confirmed it"
+
+
+def _percent(value: float) -> str:
+    return f"{number(value, 2)}\N{NO-BREAK SPACE}%"
+
+
+def lead(item: ReportedEstimate) -> str:
+    """What it was identified from and validated on."""
+    made = ", ".join(item.conditions)
+    text = f"Identified from one recording ({made})" if made else "Identified from a recording"
+    if item.validation is not None:
+        tested = ", ".join(item.tested)
+        return f"{text}, validated on another motion" + (f" ({tested})." if tested else ".")
+    return f"{text}; no other motion has been predicted."
+
+
+def purposes(item: ReportedEstimate) -> tuple[Purpose, ...]:
+    """Prediction, parameters and simulation."""
+    if item.verdict is None:
+        return ()
+    estimate, shown = item.estimate, item.shown
+    names = joint_labels(estimate.model.robot.joint_names)
+    error = float("nan") if shown is None else shown.moving.relative_error_overall_percent
+    detail = ""
+    if shown is not None:
+        by_joint = shown.moving.relative_error_percent
+        worst = worst_first(shown)[0]
+        fastest = float(np.abs(shown.dq).max())
+        detail = (
+            f"Worst joint: {names[worst]} with {number(float(by_joint[worst]), 2)} %. "
+            f"Tested up to {number(fastest, 2)} rad/s."
+        )
+    relative = estimate.relative_std_percent
+    precise = [k for k in range(len(relative)) if relative[k] <= PRECISE_PERCENT]
+    return (
+        _purpose("Prediction", item.verdict.prediction, number(error, 2), "% of torque", detail),
+        _purpose(
+            "Parameters",
+            item.verdict.parameters,
+            str(len(precise)),
+            f"of {len(relative)} within ±{PRECISE_PERCENT:g} % (1 σ)",  # noqa: RUF001
+            _precise_words([estimate.names[k] for k in precise]),
+        ),
+        _purpose(
+            "Simulation",
+            item.verdict.simulation,
+            *_bodies(item),
+            repeated=item.verdict.prediction.reason,
+        ),
+    )
+
+
+def _purpose(
+    title: str, answer: Answer, figure: str, unit: str, detail: str, repeated: str = ""
+) -> Purpose:
+    reason = answer.reason if answer.reason != repeated else "as for prediction"
+    return Purpose(
+        title=title,
+        answer=ANSWERS[answer.answer],
+        role=ROLES[answer.answer],
+        figure=figure,
+        unit=unit,
+        text=f"{reason[:1].upper()}{reason[1:]}.",
+        detail=detail,
+    )
+
+
+def _precise_words(names: list[str]) -> str:
+    groups = (
+        ("Coulomb friction", "Fc"), ("viscous friction", "Fv"), ("motor inertia", "Im"),
+        ("first moments", "mx my mz"), ("inertia tensors", "Jxx Jyy Jzz Jxy Jxz Jyz"),
+    )  # fmt: skip
+    counted: list[str] = []
+    for word, symbols in groups:
+        found = sum(name.rstrip("0123456789") in symbols.split() for name in names)
+        if found:
+            counted.append(f"{found} of {word}")
+    return f"Precise: {', '.join(counted)}." if counted else ""
+
+
+def _bodies(item: ReportedEstimate) -> tuple[str, str, str]:
+    """How many links are physically consistent, and what their masses rest on."""
+    if item.links is None:
+        return ("\N{EN DASH}", "links not separated", "")
+    n = item.estimate.model.robot.joints
+    inertials = item.links.values[: 10 * n].reshape(n, 10)
+    lowest = np.linalg.eigvalsh(to_pseudo_inertia(inertials))[:, 0]
+    share = 1 - item.links.prior_share[: 10 * n].reshape(n, 10)[:, 0]
+    mostly = int(np.sum(share >= 0.5))
+    detail = f"The mass of {mostly} of {n} links is mostly data; the rest is mostly published."
+    return (str(int(np.sum(lowest > 0))), f"of {n} links physically consistent", detail)
+
+
+def joint_bars(item: ReportedEstimate) -> tuple[Bar, ...]:
+    """Relative error of each moving joint, the worst first, with its noise floor."""
+    shown = item.shown
+    if shown is None:
+        return ()
+    names = joint_labels(item.estimate.model.robot.joint_names)
+    error = np.nan_to_num(shown.moving.relative_error_percent)
+    told = item.estimate.assessment
+    noise = None if told is None else 100 * told.noise_floor / np.maximum(told.torque, 1e-9)
+    longest = max(float(error.max()), 1e-9 if noise is None else float(noise.max())) * 1.25
+    return tuple(
+        Bar(
+            name=names[j],
+            value=f"{number(float(error[j]), 2)} %",
+            share=100 * float(error[j]) / longest,
+            tick=None if noise is None else 100 * float(noise[j]) / longest,
+        )
+        for j in worst_first(shown)
+    )
+
+
+def model_bars(item: ReportedEstimate) -> tuple[Bar, ...]:
+    """The rival models on data left out: their errors over the torque."""
+    told = item.estimate.assessment
+    if told is None:
+        return ()
+    size = float(np.linalg.norm(told.torque))
+    errors = [100 * float(np.linalg.norm(m.rms)) / max(size, 1e-9) for m in told.models]
+    longest = max([*errors, 1e-9])
+    return tuple(
+        Bar(
+            name=MODEL_NAMES.get(m.name, m.name),
+            value=f"{number(e, 3)} %",
+            share=100 * e / longest,
+            role=MODEL_ROLES.get(m.name, "predicted"),
+        )
+        for m, e in zip(told.models, errors, strict=True)
+    )
+
+
+def models_words(item: ReportedEstimate) -> str:
+    """Whether identification of the inertias pays."""
+    told = item.estimate.assessment
+    if told is None:
+        return "This estimate was written by an earlier version: identify again to compare models."
+    if told.pays is None:
+        return "No inertias are published for this robot: there is nothing to compare with."
+    if told.pays:
+        return "Identified inertias predict better than the published ones."
+    return "Identified inertias predict no better than the published ones with identified friction."
+
+
+def next_steps(contents: ReportContents) -> tuple[Step, ...]:
+    """What to do, the most pressing first."""
+    item = contents.estimates[0]
+    return tuple(list(_steps(contents, item))[:MOST_STEPS])
+
+
+def _steps(contents: ReportContents, item: ReportedEstimate) -> Iterator[Step]:
+    robot = item.estimate.model.robot.name
+    if item.shown is None:
+        yield Step(
+            do="Put its recording beside it.",
+            why="Without it nothing can be predicted or judged.",
+            command=f"dynid report {contents.directory}",
+        )
+    told: set[str] = set()
+    for finding in sorted(item.warnings, key=lambda f: f.severity != "error"):
+        if finding.next_step and finding.next_step not in told and finding.severity != "info":
+            told.add(finding.next_step)
+            yield Step(do=_sentence(finding.next_step), why=_sentence(finding.text))
+    if item.validation is None and item.shown is not None:
+        yield Step(
+            do="Validate on another motion.",
+            why="No other recording has confirmed this result.",
+            command=f"dynid validate {item.name} OTHER_RECORDING",
+        )
+    for finding in item.warnings:
+        if finding.code == "weak_excitation" and finding.next_step not in told:
+            yield Step(
+                do=_sentence(finding.next_step),
+                why="The motion excites the inertias poorly.",
+                command=f"dynid design {Path(robot).name} -o design.json",
+            )
+            break
+    if item.level == "usable":
+        yield Step(
+            do="Export the model.",
+            why="C for feed-forward control, MJCF or URDF for simulators.",
+            command=f"dynid export {item.name} --to mjcf -o robot.xml",
+        )
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}".rstrip(".") + "."
