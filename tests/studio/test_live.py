@@ -24,13 +24,12 @@ SCENE = scene_from_json(
 )
 
 
-def distance_to_bodies(point: np.ndarray, q: np.ndarray) -> float:
-    """From a point to the surface of the moving arm, by brute force over its bodies."""
+def distance_to_bodies(point: np.ndarray, q: np.ndarray, names: set[str]) -> float:
+    """From a point to the surface of the moving arm, by brute force over some of its bodies."""
     poses = np.concatenate([np.eye(4)[None], joint_poses(UR5, q)])
     least = np.inf
     for item in UR5.bodies:
-        if item.link == 0:
-            # The base is not judged against the scene it stands on.
+        if item.name not in names:
             continue
         pose = poses[item.link]
         local = (point - pose[:3, 3]) @ pose[:3, :3]
@@ -46,13 +45,22 @@ def test_the_drawn_ways_are_as_long_as_the_distances_that_are_judged(seed: int) 
     usage = constraints.usage(q[None], np.zeros((1, 6)), np.zeros((1, 6)))
     assert {item.kind for item in found.near} == {"self_collision", "environment"}
     for item in found.near:
-        assert item.distance == pytest.approx(usage.distance(item.kind), abs=CLOSE)
+        # Links that are never far apart have a smaller clearance of their own.
+        left = usage.distance(item.kind) - constraints.settings.clearances[item.kind]
+        assert item.distance - item.clearance == pytest.approx(left, abs=CLOSE)
+        assert 0 < item.clearance <= constraints.settings.clearances[item.kind]
         assert item.names == usage.worst[item.kind].what
         if item.kind == "environment" and item.distance > 0:
             assert np.linalg.norm(item.end - item.start) == pytest.approx(item.distance, abs=1e-6)
             # It starts on the arm and ends on the shape, as a sweep over all bodies sees it.
-            assert distance_to_bodies(item.start, q) <= 1e-6
-            assert distance_to_bodies(item.end, q) == pytest.approx(item.distance, abs=1e-6)
+            shape = item.names.partition(" - ")[2]
+            assert constraints.surroundings is not None
+            pairs = constraints.surroundings.names["environment"]
+            # What keeps its distance whatever the arm does, as the shoulder does, is not judged.
+            judged = {pair.partition(" - ")[0] for pair in pairs if pair.endswith(f" - {shape}")}
+            assert len(judged) > 3
+            assert distance_to_bodies(item.start, q, judged) <= 1e-6
+            assert distance_to_bodies(item.end, q, judged) == pytest.approx(item.distance, abs=1e-6)
 
 
 def test_the_margins_of_an_instant_are_those_of_the_judge() -> None:

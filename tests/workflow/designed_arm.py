@@ -39,8 +39,28 @@ radius = 0.04
 """
 
 
-def written_arm(folder: Path, *, torque: float = 80.0, upper: float = 2.5) -> Path:
-    """The robot file."""
+REST = """
+[[capsule]]
+name = "shoulder"
+link = "one"
+start = [0.0, 0.0, 0.16]
+end = [0.0, 0.0, 0.2]
+radius = 0.03
+[[capsule]]
+name = "upper arm"
+link = "two"
+start = [0.1, 0.0, 0.0]
+end = [0.35, 0.0, 0.0]
+radius = 0.04
+"""
+"""Bodies of the other links: without them nothing is certified."""
+
+
+def written_arm(
+    folder: Path, *, torque: float = 80.0, upper: float = 2.5, whole: bool = False
+) -> Path:
+    """The robot file; with bodies of all links if it is `whole`."""
     path = folder / "small.toml"
-    path.write_text(ARM.format(torque=torque, upper=upper), encoding="utf-8")
+    text = ARM.format(torque=torque, upper=upper) + (REST if whole else "")
+    path.write_text(text, encoding="utf-8")
     return path

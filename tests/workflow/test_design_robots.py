@@ -108,10 +108,11 @@ def test_an_interrupted_search_returns_a_certified_design(tmp_path: Path) -> Non
         if len(told) == 3:
             raise KeyboardInterrupt
 
-    robot = dynid.load_robot(written_arm(tmp_path))
+    robot = dynid.load_robot(written_arm(tmp_path, whole=True))
     settings = dynid.DesignSettings(harmonics=3, period_s=6.0, starts=9)
     found = dynid.design(robot, settings, output=tmp_path / "d.json", progress=tell)
     assert found.interrupted
+    assert found.certificate.feasible
     assert certify(found.trajectory, safe_constraints(robot, clearance=0.01)).feasible
     stored = dynid.read_design(tmp_path / "d.json", robot=tmp_path / "small.toml")
     assert stored.facts["ended_by"] == "interrupt"

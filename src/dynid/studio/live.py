@@ -30,7 +30,7 @@ class Near:
     distance: float
     """Between their surfaces [m]."""
     clearance: float
-    """The smallest that is allowed [m]."""
+    """The smallest that is allowed to this pair [m]."""
     start: Array
     """(3) on the first body's surface, in the base frame [m]."""
     end: Array
@@ -88,6 +88,7 @@ def _near(
     found = bodies.nearest(q, around=around)
     row = int(found.pair[0])
     first, second = (bodies.around if around else bodies.own)[row]
+    nearer = 0.0 if around else float(bodies.nearer[row])
     distance, ends = bodies.closest(q[0], int(first), int(second))
     # The arm first: names stand so.
     start, end = ends[::-1] if around else ends
@@ -95,7 +96,7 @@ def _near(
         kind=kind,
         names=names[row],
         distance=distance,
-        clearance=constraints.settings.clearances[kind],
+        clearance=constraints.settings.clearances[kind] - nearer,
         start=start,
         end=end,
     )

@@ -127,12 +127,15 @@ class StoredDesign:
         return f"changed since it was certified: {', '.join(self.changed)}"
 
 
-def write_design(design: ExcitationDesign, path: str | Path) -> None:
+def write_design(
+    design: ExcitationDesign, path: str | Path, *, robot: RobotModel | None = None
+) -> None:
     """Write a design as JSON; it appears whole or not at all.
 
     Args:
         design: The design.
         path: The file; `read_design`, `dynid check` and `dynid run` take it.
+        robot: The robot on its mounting, for one that no file holds; None for the design's.
 
     Raises:
         InputError: A place where no such file can be.
@@ -146,8 +149,10 @@ def write_design(design: ExcitationDesign, path: str | Path) -> None:
         limits=copied_bounds(design.limits),
         provenance=design.provenance,
     )
-    folders = tuple(map(Path, limits.mesh_dirs))
-    robot = limits.equipped(load_robot(design.robot, mount=_mount(facts), mesh_dirs=folders))
+    if robot is None:
+        folders = tuple(map(Path, limits.mesh_dirs))
+        robot = load_robot(design.robot, mount=_mount(facts), mesh_dirs=folders)
+    robot = limits.equipped(robot)
     facts["digest"] = digest_of(
         stored, facts, limits, str(facts["limits"].pop(ROBOT, robot_hash(robot))), robot.tool
     )

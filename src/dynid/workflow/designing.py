@@ -108,7 +108,7 @@ def design(
     accuracy = asked.accuracy_percent
     result = job.design(asked.period_s) if accuracy is None else job.shortest(accuracy)
     if output is not None:
-        write_design(result, output)
+        write_design(result, output, robot=model)
     return result
 
 
