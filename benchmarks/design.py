@@ -57,7 +57,7 @@ def paper_problem() -> ExcitationProblem:
         base=reduce_model(InverseDynamicModel(robot=robot)),
         criterion=parse_criterion("cond"),
         family=FourierFamily(period=10.0, harmonics=5),
-        constraints=paper_constraints(robot).settings,
+        constraints=paper_constraints(robot),
     )
 
 

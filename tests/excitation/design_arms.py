@@ -83,7 +83,7 @@ def problem(
         base=reduce_model(InverseDynamicModel(robot=chosen)),
         criterion=parse_criterion(criterion),
         family=motion_family(family, period, harmonics),
-        constraints=judge.settings,
+        constraints=judge,
         rate_hz=rate_hz,
         start_pose=start_pose,
     )

@@ -36,7 +36,7 @@ def crouching() -> ExcitationProblem:
     robot = load_robot("ur5")
     asked = problem(robot, rate_hz=25.0, safe=True)
     judge = safe_constraints(robot, scene_from_json(JsonFields(LOW)))
-    return replace(asked, constraints=judge.settings)
+    return replace(asked, constraints=judge)
 
 
 def test_where_no_random_motion_is_free_one_grows_out_of_a_free_pose() -> None:

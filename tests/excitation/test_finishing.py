@@ -105,7 +105,7 @@ def test_whole_turns_are_taken_off_and_nothing_else_changes() -> None:
 def test_what_keeps_the_bounds_keeps_them_without_turns() -> None:
     asked = turning()
     evaluation, region = DesignEvaluation(asked), region_of(asked)
-    bounds = asked.constraints.bounds
+    bounds = asked.constraints.settings.bounds
     for seed in range(20):
         x = random_numbers(region, 1, np.random.default_rng(seed), fill=1.0)[0]
         moved = without_turns(evaluation, x)

@@ -1,7 +1,7 @@
 """One judge for motions: limits of joints, speed, torque and power, and collisions."""
 
 from dynid.constraints.certificate import Certificate, certify
-from dynid.constraints.collision import CollisionBodies
+from dynid.constraints.collision import CollisionBodies, Proximity
 from dynid.constraints.dynamic import prior_dynamics, prior_link
 from dynid.constraints.limits import (
     DISTANCES,
@@ -46,6 +46,7 @@ __all__ = [
     "CollisionBodies",
     "ConstraintSettings",
     "MotionConstraints",
+    "Proximity",
     "Scene",
     "Shape",
     "Unjudged",

@@ -30,6 +30,32 @@ class Nearest:
     """(N) what no pair is below while the joints move on; see `Bodies.nearest`."""
 
 
+@dataclass(slots=True, kw_only=True)
+class Proximity:
+    """How far apart pairs were at samples that were looked at before.
+
+    A pair is not measured again while the joints have moved too little to bring it near. Values
+    do not depend on what was known, except by rounding; `forget` removes that, too.
+    """
+
+    pairs: Indices
+    """(P, 2) as in `CollisionBodies`: own pairs first."""
+    rates: Array
+    """(P, n) how fast each joint can change each distance [m/rad or 1]."""
+    last: Array
+    """(M, n) positions of the samples seen last; sample k of a motion is compared with row k mod
+    M, so that one row compares each sample with the one before."""
+    room: Array
+    """(M, P) no distance was below this there [m]."""
+    axes: Array
+    """(M, P, 3) directions found there: where to begin."""
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self.room[:] = -np.inf
+        self.axes[:] = 0.0
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CollisionBodies:
     """Convex bodies fixed in links or in the base frame, half-spaces, and the judged pairs.
@@ -91,24 +117,60 @@ class CollisionBodies:
         _nearest(self.arm.joints, self._parts, pairs, samples_of(q), nearer, slack, found, pair)
         return Nearest(distance=found[0], pair=pair, bound=found[1])
 
-    def violation(self, q: Array, own: float, around: float) -> tuple[float, Array]:
+    def proximity(self, samples: int, travel: Array) -> Proximity:
+        """An empty memory for motions of so many samples.
+
+        Args:
+            samples: Number of samples; 1 to compare each sample with the one before.
+            travel: (n) largest |q| of each joint anywhere [rad or m].
+        """
+        pairs = np.concatenate([self.own, self.around])
+        known = Proximity(
+            pairs=pairs,
+            rates=self.rates(pairs, travel),
+            last=np.zeros((samples, self.arm.count)),
+            room=np.empty((samples, len(pairs))),
+            axes=np.empty((samples, len(pairs), 3)),
+        )
+        known.forget()
+        return known
+
+    def violation(
+        self,
+        q: Array,
+        own: tuple[float, float],
+        around: float,
+        *,
+        known: Proximity | None = None,
+        most: float = np.inf,
+    ) -> tuple[float, Array]:
         """Sum of squared clearance violations, in units of `LENGTH`.
 
         Args:
             q: (N, n) positions [rad or m].
-            own: Smallest allowed distance between the arm's bodies [m].
+            own: Smallest allowed distance between the arm's bodies, and what is wanted beyond
+                it of pairs that can be far enough apart [m].
             around: Smallest allowed distance to the scene [m].
+            known: From `proximity`, for the same samples; it is brought up to date.
+            most: Where the sum is beyond this, later samples are left out.
 
         Returns:
             The sum over samples and pairs, and its derivative (N, n).
         """
         slope = np.zeros(q.shape)
-        pairs = np.concatenate([self.own, self.around])
-        clearance = np.concatenate([own - self.nearer, np.full(len(self.around), around)])
+        if known is None:
+            known = self.proximity(1, np.abs(q).max(axis=0))
+        clearance = np.concatenate(
+            [
+                own[0] - self.nearer + np.where(self.nearer > 0, 0.0, own[1]),
+                np.full(len(self.around), around),
+            ]
+        )
         arm = self.arm
         total = _violation(
-            arm.joints, arm.prismatic, self._parts, pairs, clearance, samples_of(q), slope
-        )
+            arm.joints, arm.prismatic, self._parts, known.pairs, clearance, samples_of(q),
+            known.rates, known.last, known.room, known.axes, most, slope,
+        )  # fmt: skip
         return float(total), slope
 
     def closest(self, q: Array, a: int, b: int) -> tuple[float, Array]:
@@ -155,8 +217,8 @@ class CollisionBodies:
 
     def _reach(self, body: int, travel: Array) -> Array:
         points = self.points[:, self.starts[body] : self.starts[body + 1]].T
-        link = int(self.link[body])
-        return np.max([self.arm.reach(link, point, travel) for point in points], axis=0)
+        farthest = points[int(np.argmax(np.linalg.norm(points, axis=1)))]
+        return self.arm.reach(int(self.link[body]), farthest, travel)
 
     @property
     def _parts(self) -> tuple[Indices, Indices, Array, Array, Array, Array]:
@@ -315,6 +377,11 @@ def _violation(
     pairs: Indices,
     clearance: Array,
     q: Array,
+    rates: Array,
+    last: Array,
+    room: Array,
+    axes: Array,
+    most: float,
     out: Array,
 ) -> float:
     """Sum of squared violations of clearances (P); adds its derivative (N, n) to `out`."""
@@ -322,18 +389,29 @@ def _violation(
     link = parts[0]
     turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
     centres, work, touch = np.empty((len(link), 3)), np.empty((WORK, 6)), np.empty(3)
-    frame = np.empty((4, 3))
+    frame, moved = np.empty((4, 3)), np.empty(n)
     force, moment, way, at = np.empty((n + 1, 3)), np.empty((n + 1, 3)), np.empty(3), np.empty(3)
-    axes = np.zeros((len(pairs), 3))
     total = 0.0
     for k in range(len(q)):
-        _place(joints, parts, q[k], turn, origin, axis, centres)
-        before = total
+        before, placed, row = total, False, k % len(last)
+        for j in range(n):
+            moved[j] = abs(q[k, j] - last[row, j])
+            last[row, j] = q[k, j]
         for p in range(len(pairs)):
+            left = room[row, p]
+            for j in range(n):
+                left -= rates[p, j] * moved[j]
+            room[row, p] = left
+            if left >= clearance[p]:
+                continue
+            if not placed:
+                _place(joints, parts, q[k], turn, origin, axis, centres)
+                placed = True
             a, b = pairs[p]
             far = _distance(
-                parts, a, b, turn, origin, centres, clearance[p], axes[p], touch, frame, work
+                parts, a, b, turn, origin, centres, clearance[p], axes[row, p], touch, frame, work
             )
+            room[row, p] = far
             if far >= clearance[p]:
                 continue
             if total == before:
@@ -345,9 +423,9 @@ def _violation(
             place_point(turn[first], origin[first], touch, at)
             for r in range(3):
                 way[r] = (-2.0 * short / LENGTH) * (
-                    turn[first, r, 0] * axes[p, 0]
-                    + turn[first, r, 1] * axes[p, 1]
-                    + turn[first, r, 2] * axes[p, 2]
+                    turn[first, r, 0] * axes[row, p, 0]
+                    + turn[first, r, 1] * axes[row, p, 1]
+                    + turn[first, r, 2] * axes[row, p, 2]
                 )
             # Along the line of action the moment is the same, wherever on it the bodies touch.
             m0 = at[1] * way[2] - at[2] * way[1]
@@ -364,6 +442,8 @@ def _violation(
             moment[first, 2] -= m2
         if total > before:
             collect(origin, axis, prismatic, force, moment, out[k])
+            if total > most:
+                break
     return total
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.constraints.bodies import Surroundings, surroundings_of
+from dynid.constraints.collision import Proximity
 from dynid.constraints.dynamic import TorqueJudge, prior_dynamics, prior_link
 from dynid.constraints.limits import (
     DISTANCES,
@@ -124,19 +125,38 @@ class MotionConstraints:
                     )
         return Usage(worst=worst)
 
+    def proximity(self, samples: int) -> Proximity | None:
+        """A memory of distances for motions of so many samples; see `CollisionBodies`."""
+        if self.surroundings is None:
+            return None
+        bounds = self.settings.bounds
+        travel = np.maximum(np.abs(bounds.lower), np.abs(bounds.upper))
+        return self.surroundings.bodies.proximity(samples, travel)
+
     def violation(
-        self, q: Array, dq: Array, ddq: Array, *, tighten: float = 0.0
+        self,
+        q: Array,
+        dq: Array,
+        ddq: Array,
+        *,
+        tighten: float = 0.0,
+        caution: float = 0.0,
+        known: Proximity | None = None,
+        most: float = math.inf,
     ) -> tuple[float, Array, Array, Array]:
         """How much the limits are broken at samples, as one smooth number.
 
         The sum over samples and limits of the squared excess over the limit, as a share of the
-        limit; a missing clearance counts in units of `shortfall_kernels.LENGTH`.
+        limit; a missing clearance counts in units of `collision.LENGTH`.
 
         Args:
             q: (N, n) positions [rad or m].
             dq: (N, n) velocities.
             ddq: (N, n) accelerations.
             tighten: Share by which every limit shrinks and the clearance grows.
+            caution: What is added to the clearance where a pair has room for it [m].
+            known: Distances of an earlier call for the same samples; see `proximity`.
+            most: Where the sum is beyond this, the rest may be left out.
 
         Returns:
             The sum, 0 where every limit holds, and its exact derivatives (N, n) with respect
@@ -153,9 +173,16 @@ class MotionConstraints:
             more, a, b = points.violation(q, dq, share * limit)
             total += more
             q_bar, dq_bar = q_bar + a, dq_bar + b
-        if self.surroundings is not None:
-            own, around = ((1.0 + tighten) * x for x in self.settings.clearances.values())
-            more, a = self.surroundings.bodies.violation(q, own, around)
+        if self.surroundings is not None and total <= most:
+            settings = self.settings
+            own, around = settings.self_clearance, (1.0 + tighten) * (settings.clearance + caution)
+            more, a = self.surroundings.bodies.violation(
+                q,
+                (own, tighten * own + (1.0 + tighten) * caution),
+                around,
+                known=known,
+                most=most - total,
+            )
             total += more
             q_bar = q_bar + a
         return total, q_bar, dq_bar, ddq_bar

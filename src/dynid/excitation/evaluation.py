@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from dynid.constraints import MotionConstraints, certify
+from dynid.constraints import MotionConstraints, Proximity, certify
 from dynid.core import Array
 from dynid.excitation.criteria import (
     Condition,
@@ -143,6 +143,8 @@ DENSE_RATE_HZ = 50.0
 """Samples a second at which a candidate's limits are looked at."""
 DENSE_TIGHTEN = 0.003
 """Share by which limits shrink there."""
+FINE_SHARE = 0.4
+"""Of what the search keeps free, what is kept where it looks at the dense grid."""
 
 
 class MotionGrid:
@@ -198,23 +200,12 @@ class DesignEvaluation:
         self._smooth = GramKernel(
             model, problem.base, noise=problem.noise, coulomb_width=DESIGN_WIDTH
         )
-        held = problem.constraints
-        self._cautious = MotionConstraints(
-            model.robot,
-            replace(
-                held,
-                clearance=held.clearance + CAUTION,
-                self_clearance=held.self_clearance + CAUTION,
-            ),
-        )
-        others = (self._cautious.torque, self._cautious.surroundings)
-        self.constrained = bool(self._cautious.points) or any(o is not None for o in others)
+        self.constraints: MotionConstraints = problem.constraints
+        """The judge of the limits."""
+        self._known = self.constraints.proximity(count)
+        others = (self.constraints.torque, self.constraints.surroundings)
+        self.constrained = bool(self.constraints.points) or any(o is not None for o in others)
         """Whether anything beside position, velocity and acceleration is held."""
-
-    @cached_property
-    def constraints(self) -> MotionConstraints:
-        """The judge of the limits as they are."""
-        return MotionConstraints(self.problem.base.model.robot, self.problem.constraints)
 
     @cached_property
     def _dense(self) -> MotionGrid:
@@ -224,7 +215,7 @@ class DesignEvaluation:
 
     def warm_up(self) -> None:
         """Load, and on the first use on a machine compile, every kernel that a search needs."""
-        bounds = self.problem.constraints.bounds
+        bounds = self.problem.constraints.settings.bounds
         width = 1 + self.problem.family.free_count
         still = np.zeros((bounds.joints, width))
         still[:, 0] = np.clip(0.0, bounds.lower, bounds.upper)
@@ -233,10 +224,26 @@ class DesignEvaluation:
         certify(family.trajectory(still[:, 0], still[:, 1:]), self.constraints)
         self.evaluations = 0
 
+    @cached_property
+    def _dense_known(self) -> Proximity | None:
+        return self.constraints.proximity(len(self._dense.basis[0]))
+
+    def forget(self) -> None:
+        """Begin anew: what follows does not depend on the motions before, not even in rounding."""
+        for known in (self._known, self._dense_known):
+            if known is not None:
+                known.forget()
+
     def value(self, x: Array) -> float:
         """The objective of the motion (n, 1 + k): every sample, Coulomb steps as they are."""
         self.evaluations += 1
         return self.problem.criterion.objective(self.gram(x))
+
+    def rough_value(self, x: Array) -> float:
+        """The objective on the search grid with smooth steps: a fifth of the work of `value`."""
+        self.evaluations += 1
+        gram = self._smooth.gram(*self._search.motion(x))
+        return self.problem.criterion.objective(self._share * gram)
 
     def gram(self, x: Array) -> Array:
         """The Gram matrix (b, b) on the full grid."""
@@ -247,16 +254,37 @@ class DesignEvaluation:
         if not self.constrained:
             return 0.0
         motion = self._dense.motion(x)
-        return self.constraints.violation(*motion, tighten=DENSE_TIGHTEN)[0]
+        return self.constraints.violation(*motion, tighten=DENSE_TIGHTEN, known=self._dense_known)[
+            0
+        ]
 
-    def search_violation(self, x: Array, tighten: float) -> float:
-        """How much tightened limits and larger clearances are broken on the search grid."""
+    def search_violation(self, x: Array, tighten: float, most: float = math.inf) -> float:
+        """How much tightened limits and larger clearances are broken on the search grid.
+
+        Args:
+            x: (n, 1 + k) numbers of the motion.
+            tighten: Share by which limits shrink.
+            most: A sum beyond which it does not matter how much.
+        """
         if not self.constrained:
             return 0.0
-        return self._cautious.violation(*self._search.motion(x), tighten=tighten)[0]
+        return self._broken(self._search.motion(x), tighten, most)[0]
+
+    def _broken(
+        self, motion: tuple[Array, Array, Array], tighten: float, most: float = math.inf
+    ) -> tuple[float, Array, Array, Array]:
+        return self.constraints.violation(
+            *motion, tighten=tighten, caution=CAUTION, known=self._known, most=most
+        )
 
     def search(
-        self, x: Array, *, criterion: Criterion, penalty: float = 0.0, tighten: float = 0.0
+        self,
+        x: Array,
+        *,
+        criterion: Criterion,
+        penalty: float = 0.0,
+        tighten: float = 0.0,
+        fine: bool = False,
     ) -> tuple[float, Array]:
         """Criterion and penalty with their gradient, on the search grid with smooth steps.
 
@@ -265,6 +293,7 @@ class DesignEvaluation:
             criterion: What to evaluate: the problem's, or a smoother relative.
             penalty: Weight of the broken limits.
             tighten: Share by which limits shrink.
+            fine: Look at the limits on the dense grid, with less of a reserve.
         """
         self.evaluations += 1
         motion = self._search.motion(x)
@@ -274,7 +303,18 @@ class DesignEvaluation:
             return math.inf, np.zeros_like(x)
         gradient = self._search.pulled_back(*pullback(slope * self._share))
         if penalty > 0.0 and self.constrained:
-            broken, *bars = self._cautious.violation(*motion, tighten=tighten)
+            grid = self._search
+            if fine:
+                grid = self._dense
+                penalty *= len(motion[0]) / len(grid.basis[0])
+                broken, *bars = self.constraints.violation(
+                    *grid.motion(x),
+                    tighten=FINE_SHARE * tighten,
+                    caution=FINE_SHARE * CAUTION,
+                    known=self._dense_known,
+                )
+            else:
+                broken, *bars = self._broken(motion, tighten)
             value += penalty * broken
-            gradient += penalty * self._search.pulled_back(*bars)
+            gradient += penalty * grid.pulled_back(*bars)
         return value, gradient

@@ -112,7 +112,7 @@ def grown_motion(
     x[:, 0] = pose
     for _ in range(_SHRINKS):
         inside = bool((region.slack(x) > 0).all())
-        if inside and evaluation.search_violation(x, tighten) == 0.0:
+        if inside and evaluation.search_violation(x, tighten, 0.0) == 0.0:
             return x
         x[:, 1:] *= _SHRINK
     return None

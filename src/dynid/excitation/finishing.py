@@ -89,7 +89,7 @@ def without_turns(evaluation: DesignEvaluation, x: Array) -> Array:
     if problem.start_pose is not None:
         return x
     q = problem.family.trajectory(x[:, 0], x[:, 1:]).evaluate(problem.times).q
-    bounds = problem.constraints.bounds
+    bounds = problem.constraints.settings.bounds
     # Of the range, not of the mean: a range that is nearer to the middle cannot leave the bounds.
     away = (q.min(axis=0) + q.max(axis=0) - bounds.lower - bounds.upper) / 2
     turns: Array = np.rint(away / (2 * np.pi))

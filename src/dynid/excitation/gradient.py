@@ -40,6 +40,8 @@ class Descent:
     x: Array
     curvature: Array | None = None
     """(D, D) of the objective, without the barrier."""
+    first: bool = True
+    """Whether the curvature has no scale yet."""
     evaluations: int = 0
 
 
@@ -102,9 +104,11 @@ def descend(
             length *= SHRINK
         else:
             return
-        state.curvature = _damped_update(
-            state.curvature, (trial - x).ravel(), (trial_gradient - gradient).ravel()
-        )
+        moved, change = (trial - x).ravel(), (trial_gradient - gradient).ravel()
+        if state.first and float(moved @ change) > 0:
+            state.curvature *= float(change @ change) / float(moved @ change)
+            state.first = False
+        state.curvature = _damped_update(state.curvature, moved, change)
         gained = total - reached
         x, gradient, slack, total = trial, trial_gradient, trial_slack, reached
         state.x = x
@@ -128,11 +132,10 @@ def _newton(curvature: Array, blocks: Array, slope: Array, *, fixed: bool) -> Ar
     for ridge in RIDGES:
         np.fill_diagonal(matrix, diagonal + ridge * np.max(diagonal))
         try:
-            factor = np.linalg.cholesky(matrix)
+            np.linalg.cholesky(matrix)
         except np.linalg.LinAlgError:
             continue
-        step = np.linalg.solve(factor.T, np.linalg.solve(factor, -slope))
-        return np.asarray(step, dtype=np.float64)
+        return np.asarray(np.linalg.solve(matrix, -slope), dtype=np.float64)
     return -slope / np.maximum(diagonal, 1e-300)
 
 
@@ -155,8 +158,6 @@ GROWN = 6
 """Motions that a start grows out of free poses beside them."""
 TIGHTEN = 0.02
 """Share by which limits beside the bounds shrink during the search."""
-IDLE = 1e-4
-"""Steps that gain less, in the logarithm of the criterion, end a stage."""
 FILLS = (0.2, 0.9)
 """Share of the limits that random motions use; all of it where nothing but bounds is held."""
 
@@ -171,15 +172,19 @@ class DescentStage:
     """Exponent of the smoothed eigenvalues."""
     penalty: float
     """Weight of broken limits."""
+    tolerance: float
+    """Steps that gain less, in the logarithm of the criterion, end it."""
+    fine: bool = False
+    """Whether limits are looked at on a fine grid, which needs less of a reserve."""
     iterations: int = 100
     """Most steps."""
 
 
 STAGES = (
-    DescentStage(barrier=1e-3, sharpness=2, penalty=1.0),
-    DescentStage(barrier=1e-4, sharpness=5, penalty=10.0),
-    DescentStage(barrier=1e-5, sharpness=20, penalty=100.0),
-    DescentStage(barrier=1e-6, sharpness=100, penalty=1000.0),
+    DescentStage(barrier=1e-3, sharpness=2, penalty=1.0, tolerance=5e-4),
+    DescentStage(barrier=1e-4, sharpness=5, penalty=10.0, tolerance=5e-4),
+    DescentStage(barrier=1e-5, sharpness=20, penalty=100.0, tolerance=5e-4),
+    DescentStage(barrier=1e-6, sharpness=100, penalty=1000.0, tolerance=1e-4, fine=True),
 )
 
 
@@ -206,12 +211,14 @@ def one_start(
         The best candidate; None if there was no time for a single motion.
     """
     random = np.random.default_rng([seed, number])
+    evaluation.forget()
     best: Array | None = None
     least = math.inf
     for x in _drawn(evaluation, region, random):
         if stop():
             break
-        value = evaluation.value(x) + evaluation.search_violation(x, TIGHTEN)
+        value = evaluation.rough_value(x)
+        value += evaluation.search_violation(x, TIGHTEN, least - value)
         if best is None or value < least:
             best, least = x, value
     if best is None:
@@ -270,6 +277,7 @@ def improve(
             criterion=smoothed(evaluation.problem.criterion, stage.sharpness),
             penalty=stage.penalty,
             tighten=tighten,
+            fine=stage.fine,
         )
         descend(
             objective,
@@ -277,7 +285,7 @@ def improve(
             state,
             weight=stage.barrier,
             iterations=stage.iterations,
-            tolerance=IDLE,
+            tolerance=stage.tolerance,
             stop=stop,
         )
         reached = judged(evaluation, state.x)

@@ -102,18 +102,7 @@ def acting_joints(model: InverseDynamicModel) -> Array:
     return np.asarray((out != 0).any(axis=2), dtype=np.float64)
 
 
-def beside_counts(model: InverseDynamicModel) -> tuple[int, ...]:
-    """Number of columns of each block beside the inertial ones."""
-    return tuple(len(block.columns(model.robot)) for block in model.blocks)
-
-
-def fill_beside(
-    model: InverseDynamicModel,
-    dq: Array,
-    ddq: Array,
-    out: Array,
-    counts: tuple[int, ...] | None = None,
-) -> None:
+def fill_beside(model: InverseDynamicModel, dq: Array, ddq: Array, out: Array) -> None:
     """Write the columns beside the inertial ones for dq, ddq (n, N) into out (p - 10 n, n, N).
 
     Args:
@@ -121,10 +110,9 @@ def fill_beside(
         dq: (n, N) velocities.
         ddq: (n, N) accelerations.
         out: (p - 10 n, n, N) to be written.
-        counts: `beside_counts(model)`, where it is at hand: asking costs as much as filling.
     """
     first = 0
-    for block, count in zip(model.blocks, counts or beside_counts(model), strict=True):
+    for block, count in zip(model.blocks, model.counts, strict=True):
         block.fill(model.robot, dq, ddq, out[first : first + count])
         first += count
 
@@ -185,7 +173,6 @@ class GramKernel:
         self._threads = ThreadpoolController()
         self._samples = -1
         self._calls = 0
-        self._counts = beside_counts(self._model)
 
     @property
     def rank(self) -> int:
@@ -209,7 +196,7 @@ class GramKernel:
         self._turn = turns(state[0])
         places = self._layout.places
         inertial_rows(constants, self._turn, state[0], state[1], state[2], self._rows, places)
-        fill_beside(self._model, state[1], state[2], self._beside, self._counts)
+        fill_beside(self._model, state[1], state[2], self._beside)
         with self._threads.limit(limits=1):  # pyright: ignore[reportUnknownMemberType]
             for j, panel in enumerate(self._layout.panels):
                 rows = self._rows[panel.rows, : self._samples]

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynid.constraints import ConstraintSettings
+from dynid.constraints import MotionConstraints
 from dynid.core import Array, InputError, frozen
 from dynid.excitation.criteria import Criterion
 from dynid.reduction import BaseParametrization
@@ -34,7 +34,8 @@ class ExcitationProblem:
     """The base parameters; the robot and its columns are in `base.model`."""
     criterion: Criterion
     family: MotionFamily
-    constraints: ConstraintSettings
+    constraints: MotionConstraints
+    """What a motion is held to, built once for all searches."""
     rate_hz: float = PAPER_RATE_HZ
     """Samples a second at which a design is judged."""
     noise: Array | None = None
@@ -46,10 +47,9 @@ class ExcitationProblem:
 
     def __post_init__(self) -> None:
         joints = self.base.model.robot.joints
-        if self.constraints.bounds.joints != joints:
-            raise InputError(
-                "joints of the bounds", value=self.constraints.bounds.joints, limit=joints
-            )
+        held = self.constraints.robot.joints
+        if held != joints:
+            raise InputError("joints of the constraints", value=held, limit=joints)
         if not (math.isfinite(self.rate_hz) and self.rate_hz > 0):
             raise InputError("the sampling rate must be positive", value=self.rate_hz)
         if self.samples * joints < 2 * self.base.rank:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.constraints import ConstraintSettings, prior_dynamics
+from dynid.constraints import MotionConstraints, prior_dynamics
 from dynid.core import Array, InputError
 from dynid.excitation.criteria import AOptimal, inverse
 from dynid.excitation.evaluation import DesignEvaluation
@@ -113,7 +113,7 @@ def purpose_of(base: BaseParametrization, motions: Sequence[JointMotion], source
 
 
 def whole_workspace(
-    base: BaseParametrization, constraints: ConstraintSettings, *, seed: int = 0
+    base: BaseParametrization, constraints: MotionConstraints, *, seed: int = 0
 ) -> Purpose:
     """The purpose of a model that shall hold anywhere: safe random motions about free poses.
 

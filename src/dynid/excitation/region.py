@@ -113,11 +113,12 @@ class MotionRegion:
 
     def longest_step(self, slack: Array, step: Array, most: float = 1.0) -> float:
         """The largest factor on a step, at most `most`, that keeps a hundredth of each slack."""
-        finite = np.isfinite(slack)
-        # Bounds that are not there leave infinite slack before and after.
-        change = np.zeros_like(slack)
-        np.subtract(self.slack(step), self.slack(np.zeros_like(step)), out=change, where=finite)
-        use = float(np.max(-change[finite] / slack[finite], initial=0.0))
+        use = 0.0
+        for k, columns in enumerate(self.columns):
+            change = columns @ step.T
+            # Bounds that are not there leave infinite slack: nothing of it is used.
+            use = max(use, float((change / slack[2 * k]).max()))
+            use = max(use, float((-change / slack[2 * k + 1]).max()))
         return most if use * most <= 0.99 else 0.99 / use
 
     def onto_limits(self, free: Array, place: Array, fill: float = 1.0) -> Array:
@@ -171,7 +172,7 @@ class MotionRegion:
 
 def region_of(problem: ExcitationProblem) -> MotionRegion:
     """The region of a problem's bounds."""
-    return MotionRegion(problem.family, problem.constraints.bounds, problem.start_pose)
+    return MotionRegion(problem.family, problem.constraints.settings.bounds, problem.start_pose)
 
 
 def _over(room: Array, use: Array) -> Array:

@@ -425,7 +425,7 @@ def check_differentiable(model: InverseDynamicModel) -> None:
             and torque ripple.
     """
     n = 10 * model.robot.joints
-    known = n + sum(len(block.columns(model.robot)) for block in model.blocks)
+    known = n + sum(model.counts)
     if known != len(model.columns):
         raise InputError(
             "columns without a derivative",
@@ -449,8 +449,7 @@ def _state(model: InverseDynamicModel, q: Array, dq: Array, ddq: Array) -> Array
 def pull_blocks(model: InverseDynamicModel, state: Array, weights: Array, out: Array) -> None:
     """Add what the columns beside the inertial ones give; weights (p - 10 n, n, N)."""
     first = 0
-    for block in model.blocks:
-        count = len(block.columns(model.robot))
+    for block, count in zip(model.blocks, model.counts, strict=True):
         part = weights[first : first + count]
         block.pull(model.robot, state[1], state[2], part, out[1], out[2])
         first += count

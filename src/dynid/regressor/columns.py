@@ -85,9 +85,8 @@ class JointColumns(ColumnBlock):
 
     def fill(self, robot: RobotModel, dq: Array, ddq: Array, out: Array) -> None:
         """See `ColumnBlock`."""
-        values = self.values(dq, ddq)
-        for column, row in zip(out, self._rows(robot), strict=True):
-            column[row] = values[row]
+        rows = self._rows(robot)
+        out[range(len(rows)), rows] = self.values(dq, ddq)[rows, :]
 
     def pull(
         self,
@@ -99,10 +98,10 @@ class JointColumns(ColumnBlock):
         ddq_bar: Array,
     ) -> None:
         """See `ColumnBlock`."""
+        rows = self._rows(robot)
         slope = np.broadcast_to(self.slope(dq), dq.shape)
         target = ddq_bar if self.power == 2 else dq_bar
-        for weight, row in zip(weights, self._rows(robot), strict=True):
-            target[row] += weight[row] * slope[row]
+        target[rows, :] += weights[range(len(rows)), rows] * slope[rows, :]
 
     def _rows(self, robot: RobotModel) -> tuple[int, ...]:
         return tuple(range(robot.joints)) if self.joints is None else self.joints

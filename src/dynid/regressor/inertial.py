@@ -304,6 +304,70 @@ def column_kernel(
                             out[place, first + x] = o[c, x]
 
 
+@njit(cache=True, fastmath=True, boundscheck=False, error_model="numpy")
+def torque_kernel(
+    geom: Array,
+    screw: Array,
+    grav: Array,
+    links: Array,
+    turn: Array,
+    state: Array,
+    out: Array,
+) -> None:
+    """Write the torques of rigid links, by the recursion of Newton and Euler.
+
+    Shapes are trusted, N is at least `LANES`.
+
+    Args:
+        geom: (n, 39), screw: (n, 6), grav: (3), see `ChainConstants`.
+        screw: See geom.
+        grav: See geom.
+        links: (n, 10) inertial parameters.
+        turn: (2, n, N) cosine and sine of q.
+        state: (3, n, N) q, dq, ddq.
+        out: (n, N) torques, written over.
+    """
+    n, samples = out.shape
+    pose = np.empty((n, 12, LANES))
+    vel = np.empty((n, 6, LANES))
+    acc = np.empty((n, 6, LANES))
+    carried = np.empty((6, LANES))
+    for block in range((samples + LANES - 1) // LANES):
+        # The last lanes overlap the ones before: a few samples are written twice, alike.
+        first = min(block * LANES, samples - LANES)
+        for i in range(n):
+            g = geom[i]
+            s = (screw[i, 0], screw[i, 1], screw[i, 2], screw[i, 3], screw[i, 4], screw[i, 5])
+            for x in range(LANES):
+                c, sn, qx = turn[0, i, first + x], turn[1, i, first + x], state[0, i, first + x]
+                for r in range(9):
+                    pose[i, r, x] = g[r] + g[9 + r] * c + g[18 + r] * sn
+                for r in range(3):
+                    pose[i, 9 + r, x] = g[27 + r] + g[30 + r] * c + g[33 + r] * sn + g[36 + r] * qx
+            for x in range(LANES):
+                v = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+                a = (0.0, 0.0, 0.0, -grav[0], -grav[1], -grav[2])
+                if i > 0:
+                    v = read(vel[i - 1], x)
+                    a = read(acc[i - 1], x)
+                speed = state[1, i, first + x]
+                v = plus(to_child(pose[i], x, v), s, speed)
+                a = plus(to_child(pose[i], x, a), s, state[2, i, first + x])
+                write(vel[i], x, v)
+                write(acc[i], x, plus(a, motion_cross(v, s), speed))
+        carried[:] = 0.0
+        for k in range(n):
+            i = n - 1 - k
+            link = links[i]
+            s = (screw[i, 0], screw[i, 1], screw[i, 2], screw[i, 3], screw[i, 4], screw[i, 5])
+            for x in range(LANES):
+                v = read(vel[i], x)
+                wrench = plus(momentum(link, read(acc[i], x)), read(carried, x), 1.0)
+                wrench = plus(wrench, force_cross(v, momentum(link, v)), 1.0)
+                out[i, first + x] = dot(s, wrench)
+                write(carried, x, to_parent(pose[i], x, wrench))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChainConstants:
     """What the kernel needs of a robot, for one choice of parameter frames."""

@@ -9,7 +9,14 @@ import numpy as np
 from dynid.core import Array, InputError, read_only
 from dynid.regressor.columns import Column, ColumnBlock, column_blocks, coupled_motors, smooth_sign
 from dynid.regressor.friction import friction_state
-from dynid.regressor.inertial import ChainConstants, chain_constants, inertial_columns
+from dynid.regressor.inertial import (
+    LANES,
+    ChainConstants,
+    chain_constants,
+    inertial_columns,
+    torque_kernel,
+    turns,
+)
 from dynid.regressor.terms import FrictionTerms
 from dynid.robot import RobotModel
 
@@ -37,6 +44,8 @@ class InverseDynamicModel:
     columns: tuple[Column, ...] = field(init=False)
     """Name, unit and joint of the p standard parameters, in order."""
     constants: ChainConstants = field(init=False)
+    counts: tuple[int, ...] = field(init=False)
+    """Number of columns of each block."""
 
     def __post_init__(self) -> None:
         robot = self.robot
@@ -55,12 +64,14 @@ class InverseDynamicModel:
             for i in range(robot.joints)
             for name, unit in zip(INERTIAL, INERTIAL_UNITS, strict=True)
         )
-        added = tuple(column for block in blocks for column in block.columns(robot))
+        beside = [block.columns(robot) for block in blocks]
+        added = tuple(column for columns in beside for column in columns)
         if self.friction.load is not None:
             added += tuple(Column(f"Fl{j + 1}", "1", j) for j in self.friction.load.joints)
         added += tuple(Column(f"Fw{r.joint + 1}", "1", r.joint) for r in self.friction.ripples)
         object.__setattr__(self, "frames", frames)
         object.__setattr__(self, "blocks", blocks)
+        object.__setattr__(self, "counts", tuple(map(len, beside)))
         object.__setattr__(self, "columns", inertial + added)
         object.__setattr__(self, "constants", chain_constants(robot, frames))
 
@@ -131,8 +142,7 @@ class InverseDynamicModel:
         # Copies, never views: read-only arrays would make Numba compile the kernel once more.
         position, velocity, acceleration = (np.array(x.T, order="C") for x in (q, dq, ddq))
         inertial_columns(self.constants, position, velocity, acceleration, out[:first])
-        for block in self.blocks:
-            count = len(block.columns(robot))
+        for block, count in zip(self.blocks, self.counts, strict=True):
             block.fill(robot, velocity, acceleration, out[first : first + count])
             first += count
         before = () if state is None else self._presliding()
@@ -188,9 +198,32 @@ class InverseDynamicModel:
         for first in range(0, len(q), CHUNK):
             part = slice(first, first + CHUNK)
             now = None if state is None else state[:, part]
-            stack = self.stack(q[part], dq[part], ddq[part], state=now)
-            torque[part] = np.tensordot(parameters, stack, axes=1).T
+            if now is None and 10 * self.robot.joints + sum(self.counts) == len(self.columns):
+                torque[part] = self._recursive(q[part], dq[part], ddq[part], parameters)
+            else:
+                stack = self.stack(q[part], dq[part], ddq[part], state=now)
+                torque[part] = np.tensordot(parameters, stack, axes=1).T
         return read_only(torque)
+
+    def _recursive(self, q: Array, dq: Array, ddq: Array, parameters: Array) -> Array:
+        """Torques (N, n) without the regressor, where every column is one of a block."""
+        self._check_shapes(q, dq, ddq, None)
+        n, samples = self.robot.joints, len(q)
+        state = np.zeros((3, n, max(samples, LANES)))
+        for part, array in zip(state, (q, dq, ddq), strict=True):
+            part[:, :samples] = array.T
+        out, first = np.empty(state.shape[1:]), 10 * n
+        constants, values = self.constants, np.array(parameters, dtype=np.float64)
+        torque_kernel(
+            constants.geometry, constants.screws, constants.gravity,
+            values[:first].reshape(n, 10), turns(state[0]), state, out,
+        )  # fmt: skip
+        for block, count in zip(self.blocks, self.counts, strict=True):
+            columns = np.zeros((count, *out.shape))
+            block.fill(self.robot, state[1], state[2], columns)
+            out += np.tensordot(values[first : first + count], columns, axes=1)
+            first += count
+        return out[:, :samples].T
 
     def known_torque(self, q: Array) -> Array:
         """Torques (N, n) of the counterbalances at positions q (N, n)."""

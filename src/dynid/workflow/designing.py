@@ -145,7 +145,7 @@ class _DesignJob:
         self.purpose: Purpose = (
             purpose_from(asked.motions, self.base)
             if asked.motions
-            else whole_workspace(self.base, self.judge.settings)
+            else whole_workspace(self.base, self.judge)
         )
         self.previous: Array | None = self._information(self.noise) if asked.previous else None
 
@@ -200,7 +200,7 @@ class _DesignJob:
             family=motion_family(
                 asked.trajectory, period_s, replace(asked, period_s=period_s).order
             ),
-            constraints=self.judge.settings,
+            constraints=self.judge,
             rate_hz=asked.rate_hz,
             noise=self.weights,
             start_pose=None if start is None else np.array(start),
