@@ -12,7 +12,7 @@ PYTHON ?= $(shell for p in python3.12 python3.11 python3.13 python3; do \
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 PATHS := src tests urtwin docs benchmarks examples README.md CHANGELOG.md CONTRIBUTING.md
 
-.PHONY: install develop chromium demo test lint types floors unit bench proof readme clean
+.PHONY: install develop chromium demo test lint types floors unit bench proof rivals readme clean
 
 install: $(USER)
 
@@ -68,8 +68,19 @@ bench: develop
 proof: develop
 	$(BIN)/python benchmarks/proof/proof.py $(ONLY)
 
+# dynid beside other tools, in an environment of their own; writes docs/benchmarks.md and its figure.
+# ONLY="UR10 Panda" takes the recordings whose names begin so.
+RIVALS := .venv-rivals
+rivals: install $(RIVALS)/.installed
+	$(BIN)/python benchmarks/rivals/rivals.py $(ONLY)
+
+$(RIVALS)/.installed: benchmarks/rivals/requirements.txt | $(BIN)/python
+	$(BIN)/python -m venv $(RIVALS)
+	$(RIVALS)/bin/python -m pip install --quiet --disable-pip-version-check -r $<
+	@touch $@
+
 readme: develop
 	$(BIN)/python benchmarks/readme/fill_tables.py
 
 clean:
-	rm -rf $(VENV) runs dist build
+	rm -rf $(VENV) .venv-rivals runs dist build

@@ -78,6 +78,10 @@ class Individual:
         dynid.write_record(record, folder / f"{self.name}_{day:04d}.parquet")
 
 
+def _place(joint) -> tuple[int, int]:
+    return int(joint.robot[3:]), joint.joint
+
+
 def run(seed: int, robots: int, recordings: int, folder: Path, jobs: int) -> str:
     """A row of the table."""
     model, draw = dynid.load_robot("ur5"), np.random.default_rng(seed)
@@ -98,22 +102,22 @@ def run(seed: int, robots: int, recordings: int, folder: Path, jobs: int) -> str
     began = time.process_time()
     found = dynid.fleet(data, folder / "fleet", settings)
     first = time.process_time() - began
-    alarms = {(int(joint.robot[3:]), joint.joint) for joint in found.alarms}
     for day in range(recordings, recordings + 10):
         arms[-1].write(data, day, worn[-1])
     began = time.process_time()
     again = dynid.fleet(data, folder / "fleet", settings)
     second = time.process_time() - began
+    others = [f"{j.robot}/{j.joint + 1} {j.alarm}" for j in found.alarms if _place(j) not in chosen]
     right = [
         f"{joint.robot}/{joint.joint + 1} {joint.change_percent[0]:+.1f} %"
         for joint in found.alarms
-        if (int(joint.robot[3:]), joint.joint) in chosen and joint.alarm == "friction_drift"
+        if _place(joint) in chosen and joint.alarm == "friction_drift"
     ]
     cells = (
         seed,
         f"{robots} x {recordings}",
         f"{len(right)} of {len(chosen)} ({', '.join(right)})",
-        len(alarms - chosen),
+        f"{len(others)} {' '.join(others)}",
         found.tests,
         again.computed,
         *(f"{value:.0f}" for value in (simulated, first, second)),

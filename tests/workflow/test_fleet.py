@@ -14,7 +14,7 @@ import pytest
 import dynid
 from dynid.bench import Plant, motion, plant
 from dynid.cli.app import main
-from dynid.identification import holm, trend
+from dynid.identification import holm, repeated_motions, trend
 
 START = datetime(2026, 1, 5, tzinfo=UTC)
 RATE_HZ, LENGTH_S, DAYS = 100.0, 4.0, 12
@@ -172,3 +172,18 @@ def test_false_alarms_come_at_the_stated_rate() -> None:
         band = 3 * np.sqrt(rate * (1 - rate) / count)
         assert np.mean(np.array(p_values) <= rate) == pytest.approx(rate, abs=band)
     assert holm([0.01, 0.04, 0.03]).tolist() == pytest.approx([0.03, 0.06, 0.06])
+
+
+def test_another_program_is_not_another_friction() -> None:
+    draw = np.random.default_rng(3)
+    time_s, none = DAY_S * np.arange(24.0), np.full(24, np.nan)
+    program = np.repeat([0, 1, 0, 1], [4, 4, 6, 10])
+    values = 10.0 + 2.0 * program + 0.1 * draw.normal(size=24)
+    alone = trend(time_s, values, np.full(24, 0.1), none, 27.0)
+    told = trend(time_s, values, np.full(24, 0.1), none, 27.0, motion=program)
+    assert alone is not None
+    assert told is not None
+    assert alone.p_value < 0.01
+    assert told.p_value > 0.05
+    speeds = np.array([[1.0, 0.5], [1.005, 0.5], [2.0, 0.1], [0.995, 0.503], [3.0, 0.1]])
+    assert repeated_motions(speeds).tolist() == [0, 0, -1, 0, -1]

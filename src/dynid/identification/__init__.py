@@ -94,7 +94,15 @@ from dynid.identification.statistics import (
     naive_covariance,
 )
 from dynid.identification.temperature import LEAST_SPREAD_K, JointTemperatureLaw, fit_law
-from dynid.identification.trends import CONFIDENCE, JointState, Trend, holm, judge, trend
+from dynid.identification.trends import (
+    CONFIDENCE,
+    JointState,
+    Trend,
+    holm,
+    judge,
+    repeated_motions,
+    trend,
+)
 
 __all__ = [
     "CONFIDENCE",
@@ -171,6 +179,7 @@ __all__ = [
     "read_estimate",
     "record_statistics",
     "recorded_rows",
+    "repeated_motions",
     "select",
     "shared_estimates",
     "shared_names",

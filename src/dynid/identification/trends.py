@@ -1,20 +1,19 @@
-"""Trends over time with temperature regressed out, and alarms at a stated false-alarm rate.
+"""Trends over time with temperature and motion regressed out, alarms at a stated rate.
 
-The model of a series is a constant, a polynomial in temperature, and perhaps one step at an
-unknown time. The statistic is the largest share of the residual sum of squares that a step at any
-admitted time takes away. Its distribution without a step is simulated for the very design (times,
-temperatures, weights); the family of all series tested together is corrected by Holm's method.
-A slow drift raises the statistic as a step does.
+The model of a series is a constant, a polynomial in temperature, an offset of each motion that is
+repeated, and perhaps one step at an unknown time. The statistic is the largest share of the
+residual sum of squares that a step at any admitted time takes away. Its distribution without a
+step comes from permutations of the residuals over time (Freedman and Lane 1983), which need not be
+normal; the family of all series tested together is corrected by Holm's method. A slow drift raises
+the statistic as a step does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
-from scipy import special  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core import Array, Indices, InputError
 
@@ -22,9 +21,11 @@ LEAST_RECORDINGS = 8
 """Fewer recordings have no trend."""
 LINEAR_FROM_K, SQUARE_FROM_K = 1.0, 6.0
 """Spread of temperature from which a slope, and from which a curvature too, is regressed out."""
-SIMULATED = 9999
-"""Series without a step that are simulated."""
+PERMUTATIONS, BATCH, ENOUGH = 9999, 1000, 20
+"""At most so many, in batches, until so many have reached the statistic."""
 SEED = 20
+SAME_MOTION = 0.02
+"""Recordings whose mean joint speeds differ by no more than this share repeat one motion."""
 MOST_STEPS = 60
 """Times of a step that are tried, evenly taken from all."""
 SEGMENT = 3
@@ -66,13 +67,40 @@ class Trend:
     """Probability of a step statistic as large without any change."""
 
 
-def trend(
-    time_s: Array, values: Array, std: Array, temperature_degC: Array, reference_degC: float
-) -> Trend | None:
-    """Regress temperature out of a series, and look for a change.
+def repeated_motions(speed: Array) -> Indices:
+    """(R) number of the motion of each recording; -1 where fewer than `SEGMENT` repeat it.
 
-    Errors of recordings are independent and normal, with the given variances plus one between
-    recordings that is estimated.
+    What the model gets wrong depends on the motion, so a new program looks like new friction.
+
+    Args:
+        speed: (R, n) mean speed of each joint.
+    """
+    labels = np.full(len(speed), -1)
+    left = np.arange(len(speed))
+    while len(left):
+        first = speed[left[0]]
+        # The first of them is the same as itself, whatever its speeds.
+        same = np.atleast_1d((np.abs(speed[left] - first) <= SAME_MOTION * first).all(axis=1))
+        if same.sum() >= SEGMENT:
+            labels[left[same]] = labels.max() + 1
+        left = left[~same]
+    return labels
+
+
+def trend(
+    time_s: Array,
+    values: Array,
+    std: Array,
+    temperature_degC: Array,
+    reference_degC: float,
+    *,
+    motion: Indices | None = None,
+    permutations: int = PERMUTATIONS,
+) -> Trend | None:
+    """Regress temperature and motion out of a series, and look for a change.
+
+    Errors of recordings are exchangeable over time once divided by their deviations: the given
+    ones, and one between recordings that is estimated.
 
     Args:
         time_s: (R) when each recording was made, ascending [s].
@@ -80,6 +108,8 @@ def trend(
         std: (R) their standard deviations.
         temperature_degC: (R) temperatures; NaN in all where none are known.
         reference_degC: Temperature to refer to.
+        motion: (R) number of the motion as of `repeated_motions`; None for one motion.
+        permutations: At most so many; the smallest p value is one over them.
 
     Returns:
         The trend; None with fewer than `LEAST_RECORDINGS` recordings, or times that are equal.
@@ -94,11 +124,14 @@ def trend(
     if count < LEAST_RECORDINGS or not len(steps):
         return None
     design = _temperature_columns(temperature_degC, reference_degC)
+    warm = design.shape[1] > 1
+    if motion is not None:
+        design = _with_motions(design, motion)
     after = (np.arange(count)[:, None] >= steps).astype(np.float64)
     spread = np.ones(count)
     # First unweighted, for the variance between recordings; then with all variances.
     for _ in range(3):
-        best, shares, freedom = _scan(design, after, values, spread)
+        best, freedom = _scan(design, after, values, spread)
         full = np.column_stack([design, after[:, best]])
         white = full / spread[:, None]
         inverse = np.linalg.pinv(white)
@@ -108,7 +141,7 @@ def trend(
         between = max(float(np.square(error).sum() / freedom - np.mean(np.square(std))), 0.0)
         spread = np.sqrt(np.square(std) + between)
         spread = np.maximum(spread, 1e-9 * max(float(np.abs(values).max()), 1e-12))
-    best, shares, freedom = _scan(design, after, values, spread)
+    best, freedom = _scan(design, after, values, spread)
     full = np.column_stack([design, after[:, best]])
     inverse = np.linalg.pinv(full / spread[:, None])
     fitted = inverse @ (values / spread)
@@ -126,7 +159,7 @@ def trend(
         at_reference=values - effect,
         std=np.sqrt(noise * np.square(spread) + blur),
         reference_degC=reference_degC,
-        per_kelvin=float(fitted[1]) / 10.0 if design.shape[1] > 1 else 0.0,
+        per_kelvin=float(fitted[1]) / 10.0 if warm else 0.0,
         level=float(plain[0]),
         step_at=int(steps[best]),
         before=float(fitted[0]),
@@ -134,7 +167,7 @@ def trend(
         change_std=float(np.sqrt(covariance[-1, -1])),
         slope_per_year=float(sloped[-1]),
         slope_std=float(np.sqrt(rest * np.square(turn[-1]).sum())),
-        p_value=_p_value(design, after, spread, float(shares.max()), freedom),
+        p_value=_p_value(design, after, values / spread, spread, permutations),
     )
 
 
@@ -162,13 +195,21 @@ def _temperature_columns(temperature_degC: Array, reference_degC: float) -> Arra
     return np.column_stack(powers)
 
 
-def _scan(design: Array, after: Array, values: Array, spread: Array) -> tuple[int, Array, int]:
-    """The best step, the share of the residuals that each takes away, and degrees of freedom."""
+def _with_motions(design: Array, motion: Indices) -> Array:
+    """The design with an offset of each repeated motion but one; their mean is in the constant."""
+    known = np.unique(motion)
+    columns = [(motion == label).astype(np.float64) for label in known[1:]]
+    if len(motion) - design.shape[1] - len(columns) <= LEAST_RECORDINGS // 2:
+        return design
+    return np.column_stack([design, *(column - column.mean() for column in columns)])
+
+
+def _scan(design: Array, after: Array, values: Array, spread: Array) -> tuple[int, int]:
+    """The best step, and the degrees of freedom beside it."""
     root, steps = _whitened(design, after, spread)
     error = values / spread
     error = error - root @ (root.T @ error)
-    shares = np.square(steps.T @ error) / max(float(error @ error), 1e-300)
-    return int(np.argmax(shares)), shares, max(len(values) - design.shape[1] - 1, 1)
+    return int(np.argmax(np.square(steps.T @ error))), max(len(values) - design.shape[1] - 1, 1)
 
 
 def _whitened(design: Array, after: Array, spread: Array) -> tuple[Array, Array]:
@@ -180,24 +221,22 @@ def _whitened(design: Array, after: Array, spread: Array) -> tuple[Array, Array]
     return root, np.where(size > 1e-6 * size.max(), steps / np.maximum(size, 1e-300), 0.0)
 
 
-def _p_value(design: Array, after: Array, spread: Array, share: float, freedom: int) -> float:
-    """Share of simulated series without a step that reach the statistic.
-
-    Far out, where none of them does, Bonferroni's bound over the steps, which always holds.
-    """
+def _p_value(design: Array, after: Array, values: Array, spread: Array, permutations: int) -> float:
+    """Share of permutations that reach the statistic, sequential (Besag and Clifford 1991)."""
     root, steps = _whitened(design, after, spread)
-    noise = _normal(len(design))
-    error = noise - (noise @ root) @ root.T
-    most = np.square(error @ steps).max(axis=1) / np.square(error).sum(axis=1)
-    simulated = (1.0 + float((most >= share).sum())) / (1.0 + SIMULATED)
-    # Without a step, the share that one given step takes is beta distributed.
-    tail = float(special.betainc(freedom / 2, 0.5, 1.0 - share))  # pyright: ignore[reportUnknownMemberType, reportUnknownArgumentType]
-    return min(simulated, after.shape[1] * tail)
-
-
-@lru_cache(maxsize=4)
-def _normal(count: int) -> Array:
-    return np.random.default_rng(SEED).normal(size=(SIMULATED, count))
+    error = values - root @ (root.T @ values)
+    # What no more than rounding is left of has no step.
+    if error @ error <= 1e-20 * (values @ values):
+        return 1.0
+    share = float(np.square(steps.T @ error).max() / (error @ error))
+    draw, reached, done = np.random.default_rng(SEED), 0, 0
+    while done < permutations and reached < ENOUGH:
+        mixed = draw.permuted(np.tile(error, (min(BATCH, permutations - done), 1)), axis=1)
+        mixed = mixed - (mixed @ root) @ root.T
+        most = np.square(mixed @ steps).max(axis=1) / np.square(mixed).sum(axis=1)
+        reached += int((most >= share).sum())
+        done += len(mixed)
+    return (1.0 + reached) / (1.0 + done)
 
 
 def holm(p_values: Sequence[float]) -> Array:

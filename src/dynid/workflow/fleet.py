@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
@@ -24,6 +25,7 @@ from dynid.identification import (
     RobotStates,
     friction_names,
     judge,
+    repeated_motions,
     shared_names,
     solve_robot,
     trend,
@@ -43,6 +45,8 @@ from dynid.workflow.fleet_outputs import (
 TABLE, PAGE = "estimates.parquet", "report.html"
 CACHE = "statistics"
 FALSE_ALARMS = 0.05
+FEWEST, SPARE = 9999, 4
+"""Permutations: at least so many, and so many times what the correction needs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,14 +180,18 @@ def fleet(
     joints: list[JointState] = []
     rows: list[dict[str, Any]] = []
     notes = _missing(read.recordings)
-    for robot, group in _by_robot(read.recordings).items():
+    robots = _by_robot(read.recordings)
+    family = 2 * sum(len(group[0].temperature_degC) for group in robots.values())
+    # Enough for the smallest p value to count after the correction.
+    permutations = math.ceil(max(FEWEST, SPARE * family / asked.false_alarms))
+    for robot, group in robots.items():
         if len({one.model for one in group}) > 1:
             raise InputError(
                 "recordings of one robot name different models",
                 where=robot,
                 value=sorted({one.model for one in group}),
             )
-        of_robot, of_table = _robot(robot, group, asked)
+        of_robot, of_table = _robot(robot, group, asked, permutations)
         joints += of_robot
         rows += of_table
     judged, tests = judge(joints, asked.false_alarms)
@@ -238,7 +246,7 @@ def _missing(recordings: Sequence[FleetRecording]) -> list[Finding]:
 
 
 def _robot(
-    robot: str, group: Sequence[FleetRecording], asked: FleetSettings
+    robot: str, group: Sequence[FleetRecording], asked: FleetSettings, permutations: int
 ) -> tuple[list[JointState], list[dict[str, Any]]]:
     """The joints of one robot, not yet judged, and its rows of the table."""
     base = base_of(group[0], asked.terms)
@@ -246,7 +254,8 @@ def _robot(
     states = solve_robot([one.statistics for one in group])
     time_s = np.array([one.time_s for one in group])
     warm = np.array([one.temperature_degC for one in group])
-    speed = np.median([one.statistics.speed for one in group], axis=0)
+    speeds = np.array([one.statistics.speed for one in group])
+    speed, motion = np.median(speeds, axis=0), repeated_motions(speeds)
     names = friction_names(base)
     weights = np.zeros(states.friction.shape[1:])
     for j, own in enumerate(names):
@@ -262,7 +271,15 @@ def _robot(
         if reference is None:
             reference = float(np.median(warm[known, j])) if known.any() else float("nan")
         found = [
-            trend(time_s[dated], value[dated], std[dated], warm[dated, j], reference)
+            trend(
+                time_s[dated],
+                value[dated],
+                std[dated],
+                warm[dated, j],
+                reference,
+                motion=motion[dated],
+                permutations=permutations,
+            )
             for value, std in (
                 (level[:, j], level_std[:, j]),
                 (states.scale[:, j], states.scale_std[:, j]),
@@ -361,7 +378,7 @@ def _procedure(result: Fleet) -> list[str]:
         f"{len(result.recordings)} recordings of {len(_by_robot(result.recordings))} robots; "
         f"{result.computed} computed in this run, {len(result.skipped)} left out.",
         "Inertias are shared by the recordings of a robot; friction is of each recording, taken "
-        "at the joint's mean speed, with temperature regressed out.",
+        "at the joint's mean speed, with temperature and the motion regressed out.",
         f"An alarm is a step at any time (at least three recordings on either side) that "
         f"{result.tests} trends without any change would show somewhere with a probability of "
         f"{100 * result.settings.false_alarms:g} % (Holm's correction), in one run.",

@@ -1,0 +1,244 @@
+"""dynid and other tools on the same recordings: writes docs/benchmarks.md and a figure.
+
+Every tool runs on every case in a process of its own, the rivals in an environment of their own.
+What is there already in runs/rivals is not run again.
+
+    make rivals                                     # all of it, on a fresh machine
+    python benchmarks/rivals/rivals.py UR10 Panda   # cases whose names begin so
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import platform
+import resource
+import subprocess
+import sys
+import time
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).parent))
+import cases
+
+import dynid
+from dynid.figures import Axis, Figure, Level, Panel, Points, category_axis, write_figure
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+DATA = ROOT.parent / "shared" / "data"
+RUNS = ROOT / "runs" / "rivals"
+PYTHON = ROOT / ".venv-rivals" / "bin" / "python"
+DYNID = {"dynid": "anywhere", "dynid --for this-motion": "this-motion"}
+RIVALS = {
+    "figaroh 1.0.2": "with_figaroh",
+    "pinocchio + SciPy": "plain_pinocchio",
+    "mujoco.sysid": "with_mujoco",
+    "mujoco-sysid 0.2.1": "with_mujoco_regressor",
+}
+PACKAGES = ("figaroh", "pin", "mujoco", "mujoco-sysid", "scipy", "numpy")
+ROLES = ("predicted", "joint2", "joint1", "joint3", "joint4", "measured")
+USER = """import dynid
+record = dynid.read_recording("log.csv", robot=(robot := dynid.load_robot("ur5")))
+result = dynid.identify([record], robot)
+"""
+"""What a user of dynid writes; or one line of shell, `dynid fit ur5 log.csv -o out`."""
+
+
+def dynid_on(name: str, purpose: str, result: Path) -> None:
+    """Identify and predict one case; in a process of its own."""
+    case = next(c for c in cases.all_cases(DATA) if c.name == name)
+    base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    started = time.process_time()
+    found = dynid.identify(
+        [case.record],
+        case.robot,
+        dynid.IdentifySettings(purpose=purpose, start_s=case.window[0], stop_s=case.window[1]),
+        validation=case.other,
+        validation_start_s=case.check[0],
+        validation_stop_s=case.check[1],
+    )
+    cpu = time.process_time() - started
+    assert found.validation is not None
+    rms = found.validation.metrics.rmse
+    if case.truth is not None:
+        rows = np.searchsorted(case.other.t, case.other.t[0] + found.validation.t - 1e-6)
+        rms = np.sqrt(np.mean((found.validation.predicted - case.truth[rows]) ** 2, axis=0))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    told = {
+        "rms": list(map(float, rms)),
+        "cpu_s": cpu,
+        "peak_mb": peak,
+        "before_mb": base,
+        "verdict": dynid.verdict(found).level,
+    }
+    result.write_text(json.dumps(told))
+
+
+def measured(case: cases.Case, tool: str) -> dict:
+    """The result of a tool on a case, from the file if it is there."""
+    word = RIVALS[tool] if tool in RIVALS else f"dynid_{DYNID[tool]}"
+    path = RUNS / "results" / f"{cases.folder_of(case, Path()).name}.{word}.json"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.exists():
+        if tool in DYNID:
+            words = [sys.executable, __file__, "--one", case.name, DYNID[tool], str(path)]
+        else:
+            folder = cases.write(case, RUNS / "cases")
+            words = [str(PYTHON), str(HERE / "run_one.py"), RIVALS[tool], str(folder), str(path)]
+        environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        log = path.with_suffix(".log").open("w")
+        subprocess.run(words, env=environment, stdout=log, stderr=log, check=False)
+    if not path.exists():
+        return {"error": "ended without a result"}
+    return json.loads(path.read_text())
+
+
+def code_lines(source: str) -> int:
+    """Lines without comments, docstrings and blanks."""
+    tree, left = ast.parse(source), set()
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        first = body[0] if isinstance(body, list) and body else None
+        if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
+            left |= set(range(first.lineno, (first.end_lineno or 0) + 1))
+    lines = source.splitlines()
+    kept = [
+        k for k, text in enumerate(lines, 1) if text.strip() and not text.lstrip().startswith("#")
+    ]
+    return len(set(kept) - left)
+
+
+def written(tool: str) -> int:
+    """Lines that a user of a tool writes."""
+    return code_lines(USER if tool in DYNID else (HERE / f"{RIVALS[tool]}.py").read_text())
+
+
+def versions() -> str:
+    """Versions of the rivals' packages."""
+    words = f"import importlib.metadata as m; print([m.version(p) for p in {PACKAGES!r}])"
+    told = subprocess.run([str(PYTHON), "-c", words], capture_output=True, text=True, check=True)
+    return ", ".join(
+        f"{name} {found}"
+        for name, found in zip(PACKAGES, ast.literal_eval(told.stdout), strict=True)
+    )
+
+
+def processor() -> str:
+    """What the processor calls itself."""
+    lines = Path("/proc/cpuinfo").read_text().splitlines()
+    return next((x.split(": ", 1)[1] for x in lines if x.startswith("model name")), "unknown")
+
+
+def document(table: dict[str, dict[str, dict]]) -> str:
+    """The page of results."""
+    tools = [*DYNID, *RIVALS]
+    lines = [
+        "# dynid beside other tools",
+        "",
+        f"Made by `make rivals` on {datetime.now(UTC).date()}: {processor()}, "
+        f"{os.cpu_count()} cores, "
+        f"Python {platform.python_version()}, dynid {version('dynid')}, {versions()}.",
+        "",
+        "Error on the part that was not identified: root of the summed squares of the joints' "
+        "RMS errors [N.m], best in bold. `-`: not run; `x`: failed.",
+        "",
+        "| recording | " + " | ".join(tools) + " |",
+        "|---|" + "---:|" * len(tools),
+    ]
+    for name, row in table.items():
+        errors = {tool: error_of(row.get(tool)) for tool in tools}
+        best = np.nanmin(list(errors.values()))
+        cells = [
+            ("-" if tool not in row else "x")
+            if np.isnan(errors[tool])
+            else f"**{errors[tool]:.3g}**"
+            if errors[tool] == best
+            else f"{errors[tool]:.4g}"
+            for tool in tools
+        ]
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    lines += ["", "| | " + " | ".join(tools) + " |", "|---|" + "---:|" * len(tools)]
+    for label, of in (
+        ("CPU, median [s]", lambda rows: f"{np.median([r['cpu_s'] for r in rows]):.1f}"),
+        (
+            "memory beyond imports, largest [MB]",
+            lambda rows: f"{max(r['peak_mb'] - r['before_mb'] for r in rows):.0f}",
+        ),
+    ):
+        cells = []
+        for tool in tools:
+            rows = [row[tool] for row in table.values() if "rms" in row.get(tool, {})]
+            cells.append(of(rows) if rows else "-")
+        lines.append(f"| {label} | " + " | ".join(cells) + " |")
+    lines.append("| lines a user writes | " + " | ".join(str(written(t)) for t in tools) + " |")
+    behind = [f"- {name}: {told}" for name, row in table.items() if (told := why_behind(name, row))]
+    if behind:
+        lines += ["", "## Where dynid is not first", "", *behind]
+    return "\n".join(lines) + "\n\n" + (HERE / "notes.md").read_text()
+
+
+def error_of(found: dict | None) -> float:
+    """Root of the summed squares; NaN without a result."""
+    return float(np.linalg.norm(found["rms"])) if found and "rms" in found else float("nan")
+
+
+def why_behind(name: str, row: dict[str, dict]) -> str:
+    """Who is better, by how much; nothing where dynid's default or its this-motion leads."""
+    errors = {tool: error_of(found) for tool, found in row.items()}
+    best = min(errors, key=lambda tool: np.nan_to_num(errors[tool], nan=np.inf))
+    if best in DYNID:
+        return ""
+    ahead = 100 * (min(errors[tool] for tool in DYNID if tool in errors) / errors[best] - 1)
+    return f"{best} errs less, dynid {ahead:.0f} % more"
+
+
+def draw(table: dict[str, dict[str, dict]], path: Path) -> None:
+    """Error of each tool over dynid's, recording by recording."""
+    tools, names = [t for t in (*DYNID, *RIVALS) if t != "dynid"], list(table)
+    marks: list = [Level(1.0, "predicted", "dynid", upright=True, dash="")]
+    for tool, role in zip(tools, ROLES[1:], strict=True):
+        points = [
+            (error_of(row.get(tool)) / error_of(row.get("dynid")), k)
+            for k, row in enumerate(table.values())
+        ]
+        known = [(x, k) for x, k in points if np.isfinite(x)]
+        if known:
+            x, y = map(np.array, zip(*known, strict=True))
+            marks.append(Points(np.clip(x, 0.5, 20), y, role, tool, size=7))
+    figure = Figure(
+        title="Torque error on another motion, over dynid's",
+        x=Axis(low=0.5, high=20, log=True, label="times dynid's error (20: or more)"),
+        panels=(Panel(marks=tuple(marks), y=category_axis(names), height=26.0 * len(names)),),
+    )
+    write_figure(figure, path)
+
+
+def main(words: list[str]) -> int:
+    """Measure, write the page and the figure."""
+    if words[:1] == ["--one"]:
+        dynid_on(words[1], words[2], Path(words[3]))
+        return 0
+    if not DATA.exists():
+        print(f"no recordings at {DATA}: simulated arms only")
+    table: dict[str, dict[str, dict]] = {}
+    for case in cases.all_cases(DATA):
+        if words and not any(case.name.startswith(word) for word in words):
+            continue
+        table[case.name] = {tool: measured(case, tool) for tool in (*RIVALS, *DYNID)}
+        print(
+            case.name, {t: round(error_of(r), 3) for t, r in table[case.name].items()}, flush=True
+        )
+    (ROOT / "docs" / "figures").mkdir(exist_ok=True)
+    draw(table, ROOT / "docs" / "figures" / "rivals.svg")
+    (ROOT / "docs" / "benchmarks.md").write_text(document(table))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

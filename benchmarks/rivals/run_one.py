@@ -1,0 +1,39 @@
+"""One rival on one case, in a process of its own: `python run_one.py MODULE FOLDER RESULT.json`."""
+
+import contextlib
+import importlib
+import io
+import json
+import resource
+import sys
+import time
+import traceback
+from pathlib import Path
+
+import numpy as np
+
+
+def main(name: str, folder: Path, result: Path) -> None:
+    rival = importlib.import_module(name)
+    data = np.load(folder / "data.npz")
+    values = (data["gravity"], data["train_q"], data["train_tau"], float(data["train_rate"]))
+    base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    started, out = time.process_time(), {}
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            torque = rival.run(
+                str(folder / "robot.urdf"), *values, data["test_q"], float(data["test_rate"])
+            )
+        wanted = data["test_truth" if "test_truth" in data else "test_tau"]
+        out["rms"] = np.sqrt(np.mean((torque - wanted) ** 2, axis=0)).tolist()
+    except Exception as error:
+        # A rival that fails is a row of the table; what it said stands beside it.
+        out["error"] = f"{type(error).__name__}: {error}"
+        traceback.print_exc()
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    out |= {"cpu_s": time.process_time() - started, "peak_mb": peak, "before_mb": base}
+    result.write_text(json.dumps(out))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3]))
