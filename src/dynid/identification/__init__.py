@@ -28,7 +28,13 @@ from dynid.identification.estimate import (
     read_estimate,
     write_estimate,
 )
-from dynid.identification.fitting import ESTIMATORS, estimator_of, fit_estimate
+from dynid.identification.fitting import (
+    ESTIMATORS,
+    AllRows,
+    estimator_of,
+    fit_estimate,
+    plan_pass,
+)
 from dynid.identification.fleet import (
     RecordStatistics,
     RobotStates,
@@ -93,6 +99,7 @@ from dynid.identification.statistics import (
     moved_by_prior,
     naive_covariance,
 )
+from dynid.identification.sums import PanelRows, PassPlan, RowSums, no_sums, sum_rows, sums_from
 from dynid.identification.temperature import LEAST_SPREAD_K, JointTemperatureLaw, fit_law
 from dynid.identification.trends import (
     CONFIDENCE,
@@ -114,6 +121,7 @@ __all__ = [
     "PRIOR_GAIN",
     "PURPOSES",
     "WIDTH",
+    "AllRows",
     "Assessment",
     "BayesianRegression",
     "ClosedLoop",
@@ -133,12 +141,15 @@ __all__ = [
     "MotionRange",
     "OrdinaryLeastSquares",
     "OutputError",
+    "PanelRows",
+    "PassPlan",
     "Payload",
     "PhysicallyConsistent",
     "RecordStatistics",
     "RecursiveEstimate",
     "RecursiveLeastSquares",
     "RobotStates",
+    "RowSums",
     "Selection",
     "SharedFit",
     "SharedProblem",
@@ -172,8 +183,10 @@ __all__ = [
     "motion_state",
     "moved_by_prior",
     "naive_covariance",
+    "no_sums",
     "not_negative",
     "payload_of",
+    "plan_pass",
     "posterior",
     "published_prior",
     "read_estimate",
@@ -188,6 +201,8 @@ __all__ = [
     "solve_robot",
     "solve_total",
     "standard_posterior",
+    "sum_rows",
+    "sums_from",
     "trend",
     "weighed_gains",
     "with_load",

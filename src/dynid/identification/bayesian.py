@@ -8,6 +8,7 @@ Which parameters cannot be negative, whatever the data say.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -221,6 +222,7 @@ class TowardPublished(Estimator):
     shrinkage leaves of errors of the published inertias.
     """
 
+    by_factors: ClassVar[bool] = True
     weight: float
     """Of the prior, over the rows of a joint."""
     prior: InertialPrior | None = None

@@ -6,11 +6,11 @@ The estimators by their words.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynid.core import Array, InputError, Provenance
+from dynid.core import Array, Indices, InputError, Provenance
 from dynid.identification.bayesian import BayesianRegression
 from dynid.identification.diagnostics import diagnose
 from dynid.identification.estimate import Estimate, MotionRange, StandardParameters
@@ -29,19 +29,25 @@ from dynid.identification.likelihood import MaximumLikelihood
 from dynid.identification.physical import PhysicallyConsistent
 from dynid.identification.problem import (
     IdentificationProblem,
+    SummedProblem,
     base_mapping,
     condition_number,
     motion_condition_number,
     observation_root,
     scaled_condition_number,
 )
-from dynid.identification.selection import assess
+from dynid.identification.selection import BLOCKS, LeftOutCells, assess, find_regions
 from dynid.identification.statistics import (
+    MODEL_CORRELATION,
+    ar_covariance,
+    correlation_lag,
     essential_parameters,
     hac_covariance,
     moved_by_prior,
     naive_covariance,
+    sandwich,
 )
+from dynid.identification.sums import PassPlan, RowSums
 from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
@@ -78,6 +84,115 @@ def estimator_of(word: str, prior_gain: float | None = None) -> Estimator:
     return makers[word]()
 
 
+COARSEST = 1e3
+"""Condition number, columns scaled, up to which products do instead of factors."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartFit:
+    """A fit to a part of the rows, from which the sums over all of them are planned."""
+
+    plan: PassPlan
+    fit: Fit
+    parts: Indices
+    """(N) what each row of the part is left out with."""
+    floor: Array
+    """(r) variances that a model of the noise gives, times the rows."""
+
+
+def plan_pass(
+    model: InverseDynamicModel,
+    samples: Samples,
+    estimator: Estimator,
+    rows: int,
+    recordings: Indices | None = None,
+) -> PartFit:
+    """Fit a part of the rows of recordings, and plan the sums over all of them.
+
+    Args:
+        model: The model.
+        samples: The part.
+        estimator: How all rows will be fitted.
+        rows: How many there will be a joint.
+        recordings: (N) the recording of each sample of the part, if there are several.
+    """
+    base = reduce_model(model)
+    problem = IdentificationProblem(base=base, samples=samples)
+    fit = estimator.fit(problem)
+    residual = problem.residual(fit.values)
+    rho = float(autocorrelation(residual, 1).max())
+    floor = np.zeros(base.rank)
+    if rho > MODEL_CORRELATION:
+        floor = np.diag(ar_covariance(fit, problem, residual)) * problem.blocks
+    used = samples.rows
+    every = slice(used.start, used.start + problem.blocks * samples.block, samples.block)
+    if recordings is None:
+        regions = find_regions([samples.q[every]], model.robot.prismatic)
+        parts = regions.labels(samples.q[every], 0)
+    else:
+        regions, parts = None, recordings[every]
+    columns = fit.information / np.linalg.norm(fit.information, axis=0)
+    return PartFit(
+        plan=PassPlan(
+            base=base,
+            values=fit.values,
+            weights=fit.weights,
+            lag=correlation_lag(residual, problem.rate_hz, rows),
+            regions=regions,
+            stretches=BLOCKS,
+            factors=bool(np.linalg.cond(columns) > COARSEST),
+        ),
+        fit=fit,
+        parts=parts,
+        floor=floor,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AllRows:
+    """All rows of recordings, summed in one pass."""
+
+    sums: RowSums
+    part: PartFit
+
+    def problem(self, part: IdentificationProblem) -> SummedProblem:
+        """The problem of all rows, of which a part is at hand."""
+        return SummedProblem(
+            base=part.base,
+            samples=part.samples,
+            factors=self.sums.joint_factors(),
+            rows=self.sums.rows,
+        )
+
+    @property
+    def autocorrelation(self) -> Array:
+        """(n) of the residuals at one row."""
+        total, squares, products = self.sums.moments / self.sums.rows
+        energy = np.maximum(squares - total**2, 1e-300)
+        return np.asarray((products - total**2) / energy, dtype=np.float64)
+
+    @property
+    def cells(self) -> LeftOutCells:
+        """What is left out."""
+        blocks, keys = self.sums.blocks()
+        return LeftOutCells(blocks=blocks, keys=keys, parts=self.part.parts)
+
+    def covariance(self, fit: Fit) -> Array:
+        """(r, r) covariance of a fit to all rows.
+
+        The scores are those of the part's fit, so its weights stand in the bread as well.
+        """
+        plan, rank = self.part.plan, len(fit.values)
+        products = np.array([f.T @ f for f in self.sums.joint_factors()])[:, :rank, :rank]
+        own = np.tensordot(np.square(fit.weights), products, axes=1)
+        prior = fit.information.T @ fit.information - own
+        matrix = np.tensordot(np.square(plan.weights), products, axes=1) + prior
+        scale = np.sqrt(np.diag(matrix))
+        bread = np.linalg.inv(matrix / np.outer(scale, scale)) / np.outer(scale, scale)
+        floor = np.maximum(np.diag(naive_covariance(fit)), self.part.floor / self.sums.rows)
+        return sandwich(fit, bread, self.sums.long_run, self.sums.rows, plan.lag, floor)
+
+
 PRIOR_SPEAKS = 0.25
 """Prior's share from which a standard parameter counts as the prior's word."""
 
@@ -95,6 +210,7 @@ def fit_estimate(
     lengths: Sequence[int] = (),
     prior_weight: float = 0.0,
     near_weights: Sequence[float] = (),
+    everything: AllRows | None = None,
 ) -> Estimate:
     """Fit samples and say how far the result can be trusted.
 
@@ -110,16 +226,22 @@ def fit_estimate(
         lengths: Samples of each record, if there are several.
         prior_weight: Weight of published inertias, see `TowardPublished`.
         near_weights: Weights that score as well.
+        everything: All rows of recordings of which the samples are a part: what is fitted.
 
     Raises:
         InputError: Fewer torque samples than parameters.
         JobError: A singular problem.
     """
     base = reduce_model(model)
-    problem = IdentificationProblem(base=base, samples=samples)
+    part = IdentificationProblem(base=base, samples=samples)
+    problem = part if everything is None else everything.problem(part)
     fit = estimator.fit(problem)
     root = observation_root(problem)
-    covariance = hac_covariance(fit, problem)
+    if everything is None:
+        covariance = hac_covariance(fit, problem)
+        rho = autocorrelation(problem.residual(fit.values), 1)
+    else:
+        covariance, rho = everything.covariance(fit), everything.autocorrelation
     if fit.standard is not None:
         # What bounds and prior moved is no noise, but as unsure: half of it may be wrong.
         moved = moved_by_prior(fit, problem)
@@ -145,17 +267,18 @@ def fit_estimate(
         preset=preset,
         settings=replace(settings, cutoff_hz=samples.cutoff_hz),
         essential=essential_parameters(fit),
-        motion=motion_range(samples),
+        motion=motion_range(samples, None if everything is None else everything.sums),
         choices=(*choices, *fit.choices),
         provenance=made,
-        residual_autocorrelation=autocorrelation(problem.residual(fit.values), 1),
+        residual_autocorrelation=rho,
         standard=_standard(fit, covariance),
         assessment=assess(
-            problem,
+            part,
             fit,
             prior_weight=prior_weight,
             near_weights=near_weights,
             lengths=lengths,
+            cells=None if everything is None else everything.cells,
         ),
     )
     return replace(estimate, warnings=diagnose(estimate, samples))
@@ -175,11 +298,11 @@ def _standard(fit: Fit, covariance: Array) -> StandardParameters | None:
     )
 
 
-def motion_range(samples: Samples) -> MotionRange:
-    """What samples cover."""
+def motion_range(samples: Samples, sums: RowSums | None = None) -> MotionRange:
+    """What samples cover, or all rows that they are a part of."""
     return MotionRange(
-        lower=samples.q.min(axis=0),
-        upper=samples.q.max(axis=0),
-        speed=np.abs(samples.dq).max(axis=0),
+        lower=samples.q.min(axis=0) if sums is None else sums.lower,
+        upper=samples.q.max(axis=0) if sums is None else sums.upper,
+        speed=np.abs(samples.dq).max(axis=0) if sums is None else sums.speed,
         acceleration=np.percentile(np.abs(samples.ddq), 99.5, axis=0),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -61,6 +62,9 @@ class Fit:
 class Estimator(ABC):
     """A way to fit the base parameters."""
 
+    by_factors: ClassVar[bool] = False
+    """Whether `joint_factors` are all that it needs of the rows."""
+
     @property
     @abstractmethod
     def name(self) -> str:
@@ -78,6 +82,8 @@ class Estimator(ABC):
 @dataclass(frozen=True, kw_only=True)
 class OrdinaryLeastSquares(Estimator):
     """The paper's Eq. 6: every torque sample counts the same, in N.m."""
+
+    by_factors: ClassVar[bool] = True
 
     @property
     def name(self) -> str:
@@ -97,6 +103,7 @@ class OrdinaryLeastSquares(Estimator):
 class WeightedLeastSquares(Estimator):
     """Each joint weighted by its own noise, iterated (Gautier and Poignet 2001)."""
 
+    by_factors: ClassVar[bool] = True
     groups: tuple[int, ...] | None = None
     """Group of each joint; joints of a group share one noise (joint sizes). None: one each."""
     prior_gain: float | None = None
@@ -265,6 +272,8 @@ class TotalLeastSquares(Estimator):
     1980; Gautier, Vandanjon and Presse 1994 for robots). It presumes errors of equal size in
     all scaled columns, which robots do not have: a yardstick, not a recommendation.
     """
+
+    by_factors: ClassVar[bool] = True
 
     @property
     def name(self) -> str:

@@ -6,6 +6,7 @@ Where each standard parameter comes from: the data, or the prior.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -102,6 +103,7 @@ class PhysicallyConsistent(Estimator):
     motions the one that predicts the regions left out.
     """
 
+    by_factors: ClassVar[bool] = True
     prior: InertialPrior | None = None
     """Inertias in the model's parameter frames; None for the robot's, completed."""
     prior_gain: float | None = None

@@ -119,6 +119,21 @@ def block_mean(values: Array, block: int) -> Array:
     return values.reshape(*values.shape[:-1], -1, block).mean(axis=-1)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SummedProblem(IdentificationProblem):
+    """A problem with more rows than its samples, of which only the factors are at hand."""
+
+    factors: Array
+    """(n, r + 1, r + 1) from `joint_factors` of all rows."""
+    rows: int
+    """Rows a joint."""
+
+    @property
+    def blocks(self) -> int:
+        """See `rows`."""
+        return self.rows
+
+
 def joint_factors(problem: IdentificationProblem, row_weights: Array | None = None) -> Array:
     """R of the QR of [W_j tau_j] for each joint.
 
@@ -132,6 +147,8 @@ def joint_factors(problem: IdentificationProblem, row_weights: Array | None = No
     Returns:
         (n, r + 1, r + 1) upper triangular.
     """
+    if isinstance(problem, SummedProblem):
+        return problem.factors
     joints, width = problem.samples.joints, problem.base.rank + 1
     factors = np.zeros((joints, width, width))
     for part, columns, torque in problem.chunks():

@@ -9,7 +9,7 @@ from scipy import signal  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core import Array, inverse_upper, solve_upper
 from dynid.identification.least_squares import Fit, autocorrelation
-from dynid.identification.problem import IdentificationProblem
+from dynid.identification.problem import IdentificationProblem, joint_factors
 
 ITERATIONS = 8
 SETTLED = 0.03
@@ -230,21 +230,33 @@ def hac_covariance(fit: Fit, problem: IdentificationProblem) -> Array:
             weighted = weighted * fit.row_weights[:, part]
         scores[:, part] = np.einsum("rjt,jt->rt", columns, weighted, optimize=True)
     lag = correlation_lag(residual, problem.rate_hz)
-    long_run = long_run_covariance(scores, lag)
+    floor = np.diag(naive_covariance(fit))
+    if autocorrelation(residual, 1).max() > MODEL_CORRELATION and fit.row_weights is None:
+        floor = np.maximum(floor, np.diag(ar_covariance(fit, problem, residual)))
     inverse = inverse_upper(fit.information)
-    bread = inverse @ inverse.T
+    bread, long_run = inverse @ inverse.T, long_run_covariance(scores, lag)
+    return sandwich(fit, bread, long_run, problem.blocks, lag, floor)
+
+
+def sandwich(fit: Fit, bread: Array, long_run: Array, rows: int, lag: int, floor: Array) -> Array:
+    """(r, r) covariance from the long-run covariance of the scores.
+
+    Args:
+        fit: The solution.
+        bread: (r, r) inverse information, for the weights of the scores.
+        long_run: (r, r) from `long_run_covariance`.
+        rows: Rows a joint.
+        lag: Rows over which the scores are correlated.
+        floor: (r) variances below which no answer may lie.
+    """
     covariance = bread @ long_run @ bread
     # Bartlett weights and fitted residuals both shrink S; the classical corrections restore it.
-    samples = problem.blocks
-    freedom = samples / max(samples - problem.base.rank / len(fit.noise), 1.0)
-    short = 1.0 / max(1.0 - 2.0 * lag / samples, 0.5)
+    freedom = rows / max(rows - len(fit.values) / len(fit.noise), 1.0)
+    short = 1.0 / max(1.0 - 2.0 * lag / rows, 0.5)
     covariance *= freedom * short
     if fit.prior_precision is not None:
         covariance += bread @ fit.prior_precision @ bread
     # Sums over few independent stretches fall short: never below the parametric answers.
-    floor = np.diag(naive_covariance(fit))
-    if autocorrelation(residual, 1).max() > MODEL_CORRELATION and fit.row_weights is None:
-        floor = np.maximum(floor, np.diag(ar_covariance(fit, problem, residual)))
     # Of what no torque shows only the prior speaks: no scores, no sums to raise.
     unseen = np.diag(covariance) <= UNSEEN * floor
     covariance[unseen, :] = covariance[:, unseen] = 0.0
@@ -258,22 +270,20 @@ def moved_by_prior(fit: Fit, problem: IdentificationProblem) -> Array:
 
     From the normal equations: H^-1 sum_j w_j^2 W_j' r_j, the wrong way round.
     """
-    pull = np.zeros(problem.base.rank)
-    square = np.square(fit.weights)[:, None]
-    for _, columns, torque in problem.chunks():
-        residual = torque - np.tensordot(fit.values, columns, axes=1)
-        pull += np.einsum("rjt,jt->r", columns, residual * square, optimize=True)
+    weighted = joint_factors(problem) * fit.weights[:, None, None]
+    residual = weighted @ np.append(-fit.values, 1.0)
+    pull = np.einsum("jkr,jk->r", weighted[:, :, :-1], residual)
     inverse = inverse_upper(fit.information)
     return np.asarray(-inverse @ (inverse.T @ pull), dtype=np.float64)
 
 
-def correlation_lag(residual: Array, rate_hz: float) -> int:
+def correlation_lag(residual: Array, rate_hz: float, rows: int | None = None) -> int:
     """Lags to include, from the residuals' autocorrelation.
 
     Andrews' rule for Bartlett weights with an AR(1) fit, the slowest joint, and never less
-    than `MIN_LAG_S`.
+    than `MIN_LAG_S`. `rows` is how many rows there are where the residuals are a part of them.
     """
-    samples = residual.shape[1]
+    samples = rows or residual.shape[1]
     rho = np.clip(autocorrelation(residual, 1), 0.0, 0.995)
     alpha = 4 * rho**2 / ((1 - rho) ** 2 * (1 + rho) ** 2)
     rule = 1.1447 * (float(alpha.max(initial=0.0)) * samples) ** (1 / 3)

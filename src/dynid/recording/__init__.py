@@ -23,6 +23,14 @@ from dynid.recording.record import (
 from dynid.recording.repair.pipeline import RepairSettings, repair
 from dynid.recording.ros1 import ros1_messages
 from dynid.recording.store import KEY, write_record
+from dynid.recording.stored import (
+    LONG,
+    AnyRecording,
+    StoredRecording,
+    fingerprint,
+    open_stored,
+    stored_rows,
+)
 from dynid.recording.table import RawTable
 from dynid.recording.units import factor_of
 from dynid.recording.writer import RecordWriter
@@ -30,7 +38,9 @@ from dynid.recording.writer import RecordWriter
 __all__ = [
     "JOINT_QUANTITIES",
     "KEY",
+    "LONG",
     "MARK",
+    "AnyRecording",
     "Catalog",
     "ExperimentRecord",
     "MessageDecoder",
@@ -39,13 +49,16 @@ __all__ = [
     "RecordMetadata",
     "RecordWriter",
     "RepairSettings",
+    "StoredRecording",
     "Topic",
     "check_channels",
     "checked_records",
     "content_kind",
     "factor_of",
+    "fingerprint",
     "identity",
     "match_headers",
+    "open_stored",
     "pack",
     "parse_columns",
     "parse_name",
@@ -57,5 +70,6 @@ __all__ = [
     "ros1_messages",
     "says_degrees",
     "select",
+    "stored_rows",
     "write_record",
 ]

@@ -36,6 +36,8 @@ from dynid.robot import RobotModel
 
 KEY = b"dynid"
 """Key of the description in the Parquet schema's metadata."""
+ROWS_A_GROUP = 1 << 17
+"""Rows that a reader of parts decodes at a time."""
 _FOREIGN = "Import it with: dynid import FILE -o RECORD.parquet"
 
 
@@ -85,6 +87,7 @@ def write_record(record: ExperimentRecord, path: str | Path, *, force: bool = Tr
                     compression="zstd",
                     use_dictionary=False,
                     write_page_checksum=True,
+                    row_group_size=ROWS_A_GROUP,
                 )
                 stream.flush()
                 os.fsync(stream.fileno())

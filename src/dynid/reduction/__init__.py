@@ -1,9 +1,21 @@
-"""From standard to base parameters: rank, regrouping, classes."""
+"""From standard to base parameters: rank, regrouping, classes, non-zero columns."""
 
 from dynid.reduction.base import BaseParametrization, random_states, reduce_model
+from dynid.reduction.panels import (
+    GramLayout,
+    Panel,
+    acting_joints,
+    fill_beside,
+    gram_layout,
+)
 
 __all__ = [
     "BaseParametrization",
+    "GramLayout",
+    "Panel",
+    "acting_joints",
+    "fill_beside",
+    "gram_layout",
     "random_states",
     "reduce_model",
 ]

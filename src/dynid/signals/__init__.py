@@ -11,6 +11,7 @@ from dynid.signals.filters import (
     torque_end,
     was_smoothed,
 )
+from dynid.signals.parts import Grid, LongSignals, rows_of, survey
 from dynid.signals.process import (
     delayed,
     process,
@@ -35,6 +36,8 @@ from dynid.signals.samples import (
 __all__ = [
     "NYQUIST_SHARE",
     "ORDERS",
+    "Grid",
+    "LongSignals",
     "ProcessingSettings",
     "Samples",
     "TorqueFilter",
@@ -50,8 +53,10 @@ __all__ = [
     "motion_bandwidth",
     "process",
     "rest_share",
+    "rows_of",
     "samples_at_stamps",
     "samples_from",
+    "survey",
     "torque_end",
     "uniform_signals",
     "was_smoothed",

@@ -79,8 +79,7 @@ def samples_from(
         q, dq = fourier_derivative(signals.q, rate, cutoff)
         ddq = fourier_derivative(dq, rate, cutoff)[1]
     else:
-        q = low_pass(signals.q, rate, cutoff)
-        dq, ddq = _derivatives(signals, settings, q, cutoff)
+        q, dq, ddq = filtered_motion(signals, settings, cutoff)
     torque = delayed(signals.torque, rate, settings.delays_s, circular=folded)
     keep = _kept(signals, settings, cutoff, circular=folded, trim=trim)
     return Samples(
@@ -89,7 +88,7 @@ def samples_from(
         dq=dq[keep],
         ddq=ddq[keep],
         tau=torque[keep],
-        block=_block(rate, cutoff) if settings.decimate else 1,
+        block=block_length(rate, cutoff) if settings.decimate else 1,
         rate_hz=rate,
         cutoff_hz=cutoff,
         noise=signals.noise,
@@ -123,17 +122,30 @@ def delayed(
     return moved
 
 
-def _derivatives(
-    signals: UniformSignals, settings: ProcessingSettings, q: Array, cutoff: float
-) -> tuple[Array, Array]:
+def filtered_motion(
+    signals: UniformSignals, settings: ProcessingSettings, cutoff_hz: float
+) -> tuple[Array, Array, Array]:
+    """Positions, velocities and accelerations (N, n) below a cut-off [Hz].
+
+    Raises:
+        InputError: Measured velocities are asked for, and there are none.
+    """
     rate = signals.rate_hz
+    q = low_pass(signals.q, rate, cutoff_hz)
     if settings.velocity == "measured":
         if signals.qd is None:
             raise InputError("the recording has no velocities qd", value="velocity=measured")
-        dq = low_pass(signals.qd, rate, cutoff)
-        return dq, derivative(dq, rate, settings.derivative, cutoff)
-    dq = derivative(q, rate, settings.derivative, cutoff)
-    return dq, derivative(dq, rate, settings.derivative, cutoff)
+        dq = low_pass(signals.qd, rate, cutoff_hz)
+    else:
+        dq = derivative(q, rate, settings.derivative, cutoff_hz)
+    return q, dq, derivative(dq, rate, settings.derivative, cutoff_hz)
+
+
+def unsettled(rate_hz: float, settings: ProcessingSettings, cutoff_hz: float) -> int:
+    """Samples beside an end or a gap that filter and delay carry it to."""
+    edge = int(np.ceil(TIME_CONSTANTS / (2 * np.pi * cutoff_hz) * rate_hz))
+    longest = max((abs(d) for d in settings.delays_s or ()), default=0.0)
+    return edge + int(np.ceil(longest * rate_hz))
 
 
 def _kept(
@@ -145,10 +157,7 @@ def _kept(
     trim: bool,
 ) -> Indices:
     """The samples that no gap and, where trimmed, no end reaches through filter and delay."""
-    rate = signals.rate_hz
-    edge = int(np.ceil(TIME_CONSTANTS / (2 * np.pi * cutoff) * rate))
-    edge += int(np.ceil(max((abs(d) for d in settings.delays_s or ()), default=0.0) * rate))
-    edge = min(edge, len(signals.t) // 4)
+    edge = min(unsettled(signals.rate_hz, settings, cutoff), len(signals.t) // 4)
     gap = signals.valid < 0.5
     lost = np.pad(gap, edge, mode="wrap") if circular else np.pad(gap, edge, constant_values=trim)
     before = np.concatenate([[0], np.cumsum(lost)])
@@ -163,7 +172,8 @@ def _kept(
     return keep
 
 
-def _block(rate: float, cutoff: float) -> int:
+def block_length(rate: float, cutoff: float) -> int:
+    """Samples that are averaged where data are thinned."""
     # Stamps give rates like 499.9999999.
     return max(1, int(rate / max(BLOCK_RATE_FACTOR * cutoff, LOWEST_BLOCK_RATE_HZ) + 1e-6))
 

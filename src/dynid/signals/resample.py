@@ -45,15 +45,30 @@ def window(t: Array, start_s: float | None, stop_s: float | None) -> slice:
     elapsed = t - t[0]
     first = 0 if start_s is None else int(np.searchsorted(elapsed, start_s - 1e-9))
     last = len(t) if stop_s is None else int(np.searchsorted(elapsed, stop_s - 1e-9))
-    if last - first < 32:
+    require_window(last - first, start_s, stop_s, elapsed)
+    return slice(first, last)
+
+
+def require_window(rows: int, start_s: float | None, stop_s: float | None, elapsed: Array) -> None:
+    """Refuse a window of fewer than 32 rows.
+
+    Args:
+        rows: How many it holds.
+        start_s: Its start [s].
+        stop_s: Its end [s].
+        elapsed: Times from the record's start [s].
+
+    Raises:
+        InputError: Too few.
+    """
+    if rows < 32:
         raise InputError(
             "the window holds too few samples",
             where=f"--from {start_s if start_s is not None else 0:g} "
             f"--to {stop_s if stop_s is not None else elapsed[-1]:g}",
-            value=max(last - first, 0),
-            limit=f"at least 32; the record lasts {elapsed[-1]:.3f} s with {len(t)} samples",
+            value=max(rows, 0),
+            limit=f"at least 32; the record lasts {elapsed[-1]:.3f} s with {len(elapsed)} samples",
         )
-    return slice(first, last)
 
 
 def resample(t: Array, q: Array, qd: Array | None, torque: Array) -> UniformSignals:
@@ -84,13 +99,21 @@ def resample(t: Array, q: Array, qd: Array | None, torque: Array) -> UniformSign
         )
     grid: Array = float(t[0]) + step * np.arange(count, dtype=np.float64)
     before = np.clip(np.searchsorted(t, grid, side="right") - 1, 0, len(t) - 2)
+    valid: Array = np.where(gaps[before], 0.0, 1.0)
+    return onto(grid, 1.0 / step, t, q, qd, torque, valid)
+
+
+def onto(
+    grid: Array, rate_hz: float, t: Array, q: Array, qd: Array | None, torque: Array, valid: Array
+) -> UniformSignals:
+    """Signals at stamps t (N) put onto a grid (M); see `resample` and `UniformSignals`."""
     return UniformSignals(
         t=grid,
-        rate_hz=1.0 / step,
+        rate_hz=rate_hz,
         q=_cubic(t, q, grid),
         qd=None if qd is None else _cubic(t, qd, grid),
         torque=linear(t, torque, grid),
-        valid=np.where(gaps[before], 0.0, 1.0),
+        valid=valid,
     )
 
 

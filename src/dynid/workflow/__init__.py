@@ -1,6 +1,7 @@
 """The verbs of the command line, as functions."""
 
 from dynid.workflow.analyze import Analysis, analyze
+from dynid.workflow.choosing import IdentifySettings
 from dynid.workflow.demo import run_demo
 from dynid.workflow.design_files import (
     Check,
@@ -21,7 +22,7 @@ from dynid.workflow.designing import design
 from dynid.workflow.exporting import check_suffix, export_file
 from dynid.workflow.fitting import LogFit, fit
 from dynid.workflow.fleet import Fleet, FleetSettings, fleet
-from dynid.workflow.identify import Identification, IdentifySettings, identify
+from dynid.workflow.identify import Identification, identify
 from dynid.workflow.payload import identify_gains, identify_gains_from_payload, identify_payload
 from dynid.workflow.recordings import ImportOptions, import_recording, open_records
 from dynid.workflow.reporting import report

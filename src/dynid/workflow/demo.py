@@ -24,8 +24,9 @@ from dynid.robot import load_robot
 from dynid.simulation import SERIAL, simulated_arm
 from dynid.validation import ParameterComparison, compare
 from dynid.workflow.analyze import Analysis, analyze
+from dynid.workflow.choosing import IdentifySettings
 from dynid.workflow.designing import DesignSettings, design
-from dynid.workflow.identify import Identification, IdentifySettings, identify
+from dynid.workflow.identify import Identification, identify
 from dynid.workflow.reporting import report
 from dynid.workflow.run_settings import RunSettings, write_truth
 from dynid.workflow.running import run_design

@@ -11,8 +11,9 @@ from dynid.core import DynidError, InputError, Progress, silent
 from dynid.identification import write_estimate
 from dynid.recording import ExperimentRecord, checked_records, write_record
 from dynid.robot import RobotModel, load_robot
+from dynid.workflow.choosing import IdentifySettings
 from dynid.workflow.exporting import Export, export_file
-from dynid.workflow.identify import Identification, IdentifySettings, identify
+from dynid.workflow.identify import Identification, identify
 from dynid.workflow.recordings import known_gains, open_record, robot_reference
 from dynid.workflow.reporting import report
 from dynid.workflow.validating import Verdict, verdict

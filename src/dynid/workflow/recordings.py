@@ -16,10 +16,15 @@ import numpy as np
 
 from dynid.core import InputError, JobError, RecordError, require_absent, told
 from dynid.recording import (
+    LONG,
+    AnyRecording,
     ExperimentRecord,
+    StoredRecording,
     content_kind,
+    open_stored,
     read_record,
     read_recording,
+    stored_rows,
     write_record,
 )
 from dynid.robot import RobotModel, load_robot, robots
@@ -27,6 +32,8 @@ from dynid.workflow.payload import identify_gains
 
 RecordLike = ExperimentRecord | str | Path
 """A recording, or its file in any format that is read without options."""
+AnyRecordLike = RecordLike | StoredRecording
+"""A recording that may stay in its file, too."""
 _HEAD = 400
 _TEXT_SUFFIXES = (".csv", ".tsv", ".txt")
 _RESULTS = {
@@ -86,6 +93,33 @@ def opened(records: RecordLike | Sequence[RecordLike], robot: RobotModel) -> lis
             found.append(record)
         else:
             raise InputError("not a recording or its file", value=record)
+    return found
+
+
+def opened_any(
+    records: AnyRecordLike | Sequence[AnyRecordLike], robot: RobotModel
+) -> list[AnyRecording]:
+    """As `opened`; recordings of ours that are long together stay in their files.
+
+    Args:
+        records: One or several.
+        robot: The robot they were made on.
+
+    Raises:
+        InputError: What is no recording, or not one of this robot.
+    """
+    single = isinstance(records, ExperimentRecord | StoredRecording | str | Path)
+    several = [records] if single else list(records)
+    paths = [record for record in several if isinstance(record, str | Path)]
+    files = iter(open_any(paths, robot)[0] if paths else ())
+    found: list[AnyRecording] = []
+    for record in several:
+        if isinstance(record, StoredRecording):
+            found.append(record)
+        else:
+            found.append(
+                next(files) if isinstance(record, str | Path) else opened(record, robot)[0]
+            )
     return found
 
 
@@ -185,6 +219,37 @@ def open_records(
     return [open_record(path, model, gains) for path in paths], model
 
 
+def open_any(
+    paths: Sequence[str | Path],
+    robot: str | Path | RobotModel | None = None,
+    gains: Sequence[float] | None = None,
+) -> tuple[list[AnyRecording], RobotModel]:
+    """As `open_records`; recordings of ours that are long together stay in their files.
+
+    Args:
+        paths: The recordings.
+        robot: Built-in name, URDF or robot file, or a robot; None to take what they say.
+        gains: (n) drive gains [N.m/A]; they override those of the recordings and of the robot.
+
+    Raises:
+        InputError: See `open_records`.
+    """
+    if not paths:
+        raise InputError("needs at least one recording")
+    if isinstance(robot, RobotModel):
+        model = robot
+    else:
+        model = load_robot(stored_robot(paths) if robot is None else robot)
+    rows = [stored_rows(Path(path)) for path in paths]
+    found: list[AnyRecording] = []
+    for path, count in zip(paths, rows, strict=True):
+        if count and sum(rows) > LONG:
+            found.append(open_stored(path, model, gains))
+        else:
+            found.append(open_record(path, model, gains))
+    return found, model
+
+
 def stored_robot(paths: Sequence[str | Path]) -> str:
     """The robot that recordings remember.
 
@@ -218,6 +283,8 @@ def _robot_in(path: str | Path) -> str | None:
     if not os.path.exists(path) and not _was_cut_off(path):
         raise RecordError("there is no such file", where=str(path))
     _refuse_results(Path(path))
+    if stored_rows(Path(path)) > LONG:
+        return open_stored(path).metadata.robot
     foreign = os.path.isfile(path) and content_kind(Path(path)) != "parquet"
     return None if foreign or os.path.isdir(path) else read_record(path).metadata.robot
 

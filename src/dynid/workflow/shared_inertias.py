@@ -26,7 +26,7 @@ from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel
 from dynid.robot import RobotModel, load_robot
 from dynid.signals import ProcessingSettings, process
-from dynid.workflow.identify import LONG_RECORD, IdentifySettings, choose
+from dynid.workflow.choosing import LONG_RECORD, IdentifySettings, choose
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

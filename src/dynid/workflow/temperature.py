@@ -40,7 +40,7 @@ from dynid.identification import (
 from dynid.recording import ExperimentRecord
 from dynid.robot import RobotModel
 from dynid.signals import window
-from dynid.workflow.identify import IdentifySettings
+from dynid.workflow.choosing import IdentifySettings
 from dynid.workflow.shared_inertias import SharedIdentification, identify_shared
 
 BEYOND_K = 2.0

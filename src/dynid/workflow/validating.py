@@ -17,8 +17,14 @@ import numpy as np
 from dynid.core import InputError, Progress
 from dynid.diagnosis import USELESS_PREDICTION, Verdict, judge
 from dynid.identification import read_estimate, write_estimate
-from dynid.recording import ExperimentRecord, checked_records
-from dynid.signals import window
+from dynid.recording import (
+    LONG,
+    AnyRecording,
+    ExperimentRecord,
+    StoredRecording,
+    checked_records,
+)
+from dynid.signals import ProcessingSettings, rows_of, survey, window
 from dynid.validation import (
     MOVING_SPEED,
     ParameterComparison,
@@ -28,8 +34,9 @@ from dynid.validation import (
     samples_of,
     validate,
 )
-from dynid.workflow.identify import Identification, IdentifySettings, identify
-from dynid.workflow.recordings import open_record, open_records
+from dynid.workflow.choosing import IdentifySettings
+from dynid.workflow.identify import Identification, identify
+from dynid.workflow.recordings import open_any, open_record
 from dynid.workflow.temperature import estimate_at
 
 POOR_DEVIATION = 50.0
@@ -66,8 +73,13 @@ def identify_files(
         InputError: Files that cannot be read or do not belong together, unknown settings.
         JobError: A singular problem.
     """
-    records, model = open_records(recordings, robot, gains)
-    records = checked_records(records)
+    found, model = open_any(recordings, robot, gains)
+    held = [record for record in found if isinstance(record, ExperimentRecord)]
+    # Of those that stay in their files, a part is checked when it is looked at.
+    records: list[AnyRecording] = [
+        *checked_records(held),
+        *(record for record in found if isinstance(record, StoredRecording)),
+    ]
     other: ExperimentRecord | None = None
     if validation is not None:
         other = open_record(validation, model, gains)
@@ -78,7 +90,9 @@ def identify_files(
                 value=f"{len(records)} recordings",
                 next_step="Name it with --validate RECORD.",
             )
-        other = records[0]
+        other = _window_of(records[0], validation_start_s, validation_stop_s)
+        if not isinstance(records[0], ExperimentRecord):
+            validation_start_s = validation_stop_s = None
     if other is not None:
         # A wrong window must not cost the time of an identification first.
         window(other.t, validation_start_s, validation_stop_s)
@@ -89,11 +103,29 @@ def identify_files(
         validation=other,
         validation_start_s=validation_start_s,
         validation_stop_s=validation_stop_s,
+        partial=None if output is None else f"{output}.partial",
         progress=progress,
     )
     if output is not None:
         write_estimate(result.estimate, output)
     return result
+
+
+def _window_of(
+    record: AnyRecording, start_s: float | None, stop_s: float | None
+) -> ExperimentRecord:
+    """A recording whose window can be validated: of a stored one, the window alone."""
+    if isinstance(record, ExperimentRecord):
+        return record
+    grid = survey(record, ProcessingSettings(start_s=start_s, stop_s=stop_s))
+    if grid.last_row - grid.first_row > LONG:
+        raise InputError(
+            "the window is too long to be predicted at once",
+            where="--validate-from, --validate-to",
+            value=f"{grid.last_row - grid.first_row} rows",
+            limit=f"{LONG} rows",
+        )
+    return rows_of(record, grid.first_row, grid.last_row)
 
 
 def validate_files(

@@ -2,6 +2,7 @@
 
 from dynid.identification.selection.assessment import (
     Assessment,
+    LeftOutCells,
     ModelError,
     TorqueInterval,
     assess,
@@ -10,13 +11,15 @@ from dynid.identification.selection.assessment import (
 )
 from dynid.identification.selection.columns import with_load
 from dynid.identification.selection.gram import GramBlocks, NormalEquations, gram_blocks
-from dynid.identification.selection.regions import Regions, find_regions
+from dynid.identification.selection.regions import BLOCKS, Regions, find_regions
 from dynid.identification.selection.search import PURPOSES, Selection, select
 
 __all__ = [
+    "BLOCKS",
     "PURPOSES",
     "Assessment",
     "GramBlocks",
+    "LeftOutCells",
     "ModelError",
     "NormalEquations",
     "Regions",

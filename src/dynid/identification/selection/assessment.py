@@ -242,6 +242,18 @@ def leverage(root: Array, columns: Array) -> Array:
     return np.square(np.tensordot(root, columns, axes=(0, 0))).sum(axis=0)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeftOutCells:
+    """Products of the rows of a problem by what they are left out with."""
+
+    blocks: GramBlocks
+    """Of all rows: base columns, then the torque."""
+    keys: Indices
+    """(2, C) the part that `anywhere` leaves out, and the stretch of time, of each cell."""
+    parts: Indices
+    """(N) that part of each row of the problem's samples."""
+
+
 def assess(
     problem: IdentificationProblem,
     fit: Fit,
@@ -249,6 +261,7 @@ def assess(
     prior_weight: float = 0.0,
     near_weights: Sequence[float] = (),
     lengths: Sequence[int] = (),
+    cells: LeftOutCells | None = None,
 ) -> Assessment:
     """Judge a fit by fits of the same model with parts of the samples left out.
 
@@ -258,16 +271,12 @@ def assess(
         prior_weight: See `TowardPublished`; 0 where no published inertias were used.
         near_weights: Weights that score as well.
         lengths: Samples of each recording, if there are several.
+        cells: Products of more rows than the problem has, which then calibrates intervals only.
     """
-    n, rank, count = problem.samples.joints, problem.base.rank, problem.blocks
-    regions, blocks_of_time = _parts(problem, lengths)
-    keys, cells = np.unique(np.stack([regions, blocks_of_time]), axis=1, return_inverse=True)
-    blocks = gram_blocks(
-        ((rows, np.concatenate([c, t[None]])) for rows, c, t in problem.chunks()),
-        np.tile(cells.reshape(-1), (n, 1)),
-        keys.shape[1],
-        rank + 1,
-    )
+    n = problem.samples.joints
+    cells = cells or _cells(problem, lengths)
+    blocks, keys, regions = cells.blocks, cells.keys, cells.parts
+    count = float(blocks.rows[0].sum())
     known = published_prior(problem.base)
     prior = Shrinkage(mean=known.mean, precision=known.precision)
     strength = max(prior_weight, WEAKEST) * count
@@ -277,7 +286,8 @@ def assess(
     models, pays = _rivals(fitted, known, n)
     this_motion = timed.rms
     root = _root(fitted, prior, strength, known, [w * count for w in near_weights])
-    speed = np.abs(problem.samples.dq[problem.samples.rows][:: problem.samples.block][:count].T)
+    samples = problem.samples
+    speed = np.abs(samples.dq[samples.rows][:: samples.block][: problem.blocks].T)
     slowest = SLOWEST * np.maximum(np.percentile(speed, 99, axis=1), 1e-9)
     rows = _rows(problem, fitted, regions, root, strength * known.precision)
     floor = this_motion if rows.floor is None else np.minimum(rows.floor, this_motion)
@@ -333,6 +343,18 @@ def _parts(problem: IdentificationProblem, lengths: Sequence[int]) -> tuple[Indi
     else:
         regions = find_regions([poses], problem.base.model.robot.prismatic).labels(poses, 0)
     return regions, stretches(problem.blocks)
+
+
+def _cells(problem: IdentificationProblem, lengths: Sequence[int]) -> LeftOutCells:
+    parts, blocks_of_time = _parts(problem, lengths)
+    keys, cells = np.unique(np.stack([parts, blocks_of_time]), axis=1, return_inverse=True)
+    blocks = gram_blocks(
+        ((rows, np.concatenate([c, t[None]])) for rows, c, t in problem.chunks()),
+        np.tile(cells.reshape(-1), (problem.samples.joints, 1)),
+        keys.shape[1],
+        problem.base.rank + 1,
+    )
+    return LeftOutCells(blocks=blocks, keys=keys, parts=parts)
 
 
 def _rivals(

@@ -1,0 +1,215 @@
+"""Hours of data: memory and CPU of an identification, and the throughput of its pass.
+
+`python benchmarks/streaming.py throughput`: regressor and products of a UR5 (52 columns), beside
+a loop over pinocchio's regressor with products of its rows, and release 0.1's own way (whole
+stacks, one product of all columns a joint), in one run on one core, warm. Asked: 10 times and
+2.5 times.
+
+`python benchmarks/streaming.py hours 1 best`: writes a recording of so many hours at 500 Hz (a
+minute of simulated motion, tiled, each time with new noise), identifies it in a process of its own
+and prints what that took above a process that has identified three minutes with the same preset.
+Asked: 300 MB, CPU a sample of an hour at most 1.3 times that of three minutes, of 24 hours (preset
+paper) not above that of one.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pyarrow as pa
+import pyarrow.parquet as pq
+from threadpoolctl import threadpool_limits
+
+import dynid
+from dynid.identification import PanelRows, PassPlan, sum_rows
+from dynid.recording import KEY, ExperimentRecord
+from dynid.reduction import reduce_model
+from dynid.regressor import InverseDynamicModel
+from dynid.robot import load_robot
+from dynid.signals import Samples
+from regressor import fastest, pinocchio_model
+
+RATE_HZ = 500.0
+NOISE = np.array([2.0, 2.5, 1.5, 0.4, 0.4, 0.3])
+COLUMNS = ("q", "qd", "effort")
+SAMPLES = 20_000
+ROUNDS = 12
+CHUNK_V01 = 2000
+
+
+def minute() -> tuple[np.ndarray, ...]:
+    """Positions, velocities and torques (N, 6) of one period of a minute."""
+    robot = load_robot("ur5")
+    motion = dynid.random_excitation(robot.limits, seed=1, period=60.0, harmonics=30).evaluate(
+        np.arange(int(60 * RATE_HZ)) / RATE_HZ
+    )
+    model = InverseDynamicModel(robot=robot)
+    parameters = np.random.default_rng(0).uniform(0.1, 2.0, len(model.columns))
+    return motion.q, motion.dq, model.inverse_dynamics(motion.q, motion.dq, motion.ddq, parameters)
+
+
+def write(path: Path, hours: float) -> int:
+    """Write a recording a minute at a time; its number of samples."""
+    q, dq, torque = minute()
+    record = ExperimentRecord(t=np.arange(len(q)) / RATE_HZ, signals={"q": q, "effort": torque})
+    dynid.write_record(record, path)
+    description = json.loads(pq.read_metadata(path).metadata[KEY])
+    description.update(quantities=list(COLUMNS), digest=f"{hours} hours")
+    description["metadata"]["robot"] = "ur5"
+    names = ["t", *(f"{name}_{k}" for name in COLUMNS for k in range(6))]
+    schema = pa.schema(
+        [(name, pa.float64()) for name in names],
+        metadata={KEY: json.dumps(description).encode()},
+    )
+    random, rows = np.random.default_rng(1), len(q)
+    options = {"compression": "zstd", "use_dictionary": False, "write_page_checksum": True}
+    with pq.ParquetWriter(path, schema, **options) as writer:
+        for k in range(round(60 * hours)):
+            noisy = np.concatenate(
+                [
+                    q + 1e-5 * random.normal(size=q.shape),
+                    dq + 1e-3 * random.normal(size=q.shape),
+                    torque + NOISE * random.normal(size=q.shape),
+                ],
+                axis=1,
+            )
+            t = (k * rows + np.arange(rows)) / RATE_HZ
+            columns = [pa.array(t), *(pa.array(column) for column in noisy.T)]
+            writer.write_table(pa.table(columns, schema=schema))
+    return round(60 * hours) * rows
+
+
+def identify(path: str, preset: str) -> None:
+    """In a process of its own: peak memory [MB] and CPU [s] of three minutes, then of a file."""
+    told: dict[str, object] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        short = Path(folder) / "short.parquet"
+        write(short, 0.05)
+        # Three minutes of it, in memory; a window that is no whole number of periods.
+        settings = dynid.IdentifySettings(preset=preset)
+        part = dynid.recording.open_stored(short).part(0, 89_000, COLUMNS)
+        light = dynid.recording.open_stored(short).part(0, 8_000, COLUMNS)
+        dynid.identify(light, "ur5", settings)
+        told["compiled_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        if "short" in sys.argv:
+            begun = time.process_time()
+            dynid.identify(part, "ur5", settings)
+            told["short_us"] = 1e6 * (time.process_time() - begun) / part.samples
+            print(json.dumps(told))
+            return
+    begun = time.process_time()
+    found = dynid.identify(path, "ur5", settings)
+    told["cpu_s"] = time.process_time() - begun
+    told["peak_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    told["rows"] = found.estimate.samples
+    told["condition"] = found.estimate.scaled_condition_number
+    told["choices"] = found.estimate.choices[-1]
+    print(json.dumps(told))
+
+
+def hours(number: float, preset: str) -> None:
+    """Print memory and CPU a sample."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "long.parquet"
+        samples = write(path, number)
+
+        def run(*words: str) -> dict[str, float]:
+            script = [sys.executable, __file__, "identify", str(path), preset, *words]
+            return json.loads(subprocess.run(script, check=True, stdout=subprocess.PIPE).stdout)
+
+        long, short = run(), run("short")
+    each = 1e6 * long["cpu_s"] / samples
+    print(f"{number:g} h at 500 Hz, {samples} samples, preset {preset}: {long['choices']}")
+    compiled = long["compiled_mb"]
+    print(
+        f"memory {long['peak_mb'] - compiled:.0f} MB above {compiled:.0f} MB; "
+        f"CPU {each:.2f} us a sample, three minutes {short['short_us']:.2f} us "
+        f"({each / short['short_us']:.2f} times)"
+    )
+
+
+def throughput() -> None:
+    """Print the times of one sample."""
+    model = InverseDynamicModel(robot=load_robot("ur5"))
+    base, n = reduce_model(model), 6
+    q, dq, torque = (np.array(x[:SAMPLES]) for x in minute())
+    ddq = np.gradient(dq, 1 / RATE_HZ, axis=0)
+    samples = Samples(
+        t=np.arange(SAMPLES) / RATE_HZ, q=q, dq=dq, ddq=ddq, tau=torque, rate_hz=500, cutoff_hz=5
+    )
+    plan = PassPlan(
+        base=base,
+        values=np.zeros(base.rank),
+        weights=np.ones(n),
+        lag=150,
+        regions=None,
+        stretches=8,
+        factors=False,
+    )
+    panels, independent = PanelRows(base), list(base.independent)
+    theirs, _ = pinocchio_model(model.robot, model.frames)
+    data = theirs.createData()
+    inertial = [k for k in independent if k < 10 * n]
+    few = 1000
+
+    def products_alone() -> list[np.ndarray]:
+        total = [0.0] * n
+        for _, parts in panels.chunks(samples, slice(0, SAMPLES)):
+            total = [a + panel @ panel.T for a, panel in zip(total, parts, strict=True)]
+        return total
+
+    rows = np.zeros((few, n, base.rank + 1))
+
+    def by_pinocchio() -> np.ndarray:
+        # What a patient user writes: rows in a loop, products of a thousand samples at a time.
+        for k in range(few):
+            columns = pin.computeJointTorqueRegressor(theirs, data, q[k], dq[k], ddq[k])
+            rows[k, :, : len(inertial)] = columns[:, inertial]
+        rows[:, :, -1] = torque[:few]
+        by_joint = rows.transpose(1, 2, 0)
+        return by_joint @ by_joint.transpose(0, 2, 1)
+
+    def by_v01() -> np.ndarray:
+        total = np.zeros((n, base.rank + 1, base.rank + 1))
+        for first in range(0, SAMPLES, CHUNK_V01):
+            part = slice(first, first + CHUNK_V01)
+            stack = model.stack(q[part], dq[part], ddq[part])[independent]
+            rows = np.concatenate([stack, torque[part].T[None]])
+            for j in range(n):
+                total[j] += rows[:, j] @ rows[:, j].T
+        return total
+
+    works: dict[str, Callable[[], object]] = {
+        "pinocchio": by_pinocchio,
+        "0.1": by_v01,
+        "pass": products_alone,
+        "scores": lambda: sum_rows(panels, plan, samples, slice(0, SAMPLES), 0, SAMPLES),
+    }
+    with threadpool_limits(limits=1):
+        times = fastest(works, ROUNDS)
+    each = {name: 1e6 * t / (few if name == "pinocchio" else SAMPLES) for name, t in times.items()}
+    print(f"UR5, {base.rank} columns, one core, warm, microseconds a sample:")
+    print(f"pinocchio, loop: regressor and products   {each['pinocchio']:8.2f}")
+    print(f"0.1's way: whole stack, whole products    {each['0.1']:8.2f}")
+    print(f"pass: regressor and products              {each['pass']:8.2f}")
+    print(f"pass with cells, scores and ranges        {each['scores']:8.2f}")
+    print(f"against pinocchio {each['pinocchio'] / each['pass']:.1f} times (asked 10)")
+    print(f"against 0.1 {each['0.1'] / each['pass']:.2f} times (asked 2.5)")
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "identify":
+        identify(sys.argv[2], sys.argv[3])
+    elif sys.argv[1] == "hours":
+        hours(float(sys.argv[2]), sys.argv[3])
+    else:
+        throughput()

@@ -1,0 +1,264 @@
+"""Recordings that stay in their file: parts are read when they are wanted."""
+
+from __future__ import annotations
+
+import importlib
+import threading
+from collections import deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dynid.core import Array, Finding, RecordError, parse_json
+from dynid.recording.record import (
+    ExperimentRecord,
+    RecordMetadata,
+    check_quantities,
+    column_names,
+    identity,
+    metadata_from_json,
+    notices_from_json,
+)
+from dynid.recording.store import KEY, is_own
+from dynid.robot import RobotModel
+
+LONG = 300_000
+"""Rows above which a recording of ours stays in its file: ten minutes at 500 Hz."""
+SMALLEST = 1 << 16
+"""Smaller files are not looked into [bytes]."""
+MOST_ROWS_A_GROUP, BYTES_A_VALUE = 1 << 20, 16
+"""What a row group may hold: release 0.1 wrote a million rows into one."""
+BATCH = 1 << 15
+"""Rows that are decoded at once."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredRecording:
+    """A Parquet recording of ours whose rows stay in the file."""
+
+    path: Path
+    samples: int
+    """Number of rows."""
+    joints: int
+    quantities: tuple[str, ...]
+    """Signals that it has."""
+    metadata: RecordMetadata
+    problems: tuple[Finding, ...]
+    """What was found and repaired in reading."""
+    fingerprint: str
+    """Of its description and every number, as its writer found it."""
+    order: tuple[int, ...]
+    """Columns in the order of the robot's joints."""
+
+    def part(self, first: int, last: int, quantities: Sequence[str]) -> ExperimentRecord:
+        """Rows as a recording of their own; neighbours are read fastest in their order.
+
+        Args:
+            first: The first row.
+            last: One behind the last row.
+            quantities: Which signals; positions come along.
+
+        Raises:
+            RecordError: Damaged rows.
+        """
+        names = tuple(name for name in self.quantities if name in {"q", *quantities})
+        columns = ("t", *column_names(names, self.joints))
+        written, thread = self.path.stat().st_mtime_ns, threading.get_ident()
+        table = _reader(str(self.path), columns, written, thread).rows(first, last)
+        order = list(self.order)
+        return ExperimentRecord(
+            t=table[0],
+            signals={
+                name: table[1 + k * self.joints : 1 + (k + 1) * self.joints][order].T
+                for k, name in enumerate(names)
+            },
+            # A part is not the file.
+            metadata=replace(self.metadata, input_hash=""),
+        )
+
+    def stamps(self) -> Iterator[Array]:
+        """The time stamps [s], some at a time.
+
+        Raises:
+            RecordError: Damaged rows, or time that does not increase.
+        """
+        reader, before = _RowReader(str(self.path), ("t",)), -np.inf
+        for first in range(0, self.samples, BATCH):
+            t = reader.rows(first, min(first + BATCH, self.samples))[0]
+            if not (np.diff(t, prepend=before) > 0).all():
+                raise RecordError("time does not increase", where=self.path.name)
+            before = float(t[-1])
+            yield t
+
+
+AnyRecording = ExperimentRecord | StoredRecording
+
+
+def fingerprint(record: AnyRecording) -> str:
+    """What tells a recording from every other."""
+    if isinstance(record, ExperimentRecord):
+        return identity(record)
+    return record.metadata.input_hash or record.fingerprint
+
+
+def stored_rows(path: Path) -> int:
+    """Rows of a Parquet file, by its footer; 0 where it is none of ours or cannot be read."""
+    if not path.is_file() or path.stat().st_size < SMALLEST or not is_own(path):
+        return 0
+    parquet = importlib.import_module("pyarrow.parquet")
+    try:
+        footer = parquet.read_metadata(path)
+        return int(footer.num_rows) if KEY in (footer.metadata or {}) else 0
+    # pyarrow raises many kinds on damaged bytes; whoever reads the file says what is wrong.
+    except Exception:
+        return 0
+
+
+def open_stored(
+    path: str | Path, robot: RobotModel | None = None, gains: Sequence[float] | None = None
+) -> StoredRecording:
+    """A recording of ours that stays in its file.
+
+    Its pages carry checksums, which are verified as they are read; the fingerprint over the whole
+    file is not computed again.
+
+    Args:
+        path: The Parquet file.
+        robot: The robot; its joints must be those of the recording.
+        gains: Drive gains [N.m/A] that override those of the recording.
+
+    Raises:
+        RecordError: Missing, foreign, damaged, or of another robot.
+    """
+    file = Path(path)
+    parquet = importlib.import_module("pyarrow.parquet")
+    try:
+        footer = parquet.read_metadata(file)
+        entries: dict[bytes, bytes] = footer.metadata or {}
+        description: dict[str, Any] = parse_json(entries[KEY].decode())
+        joints = int(description["joints"])
+        found = StoredRecording(
+            path=file,
+            samples=int(footer.num_rows),
+            joints=joints,
+            quantities=check_quantities(description["quantities"]),
+            metadata=metadata_from_json(description["metadata"]),
+            problems=notices_from_json(description["problems"]),
+            fingerprint=str(description["digest"]),
+            order=tuple(range(joints)),
+        )
+    except RecordError:
+        raise
+    # pyarrow raises many kinds on damaged bytes (ArrowInvalid, OSError, ...).
+    except Exception as error:
+        raise RecordError(
+            "the Parquet file is damaged or no dynid recording",
+            where=file.name,
+            value=" ".join(str(error).split())[:200] or type(error).__name__,
+        ) from error
+    if robot is not None:
+        found = _of_robot(found, robot)
+    if gains is not None:
+        if len(gains) != joints:
+            raise RecordError(
+                "the number of gains is not the number of joints", value=gains, limit=joints
+            )
+        found = replace(found, metadata=replace(found.metadata, drive_gains=tuple(gains)))
+    return found
+
+
+def _of_robot(found: StoredRecording, robot: RobotModel) -> StoredRecording:
+    if found.joints != robot.joints:
+        raise RecordError(
+            f"the recording has {found.joints} joints but {robot.name} has {robot.joints}",
+            where=found.path.name,
+        )
+    names, metadata = found.metadata.joint_names, replace(found.metadata, robot=robot.name)
+    if set(names) != set(robot.joint_names) or names == robot.joint_names:
+        return replace(found, metadata=metadata)
+    place = tuple(names.index(name) for name in robot.joint_names)
+    own = metadata.drive_gains
+    metadata = replace(
+        metadata,
+        joint_names=robot.joint_names,
+        drive_gains=None if own is None else tuple(own[k] for k in place),
+    )
+    return replace(found, metadata=metadata, order=place)
+
+
+class _RowReader:
+    """Rows of some columns, decoded once where they are asked for in order."""
+
+    def __init__(self, path: str, columns: tuple[str, ...]) -> None:
+        self._name, self._columns = Path(path).name, list(columns)
+        parquet = importlib.import_module("pyarrow.parquet")
+        self._file: Any = parquet.ParquetFile(
+            path, page_checksum_verification=True, pre_buffer=False, buffer_size=1 << 18
+        )
+        groups = [
+            self._file.metadata.row_group(k) for k in range(self._file.metadata.num_row_groups)
+        ]
+        counts = [group.num_rows for group in groups]
+        for group in groups:
+            most = BYTES_A_VALUE * group.num_rows * group.num_columns + SMALLEST
+            if group.num_rows > MOST_ROWS_A_GROUP or group.total_byte_size > most:
+                raise RecordError(
+                    "a row group is larger than any that dynid writes",
+                    where=self._name,
+                    value=f"{group.num_rows} rows, {group.total_byte_size} bytes",
+                    limit=f"{MOST_ROWS_A_GROUP} rows",
+                )
+        self._starts = np.concatenate([[0], np.cumsum(counts, dtype=np.intp)])
+        self._batches: Iterator[Any] = iter(())
+        self._held: deque[Array] = deque()
+        self._first = self._last = -BATCH - 1
+
+    def rows(self, first: int, last: int) -> Array:
+        """(c, last - first) the columns of some rows."""
+        if not self._first <= first <= self._last + BATCH:
+            self._seek(first)
+        while self._held and self._first + self._held[0].shape[1] <= first:
+            self._first += self._held.popleft().shape[1]
+        while self._last < last:
+            try:
+                batch = next(self._batches)
+                part = np.array(
+                    [batch.column(name).to_numpy() for name in self._columns], dtype=np.float64
+                )
+            except StopIteration as error:
+                raise RecordError("rows are missing", where=self._name, value=last) from error
+            # pyarrow raises many kinds on damaged bytes (ArrowInvalid, OSError, ...).
+            except Exception as error:
+                raise RecordError(
+                    "the Parquet file is damaged",
+                    where=self._name,
+                    value=" ".join(str(error).split())[:200] or type(error).__name__,
+                ) from error
+            if self._last + part.shape[1] <= first:
+                self._first += part.shape[1]
+            else:
+                self._held.append(part)
+            self._last += part.shape[1]
+        skipped = first - self._first
+        return np.concatenate(list(self._held), axis=1)[:, skipped : skipped + last - first]
+
+    def _seek(self, row: int) -> None:
+        group = int(np.searchsorted(self._starts, row, side="right")) - 1
+        self._held.clear()
+        self._first = self._last = int(self._starts[group])
+        self._batches = self._file.iter_batches(
+            batch_size=BATCH,
+            row_groups=list(range(group, len(self._starts) - 1)),
+            columns=self._columns,
+            use_threads=False,
+        )
+
+
+@lru_cache(maxsize=2)
+def _reader(path: str, columns: tuple[str, ...], written_ns: int, thread: int) -> _RowReader:
+    del written_ns, thread
+    return _RowReader(path, columns)

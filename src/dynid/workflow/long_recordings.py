@@ -1,0 +1,368 @@
+"""Recordings of hours: choices on a part of them, one pass over everything, constant memory."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import time
+import zipfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dynid.core import (
+    Array,
+    InputError,
+    Progress,
+    Workers,
+    cannot_write,
+    each,
+    provenance,
+    silent,
+)
+from dynid.identification import (
+    AllRows,
+    Estimate,
+    PanelRows,
+    PassPlan,
+    PhysicallyConsistent,
+    RowSums,
+    fit_estimate,
+    no_sums,
+    plan_pass,
+    sum_rows,
+    sums_from,
+)
+from dynid.recording import AnyRecording, ExperimentRecord, checked_records, fingerprint
+from dynid.robot import RobotModel
+from dynid.signals import (
+    Grid,
+    LongSignals,
+    ProcessingSettings,
+    default_cutoff,
+    rows_of,
+    survey,
+    uniform_signals,
+)
+from dynid.validation import ValidationResult, reproduce
+from dynid.workflow.choosing import IdentifySettings, prepare, require_cutoff
+
+CHOOSING_ROWS = 90_000
+"""Rows that choices are made on: three minutes at 500 Hz."""
+FEWEST_PIECES, MOST_PIECES = 12, 36
+"""Stretches of the recordings that these rows are taken from."""
+CANDIDATES = 4
+"""Places where a stretch may be taken: the one where the arm moves most."""
+LOOKED_AT_ROWS = 60_000
+"""Rows in a row that faults are looked for in."""
+PART = 1 << 16
+"""Samples that are summed at a time."""
+SAVE_S = 5.0
+"""How often the sums are kept [s]."""
+CHOOSING_SHARE = 0.3
+"""Of the progress."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Looked:
+    """An estimate, and the recordings that are looked at for faults."""
+
+    estimate: Estimate
+    training: ValidationResult
+    records: tuple[ExperimentRecord, ...]
+    window: ProcessingSettings
+    """Which window of these recordings."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Subset:
+    """A part of long recordings that stands for all."""
+
+    pieces: tuple[ExperimentRecord, ...]
+    sources: tuple[int, ...]
+    """Which recording each piece is of."""
+    stretch: ExperimentRecord
+    """A longer one, about the piece in which the arm moves most."""
+
+
+def fit_long(
+    recordings: Sequence[AnyRecording],
+    robot: RobotModel,
+    settings: IdentifySettings,
+    *,
+    partial: Path | None = None,
+    beside: Workers | None = None,
+    progress: Progress | None = None,
+) -> Looked:
+    """Choose on a part of the recordings, then fit all of their rows.
+
+    Args:
+        recordings: The recordings.
+        robot: The robot.
+        settings: What to do.
+        partial: File that keeps the sums while the pass runs.
+        beside: Who takes part in the pass; None for this process alone.
+        progress: Told what is being done and how far it is (0 to 1).
+
+    Raises:
+        InputError: An estimator that needs all rows at once; see `identify`.
+    """
+    tell = progress or silent
+    tell("looking at the recordings", 0.0)
+    window = ProcessingSettings(start_s=settings.start_s, stop_s=settings.stop_s)
+    grids = [survey(recording, window) for recording in recordings]
+    require_cutoff(min(grid.rate_hz for grid in grids), settings.cutoff_hz)
+    part = subset(recordings, grids)
+    looked_at = checked_records([part.stretch])[0]
+    processing = ProcessingSettings(cutoff_hz=settings.cutoff_hz, decimate=True)
+    if settings.preset != "best" and settings.cutoff_hz is None:
+        # One for all, which suits the fastest piece.
+        signals = [uniform_signals(piece, robot, processing) for piece in part.pieces]
+        cutoff = max(default_cutoff(found.q, found.rate_hz) for found in signals)
+        processing = replace(processing, cutoff_hz=cutoff)
+    found = prepare(
+        part.pieces,
+        robot,
+        settings,
+        processing,
+        lambda what, share: tell(what, CHOOSING_SHARE * share),
+    )
+    estimator, processing = found.estimator, found.processing
+    if isinstance(estimator, PhysicallyConsistent):
+        estimator = replace(estimator, by_regions=False)
+    if not estimator.by_factors:
+        raise InputError(
+            "this estimator needs all rows at once, and the recordings are too long for that",
+            where="--estimator",
+            value=estimator.name,
+            next_step="Take ols, wls, tls or sdp, or a window with --from and --to.",
+        )
+    everything = [
+        LongSignals(
+            recording=recording,
+            robot=robot,
+            settings=replace(
+                processing,
+                cutoff_hz=found.samples.cutoff_hz,
+                start_s=settings.start_s,
+                stop_s=settings.stop_s,
+            ),
+            grid=grid,
+        )
+        for recording, grid in zip(recordings, grids, strict=True)
+    ]
+    rows = sum(_rows(signals) for signals in everything)
+    sources = None
+    if len(recordings) > 1:
+        sources = np.repeat(np.array(part.sources, dtype=np.intp), found.lengths)
+    planned = plan_pass(found.model, found.samples, estimator, rows, sources)
+    inputs = {
+        r.metadata.origin or f"record {k + 1}": fingerprint(r) for k, r in enumerate(recordings)
+    }
+    sums = run_pass(
+        everything,
+        planned.plan,
+        beside=beside or Workers(),
+        partial=partial,
+        tell=lambda what, share: tell(what, CHOOSING_SHARE + (1 - CHOOSING_SHARE) * share),
+    )
+    method = "factors" if planned.plan.factors else "products"
+    duration = np.median([piece.duration_s for piece in part.pieces])
+    estimate = fit_estimate(
+        found.model,
+        found.samples,
+        estimator,
+        records=part.pieces,
+        settings=processing,
+        preset=settings.preset,
+        choices=(
+            *found.words,
+            f"long recordings: choices from {len(part.pieces)} stretches of {duration:.3g} s, fit "
+            f"of all {rows} rows by {method}",
+        ),
+        made=provenance(inputs=inputs, settings=settings.to_json()),
+        prior_weight=found.prior_weight,
+        near_weights=found.near_weights,
+        everything=AllRows(sums=sums, part=planned),
+    )
+    training = reproduce(estimate, looked_at)
+    estimate = replace(
+        estimate,
+        settings=replace(estimate.settings, start_s=settings.start_s, stop_s=settings.stop_s),
+    )
+    return Looked(
+        estimate=estimate, training=training, records=(looked_at,), window=ProcessingSettings()
+    )
+
+
+def subset(recordings: Sequence[AnyRecording], grids: Sequence[Grid]) -> Subset:
+    """Stretches spread evenly over the recordings, where the arm moves most.
+
+    Args:
+        recordings: The recordings.
+        grids: Their grids, whose windows are meant.
+    """
+    counts = np.array([grid.last_row - grid.first_row for grid in grids])
+    ends = np.cumsum(counts)
+    number = int(np.clip(len(recordings), FEWEST_PIECES, MOST_PIECES))
+    length = min(CHOOSING_ROWS // number, int(ends[-1]) // number)
+    best: list[tuple[float, int, int, int]] = []
+    for piece in range(number):
+        begin, end = piece * int(ends[-1]) // number, (piece + 1) * int(ends[-1]) // number
+        tried: list[tuple[float, int, int, int]] = []
+        for k in range(CANDIDATES):
+            place = begin + k * max(end - length - begin, 0) // (CANDIDATES - 1)
+            source = int(np.searchsorted(ends, place, side="right"))
+            own, grid = int(counts[source]), grids[source]
+            offset = place - int(ends[source]) + own
+            first = grid.first_row + min(offset, max(own - length, 0))
+            last = min(first + length, grid.last_row)
+            moved = rows_of(recordings[source], first, last, positions=True).signals["q"]
+            tried.append((float(np.abs(np.diff(moved, axis=0)).sum()), source, first, last))
+        best.append(max(tried, key=lambda one: one[0]))
+    _, source, first, last = max(best, key=lambda one: one[0])
+    grid, half = grids[source], LOOKED_AT_ROWS // 2
+    middle = min(max((first + last) // 2, grid.first_row + half), grid.last_row - half)
+    begin, end = max(middle - half, grid.first_row), min(middle + half, grid.last_row)
+    return Subset(
+        pieces=tuple(rows_of(recordings[k], a, b) for _, k, a, b in best),
+        sources=tuple(k for _, k, _, _ in best),
+        stretch=rows_of(recordings[source], begin, end),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PassPart:
+    """Some samples of one recording, for a worker."""
+
+    signals: LongSignals
+    plan: PassPlan
+    first: int
+    last: int
+    rows_before: int
+    rows: int
+    """Of all recordings."""
+    recording: int
+
+
+def sum_part(part: PassPart) -> RowSums:
+    """The sums of a part, in any process."""
+    signals, passed = part.signals, part.signals.settings.torque_filter
+    reach = 0 if passed is None else passed.reach(signals.grid.rate_hz)
+    wide = max(part.first - reach, 0)
+    samples = signals.samples(wide, min(part.last + reach, signals.count))
+    inner = slice(part.first - wide, part.last - wide)
+    panels = PanelRows(part.plan.base)
+    return sum_rows(panels, part.plan, samples, inner, part.rows_before, part.rows, part.recording)
+
+
+def run_pass(
+    everything: Sequence[LongSignals],
+    plan: PassPlan,
+    *,
+    beside: Workers,
+    partial: Path | None = None,
+    tell: Progress = silent,
+) -> RowSums:
+    """Sum all rows, from where an interrupted pass stopped.
+
+    Args:
+        everything: The recordings.
+        plan: What is summed.
+        beside: Who takes part.
+        partial: File that keeps the sums; another pass's is replaced.
+        tell: Told how far the pass is.
+
+    Raises:
+        InputError: A place where no such file can be.
+    """
+    parts = list(_parts(everything, plan))
+    sums = no_sums(everything[0].robot.joints, plan.base.rank)
+    done, key = 0, _key(parts)
+    if partial is not None:
+        done, sums = _kept(partial, key, sums)
+    waiting: dict[int, RowSums] = {}
+    saved = time.monotonic()
+    offset, todo = done, parts[done:]
+    for number, found in each(sum_part, todo, beside, words="summing all rows", tell=None):
+        # In their order, whoever was first: the same result to the last bit.
+        waiting[offset + number] = found
+        while done in waiting:
+            sums.add(waiting.pop(done))
+            done += 1
+        tell("summing all rows", done / len(parts))
+        if partial is not None and time.monotonic() - saved > SAVE_S:
+            _keep(partial, key, done, sums)
+            saved = time.monotonic()
+    if partial is not None:
+        partial.unlink(missing_ok=True)
+    return sums
+
+
+def _rows(signals: LongSignals) -> int:
+    return (signals.used.stop - signals.used.start) // signals.block
+
+
+def _parts(everything: Sequence[LongSignals], plan: PassPlan) -> Iterator[PassPart]:
+    rows = sum(_rows(signals) for signals in everything)
+    before = 0
+    for recording, signals in enumerate(everything):
+        start, count = signals.used.start, _rows(signals) * signals.block
+        step = max(1, PART // signals.block) * signals.block
+        for first in range(start, start + count, step):
+            last = min(first + step, start + count)
+            yield PassPart(
+                signals=signals,
+                plan=plan,
+                first=first,
+                last=last,
+                rows_before=before + (first - start) // signals.block,
+                rows=rows,
+                recording=recording,
+            )
+        before += _rows(signals)
+
+
+def _key(parts: Sequence[PassPart]) -> str:
+    """What tells a pass from every other: its recordings, its plan, its parts."""
+    plan = parts[0].plan
+    digest = hashlib.sha256()
+    for part in parts:
+        if part.first == part.signals.used.start:
+            settings = json.dumps(part.signals.settings.to_json(), sort_keys=True)
+            digest.update(f"{fingerprint(part.signals.recording)} {settings}".encode())
+    for values in (plan.values, plan.weights, np.array([plan.lag, len(parts), parts[0].rows])):
+        digest.update(np.asarray(values, dtype=np.float64).tobytes())
+    digest.update(repr((plan.base.model.friction, plan.base.independent, plan.factors)).encode())
+    return digest.hexdigest()
+
+
+def _keep(path: Path, key: str, done: int, sums: RowSums) -> None:
+    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with draft.open("wb") as stream:
+            arrays: dict[str, Any] = sums.arrays()
+            np.savez(stream, key=np.array(key), done=np.array(done), **arrays)
+        draft.replace(path)
+    except OSError as error:
+        raise cannot_write(path, error) from error
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def _kept(path: Path, key: str, nothing: RowSums) -> tuple[int, RowSums]:
+    """Parts done and their sums; none where the file is another pass's, or damaged."""
+    if not path.is_file():
+        return 0, nothing
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays: dict[str, Array] = {name: file[name] for name in file.files}
+        if str(arrays.pop("key")) != key:
+            return 0, nothing
+        return int(arrays.pop("done")), sums_from(arrays)
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        return 0, nothing
