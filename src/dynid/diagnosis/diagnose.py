@@ -23,7 +23,7 @@ NO_FRICTION = 0.008
 NO_NOISE = 2e-4
 """Noise over torque that no measurement stays below."""
 UNEXPLAINED = 0.25
-"""Share of the torque that is left by the richest model: something is wrong, whatever it is."""
+"""Share of the torque, beyond noise, that is left by the richest model: something is wrong."""
 TURNED = 0.3
 """Tilt or zero [rad] from which a result must not be used."""
 SAMPLES = 64
@@ -180,7 +180,9 @@ def _signals(
                 Finding("clock_scale", text, value=scale, unit="1", next_step=_STEPS["clock_scale"])
             )
     found += _kind_of_torque(explained, torque, limit)
-    share = float(np.sqrt(np.square(explained.left).sum() / np.square(torque).sum()))
+    noise = np.square(np.diff(rec.average(error.T), axis=1)).mean(axis=1) / 2
+    beyond = np.maximum(np.square(explained.left) - noise, 0.0)
+    share = float(np.sqrt(beyond.sum() / np.square(torque).sum()))
     if share > UNEXPLAINED:
         text = (
             f"the richest model leaves {100 * share:.0f} % of the torques, and no single fault "

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import (  # pyright: ignore[reportMissingTypeStubs]
+    minimum_filter1d,  # pyright: ignore[reportUnknownVariableType]
+)
 
 from dynid.core import Array, Mask
 from dynid.diagnosis.residual import Recording, Reference, fits
@@ -12,8 +15,10 @@ from dynid.robot import RobotModel
 from dynid.signals import find_period
 
 WINDOW_S = 0.2
-USUAL = 90.0
-"""Percentile of the windows' errors that counts as usual: what remains may be contacts."""
+USUAL = ((70.0, 1.036), (90.0, 1.645), (90.0, 1.645))
+"""Percentile of the windows' errors that counts as usual, and how many standard deviations it is
+of errors that are normal: while a joint moves what remains may be contacts, while it turns back
+or stands also friction."""
 REVERSAL = 0.06
 """Share of a joint's usual top speed below which friction hides the torque."""
 STRUCK = 60.0
@@ -22,8 +27,14 @@ EASE = 3.0
 """Factor by which limits are lower for stretches that are left out of the second fit."""
 APART = 3.0
 """... and how many times that of the windows that come nearest."""
-LEAST_JOINTS = 2
-"""A touch loads several joints, friction that is not understood one at a time."""
+COMMON = (20.0, 80.0)
+"""Percentiles of repetitions, or along a standstill, between which an error is common to all."""
+REST = 0.002
+"""Share of its range that a joint at rest stays within during a window."""
+ENDS = 5
+"""Windows at the ends of a rest in which friction may still change."""
+FEWEST = 10
+"""Windows of a kind whose errors tell what is usual."""
 LOADED = 4.0
 """Error over the usual one of a joint that a contact loads."""
 RARE = 3.0
@@ -50,8 +61,8 @@ def contacts(rec: Recording, error: Array, ease: float = 1.0) -> tuple[Contact, 
     """Stretches that stand far above all others.
 
     Friction is least known near standstill and at the start: windows there are compared with
-    their like, and joints that stand do not count. What comes back in each repetition of a motion
-    belongs to the motion.
+    their like; of a joint at rest only changes count, and of one that creeps nothing. What comes
+    back in each repetition of a motion belongs to the motion.
 
     Args:
         rec: The recording.
@@ -68,21 +79,28 @@ def contacts(rec: Recording, error: Array, ease: float = 1.0) -> tuple[Contact, 
     mean = (sums[starts + width] - sums[starts]) / width
     fast = np.maximum(np.percentile(np.abs(rec.dq), 98, axis=0), 1e-9)
     slow = np.abs(rec.dq) < REVERSAL * fast
-    # 0: moves throughout, 1: turns back, starts or stops, 2: stands.
+    # 0: moves throughout, 1: turns back, starts or stops, 2: is at rest, 3: creeps.
     kinds = np.array(
-        [slow[a : a + width].any(axis=0) * 1 + slow[a : a + width].all(axis=0) for a in starts]
+        [slow[a : a + width].any(axis=0) * 1 + slow[a : a + width].all(axis=0) * 2 for a in starts]
     )
-    usual = np.empty_like(mean)
+    went = np.array([np.ptp(rec.q[a : a + width], axis=0) for a in starts])
+    still = (kinds == 3) & (went < REST * np.ptp(rec.q, axis=0))
+    # What the filter returns is not known to checkers.
+    still = np.asarray(minimum_filter1d(still, 1 + 2 * ENDS, axis=0), dtype=np.bool_)
+    kinds[still] = 2
+    ratio = np.zeros_like(mean)
     for j in range(mean.shape[1]):
-        everywhere = np.percentile(np.abs(mean[:, j]), USUAL)
-        # Of a joint that stands, friction takes what it likes: nothing can be said of it.
-        usual[:, j] = np.inf
-        for kind in (kinds[:, j] == k for k in range(2)):
+        kind = kinds[:, j]
+        mean[:, j] = _without_holding(mean[:, j], kind == 2)
+        size = np.abs(mean[:, j])
+        moves = kind < 2 if (kind < 2).sum() >= FEWEST else np.ones_like(kind, dtype=bool)
+        everywhere = float(np.percentile(size[moves], USUAL[0][0])) / USUAL[0][1]
+        for k, (percentile, deviations) in enumerate(USUAL):
             # Too few of a kind to know what is usual: friction may do much there.
-            enough = kind.sum() >= 10
-            own = np.percentile(np.abs(mean[kind, j]), USUAL) if enough else RARE * everywhere
-            usual[kind, j] = max(own, 0.5 * everywhere) / 1.645
-    ratio = mean / np.maximum(usual, 1e-12)
+            enough = (kind == k).sum() >= FEWEST
+            own = np.percentile(size[kind == k], percentile) / deviations if enough else np.inf
+            own = min(max(own, everywhere), RARE * everywhere) if k else own
+            ratio[kind == k, j] = size[kind == k] / max(own, 1e-12)
     total = np.square(ratio).sum(axis=1)
     raised = np.flatnonzero(total > STRUCK / ease)
     groups = np.split(raised, np.flatnonzero(np.diff(starts[raised]) * step > NEXT_S) + 1)
@@ -90,12 +108,13 @@ def contacts(rec: Recording, error: Array, ease: float = 1.0) -> tuple[Contact, 
     found: list[Contact] = []
     rest = np.ones(len(total), dtype=np.bool_)
     for group in groups:
-        rest[max(group[0] - 1, 0) : group[-1] + 2] = False
-        near = float(np.percentile(total[rest], 98)) if rest.sum() > 10 else np.inf
-        loaded = np.flatnonzero((np.abs(ratio[group]) > LOADED).any(axis=0))
+        rest[max(group[0] - ENDS, 0) : group[-1] + ENDS + 1] = False
+    near = float(np.percentile(total[rest], 98)) if rest.sum() > 10 else np.inf
+    for group in groups:
+        loaded = np.flatnonzero((ratio[group] > LOADED).sum(axis=0) > 1)
         if total[group].max() < APART / ease * near:
             break
-        if len(loaded) < min(LEAST_JOINTS, error.shape[1]):
+        if len(loaded) == 0:
             continue
         found.append(
             Contact(
@@ -158,6 +177,21 @@ def _settled(rec: Recording) -> Mask:
     return np.maximum.accumulate(away, axis=0)
 
 
+def _without_holding(mean: Array, stands: Mask) -> Array:
+    """Errors of a joint less what friction holds at rest: that does not change by itself."""
+    out = mean.copy()
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], stands, [False]])))
+    for first, stop in edges.reshape(-1, 2):
+        out[first:stop] -= _common(mean[first:stop])
+    return out
+
+
+def _common(values: Array) -> Array:
+    """What nearly all of the first axis show: a hand may push more than once."""
+    least, most = np.percentile(values, COMMON, axis=0)
+    return np.asarray(np.maximum(least, 0.0) + np.minimum(most, 0.0), dtype=np.float64)
+
+
 def _without_repetitions(rec: Recording, error: Array, rate_hz: float) -> Array:
     """Errors less what other repetitions of the motion show at the same place."""
     period = find_period(rec.q, rate_hz)
@@ -168,8 +202,7 @@ def _without_repetitions(rec: Recording, error: Array, rate_hz: float) -> Array:
     if count < 3:
         return error
     whole = error[: count * length].reshape(count, length, -1)
-    common = np.median(whole, axis=0)
-    return error - np.resize(common, error.shape)
+    return error - np.resize(_common(whole), error.shape)
 
 
 ORDERS = (6.0, 400.0)

@@ -15,7 +15,7 @@ LIKELY = 14.0
 """Drop of the left-out negative log likelihood that an explanation needs [nats]."""
 WORTH_A_LOOK, LOOKS = 4.0, 4
 """Score with the noise of the reference from which a rival gets its own fit, and how many do."""
-WHOLE_LIKELY = 40.0
+WHOLE_LIKELY = 24.0
 """... of a signal that is reversed or exchanged: there are hundreds to choose from [nats]."""
 CERTAIN = 4.0
 """... and its size over the standard deviation, from leaving blocks out."""
@@ -59,7 +59,7 @@ class Explained:
 
 def explain(recording: Recording) -> Explained:
     """Look for faults one after the other; each is undone before the next is looked for."""
-    prior = inertial_prior(recording.robot)
+    prior = inertial_prior(recording)
     n = recording.robot.joints
     found: list[Explanation] = []
     added: list[Hypothesis] = []

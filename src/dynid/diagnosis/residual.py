@@ -15,6 +15,7 @@ import numpy as np
 
 from dynid.constraints import prior_link
 from dynid.core import Array
+from dynid.identification import inertial_prior as completed_inertias
 from dynid.regressor import CHUNK, FrictionTerms, InverseDynamicModel, friction_state
 from dynid.robot import RobotModel, from_body, inverse, move
 
@@ -30,10 +31,8 @@ MASS_SPREAD, CENTRE_SPREAD_M, TENSOR_SPREAD = 0.08, 0.008, 0.25
 """Standard deviations of real links about published inertias (share, m, share)."""
 DRAWS = 300
 SWEEPS = 4
-UNKNOWN_LIMIT = 50.0
-"""Torque limit where none is known [N.m or N]."""
-UNKNOWN_MASS = 0.2
-"""Standard deviation of an unpublished mass per largest torque limit [kg/(N.m)]."""
+UNKNOWN_MASS, UNKNOWN_CENTRE, UNKNOWN_TENSOR = 1.0, 0.3, 0.5
+"""... of guessed links (log of the mass, share of the arm's thickness and length, log)."""
 FRICTION_SPREAD = 2.0
 """Standard deviation of a friction torque over that of the joint's torque."""
 
@@ -70,44 +69,49 @@ class Recording:
         return cut.reshape(*values.shape[:-1], rows, self.block).mean(axis=-1)
 
 
-def inertial_prior(robot: RobotModel) -> tuple[Array, Array]:
+def inertial_prior(recording: Recording) -> tuple[Array, Array]:
     """(10 n) inertial parameters and (10 n, 10 n) their covariance, from what is published.
 
     Bodies are drawn about the published ones, so that the covariance knows that a heavier link
-    has larger moments. Where a mass is unpublished, anything a joint can carry is as likely.
+    has larger moments. Where a mass is unpublished, they are drawn about a uniform rod along the
+    link whose mass is unknown: its centre is still beside the link, not anywhere.
     """
+    robot = recording.robot
     n = robot.joints
     draw = np.random.default_rng(0)
     mean, covariance = np.zeros(10 * n), np.zeros((10 * n, 10 * n))
     frames = robot.parameter_frames[robot.default_frames]
-    limit = np.nan_to_num(robot.limits.torque, nan=UNKNOWN_LIMIT, posinf=UNKNOWN_LIMIT)
+    guessed = completed_inertias(robot, robot.default_frames).parameters
     for k in range(n):
-        part = slice(10 * k, 10 * k + 10)
+        part, place = slice(10 * k, 10 * k + 10), inverse(frames[k])
         if np.isnan(robot.inertias[k, :4]).any() or robot.inertias[k, 0] <= 0:
-            widest = UNKNOWN_MASS * float(limit.max()) * np.array([1.0, *[0.3] * 3, *[0.2] * 6])
-            covariance[part, part] = np.diag(np.square(widest))
-            continue
-        row = prior_link(robot, k)
-        place = inverse(frames[k])
-        drawn = np.array([move(_drawn(draw, row), place) for _ in range(DRAWS)])
+            row = move(guessed[k], frames[k])
+            centre = UNKNOWN_CENTRE * 2.0 * float(np.linalg.norm(row[1:4])) / row[0]
+            spreads = (UNKNOWN_MASS, centre, UNKNOWN_TENSOR)
+        else:
+            row, spreads = prior_link(robot, k), (MASS_SPREAD, CENTRE_SPREAD_M, TENSOR_SPREAD)
+        drawn = np.array([move(_drawn(draw, row, *spreads), place) for _ in range(DRAWS)])
         mean[part] = move(row, place)
         covariance[part, part] = np.cov(drawn.T) + 1e-10 * np.eye(10)
     return mean, covariance
 
 
-def _drawn(draw: np.random.Generator, row: Array) -> Array:
-    """A body near a published one."""
+def _drawn(
+    draw: np.random.Generator, row: Array, mass_log: float, centre_m: float, tensor_log: float
+) -> Array:
+    """A body near another."""
     mass, centre = float(row[0]), row[1:4] / row[0]
     xx, yy, zz, yz, xz, xy = row[4:]
     about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     second = np.trace(about) / 2 * np.eye(3) - about - mass * np.outer(centre, centre)
     size, axes = np.linalg.eigh(second)
     # A published tensor may be rough: a body has at least the spread of a ball of 3 cm.
-    size = np.maximum(size, mass * 0.03**2 / 5) * np.exp(TENSOR_SPREAD * draw.normal(size=3))
-    second = axes * size @ axes.T
+    size = np.maximum(size, mass * 0.03**2 / 5) * np.exp(tensor_log * draw.normal(size=3))
+    factor = np.exp(mass_log * draw.normal())
+    second = factor * axes * size @ axes.T
     return from_body(
-        mass * (1 + MASS_SPREAD * draw.normal()),
-        centre + CENTRE_SPREAD_M * draw.normal(size=3),
+        mass * factor,
+        centre + centre_m * draw.normal(size=3),
         np.trace(second) * np.eye(3) - second,
     )
 
