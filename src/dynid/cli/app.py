@@ -17,7 +17,7 @@ from dynid.cli.estimate_commands import (
     register_validate,
 )
 from dynid.cli.load_commands import register_gains, register_payload
-from dynid.cli.options import exit_code_of, guard_streams
+from dynid.cli.options import Commands, exit_code_of, guard_streams
 from dynid.cli.record_commands import register_controller, register_import, register_run
 from dynid.cli.result_commands import (
     register_bench,
@@ -54,7 +54,7 @@ def _run(words: list[str]) -> int:
 
 def build() -> typer.Typer:
     """The application with all its commands."""
-    app = typer.Typer(
+    app = Commands(
         help=SUMMARY,
         add_completion=False,
         rich_markup_mode=None,

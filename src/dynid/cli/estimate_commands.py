@@ -69,6 +69,10 @@ def print_metrics(
 COLOURS = {"usable": "bold green", "care": "bold yellow", "do_not_use": "bold red"}
 
 
+MOST_FINDINGS = 4
+"""Findings that are printed unasked, strongest first."""
+
+
 def print_identification(screen: Console, result: Identification, *, everything: bool) -> None:
     """Print an identification: the verdict, its errors and its findings.
 
@@ -88,8 +92,8 @@ def print_identification(screen: Console, result: Identification, *, everything:
         f"{estimate.model.frames} frames"
     )
     screen.print(
-        f"condition number {number(estimate.condition_number, 3)}; of the motion alone, columns "
-        f"scaled, {number(estimate.motion_condition_number, 3)} (good: below 50)"
+        f"condition number of the motion {number(estimate.motion_condition_number, 3)}: relative "
+        "errors of torque grow at most by this factor in the scaled parameters (good: below 50)"
     )
     if everything:
         for choice in estimate.choices:
@@ -97,31 +101,43 @@ def print_identification(screen: Console, result: Identification, *, everything:
         _print_parameters(screen, result)
         _print_standard(screen, result)
     slides = estimate.model.robot.prismatic
-    print_metrics(screen, "Training", result.training, slides)
+    if result.validation is None or everything:
+        print_metrics(screen, "Training", result.training, slides)
+    else:
+        whole, moving = result.training.metrics, result.training.moving
+        screen.print(
+            f"its own recording: {number(whole.relative_error_overall_percent, 3)} % of the "
+            f"torque, {number(moving.relative_error_overall_percent, 3)} % while moving"
+        )
     if result.validation is not None:
         print_metrics(screen, "Validation", result.validation, slides)
-    print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
+    shown = result.warnings if everything else result.warnings[:MOST_FINDINGS]
+    print_notices(screen, "Findings", [notice.to_json() for notice in shown])
     if not everything:
         screen.print()
-        screen.print("--all also prints the parameters with their deviations, and what was chosen")
+        more = len(result.warnings) - len(shown)
+        rest = f" and {more} more findings" if more > 0 else ""
+        screen.print(
+            f"--all also prints the parameters with their deviations and the choices{rest}"
+        )
 
 
 def _print_parameters(screen: Console, result: Identification) -> None:
     rows = [
         (
-            row["name"],
+            row["expression"],
             number(row["value"]),
             number(row["std"], 2),
             number(row["relative_std_percent"], 3),
             row["unit"],
-            "" if row["essential"] else "weak",
+            "" if row["essential"] else "not significant",
         )
         for row in result.estimate.parameter_table()
     ]
     print_table(
         screen,
-        "Base parameters (weak: the data hardly speak about it)",
-        ("name", "value", "std", "std %", "unit", ""),
+        "Base parameters",
+        ("combination", "value", "std", "std %", "unit", ""),
         rows,
         words=(0, 4, 5),
     )
@@ -145,7 +161,7 @@ def _print_standard(screen: Console, result: Identification) -> None:
     ]
     print_table(
         screen,
-        "Standard parameters of bodies that can exist (from: the data's word or the prior's)",
+        "Standard parameters, physically consistent (from: mostly data or mostly the prior)",
         ("name", "value", "std", "prior", "unit", "from"),
         rows,
         words=(0, 4, 5),
@@ -264,7 +280,7 @@ def _identify(
         str | None,
         typer.Option(
             metavar="ols|wls|irls|tls|iv|ml|didim|sdp|bayes|rls",
-            help="Default: as the preset says. sdp: bodies that can exist.",
+            help="Default: as the preset says. sdp: physically consistent bodies.",
         ),
     ] = None,
     terms: Annotated[
@@ -410,6 +426,8 @@ def _validate(
         return
     screen = console()
     slides = estimate_at(estimate, at).model.robot.prismatic
+    error = result.moving.relative_error_overall_percent
+    screen.print(f"Predicts this recording to {number(error, 3)} % of the torque", style="bold")
     print_metrics(screen, "Prediction", result, slides)
     if result.transfer is not None:
         split = result.transfer
@@ -423,7 +441,7 @@ def _validate(
             ],
             words=(0,),
         )
-    print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
+    print_notices(screen, "Findings", [notice.to_json() for notice in result.warnings])
 
 
 def register_compare(app: typer.Typer) -> None:

@@ -8,12 +8,13 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any
 
 import typer
+import typer.core
 
 from dynid.core import DynidError, InputError
 
@@ -93,6 +94,57 @@ MarginOption = Annotated[
 ClearanceOption = Annotated[
     float | None, typer.Option(metavar="M", help="Smallest distance of bodies [m]. [default: 0.01]")
 ]
+
+
+GROUPS: Mapping[str, tuple[str, ...]] = {
+    "What it is for": ("criterion", "purpose", "motion", "accuracy", "accept_weak", "noise",
+                               "previous"),
+    "The motion": ("trajectory", "harmonics", "period", "start_pose"),
+    "Search": ("method", "population", "generations", "starts", "budget", "seed", "jobs", "dask"),
+    "Limits and surroundings": ("limits", "scene", "no_collision", "mesh_dir", "floor", "tool",
+                                "payload", "margin", "clearance", "mount", "accept_unjudged"),
+    "Model": ("frames", "terms", "estimator", "preset", "cutoff", "weighting"),
+    "Validation": ("validation", "validation_start", "validation_stop"),
+    "Motion of the robot": ("repeat", "thermal", "slow", "settle", "warm_up"),
+    "Columns and units": ("columns", "no_header", "delimiter", "rate", "degrees", "joint_order",
+                          "topic", "gains"),
+    "Other files": ("csv", "urscript", "ros", "movej", "waypoints", "krl", "rapid"),
+}  # fmt: skip
+"""Headings of help pages, and the parameters that stand below them."""
+MANY_OPTIONS = 11
+"""A help page with fewer needs no headings."""
+
+
+class GroupedCommand(typer.core.TyperCommand):
+    """A command whose help shows many options below headings."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write arguments and options, as click asks for them."""
+        shown = [(p, p.get_help_record(ctx)) for p in self.get_params(ctx)]
+        options = [p for p, record in shown if record and p.param_type_name == "option"]
+        titles = {name: title for title, names in GROUPS.items() for name in names}
+        sections: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
+        for parameter, record in shown:
+            if record is None:
+                continue
+            title = "Arguments"
+            if parameter.param_type_name == "option":
+                grouped = len(options) > MANY_OPTIONS
+                title = titles.get(parameter.name or "", "Options") if grouped else "Options"
+            sections.setdefault(title, []).append(record)
+        for title, records in sections.items():
+            if records:
+                with formatter.section(title):
+                    formatter.write_dl(records)
+
+
+class Commands(typer.Typer):
+    """An application whose commands group their options."""
+
+    def command(self, name: str | None = None, **settings: Any) -> Any:
+        """As `typer.Typer.command`."""
+        settings.setdefault("cls", GroupedCommand)
+        return super().command(name, **settings)
 
 
 def examples(*lines: str) -> str:

@@ -78,6 +78,9 @@ def _analyze(
             metavar="fc,fv,im[,fo]", help="Also fca, fva, fs, fr; fo:1+3 is for joints 1 and 3."
         ),
     ] = "fc,fv,im",
+    everything: Annotated[
+        bool, typer.Option("--all", help="Print every base parameter with its unit.")
+    ] = False,
     json: JsonFlag = False,
 ) -> None:
     """Rank and base parameters of a robot (paper 2.1)."""
@@ -90,10 +93,14 @@ def _analyze(
     if json:
         print_json(result.to_json())
     else:
-        _show(result.to_json())
+        _show(result.to_json(), everything)
 
 
-def _show(data: Mapping[str, Any]) -> None:
+MOST_ROWS = 18
+"""Combinations that are printed unasked."""
+
+
+def _show(data: Mapping[str, Any], everything: bool) -> None:
     from dynid.cli.output import console, print_notices, print_table
 
     screen = console()
@@ -110,15 +117,26 @@ def _show(data: Mapping[str, Any]) -> None:
         f"{data['samples']} random points"
     )
     screen.print(f"the rank is clear: singular values fall from {before:.1e} to {after:.1e}")
-    print_table(
-        screen,
-        "Base parameters",
-        ("name", "unit", "in standard parameters"),
-        zip(data["names"], data["units"], data["expressions"], strict=True),
-        words=range(3),
-    )
+    rows = list(zip(data["expressions"], data["units"], strict=True))
+    alone = [name for name, e in zip(data["names"], data["expressions"], strict=True) if name == e]
+    if not everything:
+        screen.print()
+        screen.print(f"Identifiable alone ({len(alone)}): {', '.join(alone)}")
+        rows = [row for row in rows if row[0] not in alone]
+    shown = rows if everything else [(_shortened(e), unit) for e, unit in rows[:MOST_ROWS]]
+    title = "Base parameters" if everything else f"Identifiable in combination ({len(rows)})"
+    print_table(screen, title, ("combination", "unit"), shown, words=range(2))
+    if not everything:
+        screen.print("--all prints every combination in full")
     screen.print()
     screen.print("Not identifiable: " + (", ".join(data["unidentifiable_names"]) or "none"))
     for note in data["notes"]:
         screen.print(f"- {note}.")
     print_notices(screen, "Warnings", data["findings"])
+
+
+def _shortened(expression: str, longest: int = 62) -> str:
+    """As many terms of a combination as fit on a line."""
+    if len(expression) <= longest:
+        return expression
+    return expression[: expression.rfind(" ", 0, longest - 4)] + " ..."

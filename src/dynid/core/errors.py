@@ -7,7 +7,12 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+from collections.abc import Iterable
 from types import ModuleType
+from typing import cast
+
+LONGEST_WORD = 40
+"""A longer value is no word that was mistyped."""
 
 
 class DynidError(Exception):
@@ -36,7 +41,7 @@ class DynidError(Exception):
         self.where = where
         self.value = value
         self.limit = limit
-        self.next_step = next_step
+        self.next_step = next_step or _suggestion(value, limit)
         super().__init__(self._message())
 
     def _message(self) -> str:
@@ -69,6 +74,22 @@ class RecordError(InputError):
 
 class MissingExtraError(InputError):
     """An optional dependency is not installed."""
+
+
+def _suggestion(value: object, limit: object) -> str | None:
+    """The allowed word that is closest to a refused one."""
+    if not isinstance(value, str) or len(value) > LONGEST_WORD:
+        return None
+    if isinstance(limit, str):
+        words = limit.split(", ")
+    elif isinstance(limit, tuple | list | frozenset | set):
+        words = [word for word in cast("Iterable[object]", limit) if isinstance(word, str)]
+    else:
+        return None
+    import difflib
+
+    near = difflib.get_close_matches(value.lower(), sorted(words), n=1)
+    return f"Did you mean {near[0]}?" if near and near[0] != value else None
 
 
 def _short(value: object, width: int = 200) -> str:
