@@ -19,12 +19,12 @@ import numpy as np
 from dynid.core import provenance
 from dynid.recording import read_record
 from dynid.robot import load_robot
+from dynid.studio.door import make_door
 from dynid.studio.jobs import Job, Supervisor
 from dynid.studio.opening import open_path
 from dynid.studio.page import Page
-from dynid.studio.server import make_door, open_server
+from dynid.studio.server import Server
 from dynid.studio.session import Session
-from dynid.studio.solids import arm_meshes
 from dynid.trajectory import rest_series, write_trajectory
 from urtwin import controller_process, own_address
 
@@ -44,14 +44,15 @@ def main() -> None:
     periods = max(1, round(seconds / PERIOD))
     try:
         report("without a page", run(motion, folder / "alone.parquet", periods, None))
-        server = open_server(make_door("127.0.0.1", None), 0)
-        session = Session(open_path(str(motion)))
-        page = Page(server, session, arm_meshes(session.robot))
+        page = Page(open_path(str(motion)))
+        door = make_door("127.0.0.1", None)
+        server = Server(door, 0, page)
+        server.start()
         stop = threading.Event()
         loop = threading.Thread(target=page.run, args=(stop,))
         loop.start()
-        with visitor(server.get_port()):
-            report("page open", run(motion, folder / "watched.parquet", periods, session))
+        with visitor(door.url(server.port)):
+            report("page open", run(motion, folder / "watched.parquet", periods, page.session))
         stop.set()
         loop.join()
         server.stop()
@@ -62,8 +63,8 @@ def main() -> None:
 class visitor:
     """A browser with the page open."""
 
-    def __init__(self, port: int) -> None:
-        self._url = f"http://127.0.0.1:{port}/"
+    def __init__(self, url: str) -> None:
+        self._url = url
 
     def __enter__(self) -> None:
         from playwright.sync_api import sync_playwright
@@ -74,7 +75,7 @@ class visitor:
         self._browser = playwright.chromium.launch(executable_path=chromium, args=SOFTWARE)
         page = self._browser.new_page(viewport={"width": 1400, "height": 900})
         page.goto(self._url)
-        page.get_by_role("tab", name="Motion").wait_for(timeout=120_000)
+        page.locator("#play").wait_for(timeout=120_000)
 
     def __exit__(self, *_: object) -> None:
         self._browser.close()

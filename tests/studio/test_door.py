@@ -1,13 +1,17 @@
 from __future__ import annotations
 
 import http.client
+import json
+import socket
 from collections.abc import Iterator
-from typing import Any
 
 import pytest
 
 from dynid.core import InputError
-from dynid.studio.server import cookie_name, make_door, open_server, rule
+from dynid.studio.door import cookie_name, make_door, rule
+from dynid.studio.opening import open_path
+from dynid.studio.page import Page
+from dynid.studio.server import Server
 
 TOKEN = "correct-horse-battery"
 HOME = {"host": "127.0.0.1:8080"}
@@ -69,63 +73,105 @@ def test_the_token_opens_once_and_the_cookie_after_it() -> None:
 
 
 @pytest.fixture(scope="module")
-def guarded() -> Iterator[Any]:
-    server = open_server(make_door("127.0.0.1", TOKEN), 0)
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    folder = tmp_path_factory.mktemp("door")
+    server = Server(make_door("127.0.0.1", TOKEN), 0, Page(open_path(str(folder), robot="ur5")))
+    server.start()
     yield server
+    server.page.close()
     server.stop()
 
 
-def ask(port: int, path: str, **headers: str) -> tuple[int, dict[str, str], bytes]:
+def ask(
+    port: int, path: str, method: str = "GET", body: bytes | None = None, **headers: str
+) -> tuple[int, dict[str, str], bytes]:
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
     try:
-        connection.request("GET", path, headers=headers)
+        connection.request(method, path, body, headers=headers)
         answer = connection.getresponse()
         return answer.status, dict(answer.getheaders()), answer.read()
     finally:
         connection.close()
 
 
-def test_the_server_itself_keeps_the_door(guarded: Any) -> None:
-    port = guarded.get_port()
-    assert ask(port, "/")[0] == 403
-    upgrade = {
-        "Upgrade": "websocket",
-        "Connection": "Upgrade",
-        "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
-        "Sec-WebSocket-Version": "13",
-        "Sec-WebSocket-Protocol": "viser-v1.1.1",
-    }
-    assert ask(port, "/", **upgrade)[0] == 403
-    status, headers, _ = ask(port, f"/?token={TOKEN}")
+def cookie(server: Server) -> str:
+    status, headers, _ = ask(server.port, f"/?token={TOKEN}")
     assert (status, headers["Location"]) == (303, "/")
-    cookie = headers["Set-Cookie"].split(";")[0]
-    status, headers, page = ask(port, "/", Cookie=cookie)
+    return headers["Set-Cookie"].split(";")[0]
+
+
+def test_the_server_itself_keeps_the_door(guarded: Server) -> None:
+    port = guarded.port
+    for path in ("/", "/studio.js", "/api/state", "/news", "/do/stop", "/drop?name=x.csv"):
+        assert ask(port, path)[0] == 403
+        assert ask(port, path, "POST", b"{}")[0] == 403
+    known = cookie(guarded)
+    status, headers, page = ask(port, "/", Cookie=known)
     assert status == 200
     assert b"<title>dynid studio</title>" in page
-    assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
-    assert "object-src 'none'" in headers["Content-Security-Policy"]
-    assert ask(port, "/", Cookie=cookie, **upgrade)[0] == 101
+    policy = headers["Content-Security-Policy"]
+    assert "default-src 'none'" in policy
+    assert "frame-ancestors 'none'" in policy
+    assert "unsafe" not in policy
+    assert ask(port, "/api/state", Cookie=known)[0] == 200
+    elsewhere = {"Origin": "http://evil.example"}
+    assert ask(port, "/do/stop", "POST", b"{}", Cookie=known, **elsewhere)[0] == 403
     # What asks for no encoding gets the page, too.
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=20)
     connection.putrequest("GET", "/", skip_accept_encoding=True)
-    connection.putheader("Cookie", cookie)
+    connection.putheader("Cookie", known)
     connection.endheaders()
     assert connection.getresponse().status == 200
     connection.close()
-    elsewhere = {"Origin": "http://evil.example"}
-    assert ask(port, "/", Cookie=cookie, **upgrade, **elsewhere)[0] == 403
 
 
-def test_the_page_cannot_be_shared_through_a_relay(guarded: Any) -> None:
-    import viser._messages as messages
+NONSENSE = [
+    ("GET", "/nowhere", None), ("GET", "/../../etc/passwd", None), ("GET", "/%00", None),
+    ("GET", "/api/nothing", None), ("GET", "/api/curves?name=x", None), ("PUT", "/", b""),
+    ("DELETE", "/api/state", b""), ("POST", "/", b""), ("POST", "/do/", b"{}"),
+    ("POST", "/do/rm", b"{}"), ("POST", "/do/choose", b"not json"), ("POST", "/do/choose", b"[1]"),
+    ("POST", "/do/choose", b"\xff\xfe"), ("POST", "/do/choose", b'{"name": 7}'),
+    ("POST", "/do/choose", b'{"name": "a", "name": "b"}'), ("POST", "/do/judge", b"[" * 9999),
+    ("POST", "/do/judge", b'{"q": [1, 2]}'), ("POST", "/do/judge", b'{"q": [0,0,0,0,0,NaN]}'),
+    ("POST", "/do/judge", b'{"t": "now"}'),
+    ("POST", "/do/place", b'{"number": 9, "position": [0, 0, 0]}'),
+    ("POST", "/do/run", b'{"repeat": 1, "target": "sim", "file": "x.parquet"}'),
+    ("POST", "/do/design", b'{"criterion": "cond"}'), ("POST", "/do/export", b'{"to": "exe"}'),
+    ("POST", "/do/results", b"{}"), ("POST", "/drop?name=../x.csv", b"1"),
+    ("POST", "/drop?name=", b"1"), ("POST", "/drop?name=a.toml", b"not toml"),
+    ("POST", "/drop?name=a.urdf", b"<robot"), ("POST", "/drop?name=a.json", b"{"),
+]  # fmt: skip
 
-    handlers = guarded._websock_server._incoming_handlers
-    assert messages.ShareUrlRequest not in handlers
+
+@pytest.mark.parametrize(("method", "path", "body"), NONSENSE)
+def test_nonsense_is_refused_in_a_sentence_and_is_no_fault_of_the_server(
+    guarded: Server, method: str, path: str, body: bytes | None
+) -> None:
+    status, _, answer = ask(guarded.port, path, method, body, Cookie=cookie(guarded))
+    if path.endswith("a.json"):
+        # Unknown content is a log until its reader says no.
+        assert status == 200
+        assert guarded.page.session.job is not None
+        guarded.page.session.job.wait(60)
+        return
+    assert 400 <= status < 500
+    assert json.loads(answer)["error"]
+    kept = [path.name for path in guarded.page.session.folder.iterdir()]
+    assert not kept, kept
 
 
-def test_a_port_that_is_taken_is_said_at_once(guarded: Any) -> None:
+def test_a_body_without_or_with_too_great_a_length_is_refused(guarded: Server) -> None:
+    known = cookie(guarded)
+    for length in ("", "-1", "x", str(1 << 40)):
+        with socket.create_connection(("127.0.0.1", guarded.port), timeout=20) as line:
+            head = f"POST /do/stop HTTP/1.0\r\nHost: 127.0.0.1\r\nCookie: {known}\r\n"
+            line.sendall(f"{head}Content-Length: {length}\r\n\r\n".encode())
+            assert b" 413 " in line.recv(100)
+
+
+def test_a_port_that_is_taken_is_said_at_once(guarded: Server) -> None:
     with pytest.raises(InputError, match="cannot listen"):
-        open_server(make_door("127.0.0.1", None), guarded.get_port())
+        Server(make_door("127.0.0.1", None), guarded.port, guarded.page)
     # An address that no machine on earth has (documentation only, RFC 5737).
     with pytest.raises(InputError, match="cannot listen"):
-        open_server(make_door("192.0.2.1", None), 0)
+        Server(make_door("192.0.2.1", None), 0, guarded.page)

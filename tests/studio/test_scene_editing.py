@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from dynid.constraints import read_scene
 from dynid.core import InputError
 from dynid.robot import from_xyz_rpy
-from dynid.studio.scene_editing import DIMENSIONS, KINDS, SceneEditor, open_scene, pose_of
+from dynid.studio.scene_editing import DIMENSIONS, KINDS, SceneEditor, open_scene
 
 ROUNDED = 2e-4
 """Files keep a tenth of a millimetre, and of a milliradian."""
@@ -99,12 +99,3 @@ def test_the_given_document_is_not_changed(tmp_path: Path) -> None:
     editor.items[1]["size"][0] = 9
     assert json.dumps(document) == text
     assert editor.sizes(1)["size x"] == 0.5
-
-
-def test_a_pose_needs_numbers() -> None:
-    half = np.sqrt(0.5)
-    turned = pose_of((1, 2, 3), (half, 0, 0, half))
-    np.testing.assert_allclose(turned, from_xyz_rpy([1, 2, 3], [0, 0, np.pi / 2]), atol=1e-12)
-    for place, wxyz in (((0, 0, np.nan), (1, 0, 0, 0)), ((0, 0, 0), (0, 0, 0, 0))):
-        with pytest.raises(InputError):
-            pose_of(place, wxyz)

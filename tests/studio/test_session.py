@@ -10,10 +10,15 @@ from gentle import MIDDLE, PERIOD, write_motion
 from dynid.core import InputError
 from dynid.recording import ExperimentRecord, RecordMetadata, read_record, write_record
 from dynid.studio.jobs import Job
+from dynid.studio.live import Instant
 from dynid.studio.opening import REST, PlayedRecord, kind_of, open_path
 from dynid.studio.session import JOB_SCENE, Session
 
 BOX = {"shapes": [{"type": "box", "size": [0.2, 0.2, 0.2], "position": [1.5, 1.5, 0.5]}]}
+
+
+def look(session: Session) -> Instant:
+    return session.look(*session.motion.at(0.0))
 
 
 @pytest.fixture
@@ -61,32 +66,20 @@ def test_motions_of_other_robots_are_left_out(folder: Path) -> None:
     assert "7 joints" in dict(opened.skipped)["seven.parquet"]
 
 
-def test_play_pause_and_scrub_move_the_arm(folder: Path) -> None:
+def test_a_motion_is_chosen_and_judged_where_it_is(folder: Path) -> None:
     session = Session(open_path(str(folder)))
     motion = session.motions["motion.json"].motion
-    session.player.play(100.0)
-    now = session.now(100.5)
-    np.testing.assert_array_equal(now.q, motion.at(0.5)[0])
-    session.player.pause(101.0)
-    session.player.seek(1.7, 101.0)
-    later = session.now(200.0)
-    assert later.place == 1.7
-    np.testing.assert_array_equal(later.q, motion.at(1.7)[0])
-    session.choose("record.parquet")
-    assert session.now(201.0).place == 0.0
-    session.hold(np.zeros(6))
+    now = session.look(*motion.at(0.5))
+    assert now.worst["velocity"].margin < 1.0
+    session.choose("")
     assert session.motion.name == REST
-    np.testing.assert_array_equal(session.look(session.now()).worst["velocity"].margin, 1.0)
+    at_rest = session.look(*session.motion.at(0.0))
+    np.testing.assert_array_equal(at_rest.worst["velocity"].margin, 1.0)
     with pytest.raises(InputError):
         session.choose("none")
-
-
-def test_a_running_robot_is_followed(folder: Path) -> None:
-    session = Session(open_path(str(folder)))
-    session.follow(np.full(6, 0.2))
-    np.testing.assert_array_equal(session.now().q, np.full(6, 0.2))
-    session.follow(None)
-    np.testing.assert_array_equal(session.now(0.0).q, session.motion.at(0.0)[0])
+    for wrong in (np.zeros(5), np.full(6, np.nan)):
+        with pytest.raises(InputError, match="no pose"):
+            session.look(wrong, wrong, wrong)
 
 
 def test_a_recording_plays_between_its_samples(folder: Path) -> None:
@@ -110,19 +103,19 @@ def test_the_certificate_follows_the_scene(folder: Path) -> None:
     session.judge()
     assert session.stale
     # In the way of the arm: its flange passes here.
-    tip = session.look(session.now(0.0)).poses[-1][:3, 3]
+    tip = look(session).poses[-1][:3, 3]
     pose = np.eye(4)
     pose[:3, 3] = tip
     session.editor.place(number, pose)
     session.judge()
-    assert session.look(session.now(0.0)).worst["environment"].room < 0
+    assert look(session).worst["environment"].room < 0
     again = session.certify().certificate
     assert again is not None
     assert not again.feasible
     assert "environment" in again.broken
     session.editor.remove(number)
     session.judge()
-    assert session.look(session.now(0.0)).worst["environment"].room > 0
+    assert look(session).worst["environment"].room > 0
 
 
 def test_a_scene_without_room_is_said_and_the_arm_still_shown(folder: Path) -> None:
@@ -137,7 +130,7 @@ def test_a_scene_without_room_is_said_and_the_arm_still_shown(folder: Path) -> N
     with pytest.raises(InputError, match="no room"):
         session.save_scene("scene.json")
     assert json.loads((folder / "scene.json").read_text()) == BOX
-    assert session.look(session.now(0.0)).poses.shape == (6, 4, 4)
+    assert look(session).poses.shape == (6, 4, 4)
 
 
 def test_jobs_get_the_scene_of_the_page_and_leave_the_persons_file_alone(folder: Path) -> None:

@@ -8,10 +8,12 @@ import pytest
 from dynid.constraints import BOX, CYLINDER, HALF_SPACE, SPHERE, Shape
 from dynid.robot import Body, joint_poses, load_robot, mesh_places
 from dynid.robot.body import beyond
-from dynid.studio.solids import arm_meshes, reach, robot_meshes, shape_mesh
+from dynid.studio.solids import arm_meshes, arm_skins, reach, robot_meshes, shaded, shape_mesh
 
 ON_SURFACE = 1e-6
 """Distances to a hull are found to this, and the hull that is drawn is joggled."""
+NEAR = 0.012
+"""How far what is drawn round bulges beyond a body [m]."""
 FACETED = 0.08
 """A body drawn with flat faces holds a little less than a round one."""
 
@@ -54,6 +56,29 @@ def test_every_built_in_arm_has_a_body_for_every_link(name: str) -> None:
     assert {mesh.link for mesh in meshes} >= set(range(1, robot.joints))
     assert all(np.isfinite(mesh.vertices).all() for mesh in meshes)
     assert 0.5 < reach(robot) < 2.5
+
+
+def test_what_is_drawn_round_stays_near_the_bodies_and_is_seen_from_outside() -> None:
+    robot = load_robot("ur5")
+    for skin, body in zip(arm_skins(robot), robot.bodies, strict=True):
+        corners = shaded(skin.vertices, skin.faces, smooth=skin.smooth)
+        far = beyond(corners[:, :3], body.points) - body.radius
+        assert far.max() < NEAR
+        np.testing.assert_allclose(np.linalg.norm(corners[:, 3:], axis=1), 1.0, rtol=1e-6)
+        triangles = corners.reshape(-1, 3, 6)
+        first, second, third = triangles[..., :3].transpose(1, 0, 2)
+        turned = np.einsum("fx,fx->f", np.cross(second - first, third - first),
+                           triangles[..., 3:].mean(axis=1))  # fmt: skip
+        assert (turned >= 0).all()
+
+
+def test_a_sphere_of_flat_faces_is_shaded_like_a_round_one() -> None:
+    body = Body(name="ball", link=0, points=np.zeros((1, 3)), radius=0.1)
+    corners = shaded(*body.surface(), smooth=True)
+    size = np.linalg.norm(corners[:, :3], axis=1)
+    assert 0.095 < size.min() <= size.max() < 0.104
+    cosine = np.einsum("kx,kx->k", corners[:, :3] / size[:, None], corners[:, 3:])
+    assert cosine.min() > math.cos(math.radians(6))
 
 
 URDF = """<robot name="two"><link name="base"/><link name="arm"><inertial><mass value="1"/>

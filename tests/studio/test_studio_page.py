@@ -1,7 +1,8 @@
-"""The page's tabs without a browser: buttons are pressed, and the loop's step is called."""
+"""What visitors ask for, without a browser: actions are done, and the loop's step is called."""
 
 from __future__ import annotations
 
+import io
 import json
 import threading
 import time
@@ -12,73 +13,81 @@ import numpy as np
 import pytest
 from gentle import CYCLES, write_motion
 
-from dynid.studio.live import Tail
+from dynid.core import DynidError, InputError, JsonFields
+from dynid.recording import read_record
 from dynid.studio.opening import open_path
 from dynid.studio.page import Page
-from dynid.studio.server import make_door, open_server
-from dynid.studio.session import Session, free_name
-from dynid.studio.solids import arm_meshes
+from dynid.studio.session import free_name
 
 PATIENCE = 90.0
+DESIGN = {"criterion": "prediction", "period_s": 10.0, "harmonics": 3, "budget_s": 2.0, "seed": 0}
+URDF = """<robot name="two"><link name="base"/><link name="arm"><inertial><mass value="1"/>
+<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+<visual><geometry><box size="1 1 1"/></geometry></visual></link>
+<joint name="j" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+<limit lower="-1" upper="1" velocity="1" effort="1"/></joint></robot>"""
 
 
 @pytest.fixture
 def page(tmp_path: Path) -> Iterator[Page]:
     write_motion(tmp_path / "motion.json", size=0.1)
-    server = open_server(make_door("127.0.0.1", None), 0)
-    session = Session(open_path(str(tmp_path)))
-    yield Page(server, session, arm_meshes(session.robot), ["a note"])
-    session.close()
-    server.stop()
+    made = Page(open_path(str(tmp_path)))
+    yield made
+    made.close()
+
+
+def do(page: Page, action: str, **fields: object) -> dict[str, object]:
+    return page.do(action, JsonFields(fields))
 
 
 def until(page: Page, reached: Callable[[], bool]) -> None:
     deadline, pause = time.monotonic() + PATIENCE, threading.Event()
     while not reached():
-        assert time.monotonic() < deadline
+        assert time.monotonic() < deadline, page.state()["job"]
         page.step(time.monotonic())
         pause.wait(0.02)
 
 
 def ended(page: Page) -> bool:
-    return page.session.job is not None and page.session.job.state.ended
+    job = page.state()["job"]
+    return job is not None and job["ended"]
 
 
-def test_run_then_identify_then_see_the_verdict(page: Page) -> None:
-    session, folder = page.session, page.session.folder
-    page.run_panel.view.start.value = True
-    assert page.run_panel.view.start.disabled
-    until(page, lambda: "record.parquet" in session.motions)
-    assert page.run_panel.view.stop.disabled
-    assert f"{3 * CYCLES} samples, 0 gaps" in page.run_panel.view._words.content
-    assert session.motion.name == page.motion.motion.value == "record.parquet"
-    assert page.run_panel.name.value == "record_2.parquet"
-    assert page.motion.time.max == pytest.approx(3 * CYCLES / 125, abs=0.02)
-    assert page.results.record.value == "record.parquet"
-    page.results.preset.value = "paper"
-    page.results.view.start.value = True
-    until(page, lambda: (folder / "estimate.json").exists() and bool(page.results._figures))
-    assert "This result" in page.results._verdict.content or (
-        "Use this result" in page.results._verdict.content
-    )
-    assert len(page.results._figures) == 2
-    page.results.report.value = True
-    assert (folder / "report.html").stat().st_size > 100_000
+def drop(page: Page, name: str, content: bytes) -> str:
+    return str(page.take_file(name, io.BytesIO(content), len(content))["words"])
+
+
+def test_run_then_identify_then_export_and_report(page: Page) -> None:
+    folder = page.session.folder
+    do(page, "run", target="sim", repeat=3, slow=False, file="record.parquet")
+    until(page, lambda: ended(page))
+    state = page.state()
+    assert state["job"]["words"] == f"{3 * CYCLES} samples, 0 gaps"
+    assert (state["motion"], state["files"]["run"]) == ("record.parquet", "record_2.parquet")
+    fields = {"record": "record.parquet", "validate": "", "preset": "paper"}
+    do(page, "identify", file="estimate.json", **fields)
+    until(page, lambda: ended(page) and bool(page.state()["results"]))
+    state = page.state()
+    (shown,) = state["results"]
+    assert shown["name"] == "estimate.json"
+    assert "this result" in shown["headline"].lower()
+    assert [item["name"] for item in shown["joints"]] == list(page.session.robot.joint_names)
+    assert json.dumps(page.look_up("curves", lambda _: "record.parquet")).count("predicted") == 1
+    do(page, "report")
+    assert (folder / "report.html").stat().st_size > 50_000
+    assert "written: estimate.py" in str(do(page, "export", estimate="estimate.json", to="python"))
+    assert (folder / "estimate.py").exists()
 
 
 def test_a_design_from_the_page_is_played_and_certified(page: Page) -> None:
     session = page.session
-    page.scene.kind.value = "floor"
-    page.scene.add.value = True
-    page.design.budget.value = 2.0
-    page.design.harmonics.value = 3
-    page.design.view.start.value = True
+    do(page, "add", kind="floor")
+    do(page, "design", file="design.json", **DESIGN)
     until(page, lambda: ended(page))
-    assert session.job is not None
-    assert session.job.state.error is None, session.job.state
-    until(page, lambda: "design.json" in session.motions)
-    assert session.motion.name == "design.json"
-    assert page.design.name.value == "design_2.json"
+    state = page.state()
+    assert state["job"]["level"] in ("good", "warn"), state["job"]
+    assert "Condition number" in state["job"]["words"]
+    assert (state["motion"], state["files"]["design"]) == ("design.json", "design_2.json")
     verdict = session.verdict.certificate
     assert verdict is not None
     stored = json.loads((session.folder / "design.json").read_text())["design"]
@@ -87,7 +96,6 @@ def test_a_design_from_the_page_is_played_and_certified(page: Page) -> None:
         stored["margins"]["environment_m"], abs=1e-3
     )
     assert stored["limits"]["scene"]["shapes"][0]["type"] == "floor"
-    assert "condition number" in page.design.view._words.content
 
 
 def test_what_is_there_is_overwritten_only_when_its_name_is_typed(tmp_path: Path) -> None:
@@ -97,44 +105,77 @@ def test_what_is_there_is_overwritten_only_when_its_name_is_typed(tmp_path: Path
     assert free_name(tmp_path, "design.json") == "design_3.json"
 
 
-def test_signals_are_offered_with_their_units(page: Page) -> None:
-    assert page.run_panel.signal.options[:3] == ("current [A]", "q [rad]", "qd [rad/s]")
-    t = np.linspace(0.0, 1.0, 5)
-    page.run_panel.signal.value = "q [rad]"
-    page.run_panel.draw(Tail(t=t, signals={"q": np.outer(t, np.arange(1.0, 7.0))}, samples=5))
-    assert page.run_panel._plot.data[6][-1] == 6.0
-
-
 def test_what_cannot_be_started_says_why(page: Page) -> None:
-    for panel in (page.run_panel, page.design, page.results):
-        panel.name.value = "../out"
-        panel.view.start.value = True
-        assert "file name" in panel.view._words.content
-    page.run_panel.name.value = "record.parquet"
-    page.session.hold(np.zeros(6))
-    page.run_panel.view.start.value = True
-    assert "choose a design" in page.run_panel.view._words.content
+    for action, fields in (
+        ("run", {"target": "sim", "repeat": 1}),
+        ("design", DESIGN),
+        ("identify", {"record": "motion.json", "validate": "", "preset": "best"}),
+    ):
+        with pytest.raises(InputError):
+            do(page, action, file="../out", **fields)
+    do(page, "choose", name="")
+    with pytest.raises(InputError, match="choose a design"):
+        do(page, "run", target="sim", repeat=1, file="record.parquet")
+    with pytest.raises(InputError, match="cannot be done"):
+        do(page, "unlink")
     assert page.session.job is None
 
 
-def test_a_dragged_shape_is_where_it_was_let_go(page: Page) -> None:
-    page.scene.add.value = True
-    page.step(0.0)
-    pose = np.eye(4)
-    pose[:3, 3] = [0.5, 0.25, 0.75]
-    page.scene._moved(1, pose, True)
-    assert page.scene.position.value == (0.5, 0.25, 0.75)
-    assert page.session.editor.items[1]["position"] == [0.5, 0.25, 0.75]
+def test_a_moved_shape_is_where_it_was_let_go_and_is_judged(page: Page) -> None:
+    number = do(page, "add", kind="box")["number"]
     before = page.session.constraints
-    page.step(1.0)
+    do(page, "place", number=number, position=[0.5, 0.25, 0.75], rpy_deg=[0, 0, 90])
+    item = page.session.editor.items[1]
+    assert item["position"] == [0.5, 0.25, 0.75]
+    assert item["rpy"][2] == pytest.approx(np.pi / 2, abs=1e-4)
     assert page.session.constraints is not before
-    np.testing.assert_allclose(page.stage._shapes[1].position, [0.5, 0.25, 0.75])
+    do(page, "resize", number=number, name="size x", value=0.3)
+    (shape,) = page.look_up("scene", str)["shapes"]
+    assert (shape["sizes"]["size x"], shape["rpy_deg"]) == (0.3, [0.0, 0.0, 90.0])
+    assert "saved" in str(do(page, "save", file="scene.json"))
+    do(page, "remove", number=number)
+    assert page.look_up("scene", str)["shapes"] == []
 
 
-def test_the_arm_is_drawn_where_its_links_are(page: Page) -> None:
-    page.session.hold(np.full(6, 0.3))
+def test_news_come_when_something_changes(page: Page) -> None:
     page.step(0.0)
-    poses = page.session.look(page.session.now()).poses
-    drawn = page.stage.link_positions
-    np.testing.assert_allclose(drawn[1:], poses[:, :3, 3], rtol=0, atol=1e-9)
-    np.testing.assert_array_equal(drawn[0], 0.0)
+    told, seen = page.news(-1, 0.0)
+    assert json.loads(told)["motion"] == "motion.json"
+    assert page.news(seen, 0.0) == ("", seen)
+    do(page, "add", kind="box")
+    told, later = page.news(seen, 5.0)
+    assert later > seen
+    assert json.loads(told)["scene"]["changes"] == 1
+
+
+def test_a_dropped_log_is_read_by_a_job_and_played(page: Page) -> None:
+    t = np.arange(200) / 125.0
+    rows = ["t," + ",".join(f"q{k}" for k in range(6)) + "," + ",".join(f"i{k}" for k in range(6))]
+    rows += [
+        f"{at:.4f}," + ",".join(f"{0.1 * np.sin(3 * at + k):.6f}" for k in range(12)) for at in t
+    ]
+    drop(page, "log.csv", "\n".join(rows).encode())
+    until(page, lambda: ended(page))
+    state = page.state()
+    assert state["job"]["level"] != "bad", state["job"]
+    assert state["motion"] == "log.parquet"
+    assert read_record(page.session.folder / "log.parquet").samples == 200
+
+
+def test_a_dropped_urdf_design_and_scene_are_opened(page: Page, tmp_path: Path) -> None:
+    scene = {"shapes": [{"type": "sphere", "radius": 0.1, "position": [2, 2, 0.5]}]}
+    drop(page, "around.json", json.dumps(scene).encode())
+    assert page.state()["scene"]["changes"] == 1
+    assert [shape["kind"] for shape in page.look_up("scene", str)["shapes"]] == ["sphere"]
+    drop(page, "other.json", write_motion(tmp_path / "x.json").read_bytes())
+    assert page.state()["motion"] == "other.json"
+    opened = page.state()["opened"]
+    drop(page, "two.urdf", URDF.encode())
+    state = page.state()
+    assert (state["robot"], state["opened"] != opened) == ("two", True)
+    assert len(page.look_up("robot", str)["meshes"]) == 1
+    with pytest.raises(DynidError):
+        drop(page, "bad.urdf", b"<robot")
+    assert not (tmp_path / "bad.urdf").exists()
+    with pytest.raises(InputError, match="whole"):
+        page.take_file("short.csv", io.BytesIO(b"1"), 9)

@@ -19,13 +19,12 @@ EXTRAS = {
     "sdp": "clarabel",
     "dask": "distributed",
     "figures": "resvg_py",
-    "studio": "viser",
     "hdf5": "h5py",
     "excel": "python_calamine",
     "ros": "lz4",
 }
 """Every extra, and the module that it is for."""
-EXTRA_MODULES = (*EXTRAS.values(), "rtde_receive", "backports.zstd", "trimesh")
+EXTRA_MODULES = (*EXTRAS.values(), "rtde_receive", "backports.zstd")
 
 
 def without(
@@ -62,7 +61,6 @@ def test_every_extra_is_looked_at() -> None:
     [
         (("demo", "-o", "demo", "--quick"), "sim"),
         (("controller", "--robot", "ur5", "--virtual-time"), "sim"),
-        (("studio",), "studio"),
         (("import", "a.h5", "-o", "a.parquet", "--robot", "ur5"), "hdf5"),
         (("import", "a.xlsx", "-o", "a.parquet", "--robot", "ur5"), "excel"),
         (("import", "a.csv.zst", "-o", "a.parquet", "--robot", "ur5"), "ros"),

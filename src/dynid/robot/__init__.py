@@ -3,7 +3,7 @@
 Start with `dynid.robot.load.load_robot`.
 """
 
-from dynid.robot.body import Body, box_points, cylinder_points
+from dynid.robot.body import Body, box_points, cylinder_points, read_mesh
 from dynid.robot.dh import robot_from_chain, robot_from_dh
 from dynid.robot.inertia import (
     PARAMETERS,
@@ -102,6 +102,7 @@ __all__ = [
     "place_links",
     "poses_at_zero",
     "read_limited",
+    "read_mesh",
     "read_number",
     "read_origin",
     "read_vector",

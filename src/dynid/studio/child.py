@@ -147,10 +147,18 @@ def _identify(job: Job, talk: Line) -> dict[str, Any]:
     return {"level": judged.level, "headline": judged.headline, "file": job.output}
 
 
+def _import(job: Job, talk: Line) -> dict[str, Any]:
+    from dynid.workflow import import_recording
+
+    talk.progress("read the log", 0.1)
+    return import_recording([job.source], job.output, robot=job.options["robot"]).to_json()
+
+
 _DO: dict[str, Callable[[Job, Line], dict[str, Any]]] = {
     "design": _design,
     "run": _run,
     "identify": _identify,
+    "import": _import,
 }
 
 

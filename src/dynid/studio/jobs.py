@@ -22,7 +22,7 @@ from typing import Any, cast
 
 from dynid.core import InputError, JobError
 
-KINDS = ("design", "run", "identify")
+KINDS = ("design", "run", "identify", "import")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

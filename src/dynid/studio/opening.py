@@ -17,9 +17,15 @@ from dynid.core import Array, DynidError, InputError
 from dynid.identification import FORMAT
 from dynid.recording import ExperimentRecord, read_record
 from dynid.robot import RobotModel, load_robot
-from dynid.studio.text import plain
 from dynid.trajectory import Trajectory
 from dynid.workflow import DesignLimits, read_design
+
+
+def plain(text: object, longest: int = 60) -> str:
+    """Any text as one printable line that is not too long."""
+    line = "".join(c if c.isprintable() else "?" for c in str(text))
+    return line if len(line) <= longest else line[: longest - 1] + "\N{HORIZONTAL ELLIPSIS}"
+
 
 REST = "nothing moves"
 """Name of the motion that is none."""
@@ -57,8 +63,13 @@ class PlayedTrajectory:
 
     def at(self, t: float) -> tuple[Array, Array, Array]:
         """See `Playable.at`."""
-        motion = self.trajectory.evaluate(np.array([t]))
-        return motion.q[0], motion.dq[0], motion.ddq[0]
+        q, dq, ddq = self.sampled(np.array([np.clip(t, 0.0, self.duration)]))
+        return q[0], dq[0], ddq[0]
+
+    def sampled(self, t: Array) -> tuple[Array, Array, Array]:
+        """Positions, velocities and accelerations (N, n) at times (N) [s]."""
+        motion = self.trajectory.evaluate(t)
+        return motion.q, motion.dq, motion.ddq
 
 
 class PlayedRecord:
@@ -73,7 +84,7 @@ class PlayedRecord:
     """
 
     def __init__(self, name: str, record: ExperimentRecord) -> None:
-        self.name = name
+        self.name, self.record = name, record
         self._t: Array = record.t - record.t[0]
         self._q = record.signals["q"]
         measured = record.signals.get("qd")

@@ -1,146 +1,481 @@
-"""The page: tabs, the 3D stage, and the loop that keeps them up to date."""
+"""What the page is told, and what it may ask for; HTTP is elsewhere."""
 
 from __future__ import annotations
 
-import os
+import contextlib
+import json
 import threading
 import time
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO, Any, Protocol
 
-from dynid.core import DynidError
-from dynid.studio import text
-from dynid.studio.panel_motion import DesignPanel, MotionPanel
-from dynid.studio.panel_run import ResultsPanel, RunPanel
-from dynid.studio.panel_scene import ScenePanel
-from dynid.studio.stage import Stage
+import numpy as np
 
-if TYPE_CHECKING:
-    import viser
+from dynid.core import DynidError, InputError, JobError, JsonFields
+from dynid.excitation import CRITERIA
+from dynid.export import roll_pitch_yaw
+from dynid.robot import from_xyz_rpy
+from dynid.studio import facts
+from dynid.studio.jobs import Job, JobState, Supervisor
+from dynid.studio.live import TailReader
+from dynid.studio.opening import Opened, kind_of, open_path
+from dynid.studio.results import judged_estimates
+from dynid.studio.scene_editing import KINDS, SceneEditor, open_scene
+from dynid.studio.session import Session, file_in, free_name
+from dynid.studio.solids import robot_meshes
+from dynid.workflow import export_file
 
-    from dynid.studio.jobs import JobState, Supervisor
-    from dynid.studio.session import Session
-    from dynid.studio.solids import LinkMesh
-
-_FRAME_S = 1 / 25
-_FRAME_WHILE_RUNNING_S = 1 / 8
+FILES = {
+    "design": "design.json",
+    "run": "record.parquet",
+    "identify": "estimate.json",
+    "import": "log.parquet",
+}
+"""What a job's file is called unless its name is typed; numbered where there is one."""
+EXPORTS = {"urdf": ".urdf", "mjcf": ".xml", "c": ".h", "python": ".py", "json": ".json"}
+"""Formats of models, and how their files end."""
+ROBOT_FILES = (".urdf", ".toml")
+_TICK_S = 0.1
+_TICK_WHILE_RUNNING_S = 0.2
 """A recording needs the machine more than the page does."""
-_IDLE_S = 0.2
-_NICE = 10
+
+
+class Readable(Protocol):
+    """What a file arrives through."""
+
+    def read(self, size: int, /) -> bytes:
+        """At most `size` bytes."""
+        ...
 
 
 class Page:
-    """What visitors see and do.
+    """What all visitors see and do.
 
     Args:
-        server: viser, behind its door.
-        session: What it is about.
-        meshes: The bodies of the arm.
-        notes: What visitors should know: files and bodies that are not shown.
+        opened: What the studio starts with.
     """
 
-    def __init__(
-        self,
-        server: viser.ViserServer,
-        session: Session,
-        meshes: tuple[LinkMesh, ...],
-        notes: Sequence[str] = (),
-    ) -> None:
-        self._server, self.session = server, session
-        self.stage = Stage(server, session.robot, meshes)
-        gui = server.gui
-        gui.add_html(text.line(f"{text.plain(session.robot.name)}", bold=True))
-        gui.add_html("".join(text.line(text.plain(note, 200), text.WARN) for note in notes))
-        self._problem = gui.add_html("")
-        tabs = gui.add_tab_group()
-        with tabs.add_tab("Motion"):
-            self.motion = MotionPanel(server, session)
-        with tabs.add_tab("Scene"):
-            self.scene = ScenePanel(server, session, self.stage)
-        with tabs.add_tab("Design"):
-            self.design = DesignPanel(server, session, self._opened)
-        with tabs.add_tab("Run"):
-            self.run_panel = RunPanel(server, session, self._opened)
-        with tabs.add_tab("Results"):
-            self.results = ResultsPanel(server, session)
-        self._last: tuple[object, ...] = ()
+    def __init__(self, opened: Opened) -> None:
+        self._open(opened)
+        self._changed = threading.Condition()
+        self._told, self._version = "", 0
         self._done: Supervisor | None = None
+        self._ending: dict[str, Any] = {}
+        self._reader: TailReader | None = None
+        self._tail: dict[str, Any] | None = None
+        self._actions: dict[str, Callable[[JsonFields], dict[str, Any] | None]] = {
+            "choose": self._choose,
+            "judge": self._judge,
+            "certify": lambda _: self._certify(),
+            "add": self._add_shape,
+            "place": self._place,
+            "resize": self._resize,
+            "remove": lambda asked: self.session.editor.remove(asked.whole("number")),
+            "save": self._save,
+            "design": self._design,
+            "run": self._run,
+            "identify": self._identify,
+            "answer": self._answer,
+            "stop": lambda _: self._stop(),
+            "results": lambda _: self._results(None),
+            "report": lambda _: self._results(self.session.folder / "report.html"),
+            "export": self._export,
+        }
+
+    def _open(self, opened: Opened) -> None:
+        self.session = Session(opened)
+        self.notes = [f"{name}: {why}" for name, why in opened.skipped]
+        self.meshes = robot_meshes(opened.robot, opened.reference, self.notes)
+        self._results_known: list[dict[str, Any]] = []
+        self._opening = time.monotonic_ns()
 
     def run(self, stop: threading.Event) -> None:
-        """Keep the page up to date until `stop` is set.
-
-        The calling thread steps back behind the processes of jobs, for good.
-        """
-        # On Linux a thread has a priority of its own; jobs are started by other threads.
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
+        """Keep the news up to date until `stop` is set."""
         # The first certificate compiles for seconds on a new machine: visitors need not wait.
-        threading.Thread(target=self._first_look, daemon=True).start()
+        threading.Thread(target=self._certify, daemon=True).start()
         while not stop.is_set():
-            began = time.monotonic()
-            try:
-                busy = self.step(began)
-            except DynidError as error:
-                # One thing that cannot be shown does not end the page, nor a run beside it.
-                self._problem.content, busy = text.line(str(error), text.BAD), True
-            if not self._server.get_clients():
-                period = _IDLE_S
-            else:
-                period = _FRAME_WHILE_RUNNING_S if busy else _FRAME_S
-            stop.wait(max(period - (time.monotonic() - began), 0.005))
+            busy = self.step(time.monotonic())
+            stop.wait(_TICK_WHILE_RUNNING_S if busy else _TICK_S)
+
+    def close(self) -> None:
+        """Stop what still runs; a robot comes to rest first."""
+        self.session.close()
 
     def step(self, clock: float) -> bool:
-        """Show what is true now; whether a job runs.
+        """Follow the job and tell what is new; whether a job runs.
 
         Args:
             clock: The time of `time.monotonic` [s].
         """
-        self.scene.settle()
-        busy = self._follow_job(clock)
-        session = self.session
-        now = session.now(clock)
-        seen = (now.place, now.q.tobytes(), id(session.constraints), session.player.playing)
-        if seen != self._last:
-            if self._last and self._last[2] != seen[2]:
-                self.motion.show_certificate()
-            self._last = seen
-            instant = session.look(now)
-            self.stage.show(instant)
-            self.motion.show(now, instant, clock)
-        return busy
-
-    def _follow_job(self, clock: float) -> bool:
         job = self.session.job
-        if job is None or job is self._done:
-            return False
-        state = job.state
-        if state.ended:
-            self._done = job
-            self._finished(job.job.kind, state)
-            return False
-        if job.job.kind == "design":
-            self.design.show(state)
-        elif job.job.kind == "run":
-            self.run_panel.show(state, clock)
-        else:
-            self.results.show(state)
-        return True
+        if job is not None and job is not self._done:
+            self._follow(job, job.state, clock)
+        with contextlib.suppress(DynidError):
+            # A scene without room is said in the state.
+            self.session.judge()
+        told = json.dumps(self.state())
+        with self._changed:
+            if told != self._told:
+                self._told, self._version = told, self._version + 1
+                self._changed.notify_all()
+        return job is not None and job is not self._done
 
-    def _finished(self, kind: str, state: JobState) -> None:
+    def news(self, seen: int, patience: float) -> tuple[str, int]:
+        """The state once it is not that of the version `seen`, or nothing after a while [s]."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._version != seen, patience)
+            return ("" if self._version == seen else self._told), self._version
+
+    def look_up(self, what: str, query: Callable[[str], str]) -> dict[str, Any]:
+        """Facts: `state`, `robot`, `scene`, or `curves` of the motion that `name` names.
+
+        Raises:
+            InputError: There are no such facts.
+        """
+        session = self.session
+        if what == "state":
+            return self.state()
+        if what == "robot":
+            return facts.robot(session.robot, self.meshes) | {"notes": self.notes}
+        if what == "scene":
+            with session.lock:
+                return facts.scene_shapes(session.editor)
+        if what == "curves":
+            found = facts.curves(session, query("name"))
+            for item in self._results_known:
+                if item["record"] == query("name") and "prediction" in item:
+                    found["groups"] = [item["prediction"], *found["groups"][1:]]
+                    break
+            return found
+        raise InputError("there are no such facts", value=what)
+
+    def do(self, action: str, asked: JsonFields) -> dict[str, Any]:
+        """Do what a visitor asks for, and tell everybody.
+
+        Raises:
+            DynidError: It cannot be done.
+        """
+        if action not in self._actions:
+            raise InputError("this cannot be done", value=action)
+        found = self._actions[action](asked)
+        if action != "judge":
+            self.step(time.monotonic())
+        return found or {}
+
+    def state(self) -> dict[str, Any]:
+        """All that changes while the page is open."""
+        session = self.session
+        with session.lock:
+            editor = session.editor
+            return {
+                "opened": self._opening,
+                "robot": facts.plain(session.robot.name),
+                "folder": facts.plain(session.folder.resolve().name),
+                "motions": [
+                    {"name": name, "design": item.design, "duration": item.motion.duration}
+                    for name, item in session.motions.items()
+                ],
+                "motion": session.motion.name if session.motion.name in session.motions else "",
+                "verdict": facts.verdict(session),
+                "scene": {
+                    "changes": editor.changes,
+                    "error": session.scene_error,
+                    "file": session.scene_name,
+                    "kinds": KINDS,
+                },
+                "files": {kind: free_name(session.folder, name) for kind, name in FILES.items()},
+                "criteria": list(CRITERIA),
+                "estimates": [path.name for path in session.estimates],
+                "results": [
+                    {key: value for key, value in item.items() if key != "prediction"}
+                    for item in self._results_known
+                ],
+                "job": self._job_state(),
+                "tail": self._tail,
+            }
+
+    def take_file(self, name: str, stream: Readable, length: int) -> dict[str, Any]:
+        """Take a file that was dropped onto the page, and open it.
+
+        Robots, designs, estimates and scenes are known by what they hold; all else is a log.
+
+        Raises:
+            DynidError: It cannot be written or opened.
+        """
+        session = self.session
+        session.check_idle()
+        suffix = Path(name).suffix.lower()
+        path = session.folder / free_name(
+            session.folder, file_in(session.folder, name, suffix).name
+        )
+        partial = path.with_name(path.name + ".partial")
+        try:
+            with partial.open("xb") as file:
+                _copy(stream, file, length)
+            partial.rename(path)
+        except OSError as error:
+            partial.unlink(missing_ok=True)
+            raise JobError(
+                "the file cannot be kept", where=path.name, value=error.strerror
+            ) from error
+        try:
+            words = self._take(path, suffix)
+        except DynidError:
+            path.unlink(missing_ok=True)
+            raise
+        self.step(time.monotonic())
+        return {"words": words}
+
+    def _take(self, path: Path, suffix: str) -> str:
+        session = self.session
+        if suffix in ROBOT_FILES:
+            self._open(open_path(str(path)))
+            threading.Thread(target=self._certify, daemon=True).start()
+            return f"{self.session.robot.name} is shown"
+        kind = kind_of(path) if suffix == ".json" else ""
         if kind == "design":
-            self.design.show(state)
-            self.design.finished(state)
-        elif kind == "run":
-            self.run_panel.finished(state)
+            session.open(path)
+            self._certify()
+            return f"{path.name} is open"
+        if kind == "estimate":
+            session.estimates.append(path)
+            self._results(None)
+            return f"{path.name} is judged"
+        if kind == "scene":
+            with session.lock:
+                session.editor = SceneEditor(open_scene(path).to_json(), session.editor.changes + 1)
+            return f"the scene of {path.name} is taken"
+        output = session.folder / free_name(session.folder, f"{path.stem}.parquet")
+        if suffix == ".parquet":
+            with contextlib.suppress(DynidError):
+                return f"{session.open(path)} is open"
+        job = Job(
+            kind="import",
+            source=str(path),
+            output=str(output),
+            options={"robot": session.reference},
+        )
+        session.start(job)
+        return f"{path.name} is read"
+
+    def _choose(self, asked: JsonFields) -> dict[str, Any] | None:
+        name = asked.text("name")
+        self.session.choose(name)
+        self._certify()
+        return None
+
+    def _judge(self, asked: JsonFields) -> dict[str, Any]:
+        """Limits and nearest bodies at a time of the motion, or at a pose that the page shows."""
+        session = self.session
+        if asked.get("t") is not None:
+            q, dq, ddq = session.motion.at(asked.number("t"))
         else:
-            self.results.finished(state)
+            q = asked.vector("q")
+            dq = asked.vector("dq") if asked.get("dq") is not None else np.zeros(len(q))
+            ddq = np.zeros(len(q))
+        return facts.instant_facts(session.look(q, dq, ddq))
 
-    def _first_look(self) -> None:
-        self.motion.judge()
-        if self.session.estimates:
-            self.results.show_results()
+    def _certify(self) -> dict[str, Any] | None:
+        if self.session.certifiable:
+            self.session.certify()
+        return None
 
-    def _opened(self) -> None:
-        """A job has made something to play."""
-        self.motion.refresh()
-        self.results.refresh()
-        self.motion.judge()
+    def _add_shape(self, asked: JsonFields) -> dict[str, Any]:
+        with self.session.lock:
+            return {"number": self.session.editor.add(asked.text("kind"))}
+
+    def _place(self, asked: JsonFields) -> None:
+        session, number = self.session, asked.whole("number")
+        with session.lock:
+            pose = session.editor.pose(number)
+            place, turned = pose[:3, 3], np.degrees(roll_pitch_yaw(pose[:3, :3]))
+            if asked.get("position") is not None:
+                place = asked.vector("position")
+            if asked.get("rpy_deg") is not None:
+                turned = asked.vector("rpy_deg")
+            if len(place) != 3 or len(turned) != 3 or not np.isfinite([*place, *turned]).all():
+                raise InputError("this is no pose", value=[*place, *turned])
+            pose = from_xyz_rpy(place.tolist(), np.radians(turned).tolist())
+            session.editor.place(number, pose)
+
+    def _resize(self, asked: JsonFields) -> None:
+        with self.session.lock:
+            self.session.editor.resize(
+                asked.whole("number"), asked.text("name"), asked.number("value")
+            )
+
+    def _save(self, asked: JsonFields) -> dict[str, Any]:
+        return {"words": f"saved: {self.session.save_scene(asked.text('file')).name}"}
+
+    def _design(self, asked: JsonFields) -> None:
+        session = self.session
+        options: dict[str, Any] = {
+            "criterion": asked.text("criterion"),
+            "period_s": asked.number("period_s"),
+            "harmonics": asked.whole("harmonics"),
+            "budget_s": asked.number("budget_s"),
+            "seed": asked.whole("seed"),
+            "mount": None if session.robot.mount == "file" else session.robot.mount,
+        }
+        output = file_in(session.folder, asked.text("file"), ".json")
+        options |= session.surroundings_for_jobs()
+        session.start(
+            Job(kind="design", source=session.reference, output=str(output), options=options)
+        )
+
+    def _run(self, asked: JsonFields) -> None:
+        session = self.session
+        chosen = session.motions.get(session.motion.name)
+        if chosen is None or not chosen.design:
+            raise InputError("choose a design first", value=session.motion.name)
+        output = file_in(session.folder, asked.text("file"), ".parquet")
+        options = {
+            "repeat": asked.whole("repeat"),
+            "slow": 0.2 if asked.get("slow") is True else None,
+            **session.surroundings_for_jobs(),
+        }
+        session.start(
+            Job(
+                kind="run",
+                source=str(chosen.path),
+                output=str(output),
+                target=asked.text("target").strip(),
+                options=options,
+            )
+        )
+        self._reader, self._tail = TailReader(output), None
+
+    def _identify(self, asked: JsonFields) -> None:
+        session = self.session
+        chosen = session.motions.get(asked.text("record"))
+        if chosen is None or chosen.design:
+            raise InputError("choose a recording; make one in the step Run, or drop a log here")
+        other = session.motions.get(asked.text("validate"))
+        options = {
+            "preset": asked.text("preset"),
+            "robot": session.reference,
+            "validate": None if other is None else str(other.path),
+        }
+        output = file_in(session.folder, asked.text("file"), ".json")
+        session.start(
+            Job(kind="identify", source=str(chosen.path), output=str(output), options=options)
+        )
+
+    def _answer(self, asked: JsonFields) -> None:
+        if self.session.job is not None:
+            self.session.job.answer(asked.text("word").strip())
+
+    def _stop(self) -> None:
+        if self.session.job is not None:
+            self.session.job.stop()
+
+    def _results(self, output: Path | None) -> dict[str, Any]:
+        self.session.check_idle()
+        self._results_known = judged_estimates(self.session.folder, output)
+        return {"words": "" if output is None else f"written: {output.name}"}
+
+    def _export(self, asked: JsonFields) -> dict[str, Any]:
+        session, to = self.session, asked.text("to")
+        path = next((p for p in session.estimates if p.name == asked.text("estimate")), None)
+        if path is None or to not in EXPORTS:
+            raise InputError("choose an estimate and a format", value=to, limit=", ".join(EXPORTS))
+        name = free_name(session.folder, f"{path.stem}{EXPORTS[to]}")
+        made = export_file(path, to, session.folder / name)
+        notes = [facts.plain(str(item), 300) for item in made.to_json()["warnings"]]
+        return {"words": ". ".join([f"written: {name}", *notes])}
+
+    def _follow(self, job: Supervisor, state: JobState, clock: float) -> None:
+        tail = None if self._reader is None else self._reader.read(clock)
+        if tail is not None:
+            self._tail = facts.tail_facts(tail, self.session.robot)
+        if not state.ended:
+            return
+        self._done, self._reader, self._tail = job, None, None
+        self._ending = {"words": state.error or "", "level": "bad" if state.error else "good"}
+        result = state.result
+        if result is None:
+            return
+        try:
+            self._ending |= _ENDINGS[job.job.kind](result)
+            self._take_result(job.job, result)
+        except DynidError as error:
+            self._ending = {"words": str(error), "level": "bad"}
+
+    def _take_result(self, job: Job, result: dict[str, Any]) -> None:
+        session = self.session
+        if job.kind == "identify":
+            session.estimates.append(Path(job.output))
+            self._results(None)
+            return
+        made = result.get("record") if job.kind == "run" else job.output
+        if isinstance(made, str):
+            session.open(Path(made))
+            self._certify()
+
+    def _job_state(self) -> dict[str, Any] | None:
+        job = self.session.job
+        if job is None:
+            return None
+        state, ended = job.state, job is self._done
+        return {
+            "id": job.pid,
+            "kind": job.job.kind,
+            "source": facts.plain(Path(job.job.source).name, 120),
+            "made": facts.plain(Path(job.job.output).name, 120),
+            "target": facts.plain(job.job.target),
+            "repeat": job.job.options.get("repeat", 1),
+            "what": facts.plain(state.what, 200),
+            "share": state.share,
+            "ask": state.ask,
+            "word": state.word,
+            "stopping": state.stopping,
+            "ended": ended,
+            "history": state.history,
+            **(self._ending if ended else {}),
+        }
+
+
+def _design_words(result: dict[str, Any]) -> dict[str, Any]:
+    early = ", stopped early" if result.get("interrupted") else ""
+    number = result.get("condition_number")
+    value = f"{number:.4g}" if isinstance(number, float) else "unknown"
+    state = str(result.get("certificate", "not judged"))
+    level = "good" if result.get("feasible") else "warn"
+    return {"words": f"Condition number {value}, {state}{early}", "level": level}
+
+
+def _run_words(result: dict[str, Any]) -> dict[str, Any]:
+    words = f"{result.get('samples')} samples, {result.get('gaps')} gaps"
+    cause = result.get("cause")
+    if isinstance(cause, dict):
+        return {"words": f"{words}; stopped: {cause.get('message')}", "level": "warn"}  # pyright: ignore[reportUnknownMemberType]
+    return {"words": words, "level": "good"}
+
+
+def _identify_words(result: dict[str, Any]) -> dict[str, Any]:
+    level = {"usable": "good", "do_not_use": "bad"}.get(str(result.get("level")), "warn")
+    return {"words": str(result.get("headline")), "level": level}
+
+
+def _import_words(result: dict[str, Any]) -> dict[str, Any]:
+    problems = [str(item) for item in result.get("problems", [])]
+    words = f"{result.get('samples')} samples at {result.get('rate_hz', 0):.4g} Hz"
+    return {"words": ". ".join([words, *problems]), "level": "warn" if problems else "good"}
+
+
+_ENDINGS = {
+    "design": _design_words,
+    "run": _run_words,
+    "identify": _identify_words,
+    "import": _import_words,
+}
+
+
+def _copy(stream: Readable, file: IO[bytes], length: int) -> None:
+    while length > 0:
+        part = stream.read(min(length, 1 << 20))
+        if not part:
+            raise InputError("the file did not arrive whole", value=length)
+        file.write(part)
+        length -= len(part)

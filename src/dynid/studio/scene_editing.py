@@ -12,7 +12,7 @@ import numpy as np
 from dynid.constraints import Scene, Shape, scene_from_json
 from dynid.core import Array, InputError, JsonFields, load_object, write_json
 from dynid.export import roll_pitch_yaw
-from dynid.robot import from_xyz_rpy, translation
+from dynid.robot import translation
 
 KINDS = ("box", "cylinder", "sphere", "table", "floor", "wall")
 """What can be added."""
@@ -46,19 +46,20 @@ class SceneEditor:
 
     Args:
         document: A scene file's content; None for an empty scene.
+        changes: How often the scene has been changed before.
 
     Raises:
         InputError: The document is no scene.
     """
 
-    def __init__(self, document: Mapping[str, Any] | None = None) -> None:
+    def __init__(self, document: Mapping[str, Any] | None = None, changes: int = 0) -> None:
         given = copy.deepcopy(dict(document or {"shapes": []}))
         scene_from_json(JsonFields(given))
         shapes: list[dict[str, Any]] = given.get("shapes", [])
         self._items = dict(enumerate(shapes, start=1))
         self._payload: list[Any] = given.get("payload", [])
         self._next = len(self._items) + 1
-        self.changes = 0
+        self.changes = changes
         """How often the scene has been changed."""
 
     @property
@@ -196,27 +197,6 @@ def open_scene(path: Path) -> SceneEditor:
         InputError: It cannot be read, or is no scene.
     """
     return SceneEditor(load_object(path).values)
-
-
-def pose_of(position: Any, wxyz: Any) -> Array:
-    """(4, 4) from a place (3) [m] and a quaternion (4) of any length.
-
-    Raises:
-        InputError: Numbers that are not finite, or a quaternion of no length.
-    """
-    quaternion = np.asarray(wxyz, dtype=np.float64)
-    size = float(np.linalg.norm(quaternion))
-    place = np.asarray(position, dtype=np.float64)
-    if not (np.isfinite(place).all() and np.isfinite(size) and size > 0):
-        raise InputError("this is no pose", value=place.tolist())
-    w, x, y, z = quaternion / size
-    pose = from_xyz_rpy(place.tolist(), [0.0, 0.0, 0.0])
-    pose[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return pose
 
 
 def _rounded(values: Any) -> list[float]:

@@ -1,315 +1,221 @@
-"""viser behind our door: its own server asks nobody who they are.
-
-Who may come in: whoever knows the token, on this machine too.
-
-A page in a browser may talk to any address of this machine, and this page can move a robot. So
-requests that another site's page sends are refused: its `Origin` is not ours, and a name that
-was made to point here is not one of this machine's.
-
-`dynid studio`: open what a path holds and serve the page until it is told to stop.
-"""
+"""The page's server: files of the page, its facts, what it asks for, and news as they come."""
 
 from __future__ import annotations
 
-import contextlib
-import functools
-import hmac
-import ipaddress
-import secrets
+import json
+import os
 import socket
 import threading
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from http import HTTPStatus
-from http.cookies import CookieError, SimpleCookie
-from typing import TYPE_CHECKING, Any
-from urllib.parse import SplitResult, parse_qs, urlsplit
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib.resources import files
+from typing import Any, cast
+from urllib.parse import parse_qs, unquote
 
-from dynid.core import InputError, JobError, require
+from dynid.core import DynidError, InputError, JsonFields, parse_json
+from dynid.studio.door import DEFAULT_HOST, Door, make_door, rule
 from dynid.studio.opening import open_path
-from dynid.studio.solids import robot_meshes
+from dynid.studio.page import Page
 
-if TYPE_CHECKING:
-    import viser
-
-
-DEFAULT_HOST = "127.0.0.1"
-SHORTEST_TOKEN = 12
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Door:
-    """The rules of one page."""
-
-    host: str
-    """Address to listen on."""
-    token: str
-    """What a visitor must know: other users and programs of this machine can come too."""
-
-    @property
-    def loopback(self) -> bool:
-        """Whether no other machine can reach the page."""
-        return ipaddress.ip_address(self.host).is_loopback
-
-    def url(self, port: int) -> str:
-        """The address to open, token included."""
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"http://{host}:{port}/?token={self.token}"
-
-
-@dataclass(frozen=True, slots=True)
-class Ruling:
-    """What becomes of a request."""
-
-    status: int
-    """200 to go on, 303 to go on with the cookie that was set, 403 to refuse."""
-    reason: str = ""
-    cookie: str | None = None
-    """Value of `Set-Cookie`."""
-
-
-def make_door(host: str, token: str | None) -> Door:
-    """The rules for an address.
-
-    Args:
-        host: An address of this machine; `localhost` is 127.0.0.1.
-        token: What visitors must know; None to make one up.
-
-    Raises:
-        InputError: No address, or a token that is too short or does not fit into one.
-    """
-    try:
-        address = ipaddress.ip_address(DEFAULT_HOST if host == "localhost" else host)
-    except ValueError as error:
-        raise InputError(
-            "this is no address", where="--host", value=host, limit="such as 127.0.0.1 or 0.0.0.0"
-        ) from error
-    if token is not None and not _hard_to_guess(token):
-        raise InputError(
-            "the token can be guessed, or cannot stand in an address",
-            where="--token",
-            limit=f"{SHORTEST_TOKEN} or more letters, digits, - and _",
-            next_step="Leave it out and one is made up.",
-        )
-    return Door(host=str(address), token=token or secrets.token_urlsafe(24))
-
-
-def rule(door: Door, port: int, path: str, headers: Mapping[str, str]) -> Ruling:
-    """Whether a request may pass.
-
-    Args:
-        door: The rules.
-        port: Where the page listens.
-        path: The request's path, with its query.
-        headers: The request's, by their names in lower case.
-    """
-    host = headers.get("host", "")
-    origin = headers.get("origin")
-    if origin is not None and _parts(origin).netloc != host:
-        return Ruling(403, "a page of another site asked")
-    if door.loopback and not _names_this_machine(host):
-        return Ruling(403, "the address is not one of this machine")
-    name = cookie_name(port)
-    given = parse_qs(_parts(path).query).get("token", [""])[0]
-    if _same(given, door.token):
-        if headers.get("upgrade", "").lower() == "websocket":
-            return Ruling(200)
-        return Ruling(303, cookie=f"{name}={door.token}; HttpOnly; SameSite=Lax; Path=/")
-    if _same(_cookie(headers.get("cookie", ""), name), door.token):
-        return Ruling(200)
-    return Ruling(403, "open the whole address that dynid studio printed, with its token")
-
-
-def cookie_name(port: int) -> str:
-    """The cookie of one page; cookies of all ports of a machine are shared."""
-    return f"dynid_studio_{port}"
-
-
-def _parts(address: str) -> SplitResult:
-    try:
-        return urlsplit(address)
-    except ValueError:
-        # Nonsense is nobody's address.
-        return SplitResult("", "", "", "", "")
-
-
-def _hard_to_guess(token: str) -> bool:
-    allowed = all(c.isascii() and (c.isalnum() or c in "-_") for c in token)
-    return allowed and len(token) >= SHORTEST_TOKEN
-
-
-def _names_this_machine(host: str) -> bool:
-    name = _parts(f"//{host}").hostname or ""
-    if name == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(name).is_loopback
-    except ValueError:
-        return False
-
-
-def _cookie(text: str, name: str) -> str:
-    try:
-        found = SimpleCookie(text).get(name)
-    except CookieError:
-        return ""
-    return "" if found is None else found.value
-
-
-def _same(given: str, token: str) -> bool:
-    return hmac.compare_digest(given.encode(), token.encode())
-
-
-TITLE = "dynid studio"
 DEFAULT_PORT = 8080
-_THEIR_TITLE = b"<title>Viser</title>"
-_POLICY = (
-    "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; "
-    "connect-src 'self' ws: data: blob:; frame-ancestors 'none'; object-src 'none'; "
-    "base-uri 'none'; form-action 'none'"
-)
-"""viser's page is one packed inline script that writes another one, its libraries build functions
-from text, and its widgets carry inline styles: it does not start without both `unsafe` words."""
+MAX_ASKED = 1 << 20
+"""Longest body of what the page asks for [bytes]."""
+MAX_DROPPED = 1 << 30
+"""Largest file that can be dropped onto the page [bytes]."""
+ASSETS = {
+    "/": ("index.html", "text/html"),
+    "/studio.css": ("studio.css", "text/css"),
+    "/studio.js": ("studio.js", "text/javascript"),
+    "/panels.js": ("panels.js", "text/javascript"),
+    "/view.js": ("view.js", "text/javascript"),
+    "/plots.js": ("plots.js", "text/javascript"),
+}
+"""All files of the page."""
 _HEADERS = {
-    "Content-Security-Policy": _POLICY,
+    "Content-Security-Policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
+        "connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+    ),
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
     "Cache-Control": "no-store",
 }
-_patching = threading.Lock()
+_PATIENCE_S = 30.0
+"""How long a visitor may say nothing within a request."""
+_HEARTBEAT_S = 5.0
+_NICE = 10
 
 
-def open_server(door: Door, port: int | None) -> viser.ViserServer:
-    """Start the page's server.
+class Server(ThreadingHTTPServer):
+    """One page behind its door.
 
     Args:
         door: Who may come in.
         port: Where to listen; None for the usual port or the next free one, 0 for any.
+        page: What is served.
 
     Raises:
         InputError: The address or port cannot be listened on.
-        JobError: viser has changed so much that the door does not hold.
-        MissingExtraError: viser is not installed.
     """
-    viser_ = require("viser", "studio")
-    # viser tries a thousand ports in silence, and then waits for ever.
-    chosen = _free(door.host, DEFAULT_PORT if port is None else port, search=port is None)
-    require("rich", "studio").get_console().quiet = True
-    guard = _Guard(door, chosen)
-    with guard.installed():
-        server: viser.ViserServer = viser_.ViserServer(
-            host=door.host, port=chosen, label=TITLE, verbose=False
-        )
-    guard.port = server.get_port()
-    if not guard.holds:
-        server.stop()
-        raise JobError(
-            "this version of viser cannot be guarded",
-            value=viser_.__version__,
-            next_step="Run: pip install 'viser<2'",
-        )
-    _close_the_back_door(server)
-    return server
 
+    daemon_threads = True
+    allow_reuse_address = True
 
-class _Guard:
-    """Asks the door before viser answers."""
-
-    def __init__(self, door: Door, port: int) -> None:
-        self.door, self.port = door, port
-        self.holds = False
-        self._title = TITLE.encode()
-
-    @contextlib.contextmanager
-    def installed(self) -> Generator[None]:
-        """Guard every server that is started within.
-
-        viser passes no options on to the library it listens with, so that is wrapped for as
-        long as its server starts.
-        """
-        module: Any = require("websockets.asyncio.server", "studio")
-        serve = module.serve
-
-        @functools.wraps(serve)
-        def guarded(*args: Any, **options: Any) -> Any:
-            options["process_request"] = self.wrap(options.get("process_request"))
-            self.holds = True
-            return serve(*args, **options)
-
-        with _patching:
-            module.serve = guarded
+    def __init__(self, door: Door, port: int | None, page: Page) -> None:
+        self.address_family = socket.AF_INET6 if ":" in door.host else socket.AF_INET
+        self.door, self.page = door, page
+        self.closing = threading.Event()
+        first = DEFAULT_PORT if port is None else port
+        failure: Exception | None = None
+        for candidate in range(first, first + (51 if port is None else 1)):
             try:
-                yield
-            finally:
-                module.serve = serve
+                super().__init__((door.host, candidate), _Visit)
+                return
+            except (OSError, OverflowError) as error:
+                failure = error
+        raise InputError(
+            f"cannot listen there: {getattr(failure, 'strerror', None) or failure}",
+            where="--host, --port",
+            value=f"{door.host}:{first}",
+        ) from failure
 
-    def wrap(self, answer: Callable[[Any, Any], Any] | None) -> Callable[[Any, Any], Any]:
-        """The handler of requests, behind the door."""
+    @property
+    def port(self) -> int:
+        """Where it listens."""
+        return int(self.server_address[1])
 
-        def guarded(connection: Any, request: Any) -> Any:
-            headers = {name.lower(): value for name, value in request.headers.raw_items()}
-            ruling = rule(self.door, self.port, request.path, headers)
-            if ruling.status != HTTPStatus.OK:
-                return _refusal(connection, ruling)
-            if headers.get("upgrade", "").lower() == "websocket" or answer is None:
-                return None
-            # Whole and unpacked, so that the title can be ours.
-            if "Accept-Encoding" in request.headers:
-                del request.headers["Accept-Encoding"]
-            return self._ours(answer(connection, request))
+    def start(self) -> None:
+        """Answer visitors, in threads of their own, until `stop`."""
+        threading.Thread(target=self.serve_forever, args=(0.1,), daemon=True).start()
 
-        return guarded
+    def stop(self) -> None:
+        """Answer nobody any more."""
+        self.closing.set()
+        self.shutdown()
+        self.server_close()
 
-    def _ours(self, response: Any) -> Any:
-        if response is None:
-            return None
-        body: bytes = response.body or b""
-        if _THEIR_TITLE in body[:20_000]:
-            title = b"<title>" + self._title + b"</title>"
-            response.body = body.replace(_THEIR_TITLE, title, 1)
-            del response.headers["Content-Length"]
-            response.headers["Content-Length"] = str(len(response.body))
-        for name, value in _HEADERS.items():
-            response.headers[name] = value
-        return response
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """A visitor who has gone in the middle of an answer is no error."""
 
 
-def _refusal(connection: Any, ruling: Ruling) -> Any:
-    response = connection.respond(HTTPStatus(ruling.status), f"dynid studio: {ruling.reason}\n")
-    if ruling.cookie is not None:
-        response.headers["Set-Cookie"] = ruling.cookie
-        response.headers["Location"] = "/"
-    for name, value in _HEADERS.items():
-        response.headers[name] = value
-    return response
+class _Visit(BaseHTTPRequestHandler):
+    """One request; connections are not kept, so that each thread has one task and priority."""
 
+    timeout = _PATIENCE_S
+    server_version, sys_version = "dynid", ""
 
-def _close_the_back_door(server: viser.ViserServer) -> None:
-    """Forget how to share the page through viser's public relay: nothing here leaves the house."""
-    messages: Any = require("viser._messages", "studio")
-    inner: Any = server
-    inner._websock_server.unregister_handler(messages.ShareUrlRequest)
-    server.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
+    def do_GET(self) -> None:
+        """Answer with a file of the page, with facts, or with news for as long as they last."""
+        if not self._may_enter():
+            return
+        # A recording needs the machine more than the page does. On Linux a thread has a priority
+        # of its own; jobs are started by threads that answer POST.
+        if hasattr(os, "setpriority"):
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
+        path = self._path
+        if path in ASSETS:
+            name, kind = ASSETS[path]
+            self._send(200, (files("dynid.studio") / "assets" / name).read_bytes(), kind)
+        elif path == "/news":
+            self._tell_news()
+        elif path.startswith("/api/"):
+            self._answer(lambda: self._site.page.look_up(path[5:], self._query))
+        else:
+            self._refuse(404, "there is nothing here")
 
+    def do_POST(self) -> None:
+        """Do what the page asks for, or take a file."""
+        if not self._may_enter():
+            return
+        page, path = self._site.page, self._path
+        length = self.headers.get("Content-Length", "")
+        most = MAX_DROPPED if path == "/drop" else MAX_ASKED
+        if not length.isdecimal() or int(length) > most:
+            self._refuse(413, f"a length is needed, and {most} bytes at most")
+        elif path == "/drop":
+            self._answer(lambda: page.take_file(self._query("name"), self.rfile, int(length)))
+        elif path.startswith("/do/"):
+            body = self.rfile.read(int(length))
+            self._answer(lambda: page.do(path[4:], _fields(body)))
+        else:
+            self._refuse(404, "there is nothing here")
 
-def _free(host: str, port: int, *, search: bool) -> int:
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    last = min(port + 50, 65535) if search else port
-    for candidate in range(port, last + 1):
+    def _others(self) -> None:
+        if self._may_enter():
+            self._refuse(405, "only GET and POST are answered")
+
+    do_HEAD = do_PUT = do_DELETE = do_OPTIONS = do_PATCH = do_TRACE = _others
+
+    @property
+    def _site(self) -> Server:
+        return cast("Server", self.server)
+
+    @property
+    def _path(self) -> str:
+        return unquote(self.path.split("?", 1)[0])
+
+    def _query(self, name: str) -> str:
+        return parse_qs(self.path.partition("?")[2]).get(name, [""])[0]
+
+    def _may_enter(self) -> bool:
+        headers = {name.lower(): value for name, value in self.headers.items()}
+        ruling = rule(self._site.door, self._site.port, self.path, headers)
+        if ruling.status == HTTPStatus.OK:
+            return True
+        more: dict[str, str] = {}
+        if ruling.cookie is not None:
+            more = {"Set-Cookie": ruling.cookie, "Location": "/"}
+        self._send(ruling.status, f"dynid studio: {ruling.reason}\n".encode(), "text/plain", more)
+        return False
+
+    def _answer(self, answer: Callable[[], dict[str, Any]]) -> None:
         try:
-            with socket.socket(family, socket.SOCK_STREAM) as probe:
-                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-                probe.bind((host, candidate))
-                return candidate
-        except (OSError, OverflowError) as error:
-            reason = getattr(error, "strerror", None) or str(error)
-            if candidate == last:
-                raise InputError(
-                    f"cannot listen there: {reason}",
-                    where="--host, --port",
-                    value=f"{host}:{candidate}",
-                ) from error
-    raise InputError("no free port", where="--port", value=port)
+            found, status = answer(), 200
+        except (DynidError, OSError, ValueError, RecursionError, MemoryError) as error:
+            found, status = {"error": str(error) or type(error).__name__}, 400
+        self._send(status, _encoded(found), "application/json")
+
+    def _refuse(self, status: int, words: str) -> None:
+        self._send(status, _encoded({"error": words}), "application/json")
+
+    def _tell_news(self) -> None:
+        self._head(200, "text/event-stream", {})
+        page, seen = self._site.page, -1
+        while not self._site.closing.is_set():
+            told, seen = page.news(seen, _HEARTBEAT_S)
+            # A comment, so that a page that is gone is noticed.
+            self.wfile.write(f"data: {told}\n\n".encode() if told else b":\n\n")
+            self.wfile.flush()
+
+    def _send(
+        self, status: int, body: bytes, kind: str, more: dict[str, str] | None = None
+    ) -> None:
+        self._head(status, kind, {"Content-Length": str(len(body)), **(more or {})})
+        if self.command != "HEAD":
+            self.wfile.write(body)
+
+    def _head(self, status: int, kind: str, more: dict[str, str]) -> None:
+        self.send_response(status)
+        for name, value in {**_HEADERS, "Content-Type": f"{kind}; charset=utf-8", **more}.items():
+            self.send_header(name, value)
+        self.end_headers()
+
+    def log_message(self, format: str, *args: Any) -> None:
+        """Say nothing: the terminal is not the page's."""
+
+
+def _fields(body: bytes) -> JsonFields:
+    value: object = parse_json(body.decode("utf-8")) if body else {}
+    if not isinstance(value, dict):
+        raise InputError("an object is needed")
+    return JsonFields(cast("dict[str, Any]", value))
+
+
+def _encoded(value: dict[str, Any]) -> bytes:
+    # Half characters, as file names may hold, cannot be encoded: they are escaped.
+    return json.dumps(value, allow_nan=False).encode("ascii")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -350,32 +256,23 @@ def serve(options: StudioOptions, ready: Callable[[Served], None], stop: threadi
 
     Raises:
         InputError: Nothing to show, or an address that cannot be listened on.
-        MissingExtraError: viser is not installed.
     """
     door = make_door(options.host, options.token)
-    require("viser", "studio")
     # What is shown is read before anybody can come in.
-    opened = open_path(options.path, robot=options.robot)
-    from dynid.studio.page import Page
-    from dynid.studio.session import Session
-
-    session = Session(opened)
-    notes = [f"{name}: {why}" for name, why in opened.skipped]
-    meshes = robot_meshes(opened.robot, opened.reference, notes)
-    server = open_server(door, options.port)
+    page = Page(open_path(options.path, robot=options.robot))
+    server = Server(door, options.port, page)
+    server.start()
     try:
-        page = Page(server, session, meshes, notes)
-        port = server.get_port()
         ready(
             Served(
-                url=door.url(port),
+                url=door.url(server.port),
                 host=door.host,
-                port=port,
-                robot=opened.robot.name,
+                port=server.port,
+                robot=page.session.robot.name,
                 local=door.loopback,
             )
         )
         page.run(stop)
     finally:
-        session.close()
+        page.close()
         server.stop()

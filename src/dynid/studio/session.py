@@ -1,14 +1,11 @@
 """What the page is about, without the page: robot, motions, scene, limits, one job at a time.
 
 Files that the page may write.
-
-Play, pause, scrub: where a motion is at a time of the clock.
 """
 
 from __future__ import annotations
 
 import threading
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +17,6 @@ from dynid.core import Array, DynidError, InputError
 from dynid.studio.jobs import Job, Supervisor
 from dynid.studio.live import Instant, at_rest, instant
 from dynid.studio.opening import (
-    REST,
     Held,
     Opened,
     OpenMotion,
@@ -44,7 +40,7 @@ def file_in(folder: Path, name: str, suffix: str) -> Path:
     Raises:
         InputError: More than a name, or another ending.
     """
-    odd = name.startswith(".") or any(not c.isprintable() or c in "/\\" for c in name)
+    odd = not name or name.startswith(".") or any(not c.isprintable() or c in "/\\" for c in name)
     if odd or len(name) > LONGEST or Path(name).suffix.lower() != suffix:
         raise InputError(
             "a file name without a directory is needed", value=name, limit=f"*{suffix}"
@@ -64,76 +60,6 @@ def free_name(folder: Path, name: str) -> str:
         count += 1
         free = f"{wished.stem}_{count}{wished.suffix}"
     return free
-
-
-SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
-"""What the page offers, as shares of real time."""
-
-
-@dataclass(slots=True)
-class Player:
-    """A place in a motion that moves with the clock while it plays.
-
-    Every method that depends on the clock is told its time [s], so that tests need none.
-
-    Raises:
-        InputError: A duration that is not positive.
-    """
-
-    duration: float
-    """Of the motion [s]."""
-    loop: bool = True
-    """Whether the end is followed by the start."""
-    speed: float = 1.0
-    """Seconds of the motion a second of the clock."""
-    playing: bool = False
-    _place: float = 0.0
-    _since: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not self.duration > 0:
-            raise InputError("a motion to play needs a duration", value=self.duration)
-
-    def place(self, now: float) -> float:
-        """Where the motion is [s]."""
-        if not self.playing:
-            return self._place
-        raw = self._place + (now - self._since) * self.speed
-        return raw % self.duration if self.loop else min(raw, self.duration)
-
-    def play(self, now: float) -> None:
-        """Go on from here; from the start where the end was reached."""
-        if self.playing:
-            return
-        if self._place >= self.duration:
-            self._place = 0.0
-        self.playing, self._since = True, now
-
-    def pause(self, now: float) -> None:
-        """Stay here."""
-        self._place, self.playing = self.place(now), False
-
-    def seek(self, place: float, now: float) -> None:
-        """Go to a place, kept within the motion; playing goes on from there."""
-        self._place, self._since = min(max(place, 0.0), self.duration), now
-
-    def set_speed(self, speed: float, now: float) -> None:
-        """Change the speed without a jump.
-
-        Raises:
-            InputError: A speed that is not positive.
-        """
-        if not speed > 0:
-            raise InputError("the speed must be positive", value=speed)
-        self._place, self._since = self.place(now), now
-        self.speed = speed
-
-    def settle(self, now: float) -> bool:
-        """Stop at the end of a motion that does not repeat; whether it did just now."""
-        if self.playing and not self.loop and self.place(now) >= self.duration:
-            self.pause(now)
-            return True
-        return False
 
 
 SCENE_FILE = "scene.json"
@@ -177,8 +103,6 @@ class Session:
         self.verdict = ShownVerdict()
         self.job: Supervisor | None = None
         self.motion: Playable = Held(_middle(opened))
-        self.player = Player(1.0)
-        self._live: tuple[Array, Array] | None = None
         self._judged = -1
         self.judge()
         if self.motions:
@@ -226,66 +150,58 @@ class Session:
         }
 
     def choose(self, name: str) -> None:
-        """Play another motion, from its start, paused.
+        """Show another motion; no name holds a pose.
 
         Raises:
             InputError: There is no such motion.
         """
         with self.lock:
-            if name == REST:
-                self.motion = Held(self.now().q)
-            elif name in self.motions:
-                self.motion = self.motions[name].motion
-            else:
-                raise InputError("no such motion", value=name)
-            old = self.player
-            self.player = Player(self.motion.duration, loop=old.loop, speed=old.speed)
+            self.motion = self.motion_named(name).motion if name else Held(self.motion.at(0.0)[0])
+
+    def motion_named(self, name: str) -> OpenMotion:
+        """A motion by its name.
+
+        Raises:
+            InputError: There is no such motion.
+        """
+        found = self.motions.get(name)
+        if found is None:
+            raise InputError("no such motion", value=name)
+        return found
 
     def open(self, path: Path) -> str:
-        """Open a file that a job has made, and choose it; its name."""
+        """Open a file that a job has made, and choose it; its name.
+
+        Raises:
+            DynidError: It cannot be read, or is of a robot with other joints.
+        """
         found = open_motion(path)
+        joints = len(found.motion.at(0.0)[0])
+        if joints != self.robot.joints:
+            raise InputError(
+                "this is of another robot",
+                where=path.name,
+                value=f"{joints} joints",
+                limit=self.robot.joints,
+            )
         with self.lock:
             self.motions[found.motion.name] = found
             self.choose(found.motion.name)
         return found.motion.name
 
-    def hold(self, q: Array) -> None:
-        """Hold a pose (n) by hand [rad or m]."""
-        with self.lock:
-            self.motion = Held(np.asarray(q, dtype=np.float64))
-            self.player = Player(1.0, loop=self.player.loop, speed=self.player.speed)
+    def look(self, q: Array, dq: Array, ddq: Array) -> Instant:
+        """The limits and the nearest bodies at a pose (n), speed and acceleration.
 
-    def follow(self, q: Array | None, dq: Array | None = None) -> None:
-        """Show where a running robot is, and how fast (n); None to show the motion again."""
-        with self.lock:
-            self._live = None if q is None else (q, np.zeros(len(q)) if dq is None else dq)
-
-    @property
-    def following(self) -> bool:
-        """Whether a running robot is shown."""
-        return self._live is not None
-
-    def now(self, clock: float | None = None) -> Now:
-        """Where the shown motion is.
-
-        Args:
-            clock: The time [s]; None for that of `time.monotonic`.
+        Raises:
+            InputError: They are not of this robot's joints, or not finite.
         """
-        at = time.monotonic() if clock is None else clock
-        with self.lock:
-            place = self.player.place(at)
-            if self._live is not None:
-                live, speed = self._live
-                return Now(place=place, q=live, dq=speed, ddq=np.zeros(len(live)))
-            q, dq, ddq = self.motion.at(place)
-        return Now(place=place, q=q, dq=dq, ddq=ddq)
-
-    def look(self, now: Now) -> Instant:
-        """The limits and the nearest bodies now."""
+        for values in (q, dq, ddq):
+            if values.shape != (self.robot.joints,) or not np.isfinite(values).all():
+                raise InputError("this is no pose of the robot", limit=self.robot.joints)
         constraints = self.constraints
         if constraints is None:
-            return at_rest(self.robot, now.q)
-        return instant(constraints, now.q, now.dq, now.ddq)
+            return at_rest(self.robot, q)
+        return instant(constraints, q, dq, ddq)
 
     def certify(self) -> ShownVerdict:
         """Judge the whole motion in the scene; the verdict is kept."""
@@ -353,29 +269,23 @@ class Session:
             JobError: It cannot be started.
         """
         with self.lock:
-            if self.job is not None and not self.job.state.ended:
-                raise InputError("another job is still running", value=self.job.job.kind)
+            self.check_idle()
             self.job = Supervisor(job)
             return self.job
+
+    def check_idle(self) -> None:
+        """Refuse what cannot be done beside a job.
+
+        Raises:
+            InputError: A job is still there.
+        """
+        if self.job is not None and not self.job.state.ended:
+            raise InputError("another job is still running", value=self.job.job.kind)
 
     def close(self) -> None:
         """Stop what still runs; a robot comes to rest first."""
         if self.job is not None:
             self.job.close()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Now:
-    """Where a motion is."""
-
-    place: float
-    """[s]"""
-    q: Array
-    """(n) [rad or m]"""
-    dq: Array
-    """(n)"""
-    ddq: Array
-    """(n)"""
 
 
 def _middle(opened: Opened) -> Array:

@@ -5,6 +5,7 @@ The meshes that a URDF gives its links to be looked at.
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from dynid.constraints import BOX, CYLINDER, HALF_SPACE, SPHERE, Shape, body_of
-from dynid.core import Array, DynidError, Indices, require
+from dynid.core import Array, DynidError, Indices
 from dynid.robot import (
     MAX_BYTES,
     Body,
@@ -26,6 +27,7 @@ from dynid.robot import (
     parse_urdf,
     place_links,
     read_limited,
+    read_mesh,
     read_number,
     read_origin,
     read_vector,
@@ -51,6 +53,8 @@ class LinkMesh:
     """(V, 3) in the joint frame of the link [m]."""
     faces: Indices
     """(F, 3)"""
+    smooth: bool = False
+    """Whether its triangles stand for a round surface."""
 
 
 def arm_meshes(robot: RobotModel) -> tuple[LinkMesh, ...]:
@@ -60,6 +64,107 @@ def arm_meshes(robot: RobotModel) -> tuple[LinkMesh, ...]:
         for body in robot.bodies or _sticks(robot)
         for vertices, faces in [body.surface()]
     )
+
+
+def arm_skins(robot: RobotModel) -> tuple[LinkMesh, ...]:
+    """The robot's bodies as round as the meshes that they were fitted to; for the eye only."""
+    found: list[LinkMesh] = []
+    for mesh, body in zip(arm_meshes(robot), robot.bodies or _sticks(robot), strict=True):
+        if len(body.points) > 3:
+            # The rounded rim of a body is narrower than what a round link needs to look round.
+            faces = _hull_faces(body.points)
+            normal = corner_normals(body.points, faces, crease=math.pi)
+            grown = np.array(body.points)
+            grown[faces.ravel()] = body.points[faces.ravel()] + body.radius * normal
+            mesh = replace(mesh, vertices=grown, faces=faces)
+        found.append(replace(mesh, smooth=True))
+    return tuple(found)
+
+
+def _hull_faces(points: Array) -> Indices:
+    """(F, 3) outward faces of the hull of points (K, 3)."""
+    # SciPy is imported where it is used: robots are loaded by commands that need none of it.
+    from scipy.spatial import ConvexHull  # pyright: ignore[reportMissingTypeStubs]
+
+    hull: Any = ConvexHull(points, qhull_options="QJ")
+    faces: Indices = np.array(hull.simplices, dtype=np.intp)
+    first, second, third = points[faces].transpose(1, 0, 2)
+    turned = np.cross(second - first, third - first)
+    inward = np.einsum("fx,fx->f", turned, hull.equations[:, :3]) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    return faces
+
+
+CREASE = math.radians(40.0)
+"""Faces that meet at a larger angle keep their edge."""
+ROUND_CREASE = math.radians(62.0)
+"""The same where triangles stand for a round surface."""
+_PARTS = 3
+"""Parts of each edge of a rounded triangle."""
+_NOTHING = 1e-9
+"""Twice the area of triangles that are not drawn: the joggled hull has many [m^2]."""
+_BULGE = 0.7
+"""Of a rounded triangle, as a share of what its normals ask for."""
+
+
+def shaded(vertices: Array, faces: Indices, *, smooth: bool) -> Array:
+    """Corners of triangles for drawing: (3 T, 6) place [m] and unit normal.
+
+    Args:
+        vertices: (V, 3) [m].
+        faces: (F, 3)
+        smooth: Whether triangles stand for a round surface: they are cut in nine and bulged
+            (Phong tessellation: Boubekeur and Alexa 2008).
+    """
+    first, second, third = vertices[faces].transpose(1, 0, 2)
+    faces = faces[np.linalg.norm(np.cross(second - first, third - first), axis=1) > _NOTHING]
+    normals = corner_normals(vertices, faces, crease=ROUND_CREASE if smooth else CREASE)
+    if not smooth:
+        return np.hstack([vertices[faces.ravel()], normals])
+    share = np.array([[i, j, _PARTS - i - j] for i, j in _grid(_PARTS)]) / _PARTS
+    corners, normals = vertices[faces], normals.reshape(-1, 3, 3)
+    flat = np.einsum("pk,fkx->fpx", share, corners)
+    rise = np.einsum("fpkx,fkx->fpk", flat[:, :, None] - corners[:, None], normals)
+    bulged = flat - _BULGE * np.einsum("pk,fpk,fkx->fpx", share, rise, normals)
+    turned = np.einsum("pk,fkx->fpx", share, normals)
+    turned /= np.linalg.norm(turned, axis=-1, keepdims=True) + 1e-30
+    number = {place: k for k, place in enumerate(_grid(_PARTS))}
+    small = [[number[i, j], number[i + 1, j], number[i, j + 1]] for i, j in _grid(_PARTS - 1)] + [
+        [number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]] for i, j in _grid(_PARTS - 2)
+    ]
+    # Barycentric steps of the first and the second corner: such triangles turn as the large one.
+    return np.concatenate([bulged, turned], axis=-1)[:, small].reshape(-1, 6)
+
+
+def _grid(parts: int) -> list[tuple[int, int]]:
+    return [(i, j) for i in range(parts + 1) for j in range(parts + 1 - i)]
+
+
+def corner_normals(vertices: Array, faces: Indices, *, crease: float) -> Array:
+    """(3 F, 3) unit normals: at each corner the mean of the faces around that meet smoothly.
+
+    Args:
+        vertices: (V, 3); those at one place count as one.
+        faces: (F, 3)
+        crease: The largest angle between faces that meet smoothly [rad].
+    """
+    first, second, third = vertices[faces].transpose(1, 0, 2)
+    wide = np.cross(second - first, third - first)
+    unit = wide / (np.linalg.norm(wide, axis=1, keepdims=True) + 1e-30)
+    _, welded = np.unique(np.round(vertices, 6), axis=0, return_inverse=True)
+    place = welded.ravel()[faces.ravel()]
+    order = np.argsort(place, kind="stable")
+    _, start, count = np.unique(place[order], return_index=True, return_counts=True)
+    many = count[place]
+    own = np.repeat(np.arange(len(place)), many)
+    step = np.arange(len(own)) - np.repeat(np.cumsum(many) - many, many)
+    other = order[start[place][own] + step] // 3
+    meets = np.einsum("px,px->p", unit[own // 3], unit[other]) >= math.cos(crease) - 1e-9
+    total: Array = np.column_stack(
+        [np.bincount(own, weights=meets * wide[other, k], minlength=len(place)) for k in range(3)]
+    )
+    size = np.linalg.norm(total, axis=1, keepdims=True)
+    return np.where(size > 0, total / (size + 1e-30), unit.repeat(3, axis=0))
 
 
 def reach(robot: RobotModel) -> float:
@@ -123,7 +228,7 @@ def robot_meshes(robot: RobotModel, reference: str, notes: list[str]) -> tuple[L
             found = ()
         if found:
             return found
-    return arm_meshes(robot)
+    return arm_skins(robot)
 
 
 def visual_meshes(robot: RobotModel, path: Path, notes: list[str]) -> tuple[LinkMesh, ...]:
@@ -183,22 +288,12 @@ def _triangles(element: ET.Element, where: str, folder: Path, notes: list[str]) 
         return None
     scale = np.array(read_vector(shape, "scale", where)) if shape.get("scale") else np.ones(3)
     try:
-        return _read(file, scale)
-    except Exception as error:
-        # trimesh's readers raise whatever they meet in a file.
-        notes.append(f"the mesh {shown(name)} cannot be read: {type(error).__name__}, {error}")
+        corners = read_mesh(file, scale)
+    except DynidError as error:
+        notes.append(f"not drawn: {error}")
         return None
+    return corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
 
 
 def _solid(kind: int, size: Array) -> Triangles:
     return shape_mesh(Shape(name="visual", kind=kind, pose=np.eye(4), size=size))
-
-
-def _read(file: Path, scale: Array) -> Triangles:
-    trimesh: Any = require("trimesh", "studio")
-    mesh = trimesh.load_mesh(str(file))
-    vertices = np.asarray(mesh.vertices, dtype=np.float64) * scale
-    faces = np.asarray(mesh.faces, dtype=np.intp)
-    if not len(faces) or not np.isfinite(vertices).all():
-        raise ValueError("no triangles in it")
-    return vertices, faces

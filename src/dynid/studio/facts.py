@@ -1,0 +1,284 @@
+"""Values as the page takes them: JSON, numbers in rows as base64 of single precision.
+
+Text from files and robots is made printable here; the page writes it as text, never as markup.
+"""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from dynid.constraints import DISTANCES, HALF_SPACE, RATIOS, Worst, prior_dynamics
+from dynid.core import Array, Indices, InputError
+from dynid.export import roll_pitch_yaw
+from dynid.recording import ExperimentRecord
+from dynid.robot import RobotModel
+from dynid.studio.live import Instant, Tail
+from dynid.studio.opening import PlayedRecord, PlayedTrajectory, plain
+from dynid.studio.scene_editing import SceneEditor
+from dynid.studio.session import Session
+from dynid.studio.solids import LinkMesh, arm_meshes, reach, shaded, shape_mesh
+
+MOST_SAMPLES = 4000
+"""Of a curve."""
+RATE_HZ = 60.0
+"""Of a designed motion as the page plays it."""
+KINDS = {
+    "position": ("Position", "rad"),
+    "velocity": ("Velocity", "rad/s"),
+    "acceleration": ("Acceleration", "rad/s²"),
+    "torque": ("Torque", "N·m"),
+    "tcp_speed": ("Tool speed", "m/s"),
+    "elbow_speed": ("Elbow speed", "m/s"),
+    "momentum": ("Momentum", "kg·m/s"),
+    "power": ("Power", "W"),
+    "self_collision": ("Between bodies", "mm"),
+    "environment": ("To the scene", "mm"),
+}
+"""What each limit is called, and the unit of its values."""
+RECORDED = {
+    "effort": ("Torque", "N·m"),
+    "q": ("Position", "rad"),
+    "qd": ("Velocity", "rad/s"),
+    "current": ("Current", "A"),
+    "temperature": ("Temperature", "°C"),
+}
+"""What is drawn of a recording."""
+_ALMOST = 0.05
+"""Share of a limit below which what is left of it is shown as little."""
+
+
+def encoded(values: Array | Indices) -> str:
+    """Numbers, row by row, as base64 of little-endian single precision."""
+    return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
+
+
+def robot(model: RobotModel, meshes: tuple[LinkMesh, ...]) -> dict[str, Any]:
+    """The arm: how it moves, and what it looks like."""
+    low, high = _ranges(model)
+    return {
+        "name": plain(model.name),
+        "joints": [_title(name) for name in model.joint_names],
+        "prismatic": [bool(slides) for slides in model.prismatic],
+        "lower": low.tolist(),
+        "upper": high.tolist(),
+        "placements": model.placements.reshape(model.joints, 16).tolist(),
+        "axes": model.axes.tolist(),
+        "tool": (model.flange[:3, :3] @ model.tool.tcp + model.flange[:3, 3]).tolist(),
+        "gravity": model.gravity.tolist(),
+        "standing": model.mount == "floor",
+        "reach": reach(model),
+        "meshes": [_mesh(item) for item in meshes],
+        "bodies": [_mesh(item) for item in arm_meshes(model)],
+    }
+
+
+def _mesh(item: LinkMesh) -> dict[str, Any]:
+    return {
+        "name": plain(item.name),
+        "link": item.link,
+        "corners": encoded(shaded(item.vertices, item.faces, smooth=item.smooth)),
+    }
+
+
+def _ranges(model: RobotModel) -> tuple[Array, Array]:
+    widest = np.where(model.prismatic, 2.0, 2 * np.pi)
+    low, high = model.limits.lower, model.limits.upper
+    return np.where(np.isfinite(low), low, -widest), np.where(np.isfinite(high), high, widest)
+
+
+def scene_shapes(editor: SceneEditor) -> dict[str, Any]:
+    """The shapes of the scene, where they are and how large."""
+    shapes: list[dict[str, Any]] = []
+    for number, item in editor.items.items():
+        shape, held = editor.shape(number), editor.pose(number)
+        vertices, faces = shape_mesh(shape)
+        shapes.append(
+            {
+                "number": number,
+                "kind": item["type"],
+                "label": plain(editor.label(number), 40),
+                "position": np.round(held[:3, 3], 4).tolist(),
+                "rpy_deg": np.round(np.degrees(roll_pitch_yaw(held[:3, :3])), 2).tolist(),
+                "sizes": editor.sizes(number),
+                "pose": shape.pose.reshape(16).tolist(),
+                "endless": shape.kind == HALF_SPACE,
+                "corners": encoded(shaded(vertices, faces, smooth=False)),
+            }
+        )
+    return {"changes": editor.changes, "shapes": shapes}
+
+
+def instant_facts(now: Instant) -> dict[str, Any]:
+    """Limits and nearest bodies at one instant."""
+    return {
+        "margins": margins(now.worst),
+        "near": [
+            {
+                "names": plain(item.names),
+                "distance_mm": 1000 * item.distance,
+                "too_near": item.distance < item.clearance,
+                "start": item.start.tolist(),
+                "end": item.end.tolist(),
+            }
+            for item in now.near
+        ],
+    }
+
+
+def margins(worst: Mapping[str, Worst]) -> list[dict[str, Any]]:
+    """Every limit that is judged in one form: which share of it is used.
+
+    The share of a distance is what it needs over what it keeps.
+    """
+    rows: list[dict[str, Any]] = []
+    for kind in (*RATIOS, *DISTANCES):
+        item = worst.get(kind)
+        if item is None or math.isnan(item.margin):
+            continue
+        name, unit = KINDS[kind]
+        used, scale = 1.0 - item.margin, 1.0
+        if item.distance:
+            scale = 1000.0
+            used = item.limit / item.margin if item.margin > 0 else 9.99
+        allowed = 1.0 if item.distance else 1.0 - item.required
+        level = "bad" if item.room < -1e-9 else "warn" if used > allowed - _ALMOST else "good"
+        rows.append(
+            {
+                "kind": kind,
+                "name": name,
+                "unit": unit,
+                "what": plain(item.what.replace("_joint", "").replace("_", " "), 44),
+                "used": min(used, 9.99),
+                "allowed": allowed,
+                "value": _number(scale * abs(item.value)),
+                "limit": _number(scale * abs(item.limit)),
+                "distance": item.distance,
+                "level": level,
+            }
+        )
+    return rows
+
+
+def verdict(session: Session) -> dict[str, Any] | None:
+    """The verdict on the whole motion that is shown; None where there is none."""
+    found = session.verdict
+    if not session.certifiable or found.motion != session.motion.name:
+        return None
+    if found.certificate is None:
+        return {"level": "bad", "words": found.error, "margins": [], "notes": []}
+    made = found.certificate
+    words = "Every limit holds over the whole motion" if made.feasible else made.headline
+    level = "good" if made.feasible else "warn" if made.holds else "bad"
+    if session.stale:
+        words, level = f"{words}, as the scene was before", "warn"
+    return {
+        "level": level,
+        "words": plain(words, 300),
+        "margins": margins(made.worst),
+        "unjudged": [plain(f"{one.message}. {one.next_step}", 300) for one in made.unjudged],
+        "notes": [plain(note, 300) for note in made.notes],
+    }
+
+
+def curves(session: Session, name: str) -> dict[str, Any]:
+    """A motion over time: positions to play, and groups of curves to draw.
+
+    Raises:
+        InputError: There is no such motion.
+    """
+    item = session.motion_named(name)
+    motion, slides = item.motion, bool(np.any(session.robot.prismatic))
+    if isinstance(motion, PlayedRecord):
+        return _recorded(motion.record, session.robot, slides)
+    if not isinstance(motion, PlayedTrajectory):
+        raise InputError("a pose has no curves", value=name)
+    count = int(np.clip(motion.duration * RATE_HZ, 200, MOST_SAMPLES)) + 1
+    t = np.linspace(0.0, motion.duration, count)
+    q, dq, ddq = motion.sampled(t)
+    groups = [
+        _group("position", slides, [series("expected", q)]),
+        _group("velocity", slides, [series("expected", dq)]),
+        _group("acceleration", slides, [series("expected", ddq)]),
+    ]
+    torque = _expected(session.robot, q, dq, ddq)
+    if torque is not None:
+        groups.insert(0, _group("torque", slides, [series("expected", torque)]))
+    return {"duration": motion.duration, "t": encoded(t), "q": encoded(q), "groups": groups}
+
+
+def _expected(model: RobotModel, q: Array, dq: Array, ddq: Array) -> Array | None:
+    """Torques (N, n) of the prior that limits are judged with; None where there is none."""
+    prior = prior_dynamics(model)
+    if prior is None:
+        return None
+    rigid = prior.model.inverse_dynamics(q, dq, ddq, prior.parameters)
+    return rigid + prior.model.known_torque(q) + prior.coulomb * np.tanh(dq / 0.02)
+
+
+def _recorded(record: ExperimentRecord, model: RobotModel, slides: bool) -> dict[str, Any]:
+    signals = _signals(record.signals, model)
+    names = [name for name in RECORDED if name in signals]
+    t, q, *rows = thinned(
+        record.t - record.t[0], record.signals["q"], *(signals[name] for name in names)
+    )
+    groups = [
+        _group(name, slides, [series("measured", values)])
+        for name, values in zip(names, rows, strict=True)
+    ]
+    return {"duration": float(t[-1]), "t": encoded(t), "q": encoded(q), "groups": groups}
+
+
+def _signals(measured: Mapping[str, Array], model: RobotModel) -> dict[str, Array]:
+    """What was measured, and torques from currents where the drives' gains are known."""
+    found = dict(measured)
+    gains = model.drives.gain
+    if "effort" not in found and "current" in found and np.isfinite(gains).all():
+        found["effort"] = found["current"] * gains
+    return found
+
+
+def tail_facts(tail: Tail, model: RobotModel) -> dict[str, Any]:
+    """The newest samples of a run."""
+    signals = _signals(tail.signals, model)
+    return {
+        "samples": tail.samples,
+        "t": encoded(tail.t),
+        "q": encoded(tail.signals["q"]),
+        "groups": {
+            RECORDED[name][0]: encoded(signals[name]) for name in RECORDED if name in signals
+        },
+    }
+
+
+def series(name: str, values: Array) -> dict[str, Any]:
+    """A curve for each joint."""
+    return {"name": name, "values": encoded(values)}
+
+
+def thinned(t: Array, *rows: Array) -> tuple[Array, ...]:
+    """Every k-th sample, so that a page can hold them, and the last one."""
+    step = max(1, -(-len(t) // MOST_SAMPLES))
+    chosen = np.unique(np.append(np.arange(0, len(t), step), len(t) - 1))
+    return tuple(values[chosen] for values in (t, *rows))
+
+
+def _group(kind: str, slides: bool, found: list[dict[str, Any]]) -> dict[str, Any]:
+    title, unit = (KINDS | RECORDED)[kind]
+    if slides:
+        unit = unit.replace("rad", "rad or m").replace("N·m", "N·m or N")
+    return {"title": title, "unit": unit, "series": found}
+
+
+def _title(name: str) -> str:
+    """A joint's name as people read it."""
+    words = plain(name.removesuffix("_joint").replace("_", " "), 24)
+    return words[:1].upper() + words[1:]
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
