@@ -160,9 +160,8 @@ def corner_normals(vertices: Array, faces: Indices, *, crease: float) -> Array:
     step = np.arange(len(own)) - np.repeat(np.cumsum(many) - many, many)
     other = order[start[place][own] + step] // 3
     meets = np.einsum("px,px->p", unit[own // 3], unit[other]) >= math.cos(crease) - 1e-9
-    total: Array = np.column_stack(
-        [np.bincount(own, weights=meets * wide[other, k], minlength=len(place)) for k in range(3)]
-    )
+    total = np.zeros((len(place), 3))
+    np.add.at(total, own, meets[:, None] * wide[other])
     size = np.linalg.norm(total, axis=1, keepdims=True)
     return np.where(size > 0, total / (size + 1e-30), unit.repeat(3, axis=0))
 
