@@ -150,7 +150,7 @@ def corner_normals(vertices: Array, faces: Indices, *, crease: float) -> Array:
     """
     first, second, third = vertices[faces].transpose(1, 0, 2)
     wide = np.cross(second - first, third - first)
-    unit = wide / (np.linalg.norm(wide, axis=1, keepdims=True) + 1e-30)
+    unit: Array = wide / (np.linalg.norm(wide, axis=1, keepdims=True) + 1e-30)
     _, welded = np.unique(np.round(vertices, 6), axis=0, return_inverse=True)
     place = welded.ravel()[faces.ravel()]
     order = np.argsort(place, kind="stable")
@@ -163,7 +163,8 @@ def corner_normals(vertices: Array, faces: Indices, *, crease: float) -> Array:
     total = np.zeros((len(place), 3))
     np.add.at(total, own, meets[:, None] * wide[other])
     size = np.linalg.norm(total, axis=1, keepdims=True)
-    return np.where(size > 0, total / (size + 1e-30), unit.repeat(3, axis=0))
+    found: Array = np.where(size > 0, total / (size + 1e-30), np.repeat(unit, 3, axis=0))
+    return found
 
 
 def reach(robot: RobotModel) -> float:
