@@ -18,8 +18,6 @@ from pathlib import Path
 import numpy as np
 
 import dynid
-from dynid.identification import motion_state
-from dynid.validation import samples_of
 
 ROOT = Path(__file__).parents[1]
 ROBOTS = ROOT / "examples" / "robots"
@@ -140,7 +138,8 @@ def row(case: Case, preset: str, purpose: str) -> str:
     assert result.validation is not None
     told = result.estimate.assessment
     assert told is not None
-    metrics = result.validation.metrics
+    metrics, covered = result.validation.metrics, result.validation.covered
+    assert covered is not None
     cells = (
         case.name,
         preset if preset == "paper" else purpose,
@@ -149,21 +148,11 @@ def row(case: Case, preset: str, purpose: str) -> str:
         f"{metrics.normalized_error:.3g} ({metrics.samples})",
         plain(float(np.linalg.norm(told.anywhere))),
         " / ".join(plain(float(np.linalg.norm(model.rms))) for model in told.models),
-        " ".join(f"{100 * share:.0f}" for share in coverage(case, result)),
+        " ".join(f"{100 * share:.0f}" for share in covered),
         dynid.verdict(result).level.replace("_", " "),
         f"{cpu:.0f}",
     )
     return "| " + " | ".join(cells) + " |"
-
-
-def coverage(case: Case, result: dynid.Identification) -> list[float]:
-    """Share of the rows of the other part within their 90 % intervals, by joint."""
-    estimate, checked = result.estimate, result.validation
-    assert checked is not None
-    samples = samples_of(estimate, case.other, start_s=case.check[0], stop_s=case.check[1])
-    state = motion_state(estimate.model, samples)
-    width = estimate.half_width(samples.q, samples.dq, samples.ddq, state)[samples.rows]
-    return list((np.abs(checked.measured - checked.predicted) <= width).mean(axis=0))
 
 
 def main(words: list[str]) -> int:

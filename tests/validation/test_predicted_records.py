@@ -6,6 +6,7 @@ import pytest
 from known_arm import RATE, estimate, record, samples
 
 from dynid.core import InputError
+from dynid.identification import Assessment, TorqueInterval
 from dynid.recording import ExperimentRecord
 from dynid.robot import Counterbalance
 from dynid.signals import ProcessingSettings
@@ -149,6 +150,30 @@ def test_a_record_is_processed_as_the_identification_was() -> None:
     # Measured torques are compared as they are: nothing is filtered or averaged.
     np.testing.assert_array_equal(result.measured, record().signals["effort"])
     np.testing.assert_allclose(result.t, record().t - record().t[0], rtol=0, atol=1e-9)
+
+
+def test_the_share_within_the_intervals_is_told_joint_by_joint() -> None:
+    each = np.ones(6)
+    interval = TorqueInterval(
+        root=np.zeros((len(estimate().values), 1)), sigma=each, scale=each, slowest=1e-3 * each,
+        quantiles=np.ones((2, 6, 6)),
+    )  # fmt: skip
+    judged = Assessment(
+        anywhere=each, this_motion=each, noise_floor=each, torque=each, models=(), pays=None,
+        interval=interval,
+    )  # fmt: skip
+    known = replace(estimate(), assessment=judged)
+    wrong = record()
+    effort = wrong.signals["effort"].copy()
+    effort[: len(effort) // 4, 2] += 1e3
+    result = validate(known, replace(wrong, signals={**wrong.signals, "effort": effort}))
+    assert result.covered is not None
+    # Half widths are 1 N.m and more; filtering a known motion costs less but for its ends.
+    assert result.covered[2] == pytest.approx(0.75, abs=0.02)
+    assert np.delete(result.covered, 2).min() > 0.97
+    told = result.to_json()["interval"]
+    assert (told["level"], told["covered"]) == (0.9, list(result.covered))
+    assert validate(estimate(), record()).covered is None
 
 
 def test_delays_and_cut_off_of_the_estimate_are_used() -> None:

@@ -121,6 +121,9 @@ def recorded(case: Case) -> Recorded:
     told = arm(case.arm)
     n = told.joints
     turning = [j for j in range(n) if not told.prismatic[j]]
+    if case.fault in ("encoder_zero", "quarter_turn"):
+        # The first axis of these arms is vertical: no torque tells where it counts from.
+        turning = turning[1:]
     joint = int(draw.choice(turning))
     size = FAULTS.get(case.fault or "", 0.0) * SIZES[case.size]
     built = told
@@ -186,7 +189,8 @@ def _record(
     tau = pushed + friction
     seen = q.copy()
     if fault == "flexibility":
-        seen[:, joint] += size * rigid[:, joint]
+        # Motors turn before the gear that bends.
+        seen[:, joint] += size * (rigid - real.armature * path.ddq)[:, joint]
     elif fault == "spring":
         tau[:, joint] += size * limit[joint] * np.sin(1.3 * q[:, joint] + 0.5)
     elif fault == "ripple":

@@ -64,6 +64,9 @@ def print_metrics(
         f"{number(moving.relative_error_overall_percent, 3)} % while moving; "
         f"e_N {number(whole.normalized_error, 3)} {unit} with N = {whole.samples}"
     )
+    if result.covered is not None:
+        held = " ".join(f"{100 * share:.0f}" for share in result.covered)
+        screen.print(f"90 % intervals hold {held} % of the torques of joints 1 to {len(rows)}")
 
 
 COLOURS = {"usable": "bold green", "care": "bold yellow", "do_not_use": "bold red"}

@@ -68,9 +68,16 @@ class _Torques:
         self.parameters[10 * self.joints : 11 * self.joints] = 0.0
         self.here = self.at()
         self.smooth = self.here + self.rec.dq * viscous
+        # What bends a gear: motors turn before it.
+        self.beyond_gears = self.parameters.copy()
+        self.beyond_gears[11 * self.joints : 12 * self.joints] = 0.0
 
     def at(
-        self, dq_by: float = 1.0, by: Array | None = None, robot: RobotModel | None = None
+        self,
+        dq_by: float = 1.0,
+        by: Array | None = None,
+        robot: RobotModel | None = None,
+        parameters: Array | None = None,
     ) -> Array:
         """(N, n) with time scaled, the motion (3, N, n) shifted, or another robot."""
         rec = self.rec
@@ -78,7 +85,8 @@ class _Torques:
         if by is not None:
             motion = [x + step for x, step in zip(motion, by, strict=True)]
         model: InverseDynamicModel = replace(self.model, robot=robot) if robot else self.model
-        return model.inverse_dynamics(motion[0], motion[1], motion[2], self.parameters)
+        values = self.parameters if parameters is None else parameters
+        return model.inverse_dynamics(motion[0], motion[1], motion[2], values)
 
     def slope(self, step: float, torque: Array) -> Array:
         """(N, n) derivative from the torques of a small step."""
@@ -171,7 +179,8 @@ def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
         columns=torques.columns(-torques.slope(1e-3, torques.at(by=moved))),
         undo=lambda r, x: replace(r, q=_moved(r.q, j, -float(x[0]))),
     )  # fmt: skip
-    carried = here[:, j]
+    links = torques.at(parameters=torques.beyond_gears)
+    carried = links[:, j]
     bent = np.zeros((3, *rec.q.shape))
     bent[0, :, j] = carried
     bent[1, :, j] = np.gradient(carried, step)
@@ -180,7 +189,9 @@ def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
     yield Hypothesis(
         kind="flexibility", joints=(j,), unit="m/N" if slides else "rad/(N.m)",
         width=np.array([1e-3]), least=1e-4,
-        columns=torques.columns(-torques.slope(small, torques.at(by=small * bent))),
+        columns=torques.columns(
+            (links - torques.at(by=small * bent, parameters=torques.beyond_gears)) / small
+        ),
     )  # fmt: skip
     if j > 0 and np.linalg.norm(rec.robot.placements[j, :3, 3]) > LEAST_ARM_M:
         longer = _longer(rec.robot, j, 1e-4)

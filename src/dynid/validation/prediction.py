@@ -201,6 +201,8 @@ EXTRAPOLATION = 1.15
 """A record may exceed the identification's speeds, accelerations and ranges of motion by this
 factor before it is said."""
 OVERLAP_S = 0.1
+INTERVAL = 0.9
+"""Level of the torque intervals whose coverage is told."""
 REST_SHARE = 0.2
 """More joint samples at rest than this are worth a warning."""
 
@@ -227,6 +229,9 @@ class ValidationResult:
     warnings: tuple[Finding, ...]
     transfer: TransferReport | None = None
     """The error split by cause, where another record was predicted."""
+    covered: Array | None = None
+    """(n) share of its torques within their intervals of `INTERVAL`, where another record was
+    predicted by an estimate that knows intervals."""
 
     def to_json(self) -> dict[str, Any]:
         """METRICS, the same under `moving` and `at_rest`, and the warnings."""
@@ -238,6 +243,11 @@ class ValidationResult:
             "warnings": told(self.warnings),
             "findings": [finding.to_json() for finding in self.warnings],
             **({} if self.transfer is None else {"transfer": self.transfer.to_json()}),
+            **(
+                {}
+                if self.covered is None
+                else {"interval": {"level": INTERVAL, "covered": self.covered.tolist()}}
+            ),
         }
 
 
@@ -282,7 +292,14 @@ def validate(
         *result.warnings,
     )
     split = transfer_report(estimate, samples, result.measured - result.predicted)
-    return replace(result, warnings=found, transfer=split)
+    covered = None
+    if estimate.assessment is not None:
+        state = motion_state(estimate.model, samples)
+        width = estimate.half_width(samples.q, samples.dq, samples.ddq, state, level=INTERVAL)[
+            samples.rows
+        ]
+        covered = read_only((np.abs(result.measured - result.predicted) <= width).mean(axis=0))
+    return replace(result, warnings=found, transfer=split, covered=covered)
 
 
 def reproduce(
