@@ -8,6 +8,7 @@ import re
 import pytest
 from rich.console import Console
 
+from dynid.cli.app import main
 from dynid.cli.output import count, print_table
 
 ROWS = [
@@ -40,3 +41,27 @@ def test_a_wide_terminal_holds_a_row_in_a_line() -> None:
 
 def test_one_is_no_plural() -> None:
     assert [count(k, "start") for k in (0, 1, 2)] == ["0 starts", "1 start", "2 starts"]
+
+
+def test_analyze_fits_a_screen_and_names_combinations_by_their_expression(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["analyze", "ur5"]) == 0
+    text = capsys.readouterr().out
+    assert len(text.splitlines()) <= 40
+    assert "mx2 - 2.3529412*Jzz2 - 2.3529412*Im2" in text
+    alone = text.split("Identifiable alone")[1].split("Identifiable in combination")[0]
+    assert "my2" in alone
+    assert "mx2" not in alone
+
+
+def test_many_options_stand_below_headings(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["design", "--help"]) == 0
+    text = capsys.readouterr().out
+    headings = [line[:-1] for line in text.splitlines() if re.fullmatch(r"\S.*:", line)]
+    assert set(headings) - {"Example"} >= {"Options", "Search", "Other files"}
+    part = text.split("Search:")[1].split("\n\n")[0]
+    assert "--population" in part
+    assert "--krl" not in part
+    main(["export", "--help"])
+    assert "Search:" not in capsys.readouterr().out

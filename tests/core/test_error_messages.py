@@ -71,3 +71,12 @@ def test_a_missing_extra_names_the_package_and_the_command() -> None:
     )
     assert installed("json")
     assert require("json.decoder", "sim").JSONDecoder
+
+
+@pytest.mark.parametrize("limit", ["best, paper", ("best", "paper"), ["paper", "best"]])
+def test_a_refused_word_gets_the_closest_allowed_one(limit: object) -> None:
+    assert InputError("unknown", value="bset", limit=limit).next_step == "Did you mean best?"
+    assert InputError("unknown", value="zzz", limit=limit).next_step is None
+    assert InputError("unknown", value=3, limit=limit).next_step is None
+    told = InputError("unknown", value="bset", limit=limit, next_step="Stop.")
+    assert told.next_step == "Stop."
