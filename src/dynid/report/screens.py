@@ -15,7 +15,6 @@ from dynid.diagnosis import Answer
 from dynid.figures import number
 from dynid.report.contents import ReportContents, ReportedEstimate, joint_labels
 from dynid.report.figures import MODEL_NAMES, MODEL_ROLES, worst_first
-from dynid.robot import to_pseudo_inertia
 
 PRECISE_PERCENT = 10.0
 """Relative standard deviation up to which a parameter is counted as precise."""
@@ -95,6 +94,8 @@ def purposes(item: ReportedEstimate) -> tuple[Purpose, ...]:
     estimate, shown = item.estimate, item.shown
     names = joint_labels(estimate.model.robot.joint_names)
     error = float("nan") if shown is None else shown.moving.relative_error_overall_percent
+    if item.validation is None and estimate.assessment is not None:
+        error = estimate.assessment.expected_error_percent
     detail = ""
     if shown is not None:
         by_joint = shown.moving.relative_error_percent
@@ -153,16 +154,19 @@ def _precise_words(names: list[str]) -> str:
 
 
 def _bodies(item: ReportedEstimate) -> tuple[str, str, str]:
-    """How many links are physically consistent, and what their masses rest on."""
+    """What the masses of single links rest on, and whether such bodies can exist."""
     if item.links is None:
         return ("\N{EN DASH}", "links not separated", "")
     n = item.estimate.model.robot.joints
-    inertials = item.links.values[: 10 * n].reshape(n, 10)
-    lowest = np.linalg.eigvalsh(to_pseudo_inertia(inertials))[:, 0]
     share = 1 - item.links.prior_share[: 10 * n].reshape(n, 10)[:, 0]
-    mostly = int(np.sum(share >= 0.5))
-    detail = f"The mass of {mostly} of {n} links is mostly data; the rest is mostly published."
-    return (str(int(np.sum(lowest > 0))), f"of {n} links physically consistent", detail)
+    if item.estimate.standard is not None:
+        detail = "All links are physically consistent; the rest of each is mostly published."
+    else:
+        detail = (
+            "Other values of single links are mostly published. Physically consistent links: "
+            "--estimator sdp."
+        )
+    return (str(int(np.sum(share >= 0.5))), f"of {n} link masses mostly data", detail)
 
 
 def joint_bars(item: ReportedEstimate) -> tuple[Bar, ...]:
