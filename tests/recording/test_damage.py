@@ -28,7 +28,7 @@ from recorded_motions import (
 from dynid.core import InputError
 from dynid.recording import ExperimentRecord, read_recording, write_record
 
-CASES = 500
+CASES = 120
 SECONDS = 5.0
 """CPU time for one file: more would be a bomb [s]."""
 MOTION = Motion(samples=160, rate=125)
