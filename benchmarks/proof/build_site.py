@@ -2,8 +2,8 @@
 
     python benchmarks/proof/build_site.py [TARGET]        default: build/site
 
-MkDocs and its theme live in an environment of their own (build/site-env), which sees the packages of
-this one. `--strict`: a broken link is an error. The pages open from the file system.
+MkDocs and its theme live in an environment of their own (build/site-env), which sees the packages
+of this one. `--strict`: a broken link is an error. The pages open from the file system.
 """
 
 from __future__ import annotations
@@ -100,7 +100,8 @@ def configuration(source: Path, target: Path, executed: list[str]) -> str:
         "site_name: dynid\n"
         f"docs_dir: {source}\nsite_dir: {target}\n"
         "use_directory_urls: false\n"
-        "theme:\n  name: material\n  font: false\n  features: [navigation.tabs, content.code.copy]\n"
+        "theme:\n  name: material\n  font: false\n"
+        "  features: [navigation.tabs, content.code.copy]\n"
         "  palette:\n"
         "    - {media: '(prefers-color-scheme: light)', scheme: default}\n"
         "    - {media: '(prefers-color-scheme: dark)', scheme: slate}\n"

@@ -111,6 +111,12 @@ def steps() -> list[Step]:
         Step(f"benchmark {path.stem}", (python, str(path.relative_to(ROOT))))
         for path in sorted((ROOT / "benchmarks").glob("*.py"))
     ]
+    found += [
+        Step(f"example {path.stem}", (python, str(path.relative_to(ROOT))))
+        for path in sorted((ROOT / "examples").glob("*.py"))
+        if path.stem != "own_urdf"
+    ]
+    found.append(Step("site and notebooks", (python, "benchmarks/proof/build_site.py")))
     found.append(Step("mutants, 3 a package", (python, "benchmarks/proof/mutants.py", "-n", "3")))
     return found
 
