@@ -18,6 +18,7 @@ from dynid.report.figures import (
 )
 from dynid.report.motion_figures import design_figures
 from dynid.report.screens import LEVEL_WORDS
+from dynid.validation import ValidationResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +64,7 @@ def _chapters(contents: ReportContents) -> Iterator[Chapter]:
             title="Errors by joint",
             words="A joint at rest can hold any torque within its stiction: judge by the moving "
             "joints.",
-            tables=(_errors(item),),
+            tables=(_errors(item, item.shown),),
         )
     yield _parameters(item)
     yield from _standard(item)
@@ -110,9 +111,7 @@ def _chapters(contents: ReportContents) -> Iterator[Chapter]:
     yield from _made(contents)
 
 
-def _errors(item: ReportedEstimate) -> Table:
-    shown = item.shown
-    assert shown is not None
+def _errors(item: ReportedEstimate, shown: ValidationResult) -> Table:
     robot = item.estimate.model.robot
     unit = joint_unit("N.m", robot.prismatic)
     whole, moving = shown.metrics, shown.moving
