@@ -11,12 +11,11 @@ import typer
 from dynid import __version__
 from dynid.cli.design_commands import register_check, register_design
 from dynid.cli.estimate_commands import (
-    register_compare,
     register_fit,
     register_identify,
     register_validate,
 )
-from dynid.cli.load_commands import register_gains, register_payload
+from dynid.cli.load_commands import register_compare, register_gains, register_payload
 from dynid.cli.options import Commands, exit_code_of, guard_streams
 from dynid.cli.record_commands import register_controller, register_import, register_run
 from dynid.cli.result_commands import (
