@@ -335,3 +335,23 @@ def test_rows_that_wait_beside_a_recording_are_named(tmp_path: Path) -> None:
     assert found.severity == "info"
     assert found.next_step.endswith(f"dynid import {waiting} -o RECORD.parquet")
     assert read_recording(waiting).samples == 12
+
+
+def test_rows_that_were_refused_take_no_recordings_place(tmp_path: Path, monkeypatch) -> None:
+    """Who appends may keep the error to himself: the rows are missing all the same."""
+    path = tmp_path / "run.parquet"
+    with open_writer(path) as writer:
+        fill(writer, 30)
+    good = path.read_bytes()
+
+    def full(file: int, data) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with RecordWriter(path, NAMES, ("q", "current"), channels=("speed",), force=True) as writer:
+        fill(writer, 20)
+        writer.flush()
+        with monkeypatch.context() as patch, suppress(JobError):
+            patch.setattr(os, "write", full)
+            fill(writer, 300, 20)
+    assert path.read_bytes() == good
+    assert read_record(tmp_path / "run.aborted-1.parquet").samples >= 20

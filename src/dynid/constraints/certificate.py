@@ -160,11 +160,23 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
             threshold=constraints.settings.clearances[kind],
             tolerance=_DISTANCE_WITHIN,
         )
-        if found.value < worst[kind].value:
+        item, asked = worst[kind], constraints.settings.clearances[kind]
+        # What a pair may be nearer than the clearance is in the distance that is searched.
+        off = asked - item.required
+        if found.value < item.value + off:
             at = trajectory.evaluate(np.array([found.t])).q
             pair = int(bodies.nearest(at, around=kind == "environment").pair[0])
-            worst[kind] = replace(worst[kind], what=names[pair])
-        worst[kind] = _settled(worst[kind], found, found.value)
+            less = bodies.allowance(pair, around=kind == "environment")
+            item = replace(
+                item,
+                what=names[pair],
+                margin=item.margin + off - less,
+                limit=asked - less,
+                required=asked - less,
+            )
+            off = less
+        found = replace(found, value=found.value - off, bound=found.bound - off)
+        worst[kind] = _settled(item, found, found.value)
         proven += [kind] if ends.proven and around.complete[kind] else []
     return Certificate(
         worst=worst,

@@ -23,7 +23,7 @@ class Nearest:
     """The nearest pair at each sample."""
 
     distance: Array
-    """(N) its signed distance [m]."""
+    """(N) its signed distance and what it may be nearer than the clearance [m]."""
     pair: Indices
     """(N) its row in the list of pairs."""
     bound: Array
@@ -116,6 +116,10 @@ class CollisionBodies:
         found, pair = np.empty((2, len(q))), np.empty(len(q), dtype=np.intp)
         _nearest(self.arm.joints, self._parts, pairs, samples_of(q), nearer, slack, found, pair)
         return Nearest(distance=found[0], pair=pair, bound=found[1])
+
+    def allowance(self, pair: int, *, around: bool) -> float:
+        """How much nearer than the clearance a pair may be [m]."""
+        return 0.0 if around else float(self.nearer[pair])
 
     def proximity(self, samples: int, travel: Array) -> Proximity:
         """An empty memory for motions of so many samples.

@@ -111,16 +111,19 @@ class MotionConstraints:
         if self.surroundings is not None:
             for kind, names in self.surroundings.names.items():
                 if names:
-                    found = self.surroundings.bodies.nearest(q, around=kind == "environment")
+                    bodies, around = self.surroundings.bodies, kind == "environment"
+                    found = bodies.nearest(q, around=around)
                     k = int(np.argmin(found.distance))
-                    least = float(found.distance[k])
+                    pair = int(found.pair[k])
+                    off = bodies.allowance(pair, around=around)
+                    least = float(found.distance[k]) - off
                     worst[kind] = Worst(
                         margin=least,
                         t=float(times[k]),
-                        what=names[int(found.pair[k])],
+                        what=names[pair],
                         value=least,
-                        limit=free(kind),
-                        required=free(kind),
+                        limit=free(kind) - off,
+                        required=free(kind) - off,
                         distance=True,
                     )
         return Usage(worst=worst)

@@ -216,13 +216,11 @@ class RecordWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        try:
+        # A disk that takes no more; what it has is closed all the same.
+        with suppress(JobError):
             if error is not None and self._file is not None and not self._aborted:
                 what = " ".join(str(error).split())[:200] or type(error).__name__
                 self.report(Finding("aborted", f"the recording was stopped: {what}"))
-        except JobError:
-            # A disk that takes no more; what it has is closed all the same.
-            self._aborted = True
         try:
             self.close()
         except (InputError, JobError):
@@ -238,6 +236,8 @@ class RecordWriter:
             while view:
                 view = view[os.write(self._file, view) :]
         except OSError as error:
+            # Rows are missing: this recording takes no other's place.
+            self._aborted = True
             with suppress(OSError):
                 # Half a segment would hide all that may still follow.
                 os.ftruncate(self._file, self._end)
@@ -252,6 +252,7 @@ class RecordWriter:
 
     def _raise_sync(self) -> None:
         if self._sync is not None and self._sync.done() and (error := self._sync.exception()):
+            self._aborted = True
             raise JobError(
                 "the disk does not take the recording",
                 where=str(self._partial),
