@@ -139,11 +139,12 @@ def spoil(case: Case, host: str, folder: Path, motion: Path) -> tuple[bool, str]
     if kept < old_enough and old_enough > 1:
         wrong.append(f"{old_enough} rows were a second old, {kept} can be read ({place})")
     if record is not None:
+        # A row is told after it was appended: the last one need not have been.
         some = rows[:kept]
         if not (
-            len(some) == kept
-            and np.array_equal(record.t, some[:, 1])
-            and np.array_equal(record.signals["q"], some[:, 2:])
+            len(some) >= kept - 1
+            and np.array_equal(record.t[: len(some)], some[:, 1])
+            and np.array_equal(record.signals["q"][: len(some)], some[:, 2:])
         ):
             wrong.append(f"the {kept} rows of {place} are not those that were appended")
     for path, digest in before.items():

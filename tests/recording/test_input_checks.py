@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dynid.core import RecordError
-from dynid.recording import ExperimentRecord, check_channels, checked_records
+from dynid.recording import ExperimentRecord, check_channels, checked_records, read_recording
 
 
 def record(seed: int = 0, **changes) -> ExperimentRecord:
@@ -75,3 +76,14 @@ def test_the_same_recording_counts_once() -> None:
     # The same run in two files of other names has the same numbers.
     renamed = replace(one, metadata=replace(one.metadata, origin="copy.csv"))
     assert len(checked_records([one, renamed])) == 1
+
+
+def test_time_that_hardly_moves_is_refused_in_one_line(tmp_path: Path) -> None:
+    t = np.arange(500) * 8e-203
+    q = np.sin(np.arange(500) / 40)
+    path = tmp_path / "x.csv"
+    np.savetxt(
+        path, np.column_stack([t, q, np.cos(q)]), delimiter=",", header="t,q,tau", comments=""
+    )
+    with pytest.raises(RecordError, match="hardly move"):
+        read_recording(path)

@@ -46,7 +46,7 @@ def test_the_drawn_ways_are_as_long_as_the_distances_that_are_judged(seed: int) 
     assert {item.kind for item in found.near} == {"self_collision", "environment"}
     for item in found.near:
         # Links that are never far apart have a smaller clearance of their own.
-        left = usage.distance(item.kind) - constraints.settings.clearances[item.kind]
+        left = usage.worst[item.kind].room
         assert item.distance - item.clearance == pytest.approx(left, abs=CLOSE)
         assert 0 < item.clearance <= constraints.settings.clearances[item.kind]
         assert item.names == usage.worst[item.kind].what

@@ -205,7 +205,8 @@ def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
     shapes = np.zeros((3, *rec.q.shape))
     for k in range(3):
         shapes[k, :, j] = place ** (k + 1)
-    size = float(np.sqrt(np.square(rec.tau[:, j]).mean()))
+    # A dead torque has no springs of any size, but its rows are judged all the same.
+    size = max(float(np.sqrt(np.square(rec.tau[:, j]).mean())), 1e-6)
     yield Hypothesis(
         kind="spring", joints=(j,), unit="N" if slides else "N.m", width=np.full(3, size),
         least=0.02 * size, columns=torques.columns(shapes[0], shapes[1], shapes[2]),
@@ -297,7 +298,10 @@ def scores(found: Fits, rivals: list[Hypothesis]) -> tuple[list[Scored], Array]:
                 solved[:, -1] - solved[:, part] @ x
             )
             known.append(
-                (np.sqrt(np.diag(inverse)), likely - 0.5 * float(np.square(x / rival.width).sum()))
+                (
+                    np.sqrt(np.maximum(np.diag(inverse), 0.0)),
+                    likely - 0.5 * float(np.square(x / rival.width).sum()),
+                )
             )
             sizes[h].append(x)
     base, out = before.sum(axis=0), list[Scored]()
