@@ -11,6 +11,8 @@ from dynid.workflow import Identification, IdentifySettings
 
 EXACT = 2e-3
 """Noise-free: what filtering and differentiating 125 Hz samples leave, relative."""
+LATE = 2e-3
+"""Error of a delay that was planted [s]."""
 SEEDS = range(20)
 
 
@@ -116,7 +118,7 @@ def test_best_finds_a_planted_delay_width_and_offset() -> None:
     )
     estimate = identify([record], ur5(), IdentifySettings()).estimate
     assert estimate.settings.delays_s is not None
-    np.testing.assert_allclose(estimate.settings.delays_s, delay / 125, atol=1e-9, rtol=0)
+    np.testing.assert_allclose(estimate.settings.delays_s, delay / 125, atol=LATE, rtol=0)
     widths = estimate.model.friction.width
     assert isinstance(widths, tuple)
     assert all(0.07 <= width <= 0.2 for width in widths)
@@ -129,7 +131,7 @@ def test_best_finds_how_late_all_torques_are() -> None:
     record = recording(9, noise=0.3, seconds=20.0, period=20.0, delay_samples=late)
     estimate = identify([record], ur5(), IdentifySettings()).estimate
     assert estimate.settings.delays_s is not None
-    np.testing.assert_allclose(estimate.settings.delays_s, late / 125, atol=1e-9, rtol=0)
+    np.testing.assert_allclose(estimate.settings.delays_s, late / 125, atol=LATE, rtol=0)
 
 
 def test_best_adds_nothing_to_a_plain_arm() -> None:

@@ -125,7 +125,6 @@ class JointChoice:
 
     width: int
     terms: frozenset[int]
-    delay: int
     displacement: int | None = None
     """Of presliding friction, which then takes the place of the step; None without."""
 
@@ -148,8 +147,6 @@ class Moves:
     """Number of terms that may be added."""
     widths: int
     """Number of widths; 1 where no term has a step."""
-    delays: int
-    """Number of delays."""
     presliding: bool
     """Whether friction may build up over a displacement."""
 
@@ -158,8 +155,6 @@ class Moves:
         moves = [replace(now, width=k, displacement=None) for k in range(self.widths)]
         if self.presliding:
             moves += [replace(now, displacement=k) for k in range(len(DISPLACEMENTS))]
-        near = (k for k in (now.delay - 1, now.delay + 1) if 0 <= k < self.delays)
-        moves += [replace(now, delay=k) for k in near]
         moves += [replace(now, terms=now.terms ^ {term}) for term in range(self.extras)]
         return [move for move in moves if move != now]
 

@@ -53,14 +53,10 @@ GAIN_OF_TERM = 0.03
 """An extra column, or presliding, must lower the sum over joints of log RMS by this much, and by
 a standard error over the parts left out."""
 GAIN_OF_SHAPE = 0.01
-"""So must a delay, a cut-off or a torque filter."""
+"""So must a cut-off or a torque filter."""
 LEAST_GAIN = 1e-3
-DELAY_STEPS = (-3, -2, -1, 0, 1, 2, 3)
-"""Of a joint, from what all joints have in common."""
-COMMON_STEPS = 6
-"""Such steps between common delays that are tried: the joints' own reach half as far."""
-LONGEST_COMMON_DELAY_S = 0.08
-SHORTEST_DELAY_STEP_S = 0.002
+PRIOR_OF_PLAIN = 1e-3
+"""Weight of the published inertias until one is chosen."""
 PASSES = 3
 
 
@@ -138,9 +134,6 @@ class ScoreSearch:
     ) -> None:
         self.robot, self.recordings, self.given = robot, recordings, terms
         self.anywhere = purpose == "anywhere"
-        self.delay_step = max(1.0 / recordings[0].rate_hz, SHORTEST_DELAY_STEP_S)
-        self.delays = tuple(k * self.delay_step for k in DELAY_STEPS)
-        self.no_delay = DELAY_STEPS.index(0)
         fixed = terms or FrictionTerms()
         stepped = ("fc", "fca", "fs")
         shared = tuple(term for term in fixed.terms if term[0] not in stepped)
@@ -166,30 +159,31 @@ class ScoreSearch:
     def blocks(self, settings: ProcessingSettings) -> CandidateBlocks:
         """Blocks of all candidates for one cut-off and velocity source."""
         if self._cache is None or self._cache[0] != settings:
-            self._cache = (settings, self._summed(settings, self.columns, self.delays))
+            self._cache = (settings, self.summed(settings, self.columns))
         return self._cache[1]
 
-    def plain_scores(
-        self, settings: ProcessingSettings, delays: tuple[float, ...] = (0.0,)
-    ) -> list[float]:
-        """Scores of the paper's friction, from its own columns alone, one a common delay [s]."""
+    def plain_score(self, settings: ProcessingSettings) -> float:
+        """Score of the paper's friction, from its own columns alone."""
         columns = replace(self.columns, extras=(), presliding=False)
-        blocks = self._summed(settings, columns, delays)
-        n = self.robot.joints
-        places = [columns.places(j, PLAIN_WIDTH, frozenset()) for j in range(n)]
-        found: list[float] = []
-        for k in range(len(delays)):
-            picks = self._picks(places, [k] * n, columns, blocks)
-            weights = joint_weights(
-                blocks.all, picks, self.prior.times(1e-3), self._positive(picks)
-            )
-            scored = (self._scores(blocks, picks, weights, w).value for w in COARSE_WEIGHTS)
-            found.append(min(scored))
-        return found
+        blocks = self.summed(settings, columns)
+        places = [columns.places(j, PLAIN_WIDTH, frozenset()) for j in range(self.robot.joints)]
+        picks = self.picks_at(places, columns)
+        prior = self.prior.times(PRIOR_OF_PLAIN)
+        weights = joint_weights(blocks.all, picks, prior, self.positive(picks))
+        return min(self.errors_of(blocks, picks, weights, w).value for w in COARSE_WEIGHTS)
 
-    def _summed(
-        self, settings: ProcessingSettings, columns: CandidateColumns, delays: tuple[float, ...]
+    def summed(
+        self,
+        settings: ProcessingSettings,
+        columns: CandidateColumns,
+        versions: Array | None = None,
     ) -> CandidateBlocks:
+        """Blocks of some columns, and of the torques with the delays (V, n) of some versions [s].
+
+        None for those of the settings alone.
+        """
+        if versions is None:
+            versions = np.array(settings.delays_s or (0.0,) * self.robot.joints)[None]
         processed = [
             samples_from(signals, replace(settings, decimate=True)) for signals in self.recordings
         ]
@@ -199,14 +193,14 @@ class ScoreSearch:
         labels = [self._labels(samples, k) for k, samples in enumerate(processed)]
         keys, cells = np.unique(np.concatenate(labels, axis=1), axis=1, return_inverse=True)
         cells = cells.reshape(-1)
-        width = self.base.rank + len(columns.positive) + len(delays)
+        width = self.base.rank + len(columns.positive) + len(versions)
         counted = keys[-1] if self.anywhere else np.ones(keys.shape[1], dtype=np.intp)
         total: GramBlocks | None = None
         first, n = 0, self.robot.joints
         for signals, samples, label in zip(self.recordings, processed, labels, strict=True):
             here = cells[first : first + label.shape[1]].reshape(n, -1)
             first += label.shape[1]
-            parts = self._parts(signals, samples, settings, columns, delays, inertias)
+            parts = self._parts(signals, samples, settings, columns, versions, inertias)
             blocks = gram_blocks(parts, here, keys.shape[1], width)
             total = blocks if total is None else total + blocks
         if total is None:
@@ -239,7 +233,7 @@ class ScoreSearch:
         samples: Samples,
         settings: ProcessingSettings,
         columns: CandidateColumns,
-        delays: tuple[float, ...],
+        versions: Array,
         inertias: Array | None,
     ) -> Iterator[tuple[slice, Array]]:
         """Rows covered and (m, n, T): shared columns, candidate columns, torques by delay."""
@@ -247,7 +241,7 @@ class ScoreSearch:
         kept = np.round(samples.t * rate).astype(int)
         circular = settings.period_s is not None
         torques = np.stack(
-            [delayed(signals.torque, rate, (d,) * samples.joints, circular)[kept].T for d in delays]
+            [delayed(signals.torque, rate, tuple(d), circular)[kept].T for d in versions.tolist()]
         )
         load = np.zeros(samples.q.T.shape)
         if inertias is not None:
@@ -268,18 +262,24 @@ class ScoreSearch:
             values = np.concatenate([stack, own[:, :, part], torques[:, :, part] + known])
             yield rows, block_mean(values, block)
 
-    def _picks(
+    def picks_at(
         self,
         places: Sequence[tuple[int, ...]],
-        delays: Sequence[int],
         columns: CandidateColumns,
-        blocks: CandidateBlocks,
+        versions: Sequence[int] | None = None,
     ) -> tuple[Pick, ...]:
+        """What each joint uses of blocks.
+
+        Args:
+            places: Of its columns, among `columns`.
+            columns: What the blocks hold.
+            versions: Of its torque; None for the first.
+        """
         rank = self.base.rank
         common, first = np.arange(rank), rank
         torque = rank + len(columns.positive)
         picks: list[Pick] = []
-        for place, delay in zip(places, delays, strict=True):
+        for place, version in zip(places, versions or [0] * len(places), strict=True):
             own = np.arange(first, first + len(place))
             first += len(place)
             there = rank + np.array(place, dtype=np.intp)
@@ -287,17 +287,18 @@ class ScoreSearch:
                 Pick(
                     unknowns=np.concatenate([common, own]),
                     columns=np.concatenate([common, there]),
-                    torque=torque + delay,
+                    torque=torque + version,
                 )
             )
         return tuple(picks)
 
-    def picks(self, choices: tuple[JointChoice, ...], blocks: CandidateBlocks) -> tuple[Pick, ...]:
-        """The candidate columns and torques that choices stand for."""
+    def picks(self, choices: tuple[JointChoice, ...]) -> tuple[Pick, ...]:
+        """The candidate columns that choices stand for."""
         places = [self.columns.places(j, c.step, c.terms) for j, c in enumerate(choices)]
-        return self._picks(places, [c.delay for c in choices], self.columns, blocks)
+        return self.picks_at(places, self.columns)
 
-    def _positive(self, picks: tuple[Pick, ...]) -> Mask:
+    def positive(self, picks: tuple[Pick, ...]) -> Mask:
+        """Unknowns that cannot be negative."""
         rank = self.base.rank
         shared = not_negative(self.base.model)[list(self.base.independent)]
         candidates = self.columns.positive
@@ -308,8 +309,8 @@ class ScoreSearch:
         self, blocks: CandidateBlocks, choices: tuple[JointChoice, ...], prior: float
     ) -> Array:
         """(n) weights of the joints."""
-        picks = self.picks(choices, blocks)
-        return joint_weights(blocks.all, picks, self.prior.times(prior), self._positive(picks))
+        picks = self.picks(choices)
+        return joint_weights(blocks.all, picks, self.prior.times(prior), self.positive(picks))
 
     def scores(
         self,
@@ -319,12 +320,13 @@ class ScoreSearch:
         prior: float,
     ) -> Scores:
         """Left-out errors of choices."""
-        return self._scores(blocks, self.picks(choices, blocks), weights, prior)
+        return self.errors_of(blocks, self.picks(choices), weights, prior)
 
-    def _scores(
+    def errors_of(
         self, blocks: CandidateBlocks, picks: tuple[Pick, ...], weights: Array, prior: float
     ) -> Scores:
-        shrinkage, positive = self.prior.times(prior * blocks.rows), self._positive(picks)
+        """Left-out errors of the columns that are picked."""
+        shrinkage, positive = self.prior.times(prior * blocks.rows), self.positive(picks)
         errors: list[Array] = []
         rows: list[Array] = []
         for whole, counted in blocks.parts:
@@ -359,7 +361,6 @@ class ScoreSearch:
         moves = Moves(
             extras=len(self.columns.extras),
             widths=len(WIDTHS) if self.columns.stepped else 1,
-            delays=len(self.delays) if settings.delays_s is None else 0,
             presliding=self.presliding,
         )
         now = self.scores(blocks, choices, weights, prior)
@@ -370,7 +371,7 @@ class ScoreSearch:
                 for trial in moves.after(choices[j]):
                     moved = (*choices[:j], trial, *choices[j + 1 :])
                     scored = self.scores(blocks, moved, weights, prior)
-                    price = self._price(choices[j], trial)
+                    price = GAIN_OF_TERM * (trial.size - choices[j].size)
                     # A motion that is repeated needs no proof that a term transfers.
                     doubt = float(price > 0 and self.anywhere)
                     gain = min(g - doubt * e for g, e in scored.gains(now)) - price
@@ -381,36 +382,6 @@ class ScoreSearch:
             if choices == before:
                 break
         return choices, now
-
-    def _price(self, now: JointChoice, trial: JointChoice) -> float:
-        delay = (trial.delay != self.no_delay) - (now.delay != self.no_delay)
-        return GAIN_OF_TERM * (trial.size - now.size) + GAIN_OF_SHAPE * delay
-
-    def common_delay(self, settings: ProcessingSettings) -> float:
-        """What all torques are late by [s], judged by the paper's friction."""
-        step = COMMON_STEPS * self.delay_step
-        most = int(LONGEST_COMMON_DELAY_S / step)
-        late = tuple(k * step for k in range(-most, most + 1))
-        return late[int(np.argmin(self.plain_scores(settings, late)))]
-
-    def look_about(self, late: float) -> None:
-        """Let the joints' delays lie about what all have in common [s]."""
-        self.delays = tuple(late + k * self.delay_step for k in DELAY_STEPS)
-        self._cache = None
-
-    def at_an_end(self, choices: tuple[JointChoice, ...]) -> bool:
-        """Whether half of the joints want to be later, or earlier, than is tried."""
-        ends = (0, len(self.delays) - 1)
-        return any(2 * sum(c.delay == end for c in choices) >= len(choices) for end in ends)
-
-    def settings(
-        self, trial: ProcessingSettings, choices: tuple[JointChoice, ...]
-    ) -> ProcessingSettings:
-        """The settings with the delays of the choices."""
-        delays = tuple(self.delays[choice.delay] for choice in choices)
-        if trial.delays_s is not None or not any(delays):
-            return trial
-        return replace(trial, delays_s=delays)
 
     def friction(
         self,
@@ -425,14 +396,14 @@ class ScoreSearch:
         if self.given is not None:
             return found
         blocks = self.blocks(settings)
-        picks, weights = self.picks(choices, blocks), self.weights(blocks, choices, prior)
+        picks, weights = self.picks(choices), self.weights(blocks, choices, prior)
         cells = blocks.all.merged(np.zeros(int(blocks.all.rows.shape[1]), dtype=np.intp))
         system = NormalEquations(cells, picks, weights)
         values = solutions(
             system.matrix,
             system.vector,
             self.prior.times(prior * blocks.rows),
-            self._positive(picks),
+            self.positive(picks),
         )[0]
         model = self.base.model
         dropped = {

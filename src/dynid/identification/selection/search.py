@@ -3,7 +3,8 @@
 What fits one motion best is not what transfers. For a model to be used anywhere, choices are
 scored on regions of the workspace left out (and on recordings left out where there are several),
 rows in motion only: at rest friction hides the torque. For a model of this motion, on stretches
-of time left out. A term or delay that does not pay on every partition is not taken.
+of time left out. A term that does not pay on every partition is not taken. Delays come first: they
+are measured, with every friction that is known here beside them.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ import numpy as np
 
 from dynid.core import Array, Progress, silent
 from dynid.identification.selection.columns import PLAIN_WIDTH, JointChoice
-from dynid.identification.selection.scoring import GAIN_OF_SHAPE, Scores, ScoreSearch
+from dynid.identification.selection.delays import measured_delays, refined_delays
+from dynid.identification.selection.scoring import GAIN_OF_SHAPE, PRIOR_OF_PLAIN, ScoreSearch
 from dynid.regressor import FrictionTerms
 from dynid.robot import RobotModel
 from dynid.signals import (
@@ -82,29 +84,26 @@ def select(
     """
     search = ScoreSearch(robot, frames, recordings, terms, presliding=presliding, purpose=purpose)
     tell = progress or silent
-    choices = (JointChoice(PLAIN_WIDTH, frozenset(), search.no_delay),) * robot.joints
+    choices = (JointChoice(PLAIN_WIDTH, frozenset()),) * robot.joints
+    delays_are_free = settings.delays_s is None
+    if delays_are_free:
+        tell("delays", 0.0)
+        settings = replace(settings, delays_s=measured_delays(search, settings))
     trials = _settings_to_try(recordings, settings)
     scored: list[float] = []
     for index, trial in enumerate(trials):
-        tell("cut-off", 0.4 * index / len(trials))
-        scored.append(search.plain_scores(trial)[0])
+        tell("cut-off", 0.1 + 0.3 * index / len(trials))
+        scored.append(search.plain_score(trial))
     best = int(np.argmin(scored))
     if smoothed and settings.torque_filter is None:
         tell("what smoothed the torque", 0.3)
         passed = _passed_by(search, trials[best])
         trials = tuple(replace(trial, torque_filter=passed) for trial in trials)
-    tell("friction and delays", 0.4)
-    found = _descended(search, trials[best], choices)
-    if settings.delays_s is None and search.at_an_end(found[0]):
-        late = search.common_delay(trials[best])
-        if late != 0.0:
-            search.look_about(late)
-            other = _descended(search, trials[best], choices)
-            if other[1].value < found[1].value - GAIN_OF_SHAPE * robot.joints:
-                found = other
-            else:
-                search.look_about(0.0)
-    choices, now, prior = found
+    tell("friction", 0.4)
+    blocks = search.blocks(trials[best])
+    near, _ = search.prior_weights(blocks, choices, search.weights(blocks, choices, PRIOR_OF_PLAIN))
+    prior = near[0]
+    choices, now = search.descend(trials[best], choices, prior)
     # Friction chosen, the cut-off may move to a neighbour.
     for near in _neighbours(trials, best):
         tell("cut-off", 0.75)
@@ -113,28 +112,22 @@ def select(
         if other.value < now.value - GAIN_OF_SHAPE * robot.joints:
             choices, now = search.descend(trials[near], choices, prior)
             best = near
-    blocks = search.blocks(trials[best])
+    settings = trials[best]
+    if delays_are_free:
+        settings = replace(settings, delays_s=refined_delays(search, settings, choices))
+    blocks = search.blocks(settings)
     weights = search.weights(blocks, choices, prior)
     near_weights, now = search.prior_weights(blocks, choices, weights)
     tell("done", 1.0)
     return Selection(
-        settings=search.settings(trials[best], choices),
-        friction=search.friction(trials[best], choices, near_weights[-1]),
+        settings=settings,
+        friction=search.friction(settings, choices, near_weights[-1]),
         prior_weight=near_weights[-1],
         near_weights=near_weights,
         score=now.value,
         noise=now.noise,
         purpose=purpose,
     )
-
-
-def _descended(
-    search: ScoreSearch, settings: ProcessingSettings, choices: tuple[JointChoice, ...]
-) -> tuple[tuple[JointChoice, ...], Scores, float]:
-    """Choices, their scores and the weight of the prior under which they were found."""
-    blocks = search.blocks(settings)
-    near, _ = search.prior_weights(blocks, choices, search.weights(blocks, choices, 1e-3))
-    return (*search.descend(settings, choices, near[0]), near[0])
 
 
 def _passed_by(search: ScoreSearch, trial: ProcessingSettings) -> TorqueFilter | None:
@@ -147,7 +140,7 @@ def _passed_by(search: ScoreSearch, trial: ProcessingSettings) -> TorqueFilter |
 
     def score(passed: TorqueFilter | None) -> float:
         if passed not in known:
-            known[passed] = search.plain_scores(replace(trial, torque_filter=passed))[0]
+            known[passed] = search.plain_score(replace(trial, torque_filter=passed))
         return known[passed]
 
     highest = max(torque_end(signals) for signals in search.recordings)
