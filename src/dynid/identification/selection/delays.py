@@ -49,7 +49,7 @@ def measured_delays(search: ScoreSearch, settings: ProcessingSettings) -> tuple[
         # On the samples: between them straight lines take noise away, and would be preferred.
         near = np.round(found * rate) / rate
         count = max(1, round(reach / step))
-        trials: Array = np.arange(-count, count + 1) * step
+        trials = np.asarray(np.arange(-count, count + 1) * step, dtype=np.float64)
         blocks = search.summed(settings, columns, near + trials[:, None])
         found, reach = near + _best_delays(search, blocks, columns, places, trials), 2 * step
     near = np.where(np.abs(found) < LONGEST_DELAY_S, np.round(found * rate) / rate, 0.0)
@@ -80,7 +80,7 @@ def refined_delays(
     rate, late = search.recordings[0].rate_hz, np.array(settings.delays_s)
     step = max(1, round(FINE_STEP_S * rate)) / rate
     near = np.round(late * rate) / rate
-    trials: Array = np.arange(-2, 3) * step
+    trials = np.asarray(np.arange(-2, 3) * step, dtype=np.float64)
     blocks = search.summed(
         replace(settings, delays_s=None), search.columns, near + trials[:, None] * (late != 0)
     )
