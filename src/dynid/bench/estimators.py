@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core import Array, DynidError, InputError, JobError, Progress
+from dynid.core import Array, DynidError, InputError, JobError, Progress, Workers, each
 from dynid.identification import ESTIMATORS, ClosedLoop, IdentificationProblem, estimator_of
 from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model
@@ -130,6 +130,7 @@ def compare_estimators(
     estimators: Sequence[str] = ESTIMATORS,
     seeds: Sequence[int] = (0, 1, 2),
     *,
+    beside: Workers | None = None,
     progress: Progress | None = None,
 ) -> tuple[Trial, ...]:
     """Run every estimator on every scenario and seed.
@@ -137,7 +138,8 @@ def compare_estimators(
     Args:
         estimators: Words of `--estimator`.
         seeds: Of trajectories and noise.
-        progress: Told what is running and how far it is (0 to 1).
+        beside: Who takes part, a seed at a time; None for this process alone.
+        progress: Told how far it is (0 to 1).
 
     Raises:
         InputError: No seeds, no estimators, or an unknown one.
@@ -155,18 +157,21 @@ def compare_estimators(
             value=", ".join(sorted(unknown)),
             limit=", ".join(ESTIMATORS),
         )
+    tasks = [(seed, tuple(estimators)) for seed in seeds]
+    found = dict(each(_seed, tasks, beside or Workers(), tell=progress, words="seeds"))
+    return tuple(trial for number in sorted(found) for trial in found[number])
+
+
+def _seed(task: tuple[int, tuple[str, ...]]) -> list[Trial]:
+    """The trials of one seed, in any process."""
+    seed, estimators = task
     trials: list[Trial] = []
-    total = len(seeds) * len(SCENARIOS) * len(estimators)
     with threadpool_limits(limits=1, user_api="blas"):
-        for seed in seeds:
-            arm = known_arm(seed)
-            for scenario, noise, cutoff in SCENARIOS:
-                problem = arm.problem(noise, cutoff, seed)
-                for word in estimators:
-                    if progress is not None:
-                        progress(f"{word}, {scenario}, seed {seed}", len(trials) / total)
-                    trials.append(_trial(arm, problem, word, scenario, seed))
-    return tuple(trials)
+        arm = known_arm(seed)
+        for scenario, noise, cutoff in SCENARIOS:
+            problem = arm.problem(noise, cutoff, seed)
+            trials += [_trial(arm, problem, word, scenario, seed) for word in estimators]
+    return trials
 
 
 def summary(trials: Sequence[Trial]) -> list[dict[str, Any]]:

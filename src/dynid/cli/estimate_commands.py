@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dynid.cli.options import (
+    DaskOption,
     ForceFlag,
     GainsOption,
+    JobsOption,
     JsonFlag,
     RobotOption,
     StartOption,
@@ -320,6 +322,8 @@ def _identify(
         float | None, typer.Option("--validate-to", metavar="S", help="End of its window.")
     ] = None,
     gains: GainsOption = None,
+    jobs: JobsOption = 1,
+    dask: DaskOption = None,
     force: ForceFlag = False,
     everything: AllFlag = False,
     json: JsonFlag = False,
@@ -352,6 +356,8 @@ def _identify(
             validation_start_s=validation_start,
             validation_stop_s=validation_stop,
             gains=parse_gains(gains),
+            jobs=jobs,
+            dask=dask,
             progress=progress,
         )
     if json:

@@ -46,6 +46,13 @@ GainsOption = Annotated[
         help="Drive gains [N.m/A], one a joint; default: those of the recording or the robot.",
     ),
 ]
+JobsOption = Annotated[
+    int, typer.Option("--jobs", metavar="N", min=1, help="Processes on this machine.")
+]
+DaskOption = Annotated[
+    str | None,
+    typer.Option("--dask", metavar="ADDRESS", help="A Dask scheduler, instead of --jobs."),
+]
 TemperatureOption = Annotated[
     float | None,
     typer.Option(

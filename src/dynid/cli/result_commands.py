@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from dynid.cli.options import JsonFlag, RobotOption, TemperatureOption, examples
+from dynid.cli.options import (
+    DaskOption,
+    JobsOption,
+    JsonFlag,
+    RobotOption,
+    TemperatureOption,
+    examples,
+)
 
 if TYPE_CHECKING:
     from dynid.studio import Served
@@ -158,10 +165,8 @@ def _fleet(
         float | None,
         typer.Option(metavar="DEGC", help="Of the trends. [default: median of each joint]"),
     ] = None,
-    jobs: Annotated[int, typer.Option(metavar="N", min=1, help="Processes.")] = 1,
-    dask: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler, instead of --jobs.")
-    ] = None,
+    jobs: JobsOption = 1,
+    dask: DaskOption = None,
     json: JsonFlag = False,
 ) -> None:
     """Many recordings of many robots and days: estimates, friction trends, alarms."""
@@ -317,16 +322,19 @@ def _estimators(
         str | None, typer.Option(metavar="WORD,..", help="Some of the words of --estimator.")
     ] = None,
     seeds: Annotated[int, typer.Option(metavar="N", min=1, help="Trajectories and noises.")] = 3,
+    jobs: JobsOption = 1,
+    dask: DaskOption = None,
     json: JsonFlag = False,
 ) -> None:
     """Every estimator, by noise and seed: BIRDy's figures."""
     from dynid.bench import compare_estimators, summary, to_json
     from dynid.cli.output import console, count, number, print_json, print_table, progress_bar
+    from dynid.core import workers
     from dynid.identification import ESTIMATORS
 
     words = ESTIMATORS if only is None else tuple(word.strip() for word in only.split(","))
-    with progress_bar("bench") as progress:
-        trials = compare_estimators(words, range(seeds), progress=progress)
+    with progress_bar("bench") as progress, workers(jobs, dask) as beside:
+        trials = compare_estimators(words, range(seeds), beside=beside, progress=progress)
     if json:
         print_json(to_json(trials))
         return

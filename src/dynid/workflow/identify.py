@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core import Finding, InputError, Progress, provenance, told
+from dynid.core import Finding, InputError, Progress, Workers, provenance, told
 from dynid.diagnosis import diagnose
 from dynid.identification import Estimate, fit_estimate
 from dynid.recording import LONG, AnyRecording, ExperimentRecord, fingerprint
@@ -72,6 +72,7 @@ def identify(
     validation_start_s: float | None = None,
     validation_stop_s: float | None = None,
     partial: str | Path | None = None,
+    beside: Workers | None = None,
     progress: Progress | None = None,
 ) -> Identification:
     """Identify base parameters from one or more recordings.
@@ -88,6 +89,7 @@ def identify(
         validation_stop_s: End of its window [s].
         partial: File that keeps the sums of a long pass: an interrupted one goes on from there.
             It is removed at the end.
+        beside: Who takes part in a long pass (`dynid.core.workers`); None for this process alone.
         progress: Told what is being done and how far it is (0 to 1).
 
     Raises:
@@ -107,6 +109,7 @@ def identify(
             progress,
             (other, validation_start_s, validation_stop_s),
             None if partial is None else Path(partial),
+            beside,
         )
 
 
@@ -117,6 +120,7 @@ def _identify(
     progress: Progress | None,
     other: tuple[ExperimentRecord | None, float | None, float | None],
     partial: Path | None,
+    beside: Workers | None,
 ) -> Identification:
     if not records:
         raise InputError("needs at least one record")
@@ -124,7 +128,9 @@ def _identify(
     records = sorted(records, key=fingerprint)
     held = [record for record in records if isinstance(record, ExperimentRecord)]
     if len(held) < len(records) or sum(record.samples for record in held) > LONG:
-        fitted = fit_long(records, robot, settings, partial=partial, progress=progress)
+        fitted = fit_long(
+            records, robot, settings, partial=partial, beside=beside, progress=progress
+        )
     else:
         fitted = fit_records(held, robot, settings, progress)
     estimate, training = fitted.estimate, fitted.training

@@ -113,6 +113,8 @@ def fit_long(
     """
     tell = progress or silent
     tell("looking at the recordings", 0.0)
+    if len({fingerprint(recording) for recording in recordings}) < len(recordings):
+        raise InputError("a recording is given twice", value=f"{len(recordings)} recordings")
     window = ProcessingSettings(start_s=settings.start_s, stop_s=settings.stop_s)
     grids = [survey(recording, window) for recording in recordings]
     require_cutoff(min(grid.rate_hz for grid in grids), settings.cutoff_hz)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.core import InputError, Progress
+from dynid.core import InputError, Progress, workers
 from dynid.diagnosis import USELESS_PREDICTION, Verdict, judge
 from dynid.identification import read_estimate, write_estimate
 from dynid.recording import (
@@ -53,6 +53,8 @@ def identify_files(
     validation_start_s: float | None = None,
     validation_stop_s: float | None = None,
     gains: Sequence[float] | None = None,
+    jobs: int = 1,
+    dask: str | None = None,
     progress: Progress | None = None,
 ) -> Identification:
     """Identify from recordings, validate if asked to, write the estimate if told where.
@@ -67,6 +69,8 @@ def identify_files(
         validation_start_s: Start of its window [s].
         validation_stop_s: End of its window [s].
         gains: (n) drive gains [N.m/A]; they override those of the recordings and of the robot.
+        jobs: Processes that sum long recordings, this one included.
+        dask: Address of a Dask scheduler whose workers sum them instead.
         progress: Told what is being done and how far it is (0 to 1).
 
     Raises:
@@ -96,16 +100,18 @@ def identify_files(
     if other is not None:
         # A wrong window must not cost the time of an identification first.
         window(other.t, validation_start_s, validation_stop_s)
-    result = identify(
-        records,
-        model,
-        settings,
-        validation=other,
-        validation_start_s=validation_start_s,
-        validation_stop_s=validation_stop_s,
-        partial=None if output is None else f"{output}.partial",
-        progress=progress,
-    )
+    with workers(jobs, dask) as beside:
+        result = identify(
+            records,
+            model,
+            settings,
+            validation=other,
+            validation_start_s=validation_start_s,
+            validation_stop_s=validation_stop_s,
+            partial=None if output is None else f"{output}.partial",
+            beside=beside,
+            progress=progress,
+        )
     if output is not None:
         write_estimate(result.estimate, output)
     return result
