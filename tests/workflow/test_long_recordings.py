@@ -29,7 +29,7 @@ from dynid.recording import ExperimentRecord, open_stored
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, Gear, InverseDynamicModel, LoadFriction, TorqueRipple
 from dynid.robot import load_robot
-from dynid.signals import ProcessingSettings, process
+from dynid.signals import ProcessingSettings, TorqueFilter, process
 from dynid.workflow import IdentifySettings
 from dynid.workflow.long_recordings import fit_long
 
@@ -231,7 +231,7 @@ def test_what_cannot_be_done_is_said(stored: Path, tmp_path: Path) -> None:
 
 
 def friction(kind: str) -> FrictionTerms:
-    if kind == "plain":
+    if kind in ("plain", "smoothed"):
         return FrictionTerms()
     gear = Gear(joint=1, waves=(100.0,), speed=2.0, powers=1)
     return FrictionTerms(
@@ -243,11 +243,12 @@ def friction(kind: str) -> FrictionTerms:
     )
 
 
-@pytest.mark.parametrize("kind", ["plain", "presliding", "load", "ripple"])
+@pytest.mark.parametrize("kind", ["plain", "presliding", "load", "ripple", "smoothed"])
 def test_sums_are_those_of_all_columns(kind: str) -> None:
     model = InverseDynamicModel(robot=UR5, friction=friction(kind))
     base = reduce_model(model)
-    settings = ProcessingSettings(cutoff_hz=5.0, decimate=True)
+    passed = TorqueFilter(cutoff_hz=30.0, order=2) if kind == "smoothed" else None
+    settings = ProcessingSettings(cutoff_hz=5.0, decimate=True, torque_filter=passed)
     problem = IdentificationProblem(base=base, samples=process(recording(), UR5, settings))
     plan = PassPlan(
         base=base,
@@ -258,8 +259,9 @@ def test_sums_are_those_of_all_columns(kind: str) -> None:
         stretches=8,
         factors=False,
     )
-    count = problem.blocks * problem.samples.block
-    sums = sum_rows(PanelRows(base), plan, problem.samples, slice(0, count), 0, problem.blocks)
+    used = problem.samples.rows
+    inner = slice(used.start, used.start + problem.blocks * problem.samples.block)
+    sums = sum_rows(PanelRows(base), plan, problem.samples, inner, 0, problem.blocks)
     factors = joint_factors(problem)
     wanted = factors.transpose(0, 2, 1) @ factors
     blocks, keys = sums.blocks()

@@ -59,6 +59,8 @@ CANDIDATES = 4
 """Places where a stretch may be taken: the one where the arm moves most."""
 LOOKED_AT_ROWS = 60_000
 """Rows in a row that faults are looked for in."""
+MOST_LEFT_OUT = 64
+"""Recordings that are left out one by one; of more, neighbours together."""
 PART = 1 << 16
 """Samples that are summed at a time."""
 SAVE_S = 5.0
@@ -160,7 +162,8 @@ def fit_long(
     rows = sum(_rows(signals) for signals in everything)
     sources = None
     if len(recordings) > 1:
-        sources = np.repeat(np.array(part.sources, dtype=np.intp), found.lengths)
+        groups = [_left_out_with(k, len(recordings)) for k in part.sources]
+        sources = np.repeat(np.array(groups, dtype=np.intp), found.lengths)
     planned = plan_pass(found.model, found.samples, estimator, rows, sources)
     inputs = {
         r.metadata.origin or f"record {k + 1}": fingerprint(r) for k, r in enumerate(recordings)
@@ -248,7 +251,7 @@ class PassPart:
     rows_before: int
     rows: int
     """Of all recordings."""
-    recording: int
+    left_out_with: int
 
 
 def sum_part(part: PassPart) -> RowSums:
@@ -259,7 +262,9 @@ def sum_part(part: PassPart) -> RowSums:
     samples = signals.samples(wide, min(part.last + reach, signals.count))
     inner = slice(part.first - wide, part.last - wide)
     panels = PanelRows(part.plan.base)
-    return sum_rows(panels, part.plan, samples, inner, part.rows_before, part.rows, part.recording)
+    return sum_rows(
+        panels, part.plan, samples, inner, part.rows_before, part.rows, part.left_out_with
+    )
 
 
 def run_pass(
@@ -305,6 +310,10 @@ def run_pass(
     return sums
 
 
+def _left_out_with(recording: int, recordings: int) -> int:
+    return recording * min(recordings, MOST_LEFT_OUT) // recordings
+
+
 def _rows(signals: LongSignals) -> int:
     return (signals.used.stop - signals.used.start) // signals.block
 
@@ -324,7 +333,7 @@ def _parts(everything: Sequence[LongSignals], plan: PassPlan) -> Iterator[PassPa
                 last=last,
                 rows_before=before + (first - start) // signals.block,
                 rows=rows,
-                recording=recording,
+                left_out_with=_left_out_with(recording, len(everything)),
             )
         before += _rows(signals)
 
