@@ -13,7 +13,6 @@ import ast
 import json
 import os
 import platform
-import resource
 import subprocess
 import sys
 import time
@@ -25,6 +24,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 import cases
+from run_one import peak_mb
 
 import dynid
 from dynid.figures import Axis, Figure, Level, Panel, Points, category_axis, write_figure
@@ -53,7 +53,7 @@ result = dynid.identify([record], robot)
 def dynid_on(name: str, purpose: str, result: Path) -> None:
     """Identify and predict one case; in a process of its own."""
     case = next(c for c in cases.all_cases(DATA) if c.name == name)
-    base = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    base = peak_mb()
     started = time.process_time()
     found = dynid.identify(
         [case.record],
@@ -69,11 +69,10 @@ def dynid_on(name: str, purpose: str, result: Path) -> None:
     if case.truth is not None:
         rows = np.searchsorted(case.other.t, case.other.t[0] + found.validation.t - 1e-6)
         rms = np.sqrt(np.mean((found.validation.predicted - case.truth[rows]) ** 2, axis=0))
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     told = {
         "rms": list(map(float, rms)),
         "cpu_s": cpu,
-        "peak_mb": peak,
+        "peak_mb": peak_mb(),
         "before_mb": base,
         "verdict": dynid.verdict(found).level,
     }
