@@ -5,6 +5,7 @@ What is there already in runs/rivals is not run again.
 
     make rivals                                     # all of it, on a fresh machine
     python benchmarks/rivals/rivals.py UR10 Panda   # cases whose names begin so
+    python benchmarks/rivals/rivals.py --page       # of what was measured before, nothing more
 """
 
 from __future__ import annotations
@@ -79,11 +80,13 @@ def dynid_on(name: str, purpose: str, result: Path) -> None:
     result.write_text(json.dumps(told))
 
 
-def measured(case: cases.Case, tool: str) -> dict:
-    """The result of a tool on a case, from the file if it is there."""
+def measured(case: cases.Case, tool: str, *, run: bool = True) -> dict:
+    """The result of a tool on a case, from the file if it is there; empty if it may not run."""
     word = RIVALS[tool] if tool in RIVALS else f"dynid_{DYNID[tool]}"
     path = RUNS / "results" / f"{cases.folder_of(case, Path()).name}.{word}.json"
     path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.exists() and not run:
+        return {}
     if not path.exists():
         if tool in DYNID:
             words = [sys.executable, __file__, "--one", case.name, DYNID[tool], str(path)]
@@ -188,13 +191,12 @@ def error_of(found: dict | None) -> float:
 
 
 def why_behind(name: str, row: dict[str, dict]) -> str:
-    """Who is better, by how much; nothing where dynid's default or its this-motion leads."""
-    errors = {tool: error_of(found) for tool, found in row.items()}
-    best = min(errors, key=lambda tool: np.nan_to_num(errors[tool], nan=np.inf))
-    if best in DYNID:
-        return ""
-    ahead = 100 * (min(errors[tool] for tool in DYNID if tool in errors) / errors[best] - 1)
-    return f"{best} errs less, dynid {ahead:.0f} % more"
+    """Who errs less than dynid's default, and by how much; empty for nobody."""
+    errors = {tool: error_of(found) for tool, found in row.items() if "rms" in found}
+    own = errors.get("dynid")
+    better = {t: e for t, e in errors.items() if own is not None and e < own}
+    told = ", ".join(f"{tool} by {100 * (1 - e / own):.0f} %" for tool, e in better.items())
+    return f"less than dynid's default err {told}" if told else ""
 
 
 def draw(table: dict[str, dict[str, dict]], path: Path) -> None:
@@ -223,16 +225,18 @@ def main(words: list[str]) -> int:
     if words[:1] == ["--one"]:
         dynid_on(words[1], words[2], Path(words[3]))
         return 0
+    run = words[:1] != ["--page"]
+    words = words if run else words[1:]
     if not DATA.exists():
         print(f"no recordings at {DATA}: simulated arms only")
     table: dict[str, dict[str, dict]] = {}
     for case in cases.all_cases(DATA):
         if words and not any(case.name.startswith(word) for word in words):
             continue
-        table[case.name] = {tool: measured(case, tool) for tool in (*RIVALS, *DYNID)}
-        print(
-            case.name, {t: round(error_of(r), 3) for t, r in table[case.name].items()}, flush=True
-        )
+        found = {tool: measured(case, tool, run=run) for tool in (*RIVALS, *DYNID)}
+        if any(found.values()):
+            table[case.name] = {tool: result for tool, result in found.items() if result}
+        print(case.name, {tool: round(error_of(r), 3) for tool, r in found.items()}, flush=True)
     (ROOT / "docs" / "figures").mkdir(exist_ok=True)
     draw(table, ROOT / "docs" / "figures" / "rivals.svg")
     (ROOT / "docs" / "benchmarks.md").write_text(document(table))
