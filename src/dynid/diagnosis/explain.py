@@ -15,8 +15,9 @@ LIKELY = 14.0
 """Drop of the left-out negative log likelihood that an explanation needs [nats]."""
 WORTH_A_LOOK, LOOKS = 4.0, 4
 """Score with the noise of the reference from which a rival gets its own fit, and how many do."""
-WHOLE_LIKELY = 24.0
-"""... of a signal that is reversed or exchanged: there are hundreds to choose from [nats]."""
+WHOLE_LIKELY, OFFSET_LIKELY = 24.0, 40.0
+"""... of a signal that is reversed or exchanged: there are hundreds to choose from; and of one that
+was shifted in time, which short motions without repetition bear better [nats]."""
 CERTAIN = 4.0
 """... and its size over the standard deviation, from leaving blocks out."""
 EQUAL = 0.8
@@ -64,11 +65,12 @@ def explain(recording: Recording) -> Explained:
     found: list[Explanation] = []
     added: list[Hypothesis] = []
     ref, sums, values = _fitted(recording, prior, added, prior[0])
-    best_drop, start = WHOLE_LIKELY, (ref, sums, values)
+    best_drop, start = 0.0, (ref, sums, values)
     for whole in whole_signals(ref, sums, values, prior):
         other = _fitted(whole.recording, prior, added, prior[0])
         drop = _drop(start, other)
-        if drop > best_drop:
+        least = OFFSET_LIKELY if whole.kind == "clock_offset" else WHOLE_LIKELY
+        if drop > max(best_drop, least):
             best_drop, recording, values = drop, whole.recording, other[2]
             found = [
                 Explanation(
