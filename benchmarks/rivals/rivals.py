@@ -143,7 +143,7 @@ def document(table: dict[str, dict[str, dict]]) -> str:
     lines = [
         "# dynid beside other tools",
         "",
-        f"Made by `make rivals` on {datetime.now(UTC).date()}: {processor()}, "
+        f"Made by `benchmarks/rivals/rivals.py` (`make rivals`) on {datetime.now(UTC).date()}: {processor()}, "
         f"{os.cpu_count()} cores, "
         f"Python {platform.python_version()}, dynid {version('dynid')}, {versions()}.",
         "",
