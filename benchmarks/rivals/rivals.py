@@ -143,7 +143,8 @@ def document(table: dict[str, dict[str, dict]]) -> str:
     lines = [
         "# dynid beside other tools",
         "",
-        f"Made by `benchmarks/rivals/rivals.py` (`make rivals`) on {datetime.now(UTC).date()}: {processor()}, "
+        f"Made by `benchmarks/rivals/rivals.py` (`make rivals`) on {datetime.now(UTC).date()}: "
+        f"{processor()}, "
         f"{os.cpu_count()} cores, "
         f"Python {platform.python_version()}, dynid {version('dynid')}, {versions()}.",
         "",
