@@ -195,7 +195,7 @@ def why_behind(name: str, row: dict[str, dict]) -> str:
     """Who errs less than dynid's default, and by how much; empty for nobody."""
     errors = {tool: error_of(found) for tool, found in row.items() if "rms" in found}
     own = errors.get("dynid")
-    better = {t: e for t, e in errors.items() if own is not None and e < own}
+    better = {t: e for t, e in errors.items() if own is not None and t not in DYNID and e < own}
     told = ", ".join(f"{tool} by {100 * (1 - e / own):.0f} %" for tool, e in better.items())
     return f"less than dynid's default err {told}" if told else ""
 
