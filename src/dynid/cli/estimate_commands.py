@@ -100,6 +100,8 @@ def print_identification(screen: Console, result: Identification, *, everything:
         f"condition number of the motion {number(estimate.motion_condition_number, 3)}: relative "
         "errors of torque grow at most by this factor in the scaled parameters (good: below 50)"
     )
+    if result.accuracy is not None:
+        screen.print(result.accuracy.describe())
     if everything:
         for choice in estimate.choices:
             screen.print(f"- {choice}")

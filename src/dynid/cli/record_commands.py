@@ -24,7 +24,7 @@ from dynid.cli.options import (
 from dynid.core import InputError, MissingExtraError
 
 if TYPE_CHECKING:
-    from dynid.workflow import Run
+    from dynid.workflow import Run, RunUntil
 
 
 def register_run(app: typer.Typer) -> None:
@@ -34,6 +34,7 @@ def register_run(app: typer.Typer) -> None:
         epilog=examples(
             "dynid run design.json --on sim -o run.parquet",
             "dynid run design.json --on sim -o warm.parquet --thermal warm --seed 1",
+            "dynid run design.json --on sim -o run.parquet --until 2",
             "dynid run design.json --on ur://192.168.0.10 -o run.parquet --slow 0.2",
         ),
     )(_run)
@@ -81,6 +82,12 @@ def _run(
         list[str] | None,
         typer.Option(metavar="KIND", help="Move though this cannot be judged, as self-collision."),
     ] = None,
+    until: Annotated[
+        float | None,
+        typer.Option(
+            metavar="PERCENT", help="Design, run and identify on, until this torque error is found."
+        ),
+    ] = None,
     force: ForceFlag = False,
     seed: SeedOption = 0,
     json: JsonFlag = False,
@@ -96,6 +103,7 @@ def _run(
         parse_thermal,
         parse_tool,
         run_design,
+        run_until,
     )
 
     settings = RunSettings(
@@ -118,6 +126,19 @@ def _run(
     )
     check_output(output, inputs=[design], suffix=".parquet")
     with stop_on_signals() as cancel, progress_bar("run") as progress:
+        if until is not None:
+            rounds = run_until(
+                design,
+                output,
+                until,
+                on=on,
+                settings=settings,
+                confirm=None if yes else _ask,
+                cancel=cancel,
+                progress=progress,
+            )
+            _told(rounds, json=json)
+            return
         result = run_design(
             design,
             output,
@@ -134,6 +155,16 @@ def _run(
     elif result.abort is None:
         _print(result)
     result.raise_if_aborted()
+
+
+def _told(rounds: RunUntil, *, json: bool) -> None:
+    from dynid.cli.output import console, print_json
+
+    if json:
+        print_json(rounds.to_json())
+    else:
+        console().print(rounds.describe(), soft_wrap=True)
+    rounds.raise_if_missed()
 
 
 def _ask(what: str, word: str) -> None:

@@ -28,6 +28,7 @@ from dynid.excitation.purpose import (
     assumed_noise,
     expected,
     purpose_of,
+    safe_motions,
     whole_workspace,
     without_friction,
 )
@@ -61,6 +62,7 @@ __all__ = [
     "purpose_of",
     "random_numbers",
     "region_of",
+    "safe_motions",
     "scaled_condition_number",
     "whole_workspace",
     "without_friction",

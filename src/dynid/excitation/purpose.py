@@ -115,7 +115,14 @@ def purpose_of(base: BaseParametrization, motions: Sequence[JointMotion], source
 def whole_workspace(
     base: BaseParametrization, constraints: MotionConstraints, *, seed: int = 0
 ) -> Purpose:
-    """The purpose of a model that shall hold anywhere: safe random motions about free poses.
+    """The purpose of a model that shall hold anywhere: `safe_motions`, with its arguments."""
+    return purpose_of(base, safe_motions(base, constraints, seed=seed), ANYWHERE)
+
+
+def safe_motions(
+    base: BaseParametrization, constraints: MotionConstraints, *, seed: int = 0
+) -> list[JointMotion]:
+    """Safe random motions about free poses of the whole workspace.
 
     Args:
         base: The base parameters.
@@ -146,7 +153,7 @@ def whole_workspace(
             "no motion was found that keeps the limits",
             next_step="Check the scene and the limits: dynid check tells what a motion breaks.",
         )
-    return purpose_of(base, found, ANYWHERE)
+    return found
 
 
 def without_friction(gram: Array, base: BaseParametrization) -> Array:

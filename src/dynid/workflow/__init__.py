@@ -37,6 +37,7 @@ from dynid.workflow.temperature import (
     read_temperature,
     write_temperature,
 )
+from dynid.workflow.until import RunUntil, run_until
 from dynid.workflow.validating import (
     Verdict,
     compare_files,
@@ -58,6 +59,7 @@ __all__ = [
     "LogFit",
     "Run",
     "RunSettings",
+    "RunUntil",
     "SharedIdentification",
     "TemperatureIdentification",
     "TemperatureModel",
@@ -91,6 +93,7 @@ __all__ = [
     "report",
     "run_demo",
     "run_design",
+    "run_until",
     "simulate_recording",
     "validate_files",
     "verdict",

@@ -372,17 +372,21 @@ def export_motion(design: ExcitationDesign, kind: str, path: str | Path) -> None
 
 
 def purpose_from(paths: Sequence[str], base: BaseParametrization) -> Purpose:
-    """The purpose that files stand for.
+    """The purpose that the motions of files stand for; see `motions_from`."""
+    return purpose_of(base, motions_from(paths, base.model.robot), ", ".join(paths))
+
+
+def motions_from(paths: Sequence[str], robot: RobotModel) -> list[JointMotion]:
+    """The motions of files.
 
     Args:
         paths: Designs or other trajectory files, recordings, or JSON objects with a list `poses`,
             through which the arm is moved at half its speed.
-        base: The base parameters.
+        robot: The robot.
 
     Raises:
         InputError: A file that is none of these, or one of another robot.
     """
-    robot = base.model.robot
     motions: list[JointMotion] = []
     for path in paths:
         if Path(path).suffix.lower() != ".json":
@@ -397,4 +401,4 @@ def purpose_from(paths: Sequence[str], base: BaseParametrization) -> Purpose:
         )
         times = np.arange(0.0, trajectory.duration, 1 / POSE_RATE_HZ)
         motions.append(trajectory.evaluate(times))
-    return purpose_of(base, motions, ", ".join(paths))
+    return motions

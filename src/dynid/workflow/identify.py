@@ -17,6 +17,7 @@ from dynid.recording import LONG, AnyRecording, ExperimentRecord, fingerprint
 from dynid.robot import RobotModel, load_robot
 from dynid.signals import ProcessingSettings
 from dynid.validation import ValidationResult, reproduce, validate
+from dynid.workflow.accuracy import Accuracy, accuracy
 from dynid.workflow.choosing import LONG_RECORD, IdentifySettings, prepare, require_cutoff
 from dynid.workflow.long_recordings import Looked, fit_long
 from dynid.workflow.recordings import AnyRecordLike, RecordLike, opened, opened_any
@@ -33,6 +34,8 @@ class Identification:
     training: ValidationResult
     validation: ValidationResult | None
     warnings: tuple[Finding, ...]
+    accuracy: Accuracy | None = None
+    """Torque error that the designs promised beside the one found."""
 
     def to_json(self) -> dict[str, Any]:
         """The keys of the design."""
@@ -56,6 +59,7 @@ class Identification:
             "validation": None if self.validation is None else self.validation.to_json(),
             "warnings": told(self.warnings),
             "findings": [finding.to_json() for finding in self.warnings],
+            "accuracy": None if self.accuracy is None else self.accuracy.to_json(),
             **({} if estimate.standard is None else {"standard": estimate.standard_table()}),
             **(
                 {} if estimate.assessment is None else {"assessment": estimate.assessment.to_json()}
@@ -155,6 +159,7 @@ def _identify(
         training=training,
         validation=result,
         warnings=tuple(warnings),
+        accuracy=accuracy(estimate, records),
     )
 
 

@@ -6,6 +6,7 @@ Recordings of the simulated arm, in the form of a real one.
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Event
@@ -29,6 +30,7 @@ from dynid.simulation import (
     with_payload,
 )
 from dynid.trajectory import Trajectory
+from dynid.workflow.accuracy import PROMISED
 from dynid.workflow.design_files import StoredDesign, design_file
 from dynid.workflow.run_settings import (
     Confirm,
@@ -299,6 +301,7 @@ def _execute(
                 "method": asked.method,
                 "settled": str(plan.settle),
                 "warm_up_s": repr(asked.warm_up_s),
+                **_promise(loaded, plan.periods),
             },
         )
         opened.append(
@@ -316,6 +319,15 @@ def _execute(
 
     result = run(plan, driver, open_recorder, cancel=cancel, progress=progress)
     return _finished(result, opened[0] if opened else None, loaded, plan)
+
+
+def _promise(loaded: LoadedDesign, periods: int) -> dict[str, str]:
+    """What the design promises for so many periods, where it does."""
+    facts = loaded.stored.facts
+    value = facts.get(PROMISED)
+    if not isinstance(value, float):
+        return {}
+    return {PROMISED: repr(value * math.sqrt(facts.get("repetitions", 1) / periods))}
 
 
 def _finished(

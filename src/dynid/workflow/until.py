@@ -1,0 +1,221 @@
+"""`dynid run --until PERCENT`: design, run and identification in turn, until the model is good.
+
+Each round adds a motion that tells most beside what is recorded already, so that every recording
+is predicted by a model of the others. The rounds end when the error that is found there is small
+enough, or when a run ten times as long would not make it so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from threading import Event
+from typing import Any
+
+from dynid.core import InputError, JobError, Progress, require_absent
+from dynid.excitation import safe_motions
+from dynid.reduction import reduce_model
+from dynid.regressor import InverseDynamicModel
+from dynid.trajectory import JointMotion
+from dynid.workflow.accuracy import LONGER, Accuracy, accuracy
+from dynid.workflow.choosing import IdentifySettings
+from dynid.workflow.design_files import StoredDesign, motions_from, read_design
+from dynid.workflow.design_settings import DesignSettings
+from dynid.workflow.designing import design
+from dynid.workflow.identify import identify
+from dynid.workflow.recordings import opened
+from dynid.workflow.run_settings import Confirm, RunSettings
+from dynid.workflow.running import SIMULATED, Run, run_design
+
+MOST_ROUNDS = 10
+"""A tenfold longer run than the first."""
+REACHED, OUT_OF_REACH, TOO_LONG, STOPPED = "reached", "out_of_reach", "too_long", "stopped"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Round:
+    """One design, its run, and what is known after it."""
+
+    design: Path
+    run: Run
+    accuracy: Accuracy | None
+    """By all recordings so far; None where the run was stopped."""
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object."""
+        told = {} if self.accuracy is None else self.accuracy.to_json()
+        record = self.run.record
+        return {
+            "design": str(self.design),
+            "record": None if record is None else str(record),
+            **told,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunUntil:
+    """What became of the rounds."""
+
+    asked_percent: float
+    rounds: tuple[Round, ...]
+    ended_by: str
+    """`reached`, `out_of_reach`, `too_long` or `stopped`."""
+
+    @property
+    def last(self) -> Run:
+        """The last run."""
+        return self.rounds[-1].run
+
+    def to_json(self) -> dict[str, Any]:
+        """The keys that `dynid run --until --json` prints: those of the last run, and `until`."""
+        return {
+            **self.last.to_json(),
+            "until": {
+                "asked_percent": self.asked_percent,
+                "reached": self.ended_by == REACHED,
+                "ended_by": self.ended_by,
+                "rounds": [item.to_json() for item in self.rounds],
+            },
+        }
+
+    def describe(self) -> str:
+        """One line a round."""
+        lines = [
+            f"Round {k}, {item.run.record}: {item.accuracy.describe()}"
+            for k, item in enumerate(self.rounds, start=1)
+            if item.accuracy is not None
+        ]
+        return "\n".join(lines)
+
+    def raise_if_missed(self) -> None:
+        """Turn an accuracy that was not reached into an error.
+
+        Raises:
+            JobError: The robot was stopped, or the accuracy was not reached; the message says why.
+        """
+        self.last.raise_if_aborted()
+        told = self.rounds[-1].accuracy
+        if self.ended_by == REACHED or told is None:
+            return
+        why = (
+            f"a run {LONGER:g} times as long would leave {told.after_longer_percent:.2g} %, of "
+            f"which {told.model_percent:.2g} % is the model's own error"
+            if self.ended_by == OUT_OF_REACH
+            else f"{len(self.rounds)} rounds are the most that are run"
+        )
+        raise JobError(
+            "the accuracy was not reached",
+            where="--until",
+            value=f"{told.found_percent:.2g} %",
+            limit=f"{self.asked_percent:g} %: {why}",
+            next_step="Identify the recordings together: richer friction terms, gains or a warm "
+            "arm may be what the model lacks."
+            if self.ended_by == OUT_OF_REACH
+            else "Ask for less, or give the arm more room.",
+        )
+
+
+def run_until(
+    first: str | Path,
+    output: str | Path,
+    percent: float,
+    *,
+    on: str = SIMULATED,
+    settings: RunSettings | None = None,
+    identification: IdentifySettings | None = None,
+    confirm: Confirm | None = None,
+    cancel: Event | None = None,
+    progress: Progress | None = None,
+) -> RunUntil:
+    """Run a design, and further ones, until a torque error is reached.
+
+    Args:
+        first: The first design's file; further ones are asked for as it was, and stand beside the
+            recordings as `OUTPUT_2_design.json` and so on.
+        output: The first recording, `*.parquet`; further ones are `OUTPUT_2.parquet` and so on.
+        percent: Torque error on what was left out, over the RMS torque [%].
+        on: `sim` or `ur://HOST`.
+        settings: How to run each of them.
+        identification: How to identify.
+        confirm: Shown what is about to move, for every round; None agrees to everything.
+        cancel: Stops the robot, and the rounds, when it is set.
+        progress: Told what is being done and how far it is (0 to 1).
+
+    Raises:
+        InputError: An accuracy that is no share, a plain trajectory, or what `run_design` refuses.
+        JobError: See `run_design`.
+    """
+    if not 0.01 <= percent <= 100:
+        raise InputError(
+            "must be a share of the torque", where="--until", value=percent, limit="0.01 to 100 %"
+        )
+    asked, path, place = settings or RunSettings(), Path(output), Path(first)
+    stored = read_design(place, robot=asked.robot, mount=asked.mount, mesh_dirs=asked.mesh_dirs)
+    again, motions = _settings(stored, place), _purpose(stored, place)
+    rounds: list[Round] = []
+    records: list[Path] = []
+    for number in range(1, MOST_ROUNDS + 1):
+        record = path if number == 1 else path.with_name(f"{path.stem}_{number}{path.suffix}")
+        if number > 1:
+            place = path.with_name(f"{path.stem}_{number}_design.json")
+            require_absent(place, force=asked.force)
+            more = replace(again, previous=(*again.previous, *map(str, records)),
+                           seed=again.seed + number - 1)  # fmt: skip
+            design(stored.stored.robot, more, output=place, progress=progress)
+        run = run_design(
+            place, record, on=on, settings=replace(asked, seed=asked.seed + number - 1),
+            confirm=confirm, cancel=cancel, progress=progress,
+        )  # fmt: skip
+        if run.abort is not None or run.record is None:
+            rounds.append(Round(design=place, run=run, accuracy=None))
+            return RunUntil(asked_percent=percent, rounds=tuple(rounds), ended_by=STOPPED)
+        records.append(run.record)
+        several = opened(records, stored.robot)
+        result = identify(several, stored.robot, identification, progress=progress)
+        told = accuracy(result.estimate, several, motions)
+        rounds.append(Round(design=place, run=run, accuracy=told))
+        if told is None:
+            raise JobError(
+                "this identification tells no error on what was left out",
+                where=str(run.record),
+                next_step="Leave the estimator to the preset.",
+            )
+        ended = _ended(told, percent, number)
+        if ended:
+            return RunUntil(asked_percent=percent, rounds=tuple(rounds), ended_by=ended)
+    return RunUntil(asked_percent=percent, rounds=tuple(rounds), ended_by=TOO_LONG)
+
+
+def _ended(told: Accuracy, percent: float, rounds: int) -> str:
+    if told.found_percent <= percent and not told.noise_percent > percent:
+        return REACHED
+    # One recording cannot tell a region that it never saw from an error of the model.
+    if rounds > 1 and told.after_longer_percent > percent:
+        return OUT_OF_REACH
+    return ""
+
+
+def _settings(stored: StoredDesign, place: Path) -> DesignSettings:
+    """How the design was asked for."""
+    given: dict[str, Any] = dict(stored.stored.provenance.settings)
+    names = {item.name for item in fields(DesignSettings)}
+    if not stored.facts or not names >= set(given) or not given:
+        raise InputError(
+            "further rounds are designed as the first one was, and this file does not say how",
+            where=str(place),
+            next_step="Make it with dynid design.",
+        )
+    lists = [name for name, value in given.items() if isinstance(value, list)]
+    values: dict[str, Any] = given | {name: tuple(given[name]) for name in lists}
+    return replace(DesignSettings(**values), accuracy_percent=None)
+
+
+def _purpose(stored: StoredDesign, place: Path) -> list[JointMotion]:
+    """The motions that the model is for."""
+    asked = _settings(stored, place)
+    if asked.motions:
+        return motions_from(asked.motions, stored.robot)
+    base = reduce_model(InverseDynamicModel(robot=stored.robot, frames=asked.frames))
+    if stored.limits is None:
+        return []
+    return safe_motions(base, stored.limits.constraints(stored.robot))

@@ -1,0 +1,74 @@
+"""`dynid run --until`: rounds of design, run and identification, and when they end."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+from designed_arm import written_arm
+
+from dynid import DesignSettings, IdentifySettings, design
+from dynid.cli.app import main
+from dynid.core import InputError, JobError
+from dynid.workflow import RunSettings, run_until
+
+QUICK = {
+    "settings": RunSettings(repeat=2),
+    "identification": IdentifySettings(preset="paper", estimator="wls", cutoff_hz=10.0),
+}
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("until")
+    path = folder / "design.json"
+    robot = written_arm(folder, whole=True)
+    text = robot.read_text(encoding="utf-8")
+    robot.write_text(text + "[drives]\ngain = [12.0, 12.0, 10.0]\n", encoding="utf-8")
+    asked = DesignSettings(period_s=4.0, harmonics=3, starts=1, clearance=0.002, rate_hz=50.0)
+    assert design(robot, asked, output=path).feasible
+    return path
+
+
+def test_what_one_run_reaches_ends_the_rounds(first: Path, tmp_path: Path) -> None:
+    found = run_until(first, tmp_path / "run.parquet", 60.0, **QUICK)
+    assert (found.ended_by, len(found.rounds)) == ("reached", 1)
+    told = found.rounds[0].accuracy
+    assert told is not None
+    assert told.found_percent <= 60.0
+    # Twice the period halves the variance that the design promises for one.
+    promised = json.loads(first.read_text())["design"]["predicted_torque_error_percent"]
+    assert told.expected_percent == pytest.approx(promised / math.sqrt(2), rel=1e-6)
+    found.raise_if_missed()
+    assert sorted(p.name for p in tmp_path.glob("*.parquet")) == ["run.parquet"]
+
+
+def test_what_no_time_would_reach_is_said(first: Path, tmp_path: Path) -> None:
+    found = run_until(first, tmp_path / "run.parquet", 0.01, **QUICK)
+    told = found.rounds[-1].accuracy
+    assert (found.ended_by, len(found.rounds)) == ("out_of_reach", 2)
+    assert told is not None
+    assert told.left_out == "recordings"
+    assert told.after_longer_percent > 0.01
+    second = json.loads((tmp_path / "run_2_design.json").read_text())
+    assert second["provenance"]["settings"]["previous"] == [str(tmp_path / "run.parquet")]
+    assert (tmp_path / "run_2.parquet").exists()
+    with pytest.raises(JobError, match="the accuracy was not reached"):
+        found.raise_if_missed()
+
+
+def test_an_accuracy_that_is_no_share_moves_nothing(
+    first: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record = tmp_path / "run.parquet"
+    assert main(["run", str(first), "-o", str(record), "--until", "0"]) == 2
+    assert "--until" in capsys.readouterr().err
+    plain = json.loads(first.read_text())
+    del plain["design"]
+    path = tmp_path / "plain.json"
+    path.write_text(json.dumps(plain))
+    with pytest.raises(InputError, match="does not say how"):
+        run_until(path, record, 5.0)
+    assert not record.exists()
