@@ -9,6 +9,7 @@ from dynid.constraints import (
     CollisionBodies,
     ConstraintSettings,
     MotionConstraints,
+    least_distance,
     scene_from_json,
 )
 from dynid.core import JsonFields
@@ -145,7 +146,7 @@ def test_what_is_proven_of_two_joints_holds_and_what_is_not_so_is_not_proven() -
         seen = replace(bodies, own=np.array([[a, b]]), nearer=np.zeros(1))
         least = float(seen.distances(random.uniform(-1, 1, (3000, 4)))[0].min())
         for sure in (least - 0.01, least + 0.001):
-            found = bodies.least_distance(int(a), int(b), lower, upper, sure)
+            found = least_distance(bodies, int(a), int(b), lower, upper, sure)
             if sure > least:
                 assert found < sure
             elif found >= sure:

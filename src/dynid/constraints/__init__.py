@@ -17,6 +17,7 @@ from dynid.constraints.motion import (
     paper_constraints,
     safe_constraints,
 )
+from dynid.constraints.range_proof import least_distance
 from dynid.constraints.scene import (
     BOX,
     CYLINDER,
@@ -53,6 +54,7 @@ __all__ = [
     "Worst",
     "body_of",
     "certify",
+    "least_distance",
     "paper_constraints",
     "prior_dynamics",
     "prior_link",

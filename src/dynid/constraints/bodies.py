@@ -8,6 +8,7 @@ import numpy as np
 
 from dynid.constraints.arm import arm_geometry
 from dynid.constraints.collision import CollisionBodies
+from dynid.constraints.range_proof import least_distance
 from dynid.constraints.scene import HALF_SPACE, ConstraintSettings, Scene, body_of
 from dynid.core import Array, Indices, InputError, read_only
 from dynid.robot import Body, RobotModel
@@ -245,7 +246,7 @@ def _proven(
     bounds = settings.bounds
     if float(seen.min()) < sure or not np.isfinite([bounds.lower, bounds.upper]).all():
         return False
-    return bodies.least_distance(a, b, bounds.lower, bounds.upper, sure) >= sure
+    return least_distance(bodies, a, b, bounds.lower, bounds.upper, sure) >= sure
 
 
 def _around(body: Body) -> Array:

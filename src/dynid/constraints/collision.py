@@ -15,7 +15,6 @@ from dynid.core import Array, Indices
 
 LENGTH = 0.1
 """The distance that counts as much as a limit exceeded by its whole value [m]."""
-_MOST_CELLS = 40_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +92,7 @@ class CollisionBodies:
         found: list[Array] = []
         for pairs in (self.own, self.around):
             rows = np.empty((len(q), len(pairs)))
-            _distances(self.arm.joints, self._parts, pairs, samples_of(q), rows)
+            _distances(self.arm.joints, self.parts, pairs, samples_of(q), rows)
             found.append(rows)
         return found[0] + self.nearer, found[1]
 
@@ -114,7 +113,7 @@ class CollisionBodies:
         if way is not None and travel is not None:
             slack = np.ascontiguousarray(way @ self.rates(pairs, travel).T)
         found, pair = np.empty((2, len(q))), np.empty(len(q), dtype=np.intp)
-        _nearest(self.arm.joints, self._parts, pairs, samples_of(q), nearer, slack, found, pair)
+        _nearest(self.arm.joints, self.parts, pairs, samples_of(q), nearer, slack, found, pair)
         return Nearest(distance=found[0], pair=pair, bound=found[1])
 
     def allowance(self, pair: int, *, around: bool) -> float:
@@ -172,7 +171,7 @@ class CollisionBodies:
         )
         arm = self.arm
         total = _violation(
-            arm.joints, arm.prismatic, self._parts, known.pairs, clearance, samples_of(q),
+            arm.joints, arm.prismatic, self.parts, known.pairs, clearance, samples_of(q),
             known.rates, known.last, known.room, known.axes, most, slope,
         )  # fmt: skip
         return float(total), slope
@@ -183,31 +182,7 @@ class CollisionBodies:
         In the base frame [m].
         """
         pair, ends = np.array([[a, b]], dtype=np.intp), np.empty((2, 3))
-        return float(_closest(self.arm.joints, self._parts, pair, samples_of(q), ends)), ends
-
-    def least_distance(self, a: int, b: int, lower: Array, upper: Array, sure: float) -> float:
-        """A distance that bodies keep wherever the joints between them stand.
-
-        Args:
-            a: The inner body, or a half-space.
-            b: The outer body.
-            lower: (n) lower ends of the joints' ranges [rad or m].
-            upper: (n) upper ends.
-            sure: The distance to be proven [m].
-
-        Returns:
-            At least `sure` if that is proven (branch and bound); else a distance that was seen
-            and is smaller, or -inf where the search was cut short.
-        """
-        pair = np.array([[a, b]], dtype=np.intp)
-        rates = self.rates(pair, np.maximum(np.abs(lower), np.abs(upper)))[0]
-        half = np.where(rates > 0, (upper - lower) / 2, 0.0)
-        # A whole turn is all of a joint's range.
-        half = np.where(self.arm.prismatic, half, np.minimum(half, np.pi))
-        middle = (upper + lower) / 2
-        return float(
-            _least(self.arm.joints, self._parts, pair, middle, half, rates, sure, _MOST_CELLS)
-        )
+        return float(_closest(self.arm.joints, self.parts, pair, samples_of(q), ends)), ends
 
     def rates(self, pairs: Indices, travel: Array) -> Array:
         """(P, n) how fast each joint can change the distance of a pair [m/rad or 1]."""
@@ -225,7 +200,8 @@ class CollisionBodies:
         return self.arm.reach(int(self.link[body]), farthest, travel)
 
     @property
-    def _parts(self) -> tuple[Indices, Indices, Array, Array, Array, Array]:
+    def parts(self) -> tuple[Indices, Indices, Array, Array, Array, Array]:
+        """What kernels need to know of the bodies."""
         # Writable copies: read-only arrays would make Numba compile once more.
         return (
             self.link.copy(), self.starts.copy(), self.points.copy(),
@@ -234,7 +210,7 @@ class CollisionBodies:
 
 
 @njit(cache=True, error_model="numpy")
-def _place(joints: Array, parts: Any, q: Array, turn: Array, origin: Array, axis: Array,
+def place_bodies(joints: Array, parts: Any, q: Array, turn: Array, origin: Array, axis: Array,
            centres: Array) -> None:  # fmt: skip
     """Write the joint frames, and the middles (B, 3) of the bodies in the base frame."""
     link, spheres = parts[0], parts[4]
@@ -244,7 +220,7 @@ def _place(joints: Array, parts: Any, q: Array, turn: Array, origin: Array, axis
 
 
 @njit(cache=True, error_model="numpy")
-def _distance(
+def gap_of(
     parts: Any,
     a: int,
     b: int,
@@ -329,10 +305,10 @@ def _distances(joints: Array, parts: Any, pairs: Indices, q: Array, out: Array) 
     frame = np.empty((4, 3))
     axes = np.zeros((len(pairs), 3))
     for k in range(len(q)):
-        _place(joints, parts, q[k], turn, origin, axis, centres)
+        place_bodies(joints, parts, q[k], turn, origin, axis, centres)
         for p in range(len(pairs)):
             a, b = pairs[p]
-            out[k, p] = _distance(
+            out[k, p] = gap_of(
                 parts, a, b, turn, origin, centres, np.inf, axes[p], touch, frame, work
             )
 
@@ -356,7 +332,7 @@ def _nearest(
     axes = np.zeros((len(pairs), 3))
     last = 0
     for k in range(len(q)):
-        _place(joints, parts, q[k], turn, origin, axis, centres)
+        place_bodies(joints, parts, q[k], turn, origin, axis, centres)
         least, low, index = np.inf, np.inf, 0
         # The nearest pair of the last sample first: it may spare the others.
         for turned in range(len(pairs)):
@@ -364,7 +340,7 @@ def _nearest(
             off = slack[k, p]
             enough = max(least, low + off) - nearer[p]
             a, b = pairs[p]
-            far = _distance(parts, a, b, turn, origin, centres, enough, axes[p], touch, frame, work)
+            far = gap_of(parts, a, b, turn, origin, centres, enough, axes[p], touch, frame, work)
             far += nearer[p]
             if far < least:
                 least, index = far, p
@@ -409,10 +385,10 @@ def _violation(
             if left >= clearance[p]:
                 continue
             if not placed:
-                _place(joints, parts, q[k], turn, origin, axis, centres)
+                place_bodies(joints, parts, q[k], turn, origin, axis, centres)
                 placed = True
             a, b = pairs[p]
-            far = _distance(
+            far = gap_of(
                 parts, a, b, turn, origin, centres, clearance[p], axes[row, p], touch, frame, work
             )
             room[row, p] = far
@@ -460,8 +436,8 @@ def _closest(joints: Array, parts: Any, pairs: Indices, q: Array, ends: Array) -
     centres, work, touch = np.empty((len(link), 3)), np.empty((WORK, 6)), np.empty(3)
     frame = np.empty((4, 3))
     way, (a, b) = np.zeros(3), pairs[0]
-    _place(joints, parts, q[0], turn, origin, axis, centres)
-    far = _distance(parts, a, b, turn, origin, centres, np.inf, way, touch, frame, work)
+    place_bodies(joints, parts, q[0], turn, origin, axis, centres)
+    far = gap_of(parts, a, b, turn, origin, centres, np.inf, way, touch, frame, work)
     plane = a >= len(link)
     first = 0 if plane else link[a]
     place_point(turn[first], origin[first], touch, ends[0])
@@ -470,49 +446,3 @@ def _closest(joints: Array, parts: Any, pairs: Indices, q: Array, ends: Array) -
         ends[0, r] += (-far - radius[b] if plane else radius[a]) * along
         ends[1, r] = ends[0, r] + far * along
     return far
-
-
-@njit(cache=True, error_model="numpy")
-def _least(
-    joints: Array,
-    parts: Any,
-    pairs: Indices,
-    middle: Array,
-    half: Array,
-    rates: Array,
-    sure: float,
-    most: int,
-) -> float:
-    """Branch and bound over the joints that have a rate: see `Bodies.least_distance`."""
-    n = len(middle)
-    turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
-    centres, work, touch = np.empty((len(parts[0]), 3)), np.empty((WORK, 6)), np.empty(3)
-    frame = np.empty((4, 3))
-    cells, way, (a, b) = np.empty((256, 2, n)), np.zeros(3), pairs[0]
-    cells[0, 0], cells[0, 1] = middle, half
-    open_, low = 1, np.inf
-    for _ in range(most):
-        open_ -= 1
-        q, wide = cells[open_, 0].copy(), cells[open_, 1].copy()
-        slack, widest = 0.0, 0
-        for j in range(n):
-            slack += rates[j] * wide[j]
-            if rates[j] * wide[j] > rates[widest] * wide[widest]:
-                widest = j
-        _place(joints, parts, q, turn, origin, axis, centres)
-        far = _distance(parts, a, b, turn, origin, centres, sure + slack, way, touch, frame, work)
-        if far < sure:
-            return far
-        if far - slack >= sure:
-            low = min(low, far - slack)
-            if open_ == 0:
-                return low
-            continue
-        if open_ + 2 > len(cells):
-            break
-        wide[widest] /= 2
-        for side in (-1.0, 1.0):
-            cells[open_, 0], cells[open_, 1] = q, wide
-            cells[open_, 0, widest] += side * wide[widest]
-            open_ += 1
-    return -np.inf

@@ -4,13 +4,12 @@ from dynid.identification.selection.assessment import (
     Assessment,
     LeftOutCells,
     ModelError,
-    TorqueInterval,
     assess,
     assessment_from_json,
-    conditions,
 )
 from dynid.identification.selection.columns import with_load
 from dynid.identification.selection.gram import GramBlocks, NormalEquations, gram_blocks
+from dynid.identification.selection.intervals import TorqueInterval, conditions
 from dynid.identification.selection.regions import BLOCKS, Regions, find_regions
 from dynid.identification.selection.search import PURPOSES, Selection, select
 
