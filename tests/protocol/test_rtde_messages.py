@@ -52,12 +52,12 @@ def test_setups_return_to_what_was_asked(protocol):
 
 
 def test_text_messages_of_both_protocols():
-    message = rtde.TextMessage("stop", "script", rtde.Level.ERROR)
+    message = rtde.TextMessage("stop", "script", rtde.MessageLevel.ERROR)
     assert rtde.text_message(message, 2) == b"\x00\x10M\x04stop\x06script\x01"
     assert rtde.text_message(message, 1) == b"\x00\x08M\x01stop"
     assert rtde.read_text_message(payload_of(rtde.text_message(message, 2)), 2) == message
     in_one = rtde.read_text_message(payload_of(rtde.text_message(message, 1)), 1)
-    assert in_one == rtde.TextMessage("stop", "", rtde.Level.ERROR)
+    assert in_one == rtde.TextMessage("stop", "", rtde.MessageLevel.ERROR)
     from_client = rtde.text_message(message, 1, from_client=True)
     assert rtde.read_text_message(payload_of(from_client), 1, from_client=True) == message
 

@@ -150,7 +150,7 @@ def test_packages_of_no_recipe_are_refused_in_words(session, payload):
     inputs(session, ["input_int_register_24"])
     ((kind, words),) = answers(session, frame(Kind.DATA_PACKAGE, payload))
     assert kind == Kind.TEXT_MESSAGE
-    assert rtde.read_text_message(words, 2).level == rtde.Level.ERROR
+    assert rtde.read_text_message(words, 2).level == rtde.MessageLevel.ERROR
 
 
 def test_a_client_that_never_learns_is_given_up(session):

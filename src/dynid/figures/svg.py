@@ -93,7 +93,7 @@ class Figure:
 
 
 @dataclass(frozen=True, slots=True)
-class _Sheet:
+class _Ground:
     """Where things stand and how they are painted: in a page, or in a file of so many pixels."""
 
     x: Axis
@@ -165,7 +165,7 @@ def _path(x: Array, y: Array) -> str:
     return "".join(parts)
 
 
-def _strokes(sheet: _Sheet, mark: Mark) -> Iterator[str]:
+def _strokes(sheet: _Ground, mark: Mark) -> Iterator[str]:
     """The mark as elements of the inner picture."""
     wide, tall = sheet.units
     if isinstance(mark, Line):
@@ -221,7 +221,7 @@ def _strokes(sheet: _Sheet, mark: Mark) -> Iterator[str]:
         yield f'<path {sheet.stroke(mark.role, 1.1, mark.dash)} d="{path}"/>'
 
 
-def _picture(sheet: _Sheet, panel: Panel, most: int, ticks: bool, named: bool = True) -> str:
+def _picture(sheet: _Ground, panel: Panel, most: int, ticks: bool, named: bool = True) -> str:
     """Grid, curves, then texts."""
     wide, tall = sheet.units
     rows = sheet.y.ticks(_row_count(panel))
@@ -304,7 +304,7 @@ def plot(
         if link
         else ""
     )
-    body = _picture(_Sheet(axis, panel.y), panel, most, ticks)
+    body = _picture(_Ground(axis, panel.y), panel, most, ticks)
     return (
         f'<svg class="plot{"" if ticks else " bare"}" role="img" aria-label="{escape(said)}" '
         f'style="height:{panel.height:g}px"{linked}>{body}</svg>'
@@ -372,7 +372,7 @@ def document(figure: Figure, *, dark: bool = False) -> str:
     wide = (room - lefts[0]) / figure.columns if figure.rows else room / figure.columns
     cells = [wide + lefts[0] * (k == 0) if figure.rows else wide for k in range(figure.columns)]
     parts: list[str] = []
-    page = _Sheet(figure.x, figure.panels[0].y, (WIDTH, WIDTH), dark)
+    page = _Ground(figure.x, figure.panels[0].y, (WIDTH, WIDTH), dark)
     parts.append(page.text(f"{EDGE}", "30", figure.title, "ink", "start", 17))
     y, x = 54.0, EDGE
     for entry in figure.legend:
@@ -396,7 +396,7 @@ def document(figure: Figure, *, dark: bool = False) -> str:
         titled += 15 if any(p.note for p in row) else 0
         for k, panel in enumerate(row):
             x, left, cell = EDGE + sum(cells[:k]) + k * GAP, lefts[k], cells[k]
-            sheet = _Sheet(panel.x or figure.x, panel.y, (cell - left, panel.height), dark)
+            sheet = _Ground(panel.x or figure.x, panel.y, (cell - left, panel.height), dark)
             ticks = panel.x is not None or start + k >= bottom
             heading = " ".join(filter(None, (panel.title, panel.y.label)))
             parts.append(

@@ -117,7 +117,7 @@ URSim for 9174 (Universal_Robots_Client_Library, tests/test_rtde_client.cpp)."""
 _U16, _F64, _VERSION = struct.Struct(">H"), struct.Struct(">d"), struct.Struct(">4I")
 
 
-class Level(IntEnum):
+class MessageLevel(IntEnum):
     """How grave a text message is."""
 
     EXCEPTION = 0
@@ -134,7 +134,7 @@ class TextMessage:
     """The text."""
     source: str = ""
     """Who says it; lost in protocol 1."""
-    level: Level = Level.INFO
+    level: MessageLevel = MessageLevel.INFO
     """How grave it is."""
 
 
@@ -272,11 +272,11 @@ def read_text_message(payload: bytes, protocol: int, *, from_client: bool = Fals
     """
     try:
         if protocol == 1 and not from_client:
-            return TextMessage(_words(payload[1:]), "", Level(payload[0]))
+            return TextMessage(_words(payload[1:]), "", MessageLevel(payload[0]))
         length = payload[0]
         words, rest = payload[1 : 1 + length], payload[1 + length :]
         source, level = rest[1 : 1 + rest[0]], rest[1 + rest[0]]
-        return TextMessage(_words(words), _words(source), Level(level))
+        return TextMessage(_words(words), _words(source), MessageLevel(level))
     except (IndexError, ValueError) as error:
         raise ProtocolError("a text message is cut short or of no known level") from error
 

@@ -2,8 +2,8 @@
 
 from dynid.reduction.base import BaseParametrization, random_states, reduce_model
 from dynid.reduction.panels import (
+    ColumnPanel,
     GramLayout,
-    Panel,
     acting_joints,
     fill_beside,
     gram_layout,
@@ -11,8 +11,8 @@ from dynid.reduction.panels import (
 
 __all__ = [
     "BaseParametrization",
+    "ColumnPanel",
     "GramLayout",
-    "Panel",
     "acting_joints",
     "fill_beside",
     "gram_layout",

@@ -12,7 +12,7 @@ from dynid.regressor import InverseDynamicModel, Places
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Panel:
+class ColumnPanel:
     """The base columns that can differ from zero in the rows of one joint."""
 
     rows: slice
@@ -31,7 +31,7 @@ class Panel:
 class GramLayout:
     """A panel a joint. A link loads only the joints before it: the panels shrink to the tip."""
 
-    panels: tuple[Panel, ...]
+    panels: tuple[ColumnPanel, ...]
     places: Places
     """(n, n, 10), see `regressor.inertial.inertial_rows`."""
     rows: int
@@ -61,7 +61,7 @@ def gram_layout(
     ]
     width = max(map(len, beside)) + first + spare
     places = np.full((n, n, 10), -1, dtype=np.int64)
-    panels: list[Panel] = []
+    panels: list[ColumnPanel] = []
     position = {column: k for k, column in enumerate(base.independent)}
     for j in range(n):
         begin = j * width + width - first - len(beside[j])
@@ -72,7 +72,7 @@ def gram_layout(
         count = len(beside[j]) + len(carried)
         columns = [position[c + inertial] for c in beside[j]] + [position[c] for c in carried]
         panels.append(
-            Panel(
+            ColumnPanel(
                 rows=slice(begin, begin + count),
                 columns=np.array(columns, dtype=np.intp),
                 beside=np.array(beside[j], dtype=np.intp),

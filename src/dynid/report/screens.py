@@ -25,7 +25,7 @@ LEVEL_WORDS = {"usable": "yes", "care": "with limits", "do_not_use": "no"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Purpose:
+class PurposeAnswer:
     """One use of a result, and whether it serves it."""
 
     title: str
@@ -87,7 +87,7 @@ def lead(item: ReportedEstimate) -> str:
     return f"{text}; no other motion has been predicted."
 
 
-def purposes(item: ReportedEstimate) -> tuple[Purpose, ...]:
+def purposes(item: ReportedEstimate) -> tuple[PurposeAnswer, ...]:
     """Prediction, parameters and simulation."""
     if item.verdict is None:
         return ()
@@ -127,9 +127,9 @@ def purposes(item: ReportedEstimate) -> tuple[Purpose, ...]:
 
 def _purpose(
     title: str, answer: Answer, figure: str, unit: str, detail: str, repeated: str = ""
-) -> Purpose:
+) -> PurposeAnswer:
     reason = answer.reason if answer.reason != repeated else "as for prediction"
-    return Purpose(
+    return PurposeAnswer(
         title=title,
         answer=ANSWERS[answer.answer],
         role=ROLES[answer.answer],

@@ -11,7 +11,7 @@ from dynid.signals.filters import (
     torque_end,
     was_smoothed,
 )
-from dynid.signals.parts import Grid, LongSignals, rows_of, survey
+from dynid.signals.parts import LongSignals, StreamGrid, rows_of, survey
 from dynid.signals.process import (
     delayed,
     process,
@@ -36,10 +36,10 @@ from dynid.signals.samples import (
 __all__ = [
     "NYQUIST_SHARE",
     "ORDERS",
-    "Grid",
     "LongSignals",
     "ProcessingSettings",
     "Samples",
+    "StreamGrid",
     "TorqueFilter",
     "UniformSignals",
     "default_cutoff",

@@ -44,7 +44,7 @@ BESIDE = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Grid:
+class StreamGrid:
     """The uniform grid of a recording; the one that `resample` would give."""
 
     first_row: int
@@ -83,7 +83,7 @@ class Grid:
         return max(low, self.first_row), min(high, self.last_row)
 
 
-def survey(recording: AnyRecording, settings: ProcessingSettings) -> Grid:
+def survey(recording: AnyRecording, settings: ProcessingSettings) -> StreamGrid:
     """Find the grid of a recording by its stamps alone.
 
     Args:
@@ -113,7 +113,7 @@ def survey(recording: AnyRecording, settings: ProcessingSettings) -> Grid:
         ]
         before = float(inside[-1])
     uniform = away <= UNIFORM_WITHIN * step
-    grid = Grid(
+    grid = StreamGrid(
         first_row=first,
         last_row=last,
         start_s=start,
@@ -135,7 +135,7 @@ def survey(recording: AnyRecording, settings: ProcessingSettings) -> Grid:
     return replace(grid, gaps=tuple((_at(grid, a), _at(grid, b)) for a, b in gaps))
 
 
-def _at(grid: Grid, time_s: float) -> int:
+def _at(grid: StreamGrid, time_s: float) -> int:
     """The first point of the grid that is not before a time."""
     near = int((time_s - grid.start_s) / grid.step_s)
     while grid.start_s + grid.step_s * near >= time_s and near > 0:
@@ -200,7 +200,7 @@ class LongSignals:
     robot: RobotModel
     settings: ProcessingSettings
     """With a cut-off; without a period."""
-    grid: Grid
+    grid: StreamGrid
     runs: tuple[tuple[int, int], ...] = field(init=False)
     """Points of the grid that are kept: the first, and one behind the last, of each run."""
 

@@ -23,7 +23,7 @@ _TELL_S = 0.1
 """Progress is told at most this often [s]."""
 
 
-class Line:
+class ParentTalk:
     """What the process says and hears.
 
     Args:
@@ -89,7 +89,7 @@ def main() -> int:
     # Libraries that print must not break into the lines of messages.
     out = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    talk = Line(out, sys.stdin)
+    talk = ParentTalk(out, sys.stdin)
     try:
         job = job_from_line(sys.stdin.readline())
         talk.listen()
@@ -104,7 +104,7 @@ def main() -> int:
     return 0
 
 
-def _design(job: Job, talk: Line) -> dict[str, Any]:
+def _design(job: Job, talk: ParentTalk) -> dict[str, Any]:
     from dynid.workflow import DesignSettings, design
 
     settings = DesignSettings(**job.options)
@@ -112,7 +112,7 @@ def _design(job: Job, talk: Line) -> dict[str, Any]:
     return found.to_json()
 
 
-def _run(job: Job, talk: Line) -> dict[str, Any]:
+def _run(job: Job, talk: ParentTalk) -> dict[str, Any]:
     from dynid.experiment import stop_on_signals
     from dynid.workflow import RunSettings, run_design
 
@@ -130,7 +130,7 @@ def _run(job: Job, talk: Line) -> dict[str, Any]:
     return result.to_json()
 
 
-def _identify(job: Job, talk: Line) -> dict[str, Any]:
+def _identify(job: Job, talk: ParentTalk) -> dict[str, Any]:
     from dynid.workflow import IdentifySettings, identify_files, verdict
 
     options = dict(job.options)
@@ -147,14 +147,14 @@ def _identify(job: Job, talk: Line) -> dict[str, Any]:
     return {"level": judged.level, "headline": judged.headline, "file": job.output}
 
 
-def _import(job: Job, talk: Line) -> dict[str, Any]:
+def _import(job: Job, talk: ParentTalk) -> dict[str, Any]:
     from dynid.workflow import import_recording
 
     talk.progress("read the log", 0.1)
     return import_recording([job.source], job.output, robot=job.options["robot"]).to_json()
 
 
-_DO: dict[str, Callable[[Job, Line], dict[str, Any]]] = {
+_DO: dict[str, Callable[[Job, ParentTalk], dict[str, Any]]] = {
     "design": _design,
     "run": _run,
     "identify": _identify,

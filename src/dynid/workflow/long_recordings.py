@@ -40,9 +40,9 @@ from dynid.identification import (
 from dynid.recording import AnyRecording, ExperimentRecord, checked_records, fingerprint
 from dynid.robot import RobotModel
 from dynid.signals import (
-    Grid,
     LongSignals,
     ProcessingSettings,
+    StreamGrid,
     default_cutoff,
     rows_of,
     survey,
@@ -204,7 +204,7 @@ def fit_long(
     )
 
 
-def subset(recordings: Sequence[AnyRecording], grids: Sequence[Grid]) -> Subset:
+def subset(recordings: Sequence[AnyRecording], grids: Sequence[StreamGrid]) -> Subset:
     """Stretches spread evenly over the recordings, where the arm moves most.
 
     Args:

@@ -229,9 +229,11 @@ class RtdeSession:
         """Whether the client gets packages."""
         return self.started and self.outputs is not None
 
-    def text(self, words: str, source: str = "controller", level: int = rtde.Level.ERROR) -> bytes:
+    def text(
+        self, words: str, source: str = "controller", level: int = rtde.MessageLevel.ERROR
+    ) -> bytes:
         """A text message for the client."""
-        message = rtde.TextMessage(words, source, rtde.Level(level))
+        message = rtde.TextMessage(words, source, rtde.MessageLevel(level))
         return rtde.text_message(message, self.protocol)
 
     def wrote(self, name: str) -> float:

@@ -228,7 +228,7 @@ class Broadcast:
         if not session.streaming:
             return
         for message in self._messages:
-            if message.level < rtde.Level.WARNING:
+            if message.level < rtde.MessageLevel.WARNING:
                 client.connection.offer(session.text(message.words, message.source, message.level))
         recipe = session.outputs
         if recipe is not None and self._machine.core.cycles % session.every == 0:
@@ -412,7 +412,7 @@ class ControllerServer:
             return
         if not self._compiler.submit(text):
             words = "a program was refused: too many are waiting to be compiled"
-            self._machine.core.say(words, "controller", rtde.Level.ERROR)
+            self._machine.core.say(words, "controller", rtde.MessageLevel.ERROR)
 
     def _welcome(self, listener: Listener) -> None:
         accepted = listener.accept()
