@@ -12,7 +12,7 @@ PYTHON ?= $(shell for p in python3.12 python3.11 python3.13 python3; do \
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 PATHS := src tests urtwin docs benchmarks examples README.md CHANGELOG.md CONTRIBUTING.md
 
-.PHONY: install develop chromium demo test lint types floors unit bench proof rivals readme clean
+.PHONY: install develop chromium demo test lint types floors unit bench proof rivals site readme clean
 
 install: $(USER)
 
@@ -78,6 +78,10 @@ $(RIVALS)/.installed: benchmarks/rivals/requirements.txt | $(BIN)/python
 	$(BIN)/python -m venv $(RIVALS)
 	$(RIVALS)/bin/python -m pip install --quiet --disable-pip-version-check -r $<
 	@touch $@
+
+# The documents as pages, with a reference and executed notebooks: build/site/index.html.
+site: develop
+	$(BIN)/python benchmarks/proof/build_site.py
 
 readme: develop
 	$(BIN)/python benchmarks/readme/fill_tables.py

@@ -169,7 +169,7 @@ def _fleet(
     dask: DaskOption = None,
     json: JsonFlag = False,
 ) -> None:
-    """Many recordings of many robots and days: estimates, friction trends, alarms."""
+    """Many robots and days: estimates, friction trends, alarms."""
     from dynid.cli.output import (
         console,
         number,
