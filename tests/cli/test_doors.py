@@ -128,8 +128,8 @@ def test_units_are_those_of_the_joints(
     run: Run, recordings: Recordings, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = run("validate", recordings.estimate, recordings.validation).out
-    assert "RMS errors in N.m\n" in text
+    assert "RMS errors in N·m\n" in text
     estimate = dynid.read_estimate(recordings.estimate)
     result = dynid.validate(estimate, dynid.read_record(recordings.validation))
     print_metrics(console(), "Prediction", result, (False, True, *(False,) * 4))
-    assert "RMS errors in N.m, N where sliding" in capsys.readouterr().out
+    assert "RMS errors in N·m, N where sliding" in capsys.readouterr().out
