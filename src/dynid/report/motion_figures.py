@@ -49,7 +49,8 @@ def _motion_figure(item: ReportedDesign) -> Figure:
         QUANTITIES, (motion.q, motion.dq, motion.ddq), used, strict=True
     ):
         known = np.isfinite(share).all(axis=0)
-        largest = f", at most {100 * share[:, known].max():.0f} % of its limit"
+        most = 100 * share[:, known].max(initial=0.0)
+        largest = f", at most {most:.0f} % of its limit"
         panels.append(
             Panel(
                 title=f"{what.capitalize()} [{joint_unit(unit, slides)}]"
