@@ -421,6 +421,10 @@ def ur() -> Controller:
             texts = {f"if False: {given[call]} end": call for call in calls}
             texts["if False: nonsense() end"] = "nonsense()"
             texts |= {f"if False: l.{call} end": call for call in ("nonsense(0)", *methods)}
+            # Lines that came before the program was in its mode are discarded.
+            first = "if False: acos(0) end"
+            while not ask_lines(connect(30020), [first], False)[first].startswith("ack"):
+                pass
             answered = ask_lines(connect(30020), list(texts), False)
             said.interpreter = {texts[line]: answer for line, answer in answered.items()}
         said.lines["power off"] = primary_says(connect(30001), "power off")

@@ -97,12 +97,10 @@ def accuracy(
 def _noise_percent(estimate: Estimate, motions: Sequence[JointMotion]) -> float:
     """RMS deviation of predicted torques by the covariance of the parameters, over the torque."""
     variance, power = 0.0, 0.0
-    root = np.linalg.cholesky(
-        estimate.covariance + 1e-12 * np.diag(np.maximum(np.diag(estimate.covariance), 1e-300))
-    )
     for motion in motions:
         stack = estimate.model.stack(motion.q, motion.dq, motion.ddq)[list(estimate.independent)]
-        variance += float(np.square(np.tensordot(root, stack, axes=(0, 0))).sum()) / len(motion.q)
+        spread = np.tensordot(estimate.covariance, stack, axes=1)
+        variance += max(float(np.vdot(stack, spread)), 0.0) / len(motion.q)
         torque = estimate.predict(motion.q, motion.dq, motion.ddq)
         power += float(np.square(torque).sum()) / len(motion.q)
     return 100 * math.sqrt(variance / power) if power > 0 else math.nan
