@@ -39,6 +39,10 @@ def measured_delays(search: ScoreSearch, settings: ProcessingSettings) -> tuple[
         search: The recordings.
         settings: Without delays.
     """
+    smooth = settings.torque_filter
+    if smooth is not None and smooth.cutoff_hz * LONGEST_DELAY_S < 0.5:
+        # The filter has spread every reversal over more time than any delay.
+        return None
     rate, n = search.recordings[0].rate_hz, search.robot.joints
     extras = tuple(term for term in search.columns.extras if term != LOAD)
     columns = replace(search.columns, extras=extras)
