@@ -86,7 +86,7 @@ def select(
     tell = progress or silent
     choices = (JointChoice(PLAIN_WIDTH, frozenset()),) * robot.joints
     delays_are_free = settings.delays_s is None
-    if delays_are_free:
+    if delays_are_free and not smoothed:
         tell("delays", 0.0)
         settings = replace(settings, delays_s=measured_delays(search, settings))
     trials = _settings_to_try(recordings, settings)
@@ -99,6 +99,9 @@ def select(
         tell("what smoothed the torque", 0.3)
         passed = _passed_by(search, trials[best])
         trials = tuple(replace(trial, torque_filter=passed) for trial in trials)
+    if delays_are_free and smoothed:
+        late = measured_delays(search, trials[best])
+        trials = tuple(replace(trial, delays_s=late) for trial in trials)
     tell("friction", 0.4)
     blocks = search.blocks(trials[best])
     near, _ = search.prior_weights(blocks, choices, search.weights(blocks, choices, PRIOR_OF_PLAIN))
