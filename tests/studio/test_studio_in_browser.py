@@ -23,7 +23,11 @@ from dynid.studio.server import Server
 from urtwin import controller_process, own_address
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium (make test installs it)")
+# Pages are drawn in software: beside other tests a click waits for seconds.
+pytestmark = [
+    pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium (make test installs it)"),
+    pytest.mark.realtime,
+]
 
 PATIENCE_MS = 40_000
 DRAWN = 3e-4
@@ -233,8 +237,6 @@ def test_a_visitor_edits_an_empty_scene(
     visit.close()
 
 
-# The watchdog of the run looks at a clock: two busy workers beside it can starve it.
-@pytest.mark.realtime
 def test_a_run_beside_an_open_page_loses_no_sample_and_can_be_stopped(
     browser: Any, studio: tuple[Page, str], folder: Path
 ) -> None:

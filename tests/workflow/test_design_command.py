@@ -197,7 +197,7 @@ def test_a_motion_that_excites_too_little_says_what_is_lost(run: Run, tmp_path: 
     assert finding["value"] > 20
     assert finding["joints"]
     assert "excites too little" in err
-    assert run(*loud, "--accept-weak")[0] == 0
+    assert run(*loud, "--accept-weak", "--force")[0] == 0
 
 
 def test_a_sequential_design_completes_what_is_recorded(tmp_path: Path) -> None:

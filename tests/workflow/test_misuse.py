@@ -93,9 +93,11 @@ def test_a_cutoff_that_the_rate_cannot_carry_is_refused(record: ExperimentRecord
         dynid.identify(record, "ur5", settings)
 
 
-def test_a_path_is_not_a_recording() -> None:
-    with pytest.raises(InputError, match=r"dynid\.read_recording"):
-        dynid.identify(["run.csv"], "ur5")  # type: ignore[list-item]
+def test_what_is_no_recording_is_said() -> None:
+    with pytest.raises(InputError, match=r"run\.csv"):
+        dynid.identify(["run.csv"], "ur5")
+    with pytest.raises(InputError, match="not a recording or its file"):
+        dynid.identify([3], "ur5")  # type: ignore[list-item]
 
 
 def test_names_stand_for_robots() -> None:
