@@ -118,7 +118,7 @@ def opened_any(
             found.append(record)
         else:
             found.append(
-                next(files) if isinstance(record, str | Path) else opened(record, robot)[0]
+                next(files) if isinstance(record, str | Path) else opened([record], robot)[0]
             )
     return found
 
