@@ -28,7 +28,7 @@ from dynid.workflow.choosing import IdentifySettings
 from dynid.workflow.designing import DesignSettings, design
 from dynid.workflow.identify import Identification, identify
 from dynid.workflow.reporting import report
-from dynid.workflow.run_settings import RunSettings, write_truth
+from dynid.workflow.run_settings import RunSettings, truth_path, write_truth
 from dynid.workflow.running import run_design
 
 PAPER_CONDITION = 153.0
@@ -253,7 +253,7 @@ def make_recordings(robot: str, folder: Path, quick: bool, tell: Progress) -> Re
             recorded[name][thermal] = record = read_record(path)
             warm = np.mean(record.signals["temperature"], axis=0)
             write_truth(path, simulated_arm(load_robot(robot), serial=SERIAL), warm)
-            files.append(path)
+            files += [path, truth_path(path)]
     return Recordings(
         design=designs[0],
         identification=recorded["design"],
