@@ -27,13 +27,19 @@ async function answer(response) {
   if (!response.ok) throw new Error(found.error);
   return found;
 }
-// Ask for something; a refusal is shown beside the button.
+// Ask for something; a refusal is shown beside the button. A late answer takes no words away that
+// belong to what was asked after it.
+let acts = 0, spoke = 0;
 async function act(name, fields = {}) {
+  const turn = name === "judge" ? 0 : ++acts;
   try {
     const response = await fetch(`/do/${name}`, { method: "POST", body: JSON.stringify(fields) });
     const found = await answer(response);
     if (name !== "judge") {
-      app.words = found.words ? { text: found.words, level: "good" } : null;
+      if (turn > spoke) {
+        spoke = turn;
+        app.words = found.words ? { text: found.words, level: "good" } : null;
+      }
       take(await look("state"));
     }
     return found;
