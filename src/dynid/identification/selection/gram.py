@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -67,10 +68,10 @@ def gram_blocks(
         for j in range(joints):
             here = labels[j, covered]
             order = np.argsort(here, kind="stable")
-            found, starts = np.unique(here[order], return_index=True)
-            for cell, part in zip(
-                found, np.split(values[:, j][:, order], starts[1:], axis=1), strict=True
-            ):
+            cell_of = here[order]
+            ends = np.flatnonzero(np.diff(cell_of)) + 1
+            parted: list[Array] = np.split(values[:, j][:, order], ends, axis=1)
+            for cell, part in zip(cell_of[np.append(0, ends)].tolist(), parted, strict=True):
                 products[j, cell] += part @ part.T
                 rows[j, cell] += part.shape[1]
     return GramBlocks(products=products, rows=rows)
@@ -118,18 +119,31 @@ class NormalEquations:
     """
 
     def __init__(self, blocks: GramBlocks, picks: Sequence[Pick], weights: Array) -> None:
-        size = 1 + max(int(pick.unknowns.max()) for pick in picks)
-        cells = blocks.rows.shape[1]
-        self.matrix = np.zeros((cells, size, size))
-        self.vector = np.zeros((cells, size))
+        self._cells = blocks.rows.shape[1]
+        self._size = 1 + max(int(pick.unknowns.max()) for pick in picks)
+        self._weights = weights
         self._sums: list[tuple[Indices, Array, Array, Array]] = []
-        for j, (pick, weight) in enumerate(zip(picks, weights, strict=True)):
-            here, there, products = pick.unknowns, pick.columns, blocks.products[j]
+        for j, pick in enumerate(picks):
+            there, products = pick.columns, blocks.products[j]
             square = products[:, there[:, None], there]
             cross = products[:, there, pick.torque]
-            self.matrix[:, here[:, None], here] += weight**2 * square
-            self.vector[:, here] += weight**2 * cross
-            self._sums.append((here, square, cross, products[:, pick.torque, pick.torque]))
+            self._sums.append((pick.unknowns, square, cross, products[:, pick.torque, pick.torque]))
+
+    @cached_property
+    def matrix(self) -> Array:
+        """(C, s, s) weighted products of the columns."""
+        matrix = np.zeros((self._cells, self._size, self._size))
+        for (here, square, *_), weight in zip(self._sums, self._weights, strict=True):
+            matrix[:, here[:, None], here] += weight**2 * square
+        return matrix
+
+    @cached_property
+    def vector(self) -> Array:
+        """(C, s) weighted products of columns and torques."""
+        vector = np.zeros((self._cells, self._size))
+        for (here, _, cross, _), weight in zip(self._sums, self._weights, strict=True):
+            vector[:, here] += weight**2 * cross
+        return vector
 
     def square_errors(self, values: Array) -> Array:
         """(n, C) sums of squared errors of values (C, s), or (1, s) for all cells alike."""
