@@ -56,8 +56,8 @@ floors: develop
 	$(BIN)/lint-imports
 
 unit: develop chromium
-	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not realtime"
-	$(BIN)/python -m pytest -m realtime
+	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not realtime and not long"
+	$(BIN)/python -m pytest -m "realtime and not long"
 
 bench: develop
 	$(BIN)/python benchmarks/startup.py

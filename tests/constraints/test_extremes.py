@@ -93,7 +93,7 @@ def test_a_spike_between_milliseconds_is_seen() -> None:
 
 def test_the_period_of_a_long_repetition_is_looked_at_as_closely_as_alone() -> None:
     once = FourierSeries(period=1.0, offset=HOME, a=np.full((6, 1), 0.1), b=np.zeros((6, 1)))
-    often = Repetition(part=once, times=5000)
+    often = Repetition(part=once, times=300)
     assert len(dense_times(often)) == len(dense_times(once))
     judge = safe_constraints(load_robot("ur5"))
     one, many = certify(once, judge), certify(often, judge)

@@ -42,7 +42,9 @@ def test_a_wrong_gain_is_measured(tmp_path: Path, joint: int, factor: float) -> 
     assert found.value == pytest.approx(factor, abs=SIGMAS * (found.std or 0.0))
 
 
-@pytest.mark.parametrize("joint", [0, 1, 2])
+@pytest.mark.parametrize(
+    "joint", [pytest.param(0, marks=pytest.mark.long), 1, pytest.param(2, marks=pytest.mark.long)]
+)
 def test_a_reversed_torque_is_named(tmp_path: Path, joint: int) -> None:
     scales = [1.0, 1.0, 1.0]
     scales[joint] = -1.0
@@ -64,7 +66,10 @@ def test_a_base_on_the_wall_must_not_be_used(tmp_path: Path) -> None:
     assert (found.kind in ("mounting", "encoder_zero"), found.severity) == (True, "error")
 
 
-@pytest.mark.parametrize("late", [-40, 25, 60])
+@pytest.mark.parametrize(
+    "late",
+    [-40, pytest.param(25, marks=pytest.mark.long), pytest.param(60, marks=pytest.mark.long)],
+)
 def test_torques_of_another_clock_are_told_by_how_much(tmp_path: Path, late: int) -> None:
     found = faults(tmp_path, Wrong(late=late))[0]
     assert found.kind == "clock_offset"

@@ -40,7 +40,10 @@ def panda() -> tuple[ExperimentRecord, RobotModel]:
 
 @pytest.mark.parametrize(
     ("name", "symbol", "words"),
-    [("ur10", "Fl", "friction that grows with load"), ("panda", "Fw", "torque ripple of gears")],
+    [
+        ("ur10", "Fl", "friction that grows with load"),
+        pytest.param("panda", "Fw", "torque ripple of gears", marks=pytest.mark.long),
+    ],
 )
 def test_what_preset_best_finds_is_exported(
     name: str, symbol: str, words: str, tmp_path: Path

@@ -86,7 +86,14 @@ def force(monkeypatch: pytest.MonkeyPatch, factors: bool) -> None:
     monkeypatch.setattr("dynid.identification.fitting.COARSEST", coarsest)
 
 
-@pytest.mark.parametrize("kind", ["uniform", "gap", "jitter and gap"])
+@pytest.mark.parametrize(
+    "kind",
+    [
+        pytest.param("uniform", marks=pytest.mark.long),
+        pytest.param("gap", marks=pytest.mark.long),
+        "jitter and gap",
+    ],
+)
 @pytest.mark.parametrize("factors", [True, False])
 def test_the_same_parameters_as_in_memory(
     kind: str, factors: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

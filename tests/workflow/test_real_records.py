@@ -51,7 +51,7 @@ def ur10() -> tuple[ExperimentRecord, RobotModel]:
     return read_recording([bag], robot=robot), robot
 
 
-@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize("backwards", [False, pytest.param(True, marks=pytest.mark.long)])
 @pytest.mark.parametrize(("preset", "limit"), [("paper", 0.160), ("best", 0.080)])
 def test_ur10_halves_predict_each_other(
     ur10: tuple[ExperimentRecord, RobotModel], preset: str, limit: float, backwards: bool
@@ -146,7 +146,10 @@ def test_kr300_warns_and_still_predicts(
 
 
 @pytest.mark.parametrize("preset", ["paper", "best"])
-@pytest.mark.parametrize("name", ["RecordTrajectory_quadratic", "RunTrajectory1"])
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param("RecordTrajectory_quadratic", marks=pytest.mark.long), "RunTrajectory1"],
+)
 def test_short_one_way_moves_are_refused_in_words(name: str, preset: str) -> None:
     robot = load_robot(DATA / "kinova_gen3" / "gen3.urdf")
     record = read_recording([DATA / "kinova_gen3" / f"{name}.csv"], robot=robot)
@@ -165,6 +168,7 @@ def test_a_zero_that_is_wrong_by_right_angles_is_named(
     assert found[0].value == pytest.approx(np.pi / 2)
 
 
+@pytest.mark.long
 def test_plausible_bodies_predict_further_on_poor_motions(
     kr300: tuple[RobotModel, ExperimentRecord, ExperimentRecord],
 ) -> None:
@@ -232,7 +236,9 @@ AFTER_S = 26.0
 """The undisturbed run of no5 ends there: what is found later cannot be judged."""
 
 
-@pytest.mark.parametrize("run", PUSHED)
+@pytest.mark.parametrize(
+    "run", ["no5_disturbed", pytest.param("no7_disturbed", marks=pytest.mark.long)]
+)
 def test_pushes_are_found_and_nothing_else(ur5: dict[str, ExperimentRecord], run: str) -> None:
     robot = load_robot("ur5")
     found = [f.value or 0.0 for f in findings_of(ur5[run], robot) if f.kind == "contact"]
