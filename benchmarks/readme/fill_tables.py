@@ -1,4 +1,4 @@
-"""Measure the two tables of the README again, and write them into it: `make readme`."""
+"""Measure the tables of the README and of docs/real-recordings.md again: `make readme`."""
 
 from __future__ import annotations
 
@@ -21,6 +21,23 @@ def real_recordings() -> str:
     return "\n".join(line.rsplit("|", 2)[0] + "|" for line in done.stdout.splitlines())
 
 
+FIRST = ("UR5 no6, on no5", "UR5 no6, on no7", "UR10 1st", "KR300 A", "TX40 1st", "Panda 1st")
+"""The rows of the README: one direction each, the presets `paper` and best for `anywhere`."""
+SHOWN = (0, 1, 2, 3, 8)
+"""Their columns."""
+
+
+def selected(table: str) -> str:
+    """The README's part of the whole table."""
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()]
+    kept = [
+        row
+        for k, row in enumerate(rows)
+        if k < 2 or (row[0].startswith(FIRST) and row[1] != "this-motion")
+    ]
+    return "\n".join(f"| {' | '.join(row[k] for k in SHOWN)} |" for row in kept)
+
+
 def demo() -> str:
     """The table of `dynid demo`."""
     with tempfile.TemporaryDirectory() as folder:
@@ -37,17 +54,22 @@ def _row(row: DemoRow) -> str:
     return "| " + " | ".join((row.quantity, row.unit, *numbers)) + " |"
 
 
+def fill(path: Path, name: str, table: str) -> None:
+    """Replace what stands between two marks."""
+    marks = re.compile(rf"(<!-- {name} -->\n).*?(\n<!-- /{name} -->)", re.DOTALL)
+    text = path.read_text(encoding="utf-8")
+    path.write_text(marks.sub(lambda found: found[1] + table + found[2], text), encoding="utf-8")
+
+
 def main() -> int:
     """Replace what stands between the marks; 1 if there is nothing to measure."""
     if not (ROOT.parent / "shared" / "data").exists():
         print("the recordings are not at ../shared/data", file=sys.stderr)
         return 1
-    readme = ROOT / "README.md"
-    text = readme.read_text()
-    for name, table in (("results", real_recordings()), ("demo", demo())):
-        marks = re.compile(rf"(<!-- {name} -->\n).*?(\n<!-- /{name} -->)", re.DOTALL)
-        text = marks.sub(lambda found, new=table: found[1] + new + found[2], text)
-    readme.write_text(text)
+    whole = real_recordings()
+    fill(ROOT / "docs" / "real-recordings.md", "results", whole)
+    fill(ROOT / "README.md", "results", selected(whole))
+    fill(ROOT / "README.md", "demo", demo())
     return 0
 
 
