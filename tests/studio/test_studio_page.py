@@ -103,6 +103,8 @@ def test_what_is_there_is_overwritten_only_when_its_name_is_typed(tmp_path: Path
     for taken in ("design.json", "design_2.json"):
         (tmp_path / taken).write_text("mine")
     assert free_name(tmp_path, "design.json") == "design_3.json"
+    (tmp_path / "record_truth.json").touch()
+    assert free_name(tmp_path, "record.parquet") == "record_2.parquet"
 
 
 def test_what_cannot_be_started_says_why(page: Page) -> None:

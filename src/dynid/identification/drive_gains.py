@@ -114,16 +114,16 @@ def drive_gains(
         raise InputError("the width must be positive", value=width)
     if shape[0] < 16:
         raise InputError("too few samples for drive gains", value=shape[0], limit="at least 16")
-    rows, warnings = np.empty((len(names), 5)), list[Finding]()
+    rows, lost = np.empty((len(names), 5)), dict[str, str]()
     for j, name in enumerate(names):
         columns = np.stack([moment[:, j], np.tanh(velocity[:, j] / width), velocity[:, j]])
         rows[j], reason = _joint(columns, current[:, j], rate_hz)
         if reason:
-            warnings.append(Finding("low_excitation", f"no drive gain for {name}: {reason}"))
+            lost[name] = reason
     if np.isnan(rows[:, 0]).all():
         raise JobError(
             "no joint's drive gain can be told from this recording",
-            value=warnings[0].message,
+            value="; ".join(f"{name}: {reason}" for name, reason in lost.items()),
             next_step="Record a motion that loads and accelerates every joint.",
         )
     return DriveGains(
@@ -133,7 +133,10 @@ def drive_gains(
         viscous=rows[:, 3],
         r2=rows[:, 4],
         samples=shape[0],
-        warnings=tuple(warnings),
+        warnings=tuple(
+            Finding("low_excitation", f"no drive gain for {name}: {reason}")
+            for name, reason in lost.items()
+        ),
     )
 
 

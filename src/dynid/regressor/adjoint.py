@@ -35,6 +35,7 @@ from dynid.regressor.inertial import (
     force_cross,
     momentum,
     motion_cross,
+    outward,
     plus,
     read,
     to_child,
@@ -88,26 +89,10 @@ def regressor_pullback(
     for block in range((samples + LANES - 1) // LANES):
         # The last lanes overlap the ones before: a few samples are written twice, alike.
         first = min(block * LANES, samples - LANES)
+        outward(geom, screw, grav, turn, state, first, pose, vel, acc)
         for i in range(n):
-            g = geom[i]
             s = (screw[i, 0], screw[i, 1], screw[i, 2], screw[i, 3], screw[i, 4], screw[i, 5])
             for x in range(LANES):
-                c, sn, qx = turn[0, i, first + x], turn[1, i, first + x], state[0, i, first + x]
-                for r in range(9):
-                    pose[i, r, x] = g[r] + g[9 + r] * c + g[18 + r] * sn
-                for r in range(3):
-                    pose[i, 9 + r, x] = g[27 + r] + g[30 + r] * c + g[33 + r] * sn + g[36 + r] * qx
-            for x in range(LANES):
-                v = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-                a = (0.0, 0.0, 0.0, -grav[0], -grav[1], -grav[2])
-                if i > 0:
-                    v = read(vel[i - 1], x)
-                    a = read(acc[i - 1], x)
-                speed = state[1, i, first + x]
-                v = plus(to_child(pose[i], x, v), s, speed)
-                a = plus(to_child(pose[i], x, a), s, state[2, i, first + x])
-                write(vel[i], x, v)
-                write(acc[i], x, plus(a, motion_cross(v, s), speed))
                 write(screws[i, i], x, s)
             for k in range(i):
                 for x in range(LANES):
@@ -271,31 +256,14 @@ def torque_pullback(
     for block in range((samples + LANES - 1) // LANES):
         # The last lanes overlap the ones before: a few samples are written twice, alike.
         first = min(block * LANES, samples - LANES)
+        outward(geom, screw, grav, turn, state, first, pose, vel, acc)
         for i in range(n):
-            g = geom[i]
             s = (screw[i, 0], screw[i, 1], screw[i, 2], screw[i, 3], screw[i, 4], screw[i, 5])
             for x in range(LANES):
-                c, sn, qx = turn[0, i, first + x], turn[1, i, first + x], state[0, i, first + x]
-                for r in range(9):
-                    pose[i, r, x] = g[r] + g[9 + r] * c + g[18 + r] * sn
-                for r in range(3):
-                    pose[i, 9 + r, x] = g[27 + r] + g[30 + r] * c + g[33 + r] * sn + g[36 + r] * qx
-            for x in range(LANES):
-                v = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-                a = (0.0, 0.0, 0.0, -grav[0], -grav[1], -grav[2])
                 nu = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
                 if i > 0:
-                    v = read(vel[i - 1], x)
-                    a = read(acc[i - 1], x)
                     nu = read(vir[i - 1], x)
-                speed = state[1, i, first + x]
-                v = plus(to_child(pose[i], x, v), s, speed)
-                a = plus(to_child(pose[i], x, a), s, state[2, i, first + x])
-                a = plus(a, motion_cross(v, s), speed)
-                nu = plus(to_child(pose[i], x, nu), s, multipliers[i, first + x])
-                write(vel[i], x, v)
-                write(acc[i], x, a)
-                write(vir[i], x, nu)
+                write(vir[i], x, plus(to_child(pose[i], x, nu), s, multipliers[i, first + x]))
         adjoint[:] = 0.0
         for k in range(n):
             i = n - 1 - k

@@ -304,6 +304,53 @@ def column_kernel(
                             out[place, first + x] = o[c, x]
 
 
+@njit(fastmath=True, boundscheck=False, error_model="numpy")
+def outward(
+    geom: Array,
+    screw: Array,
+    grav: Array,
+    turn: Array,
+    state: Array,
+    first: int,
+    pose: Array,
+    vel: Array,
+    acc: Array,
+) -> None:
+    """Placements, velocities and accelerations of all links, from the base on.
+
+    Args:
+        geom: (n, 39), see `ChainConstants`.
+        screw: (n, 6).
+        grav: (3).
+        turn: (2, n, N) cosine and sine of q.
+        state: (3, n, N) q, dq, ddq.
+        first: The first of `LANES` samples.
+        pose: (n, 12, LANES) each link in the one before, written over.
+        vel: (n, 6, LANES) velocities in the links' frames, written over.
+        acc: (n, 6, LANES) accelerations, gravity included, written over.
+    """
+    for i in range(len(geom)):
+        g = geom[i]
+        s = (screw[i, 0], screw[i, 1], screw[i, 2], screw[i, 3], screw[i, 4], screw[i, 5])
+        for x in range(LANES):
+            c, sn, qx = turn[0, i, first + x], turn[1, i, first + x], state[0, i, first + x]
+            for r in range(9):
+                pose[i, r, x] = g[r] + g[9 + r] * c + g[18 + r] * sn
+            for r in range(3):
+                pose[i, 9 + r, x] = g[27 + r] + g[30 + r] * c + g[33 + r] * sn + g[36 + r] * qx
+        for x in range(LANES):
+            v = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+            a = (0.0, 0.0, 0.0, -grav[0], -grav[1], -grav[2])
+            if i > 0:
+                v = read(vel[i - 1], x)
+                a = read(acc[i - 1], x)
+            speed = state[1, i, first + x]
+            v = plus(to_child(pose[i], x, v), s, speed)
+            a = plus(to_child(pose[i], x, a), s, state[2, i, first + x])
+            write(vel[i], x, v)
+            write(acc[i], x, plus(a, motion_cross(v, s), speed))
+
+
 @njit(cache=True, fastmath=True, boundscheck=False, error_model="numpy")
 def torque_kernel(
     geom: Array,
@@ -335,26 +382,7 @@ def torque_kernel(
     for block in range((samples + LANES - 1) // LANES):
         # The last lanes overlap the ones before: a few samples are written twice, alike.
         first = min(block * LANES, samples - LANES)
-        for i in range(n):
-            g = geom[i]
-            s = (screw[i, 0], screw[i, 1], screw[i, 2], screw[i, 3], screw[i, 4], screw[i, 5])
-            for x in range(LANES):
-                c, sn, qx = turn[0, i, first + x], turn[1, i, first + x], state[0, i, first + x]
-                for r in range(9):
-                    pose[i, r, x] = g[r] + g[9 + r] * c + g[18 + r] * sn
-                for r in range(3):
-                    pose[i, 9 + r, x] = g[27 + r] + g[30 + r] * c + g[33 + r] * sn + g[36 + r] * qx
-            for x in range(LANES):
-                v = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-                a = (0.0, 0.0, 0.0, -grav[0], -grav[1], -grav[2])
-                if i > 0:
-                    v = read(vel[i - 1], x)
-                    a = read(acc[i - 1], x)
-                speed = state[1, i, first + x]
-                v = plus(to_child(pose[i], x, v), s, speed)
-                a = plus(to_child(pose[i], x, a), s, state[2, i, first + x])
-                write(vel[i], x, v)
-                write(acc[i], x, plus(a, motion_cross(v, s), speed))
+        outward(geom, screw, grav, turn, state, first, pose, vel, acc)
         carried[:] = 0.0
         for k in range(n):
             i = n - 1 - k

@@ -25,6 +25,7 @@ from dynid.studio.opening import (
     open_motion,
 )
 from dynid.studio.scene_editing import SceneEditor
+from dynid.workflow import truth_path
 
 LONGEST = 120
 
@@ -49,14 +50,14 @@ def file_in(folder: Path, name: str, suffix: str) -> Path:
 
 
 def free_name(folder: Path, name: str) -> str:
-    """A name that no file of the folder has: what is there is overwritten only when typed.
+    """A name that no file of the folder has, nor the truth beside a simulated recording.
 
     Args:
         folder: The studio's folder.
         name: What is wished, such as `design.json`; `design_2.json` comes after it.
     """
     wished, free, count = Path(name), name, 1
-    while (folder / free).exists():
+    while (folder / free).exists() or truth_path(folder / free).exists():
         count += 1
         free = f"{wished.stem}_{count}{wished.suffix}"
     return free

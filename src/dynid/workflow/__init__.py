@@ -26,7 +26,7 @@ from dynid.workflow.identify import Identification, identify
 from dynid.workflow.payload import identify_gains, identify_gains_from_payload, identify_payload
 from dynid.workflow.recordings import ImportOptions, import_recording, open_records
 from dynid.workflow.reporting import report
-from dynid.workflow.run_settings import RunSettings, parse_thermal
+from dynid.workflow.run_settings import RunSettings, parse_thermal, truth_path
 from dynid.workflow.running import Run, run_design, simulate_recording
 from dynid.workflow.shared_inertias import SharedIdentification, identify_shared
 from dynid.workflow.temperature import (
@@ -95,6 +95,7 @@ __all__ = [
     "run_design",
     "run_until",
     "simulate_recording",
+    "truth_path",
     "validate_files",
     "verdict",
     "write_design",
