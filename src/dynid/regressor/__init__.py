@@ -16,12 +16,12 @@ from dynid.regressor.friction import (
     ripples_from_json,
 )
 from dynid.regressor.inertial import (
-    LANES,
     Places,
     inertial_rows,
     turns,
 )
 from dynid.regressor.model import CHUNK, INERTIAL, InverseDynamicModel
+from dynid.regressor.spatial import LANES
 from dynid.regressor.terms import (
     TERMS,
     FrictionTerms,

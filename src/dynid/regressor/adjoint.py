@@ -27,11 +27,11 @@ import numpy as np
 from numba import njit
 
 from dynid.core import Array, InputError
-from dynid.regressor.inertial import (
+from dynid.regressor.inertial import Places, every_row, turns
+from dynid.regressor.model import InverseDynamicModel
+from dynid.regressor.spatial import (
     LANES,
-    Places,
     dot,
-    every_row,
     force_cross,
     momentum,
     motion_cross,
@@ -40,10 +40,8 @@ from dynid.regressor.inertial import (
     read,
     to_child,
     to_parent,
-    turns,
     write,
 )
-from dynid.regressor.model import InverseDynamicModel
 
 
 @njit(cache=True, fastmath=True, boundscheck=False, error_model="numpy")

@@ -10,13 +10,13 @@ from dynid.core import Array, InputError, read_only
 from dynid.regressor.columns import Column, ColumnBlock, column_blocks, coupled_motors, smooth_sign
 from dynid.regressor.friction import friction_state
 from dynid.regressor.inertial import (
-    LANES,
     ChainConstants,
     chain_constants,
     inertial_columns,
     torque_kernel,
     turns,
 )
+from dynid.regressor.spatial import LANES
 from dynid.regressor.terms import FrictionTerms
 from dynid.robot import RobotModel
 
