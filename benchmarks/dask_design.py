@@ -33,7 +33,7 @@ def main() -> None:
     alone_s, alone = run(plain)
     used = resource.getrusage(resource.RUSAGE_SELF).ru_utime - own.ru_utime
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
+        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
     ) as cluster:
         on_cluster = replace(plain, dask=cluster.scheduler_address)
         # Workers import and compile once.

@@ -41,8 +41,9 @@ def fatal(folder: str) -> int:
 def cluster() -> Generator[Any]:
     """The address of a scheduler of two workers in processes of their own."""
     distributed: Any = pytest.importorskip("distributed")
+    # Port 0: with None the scheduler still asks for 8787, and warns where that is taken.
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None
+        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
     ) as found:
         yield found
 
