@@ -33,7 +33,7 @@ $(DEV): $(USER)
 	@touch $@
 
 demo: install
-	$(BIN)/dynid demo -o runs/demo
+	$(BIN)/dynid demo -o runs/demo --force
 
 test: lint types floors unit
 

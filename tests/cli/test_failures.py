@@ -75,17 +75,22 @@ def test_an_interrupt_while_writing_leaves_the_old_file(
     assert target.read_text() == "old"
 
 
-@pytest.mark.parametrize("command", ["import", "design", "identify", "validate"])
+@pytest.mark.parametrize(
+    "command", ["import", "design", "identify", "validate", "export", "report"]
+)
 def test_no_result_is_replaced_unasked(
     run: Run, recordings: Recordings, tmp_path: Path, command: str
 ) -> None:
-    target = tmp_path / ("old.parquet" if command == "import" else "old.json")
+    endings = {"import": "parquet", "export": "py", "report": "html"}
+    target = tmp_path / f"old.{endings.get(command, 'json')}"
     target.write_text("old")
     words: dict[str, list[str | Path]] = {
         "import": [recordings.csv, "--robot", "ur5"],
         "design": ["ur5", "--starts", "1"],
         "identify": [recordings.identification, "--preset", "paper"],
         "validate": [recordings.estimate, recordings.validation, "--refit", "friction"],
+        "export": [recordings.estimate, "--to", "python"],
+        "report": [recordings.estimate.parent],
     }
     outcome = run(command, *words[command], "-o", target)
     assert outcome.code == 2
@@ -94,6 +99,22 @@ def test_no_result_is_replaced_unasked(
     if command != "design":
         assert run(command, *words[command], "-o", target, "--force").code == 0
         assert target.read_bytes() != b"old"
+
+
+def test_a_demo_and_figures_replace_nothing_unasked(
+    run: Run, recordings: Recordings, tmp_path: Path
+) -> None:
+    (tmp_path / "warm_validation.parquet").write_text("old")
+    outcome = run("demo", "-o", tmp_path, "--quick")
+    assert outcome.code == 2
+    assert "--force" in outcome.err
+    words = ("report", recordings.estimate.parent, "--figures", tmp_path / "figures", "-o")
+    assert run(*words, tmp_path / "a.html").code == 0
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    outcome = run(*words, tmp_path / "b.html")
+    assert outcome.code == 2
+    assert "--force" in outcome.err
+    assert before.items() <= {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}.items()
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])

@@ -187,7 +187,7 @@ def test_the_command_says_what_is_not_physical(
     told = json.loads(capsys.readouterr().out)
     assert [warning["code"] for warning in told["warnings"]] == ["not_physical"]
     assert told["left_out"] == ["motor inertias"]
-    assert main(["export", str(path), "--to", "mjcf", "-o", str(out)]) == 1
+    assert main(["export", str(path), "--to", "mjcf", "-o", str(out), "--force"]) == 1
     assert "not physical" in capsys.readouterr().err
 
 
@@ -201,7 +201,8 @@ def test_the_command_says_when_much_friction_is_left_out(
         parameters[-2:] = size
         write_estimate(estimate_of(UR5, parameters, terms), path)
         for to in ("mjcf", "c"):
-            assert main(["export", str(path), "--to", to, "-o", str(out), "--json"]) == 0
+            words = ["export", str(path), "--to", to, "-o", str(out), "--json", "--force"]
+            assert main(words) == 0
             told = json.loads(capsys.readouterr().out)
             assert [one["code"] for one in told["warnings"]] == (codes if to == "mjcf" else [])
             assert told["left_out"] == (["torque ripple of gears"] if to == "mjcf" else [])

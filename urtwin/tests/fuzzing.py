@@ -18,6 +18,10 @@ from rtde_client import RtdeClient, ask_dashboard
 from urtwin import controller_process
 
 STEP_ERROR = 1e-12
+SCRIPT_PORTS = (30001, 30002, 30003)
+PAUSE_S = 0.1
+PATIENCE_S = 5.0
+"""How long the controller may leave a connection open whose sender has ended."""
 DASHBOARD = (
     *("load x.urp", "load \0.urp", "load /programs/../../etc/passwd", "play", "pause", "stop"),
     *("power on", "power off", "brake release", "robotmode", "popup \0", "addToLog x", "running"),
@@ -82,7 +86,7 @@ def packet(random_: random.Random) -> bytes:
     return struct.pack(">HB", length, random_.choice(b"VvSPIOUM\0\xff")) + payload
 
 
-def attack(host: str, lines: int, seed: int) -> int:
+def attack(host: str, lines: int, seed: int, pause_s: float = 0.0) -> int:
     """Send so many lines, scripts and packets; how many connections the controller ended."""
     random_, ended = random.Random(seed), 0
     ports = {29999: 8, 30001: 3, 30002: 3, 30003: 3, 30004: 8, 30020: 4, 30011: 1}
@@ -107,7 +111,21 @@ def attack(host: str, lines: int, seed: int) -> int:
                 except OSError:
                     ended += 1
                     break
+            drained(sock)
+        if port in SCRIPT_PORTS and pause_s:
+            # What came last is compiled and runs for a while, on a robot that is switched on.
+            ask_dashboard(host, "close safety popup", "power on", "brake release")
+            time.sleep(pause_s)
     return ended
+
+
+def drained(sock: socket.socket) -> None:
+    """Read until the controller has taken everything: what a closed socket holds would be lost."""
+    with contextlib.suppress(OSError):
+        sock.shutdown(socket.SHUT_WR)
+        sock.settimeout(PATIENCE_S)
+        while sock.recv(65536):
+            pass
 
 
 class GoodClient:
@@ -141,11 +159,13 @@ class GoodClient:
         return int(np.sum(np.round(steps) - 1)) + int(np.sum(np.abs(steps % 1.0 - 0.5) < 0.4))
 
 
-def run(lines: int, rate_hz: float, seed: int) -> tuple[int, int, list[str], str]:
+def run(
+    lines: int, rate_hz: float, seed: int, pause_s: float = 0.0
+) -> tuple[int, int, list[str], str]:
     """Packages received and missed, what the dashboard answers afterwards, and the log."""
     with controller_process("ur5", rate_hz=rate_hz, seed=seed) as controller:
         good = GoodClient(controller.host)
-        attack(controller.host, lines, seed)
+        attack(controller.host, lines, seed, pause_s)
         answers = ask_dashboard(controller.host, "load \0.urp", "robotmode")
         time.sleep(0.2)
         missed = good.missing(1.0 / rate_hz)
@@ -159,7 +179,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
     begun = time.monotonic()
-    received, missed, answers, log = run(asked.lines, asked.rate, asked.seed)
+    received, missed, answers, log = run(asked.lines, asked.rate, asked.seed, PAUSE_S)
     faults = [line for line in log.splitlines() if "internal fault" in line]
     print(*sorted(set(faults)), sep="\n")
     print(

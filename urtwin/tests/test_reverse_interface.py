@@ -300,3 +300,28 @@ def test_a_reader_that_gets_nothing_does_not_hold_the_others_up(machine):
     )
     finish(machine)
     assert "done" in said(machine)
+
+
+def test_connecting_takes_longer_than_a_thread_that_accepts(machine, driver):
+    port = driver.listeners[0].getsockname()[1]
+    machine.run_script(f'def f():\n textmsg(socket_open("127.0.0.1", {port}))\nend\n')
+    begin = machine.core.now
+    while "True" not in said(machine):
+        machine.tick()
+    assert 0.01 <= machine.core.now - begin < 0.05
+
+
+def test_cycles_that_are_caught_up_count_as_no_waiting(machine, driver):
+    port = driver.listeners[0].getsockname()[1]
+    machine.run_script(
+        f'def f():\n socket_open("127.0.0.1", {port})\n'
+        ' textmsg(socket_read_binary_integer(1, "socket_0", 0.02)[0])\nend\n'
+    )
+    machine.tick()
+    machine.core.network.late = True
+    for _ in range(50):
+        machine.tick()
+    assert "0" not in said(machine)
+    machine.core.network.late = False
+    finish(machine, 0.1)
+    assert "0" in said(machine)

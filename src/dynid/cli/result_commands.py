@@ -10,6 +10,7 @@ import typer
 
 from dynid.cli.options import (
     DaskOption,
+    ForceFlag,
     JobsOption,
     JsonFlag,
     RobotOption,
@@ -47,13 +48,14 @@ def _export(
         Path, typer.Option("-o", "--output", metavar="FILE", help="Where the model goes.")
     ],
     at: TemperatureOption = None,
+    force: ForceFlag = False,
     json: JsonFlag = False,
 ) -> None:
     """A model that other programs load, checked by loading it."""
     from dynid.cli.output import check_output, console, number, print_json, print_notices
     from dynid.workflow import check_suffix, export_file
 
-    check_output(output, [estimate])
+    check_output(output, [estimate], force=force)
     check_suffix(to, output)
     result = export_file(estimate, to, output, at_degC=at)
     if json:
@@ -99,6 +101,7 @@ def _report(
     png: Annotated[
         bool, typer.Option("--png", help="With --figures: PNG too; needs the extra figures.")
     ] = False,
+    force: ForceFlag = False,
     json: JsonFlag = False,
 ) -> None:
     """One self-contained page, with the verdict first."""
@@ -107,7 +110,7 @@ def _report(
     from dynid.report import write_figures
     from dynid.workflow import report
 
-    check_output(output, suffix=".html")
+    check_output(output, suffix=".html", force=force)
     if png:
         if figures is None:
             raise InputError(
@@ -116,7 +119,7 @@ def _report(
         require("resvg_py", "figures")
     with progress_bar("report") as progress:
         path, contents = report(directory, output, progress=progress)
-        drawn = () if figures is None else write_figures(contents, figures, png=png)
+        drawn = () if figures is None else write_figures(contents, figures, png=png, force=force)
     if json:
         print_json(
             {
@@ -416,6 +419,7 @@ def _demo(
             help="One repetition of each motion, not three, and a shorter search for them.",
         ),
     ] = False,
+    force: ForceFlag = False,
     json: JsonFlag = False,
 ) -> None:
     """The whole paper on the simulated UR5, cold and warm."""
@@ -430,7 +434,7 @@ def _demo(
     from dynid.workflow import run_demo, verdict
 
     with progress_bar("demo") as progress:
-        demo = run_demo(output, quick=quick, progress=progress)
+        demo = run_demo(output, quick=quick, force=force, progress=progress)
     if json:
         print_json(demo.to_json())
         return

@@ -7,7 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from dynid.core import InputError, cannot_write, require, write_text
+from dynid.core import InputError, cannot_write, require, require_absent, write_text
 from dynid.figures import (
     Figure,
     file_name,
@@ -58,7 +58,7 @@ def report_figures(contents: ReportContents) -> tuple[Figure, ...]:
 
 
 def write_figures(
-    contents: ReportContents, folder: str | Path, *, png: bool = False
+    contents: ReportContents, folder: str | Path, *, png: bool = False, force: bool = True
 ) -> tuple[Path, ...]:
     """Write each figure of a report as a file.
 
@@ -66,9 +66,10 @@ def write_figures(
         contents: What the report is about.
         folder: Where; it is made.
         png: PNG beside SVG; needs the extra `figures`.
+        force: Whether figures that stand there are replaced.
 
     Raises:
-        InputError: A place where no such files can be.
+        InputError: A place where no such files can be, or where one is.
         JobError: The disk does not take them.
         MissingExtraError: PNG without the extra.
     """
@@ -79,12 +80,14 @@ def write_figures(
         target.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise cannot_write(target, error) from error
-    written: list[Path] = []
-    for k, figure in enumerate(report_figures(contents), start=1):
-        name = f"{k:02d}-{file_name(figure.title)}"
-        endings = (".svg", ".png") if png else (".svg",)
-        written += [write_figure(figure, target / f"{name}{ending}") for ending in endings]
-    return tuple(written)
+    endings = (".svg", ".png") if png else (".svg",)
+    places = [
+        (figure, target / f"{k:02d}-{file_name(figure.title)}{ending}")
+        for k, figure in enumerate(report_figures(contents), start=1)
+        for ending in endings
+    ]
+    require_absent(*(path for _, path in places), force=force)
+    return tuple(write_figure(figure, path) for figure, path in places)
 
 
 def render(contents: ReportContents) -> str:

@@ -79,7 +79,9 @@ class Page:
             "answer": self._answer,
             "stop": lambda _: self._stop(),
             "results": lambda _: self._results(None),
-            "report": lambda _: self._results(self.session.folder / "report.html"),
+            "report": lambda _: self._results(
+                self.session.folder / free_name(self.session.folder, "report.html")
+            ),
             "export": self._export,
         }
 

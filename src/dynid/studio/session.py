@@ -266,11 +266,17 @@ class Session:
         """Start a job.
 
         Raises:
-            InputError: Another one is still there.
+            InputError: Another one is still there, or a file stands where its result goes.
             JobError: It cannot be started.
         """
         with self.lock:
             self.check_idle()
+            if Path(job.output).exists():
+                raise InputError(
+                    "the file exists, and nothing is replaced",
+                    where=Path(job.output).name,
+                    next_step="Name another file.",
+                )
             self.job = Supervisor(job)
             return self.job
 

@@ -16,7 +16,16 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import InputError, JobError, Progress, require, silent, told, write_json
+from dynid.core import (
+    InputError,
+    JobError,
+    Progress,
+    require,
+    require_absent,
+    silent,
+    told,
+    write_json,
+)
 from dynid.excitation import ExcitationDesign
 from dynid.identification import write_estimate
 from dynid.recording import ExperimentRecord, read_record
@@ -317,7 +326,11 @@ class Demo:
 
 
 def run_demo(
-    directory: str | Path, *, quick: bool = False, progress: Progress | None = None
+    directory: str | Path,
+    *,
+    quick: bool = False,
+    force: bool = False,
+    progress: Progress | None = None,
 ) -> Demo:
     """The paper from end to end on the simulated UR5.
 
@@ -328,10 +341,11 @@ def run_demo(
     Args:
         directory: Where the files go; it is made.
         quick: One repetition of the motions in place of three, and a shorter search for them.
+        force: Whether the files of an earlier demo are replaced.
         progress: Told what is being done and how far it is (0 to 1).
 
     Raises:
-        InputError: The directory cannot be made or written to.
+        InputError: The directory cannot be made or written to, or holds such files.
         JobError: No motion was found, a run was stopped, the problem is singular, or a file
             cannot be written.
         MissingExtraError: MuJoCo is not installed.
@@ -341,6 +355,7 @@ def run_demo(
     require("mujoco", "sim")
     tell: Progress = progress or silent
     folder = _directory(directory)
+    require_absent(*(folder / name for name in _names()), force=force)
     robot = load_robot(ROBOT)
     tell("analyze the UR5", 0.0)
     analysis = analyze(robot)
@@ -378,6 +393,15 @@ def run_demo(
     )
     write_json(folder / "demo.json", demo.to_json())
     return demo
+
+
+def _names() -> Generator[str]:
+    """The files of a demo, but for the truths beside its recordings."""
+    yield from (f"{name}.json" for name, _ in PURPOSES)
+    for thermal in THERMAL:
+        yield from (f"{thermal}_{what}.parquet" for what in ("identification", "validation"))
+    yield from (f"{name}.json" for _, _, name in ESTIMATES)
+    yield from ("report.html", "demo.json")
 
 
 def _directory(directory: str | Path) -> Path:

@@ -125,6 +125,8 @@ class Network:
         """Whether a thread has waited for a socket in this cycle."""
         self.reads = 0
         """What threads have got from sockets in this cycle."""
+        self.late = False
+        """Whether this cycle is one of several that are caught up."""
         self._links: dict[str, Link] = {}
 
     def open(self, name: str, host: str, port: int) -> Link | str:

@@ -30,6 +30,9 @@ from urtwin.urscript import (
 T = TypeVar("T")
 Waiting = Generator[str | None, None, T]
 _NAME, _TIMEOUT_S, _CONNECT_S = "socket_0", 2.0, 2.0
+_OPENING_S = 0.01
+"""How long it takes to connect, at least: a driver accepts each socket in a thread of its own, and
+what it sends before that thread was there is lost."""
 _WEIGHT, _MOST = 100, 255
 _INT = 4
 _READS = 16
@@ -45,28 +48,33 @@ def _open(core: Core, address: Value, port: Value, socket_name: Value = _NAME) -
         yield BACK
         return False
     name = shown(socket_name)
-    done = yield from _until(core, name, _CONNECT_S, lambda found: found.open or None)
+    least = math.ceil(_OPENING_S / core.arm.cycle)
+    done = yield from _until(core, name, _CONNECT_S, lambda found: found.open or None, least)
     if done is None:
         core.network.close(name)
     return done is not None
 
 
 def _until(
-    core: Core, name: str, timeout: float, take: Callable[[Link], T | None]
+    core: Core, name: str, timeout: float, take: Callable[[Link], T | None], least: int = 0
 ) -> Waiting[T | None]:
-    """What a socket gives, once it does; None when the time is over or the socket closed."""
+    """What a socket gives, once it does; None when the time is over or the socket closed.
+
+    The time is counted in control cycles, but for those that are caught up: nobody could have
+    answered between them.
+    """
     cycles = timeout / core.arm.cycle if timeout > 0 else math.inf
-    waited = 0
+    waited, asked = 0, False
     while True:
         link = core.network.link(name)
-        found = None if link is None else take(link)
+        found = None if link is None or waited < least else take(link)
         over = link is None or not (link.open or link.opening) or waited >= cycles
-        if found is not None or (over and waited):
+        if found is not None or (over and asked):
             break
-        waited += 1
-        core.network.listening = True
+        core.network.listening = asked = True
         yield LISTENING
-    if waited:
+        waited += not core.network.late
+    if asked:
         yield BACK
     core.network.reads += 1
     if core.network.reads > _READS:

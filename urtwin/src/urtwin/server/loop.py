@@ -363,7 +363,10 @@ class ControllerServer:
                     self._run_compiled()
 
     def _cycle(self, now: float) -> None:
+        network = self._machine.core.network
+        network.late = False
         if self._virtual is None or not self._started():
+            network.late = self.pace.wait(now) < -self._machine.cycle
             self.pace.advance(now)
         else:
             self.pace.restart(now)
