@@ -1,98 +1,86 @@
-"""mujoco.sysid of MuJoCo 4.0: forward rollouts of short windows, Gauss-Newton."""
+"""mujoco.sysid of MuJoCo 4.0: its parameters and optimiser on torques, by inverse dynamics."""
 
 import mujoco
 import numpy as np
 from mujoco import sysid
 from plain_pinocchio import motion
 
-WINDOWS, WINDOW_S, STEP_S, ITERATIONS, CUTOFF_HZ = 24, 0.25, 0.002, 10, 8
-
-
-def specification(urdf, gravity):
-    """The arm with a motor and two sensors a joint."""
-    spec = mujoco.MjSpec.from_file(urdf)
-    spec.option.gravity, spec.option.timestep = gravity, STEP_S
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
-    for joint in spec.joints:
-        joint.actfrclimited = False
-        motor = spec.add_actuator(name=f"m_{joint.name}", target=joint.name)
-        motor.trntype = mujoco.mjtTrn.mjTRN_JOINT
-        for word in ("JOINTPOS", "JOINTVEL"):
-            spec.add_sensor(
-                name=f"{word}_{joint.name}",
-                type=getattr(mujoco.mjtSensor, f"mjSENS_{word}"),
-                objtype=mujoco.mjtObj.mjOBJ_JOINT,
-                objname=joint.name,
-            )
-    return spec
+FEW, MANY, ITERATIONS = 300, 1000, 15
 
 
 def set_inertia(name):
-    """mujoco.sysid leaves a NaN orientation, which MuJoCo 4.0 does not compile."""
+    """mujoco.sysid's own compiles a model for each link, and leaves a NaN orientation."""
 
     def modify(spec, parameter):
-        sysid.apply_body_inertia(spec, name, parameter)
-        spec.body(name).iquat = [1, 0, 0, 0]
+        found = sysid.model_modifier.pi_from_theta(parameter.value)
+        body, mass, com = spec.body(name), found[0], found[1:4] / found[0]
+        tensor = found[4:].reshape(3, 3) - mass * (com @ com * np.eye(3) - np.outer(com, com))
+        body.explicitinertial, body.mass, body.ipos = True, mass, com
+        body.inertia, body.iquat = [0, 0, 0], [1, 0, 0, 0]
+        body.fullinertia = tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
     return modify
 
 
-def parameters(spec, model, scale):
-    """Pseudo-inertia of each link; armature, damping and friction loss of each joint."""
-    found = sysid.ParameterDict()
+def parameters(spec, size):
+    """Pseudo-inertia of each link; armature, damping, friction loss and offset of each joint."""
+    model, found = spec.compile(), sysid.ParameterDict()
     for body in list(spec.bodies)[1:]:
         if body.name.startswith("link"):
-            kind = sysid.InertiaType.Pseudo
-            found.add(
-                sysid.body_inertia_param(
-                    spec, model, body.name, inertia_type=kind, modifier=set_inertia(body.name)
-                )
-            )
+            kind, modify = sysid.InertiaType.Pseudo, set_inertia(body.name)
+            found.add(sysid.body_inertia_param(spec, model, body.name, kind, modifier=modify))
     for j, joint in enumerate(spec.joints):
         for field, share in (("armature", 0.01), ("damping", 0.1), ("frictionloss", 0.1)):
-            start = share * scale[j]
 
             def modify(s, p, name=joint.name, field=field):
                 value = float(p.value[0])
                 s.joint(name).__setattr__(field, value if field != "damping" else [value, 0, 0])
 
-            name = f"{joint.name}_{field}"
+            name, start = f"{joint.name}_{field}", share * size[j]
             found.add(sysid.Parameter(name, start, 0.0, 20 * start, modifier=modify))
+    found.add(sysid.Parameter("offset", 0 * size, -size, size, modifier=lambda s, p: None))
     return found
 
 
-def run(urdf, gravity, q, tau, rate, q_test, rate_test):
-    """Windows spread over the recording; torques of the test by MuJoCo's inverse dynamics."""
-    spec = specification(urdf, gravity)
-    model = spec.compile()
-    q_s, dq_s, _ = motion(q, rate, CUTOFF_HZ)
-    steps = round(WINDOW_S / STEP_S)
-    data, windows = mujoco.MjData(model), []
-    for start in np.linspace(0.5, len(q) / rate - WINDOW_S - 0.5, WINDOWS):
-        t = start + STEP_S * np.arange(steps + 1)
-        clock = np.arange(len(q)) / rate
-
-        def at(values, t=t, clock=clock):
-            return np.column_stack([np.interp(t, clock, column) for column in values.T])
-
-        now_q, now_dq = at(q_s), at(dq_s)
-        data.qpos[:], data.qvel[:] = now_q[0], now_dq[0]
-        state = sysid.create_initial_state(model, data.qpos, data.qvel, data.act)
-        rows = np.stack([now_q, now_dq], axis=2).reshape(len(t), -1)
-        control = sysid.TimeSeries(t - start, at(tau))
-        sensor = sysid.TimeSeries.from_names(t - start, rows, model)
-        windows.append((f"window {start:.2f} s", state, control, sensor))
-    first = parameters(spec, model, np.abs(tau).max(axis=0))
-    residual = sysid.build_residual_fn(
-        models_sequences=[sysid.ModelSequences("arm", spec, *zip(*windows, strict=True))]
-    )
-    found, _ = sysid.optimize(first, residual, max_iters=ITERATIONS, verbose=False)
-    sysid.apply_param_modifiers_spec(found, spec)
-    model = spec.compile()
-    data, out = mujoco.MjData(model), np.empty_like(q_test)
-    for k, (a, b, c) in enumerate(zip(*motion(q_test, rate_test, CUTOFF_HZ), strict=True)):
-        data.qpos[:], data.qvel[:], data.qacc[:] = a, b, c
+def torques(spec, parameters, path):
+    """Inverse dynamics along a motion."""
+    model = sysid.apply_param_modifiers(parameters, spec)
+    data, out = mujoco.MjData(model), np.empty_like(path[0])
+    for k, (q, dq, ddq) in enumerate(zip(*path, strict=True)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
         mujoco.mj_inverse(model, data)
         out[k] = data.qfrc_inverse
-    return out
+    return out + parameters["offset"].value
+
+
+def fit(urdf, gravity, path, tau, count):
+    """The model and parameters that suit samples spread over a recording."""
+    spec = mujoco.MjSpec.from_file(urdf)
+    spec.option.gravity = gravity
+    spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
+    few = np.linspace(0, len(tau) - 1, min(count, len(tau))).astype(int)
+    path, wanted = [x[few] for x in path], tau[few]
+
+    def residual(x, now):
+        columns = []
+        for values in x.reshape(len(x), -1).T:
+            now.update_from_vector(values)
+            columns.append(((torques(spec, now, path) - wanted) / tau.std(axis=0)).ravel())
+        return [np.stack(columns, axis=1).reshape(-1, *x.shape[1:])], None, None
+
+    first = parameters(spec, np.abs(tau).max(axis=0))
+    how = {"optimizer": "scipy_parallel_fd", "max_iters": ITERATIONS, "verbose": False}
+    return spec, sysid.optimize(first, residual, **how)[0]
+
+
+def run(urdf, gravity, q, tau, rate, q_test, rate_test):
+    """Cut-off by the last 30 % of the recording, then a fit to all of it."""
+    errors, cut = {}, round(0.7 * len(q))
+    for cutoff in (2, 4, 8, 16):
+        path = motion(q, rate, cutoff)
+        found = fit(urdf, gravity, [x[:cut] for x in path], tau[:cut], FEW)
+        error = torques(*found, [x[cut:] for x in path]) - tau[cut:]
+        errors[cutoff] = np.linalg.norm(np.sqrt(np.mean(error**2, axis=0)))
+    cutoff = min(errors, key=errors.__getitem__)
+    found = fit(urdf, gravity, motion(q, rate, cutoff), tau, MANY)
+    return torques(*found, motion(q_test, rate_test, cutoff))

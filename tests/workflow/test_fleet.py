@@ -7,6 +7,7 @@ import re
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import fsspec
 import numpy as np
 import pyarrow.parquet as parquet
 import pytest
@@ -15,6 +16,7 @@ import dynid
 from dynid.bench import Plant, motion, plant
 from dynid.cli.app import main
 from dynid.identification import holm, repeated_motions, trend
+from dynid.workflow import identify_files
 
 START = datetime(2026, 1, 5, tzinfo=UTC)
 RATE_HZ, LENGTH_S, DAYS = 100.0, 4.0, 12
@@ -155,6 +157,60 @@ def test_what_recordings_do_not_say_is_told_and_a_manifest_says_it(
     assert (told["computed"], told["cached"], told["findings"]) == (0, 2, [])
     assert told["robots"][0]["robot"] == "r7"
     assert told["robots"][0]["last"] == "2026-02-02T07:00:00+00:00"
+
+
+def test_recordings_in_an_object_store(
+    data: Path, found: dynid.Fleet, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store, days = fsspec.filesystem("memory"), ["2026-01-05", "2026-01-06"]
+    store.rm("/", recursive=True)
+
+    def put(day: str) -> None:
+        path = f"arm a/{day}/excitation.parquet"
+        store.pipe_file(f"/lab/{path}", (data / "recordings" / path).read_bytes())
+
+    for day in days:
+        put(day)
+    store.pipe_file("/lab/.hidden/x.parquet", b"no recording")
+    store.pipe_file(
+        "/lab/manifest.csv", f"file,robot\narm a/{days[0]}/excitation.parquet,r7".encode()
+    )
+    first = dynid.fleet("memory://lab", tmp_path / "out")
+    assert [(one.path[:16], one.robot) for one in first.recordings] == [
+        (f"arm a/{days[1]}", "arm a"),
+        (f"arm a/{days[0]}", "r7"),
+    ]
+    put("2026-01-07")
+    store.pipe_file("/lab/bad.parquet", b"no recording")
+    again = dynid.fleet("memory://lab", tmp_path / "out")
+    assert (again.computed, len(again.recordings)) == (1, 3)
+    assert [name for name, _ in again.skipped] == ["bad.parquet"]
+    same = {one.path: one.statistics.factors for one in found.recordings}
+    for one in again.recordings:
+        np.testing.assert_array_equal(one.statistics.factors, same[one.path])
+    words = ["identify", "--json", "--preset", "paper", "--validate"]
+    records = [f"memory://lab/arm a/{day}/excitation.parquet" for day in days]
+    local = [str(data / "recordings" / url.removeprefix("memory://lab/")) for url in records]
+    assert main([*words, *records]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert main([*words, *local]) == 0
+    assert told["parameters"] == json.loads(capsys.readouterr().out)["parameters"]
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        ("memory://nowhere", "there is nothing below this folder"),
+        ("nostore://lab", "the object store cannot be opened"),
+        ("simplecache::memory://lab", "there is no such folder"),
+        ("memory://lab::file:///etc", "chained URLs are not taken"),
+    ],
+)
+def test_an_object_store_that_holds_nothing(place: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(dynid.InputError, match=words):
+        dynid.fleet(place, tmp_path / "out")
+    with pytest.raises(dynid.InputError):
+        identify_files([f"{place}/run.parquet"])
 
 
 def test_false_alarms_come_at_the_stated_rate() -> None:

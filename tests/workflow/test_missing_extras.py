@@ -18,6 +18,7 @@ EXTRAS = {
     "collision": "coal",
     "sdp": "clarabel",
     "dask": "distributed",
+    "objects": "fsspec",
     "figures": "resvg_py",
     "hdf5": "h5py",
     "excel": "python_calamine",
@@ -65,6 +66,7 @@ def test_every_extra_is_looked_at() -> None:
         (("import", "a.xlsx", "-o", "a.parquet", "--robot", "ur5"), "excel"),
         (("import", "a.csv.zst", "-o", "a.parquet", "--robot", "ur5"), "ros"),
         (("design", "ur5", "-o", "d.json", "--dask", "127.0.0.1:1"), "dask"),
+        (("fleet", "memory://recordings", "-o", "out"), "objects"),
     ],
 )
 def test_a_job_says_which_extra_it_needs_and_leaves_nothing(

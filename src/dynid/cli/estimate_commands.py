@@ -276,7 +276,8 @@ def register_identify(app: typer.Typer) -> None:
 
 def _identify(
     records: Annotated[
-        list[Path], typer.Argument(metavar="RECORD", help="Recordings of one robot.")
+        list[str],
+        typer.Argument(metavar="RECORD", help="Recordings of one robot: paths, or s3://..."),
     ],
     output: Annotated[
         Path | None,
@@ -315,7 +316,7 @@ def _identify(
     start: StartOption = None,
     stop: StopOption = None,
     validation: Annotated[
-        Path | None, typer.Option("--validate", metavar="RECORD", help="Another record to predict.")
+        str | None, typer.Option("--validate", metavar="RECORD", help="Another record to predict.")
     ] = None,
     validation_start: Annotated[
         float | None, typer.Option("--validate-from", metavar="S", help="Start of its window.")
@@ -347,7 +348,7 @@ def _identify(
     )
     if output is not None:
         inputs = [*records, *([] if validation is None else [validation])]
-        check_output(output, inputs=inputs, suffix=".json", force=force)
+        check_output(output, inputs=map(Path, inputs), suffix=".json", force=force)
     with progress_bar("identify") as progress:
         result = identify_files(
             records,

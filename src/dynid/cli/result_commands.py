@@ -152,7 +152,10 @@ def register_fleet(app: typer.Typer) -> None:
 
 def _fleet(
     folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Recordings: ROBOT/DAY/FILE, or a manifest.csv.")
+        str,
+        typer.Argument(
+            metavar="DIR", help="Recordings: ROBOT/DAY/FILE, or a manifest.csv; path or s3://..."
+        ),
     ],
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="DIR", help="Table, page, state and cache.")

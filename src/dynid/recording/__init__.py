@@ -7,6 +7,7 @@ from dynid.recording.formats import content_kind
 from dynid.recording.headers import match_headers
 from dynid.recording.messages import MessageDecoder, MessageError
 from dynid.recording.names import parse_name, says_degrees
+from dynid.recording.objects import StoredObject, is_url, local_files, objects_below
 from dynid.recording.partial import (
     MARK,
     pack,
@@ -49,6 +50,7 @@ __all__ = [
     "RecordMetadata",
     "RecordWriter",
     "RepairSettings",
+    "StoredObject",
     "StoredRecording",
     "Topic",
     "check_channels",
@@ -57,7 +59,10 @@ __all__ = [
     "factor_of",
     "fingerprint",
     "identity",
+    "is_url",
+    "local_files",
     "match_headers",
+    "objects_below",
     "open_stored",
     "pack",
     "parse_columns",

@@ -30,6 +30,7 @@ from dynid.identification import (
     solve_robot,
     trend,
 )
+from dynid.recording import is_url
 from dynid.reduction import BaseParametrization
 from dynid.report import write_fleet_page
 from dynid.workflow.fleet_files import COLUMNS, MANIFEST, FleetRecording, base_of, read_folder
@@ -82,7 +83,7 @@ class FleetSettings:
 class Fleet:
     """What `dynid fleet` found."""
 
-    folder: Path
+    folder: str | Path
     output: Path
     settings: FleetSettings
     recordings: tuple[FleetRecording, ...]
@@ -144,7 +145,8 @@ def fleet(
     recordings that are not in the cache beside the table are computed.
 
     Args:
-        folder: The recordings; how they name robot and time: `read_folder`.
+        folder: The recordings, a path or the URL of an object store; how they name robot and
+            time: `read_folder`.
         output: Folder of the table, the page, the state and the cache.
         settings: How it is judged.
         progress: Told what is being done and how far it is (0 to 1).
@@ -153,8 +155,9 @@ def fleet(
         InputError: No recordings that can be read, or a place where no files can be.
         JobError: A recording or robot that cannot be computed.
     """
-    asked, source, target = settings or FleetSettings(), Path(folder), Path(output)
-    if target.resolve() in (source.resolve(), *source.resolve().parents):
+    asked, target = settings or FleetSettings(), Path(output)
+    held = () if is_url(folder) else (Path(folder).resolve(), *Path(folder).resolve().parents)
+    if target.resolve() in held:
         raise InputError(
             "the output must not hold the recordings",
             where="-o",
@@ -163,7 +166,7 @@ def fleet(
         )
     with workers(asked.jobs, asked.dask) as beside:
         read = read_folder(
-            source,
+            folder,
             target / CACHE,
             model=asked.robot,
             terms=asked.terms,
@@ -173,7 +176,7 @@ def fleet(
     if not read.recordings:
         raise InputError(
             "no recording in the folder can be used",
-            where=str(source),
+            where=str(folder),
             value="; ".join(f"{name}: {why}" for name, why in read.skipped[:3]) or None,
             next_step="dynid import converts foreign recordings; --robot names their robot.",
         )
@@ -196,7 +199,7 @@ def fleet(
         rows += of_table
     judged, tests = judge(joints, asked.false_alarms)
     result = Fleet(
-        folder=source,
+        folder=folder,
         output=target,
         settings=asked,
         recordings=read.recordings,

@@ -7,11 +7,11 @@ import json
 import os
 import re
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
-from pathlib import Path
+from pathlib import Path, PurePath, PurePosixPath
 from typing import Any
 from zipfile import BadZipFile
 
@@ -35,6 +35,7 @@ from dynid.identification import (
     SharedProblem,
     record_statistics,
 )
+from dynid.recording import is_url, local_files, objects_below
 from dynid.reduction import BaseParametrization, reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
 from dynid.robot import load_robot
@@ -70,7 +71,7 @@ class FleetRecording:
     temperature_degC: Array
     """(n) mean joint temperatures; NaN where nobody says."""
     digest: str
-    """SHA-256 of the file."""
+    """SHA-256 of the file; in an object store, of what the store says of it."""
     statistics: RecordStatistics
     computed: bool
     """Whether it was computed now, not taken from the cache."""
@@ -87,7 +88,7 @@ class FleetFolder:
 
 
 def read_folder(
-    folder: Path,
+    folder: str | Path,
     cache: Path,
     *,
     model: str | None,
@@ -102,7 +103,8 @@ def read_folder(
     robot and day from the names of folder and file.
 
     Args:
-        folder: The recordings, `ROBOT/DAY/FILE` or as a manifest says.
+        folder: The recordings, `ROBOT/DAY/FILE` or as a manifest says; a path, or the URL of an
+            object store.
         cache: Where statistics are kept.
         model: The robot model of recordings that name none.
         terms: Friction terms as of `--terms`.
@@ -113,30 +115,27 @@ def read_folder(
         InputError: No such folder, a manifest that cannot be read, or a cache that cannot be
             written.
     """
-    if not folder.is_dir():
-        raise InputError("there is no such folder", where=str(folder))
-    manifest = _manifest(folder / MANIFEST)
-    paths, found = _files(folder, cache.parent), list[FleetRecording]()
+    manifest, files = _looked_into(folder, cache.parent)
+    found = list[FleetRecording]()
     skipped, seen = list[tuple[str, str]](), dict[str, str]()
     waiting: dict[str, tuple[str, str, Mapping[str, str]]] = {}
     try:
         cache.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise cannot_write(cache, error) from error
-    for path in paths:
-        name = path.relative_to(folder).as_posix()
-        row, digest = manifest.get(name, {}), file_hash(path)
+    for name, place, digest in files:
+        row = manifest.get(name, {})
         if digest in seen:
             skipped.append((name, f"the same recording as {seen[digest]}"))
             continue
         seen[digest] = name
         known = _cached(cache / f"{digest}.npz", row.get("model") or model, terms)
         if known is None:
-            waiting[name] = (str(path), digest, row)
+            waiting[name] = (place, digest, row)
         else:
             found.append(_placed(name, digest, known, row, computed=False))
     names = list(waiting)
-    jobs = [(path, row.get("model") or model, terms) for path, _, row in waiting.values()]
+    jobs = [(place, row.get("model") or model, terms) for place, _, row in waiting.values()]
     for number, outcome in each(contribution, jobs, beside, tell=progress, words="recordings"):
         name = names[number]
         _, digest, row = waiting[name]
@@ -163,15 +162,16 @@ def contribution(job: tuple[str, str | None, str]) -> _Contribution | str:
     """The statistics of one file, or why there are none; runs in a worker.
 
     Args:
-        job: The recording; built-in name, URDF or robot file, None for what the recording says;
-            the friction terms.
+        job: The recording, a path or URL; built-in name, URDF or robot file, None for what the
+            recording says; the friction terms.
     """
-    path, model, terms = job
+    place, model, terms = job
     try:
-        reference = stored_robot([path]) if model is None else model
-        base = _base(reference, terms)
-        robot = base.model.robot
-        record, _ = known_gains(open_record(path, robot), robot)
+        with local_files([place]) as (path,):
+            reference = stored_robot([path]) if model is None else model
+            base = _base(reference, terms)
+            robot = base.model.robot
+            record, _ = known_gains(open_record(path, robot), robot)
         with threadpool_limits(limits=1, user_api="blas"):
             samples = process(record, robot, ProcessingSettings(decimate=True))
             problem = IdentificationProblem(base=base, samples=samples)
@@ -258,21 +258,45 @@ def _number(text: str, where: str) -> float:
         ) from error
 
 
-def _files(folder: Path, output: Path) -> list[Path]:
-    """Files that may be recordings, outside the output and without hidden ones."""
-    output = output.resolve()
-    return sorted(
+Manifest = dict[str, dict[str, str]]
+
+
+def _looked_into(
+    folder: str | Path, output: Path
+) -> tuple[Manifest, Iterable[tuple[str, str, str]]]:
+    """The manifest; name, place and digest of files that may be recordings, without the output."""
+    if is_url(folder):
+        objects = objects_below(str(folder))
+        with local_files([one.url for one in objects if one.name == MANIFEST]) as given:
+            manifest = _manifest(Path(given[0])) if given else {}
+        return manifest, [
+            (one.name, one.url, one.state) for one in objects if _may_be(PurePosixPath(one.name))
+        ]
+    root, output = Path(folder), output.resolve()
+    if not root.is_dir():
+        raise InputError("there is no such folder", where=str(folder))
+    paths = sorted(
         path
-        for path in folder.rglob("*")
-        if path.suffix.lower() in SUFFIXES
-        and path.name != MANIFEST
+        for path in root.rglob("*")
+        if _may_be(path.relative_to(root))
         and path.is_file()
-        and not any(part.startswith(".") for part in path.relative_to(folder).parts)
         and output not in path.resolve().parents
+    )
+    return _manifest(root / MANIFEST), (
+        (path.relative_to(root).as_posix(), str(path), file_hash(path)) for path in paths
     )
 
 
-def _manifest(path: Path) -> dict[str, dict[str, str]]:
+def _may_be(path: PurePath) -> bool:
+    """Whether a file below the folder may be a recording: a suffix of one, and not hidden."""
+    return (
+        path.suffix.lower() in SUFFIXES
+        and path.name != MANIFEST
+        and not any(part.startswith(".") for part in path.parts)
+    )
+
+
+def _manifest(path: Path) -> Manifest:
     """Rows of the manifest by file; none without one."""
     if not path.is_file():
         return {}

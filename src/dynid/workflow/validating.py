@@ -23,6 +23,7 @@ from dynid.recording import (
     ExperimentRecord,
     StoredRecording,
     checked_records,
+    local_files,
 )
 from dynid.signals import ProcessingSettings, rows_of, survey, window
 from dynid.validation import (
@@ -60,7 +61,7 @@ def identify_files(
     """Identify from recordings, validate if asked to, write the estimate if told where.
 
     Args:
-        recordings: Recordings of one robot, ours or foreign.
+        recordings: Recordings of one robot, ours or foreign: paths, or URLs of an object store.
         output: The estimate's JSON file; it appears whole or not at all.
         robot: Built-in name, URDF or robot file; None to take what the recordings say.
         settings: What to do.
@@ -77,44 +78,46 @@ def identify_files(
         InputError: Files that cannot be read or do not belong together, unknown settings.
         JobError: A singular problem.
     """
-    found, model = open_any(recordings, robot, gains)
-    held = [record for record in found if isinstance(record, ExperimentRecord)]
-    # Of those that stay in their files, a part is checked when it is looked at.
-    records: list[AnyRecording] = [
-        *checked_records(held),
-        *(record for record in found if isinstance(record, StoredRecording)),
-    ]
-    other: ExperimentRecord | None = None
-    if validation is not None:
-        other = open_record(validation, model, gains)
-    elif validation_start_s is not None or validation_stop_s is not None:
-        if len(records) > 1:
-            raise InputError(
-                "a validation window of which recording?",
-                value=f"{len(records)} recordings",
-                next_step="Name it with --validate RECORD.",
+    others = [] if validation is None else [validation]
+    with local_files([*recordings, *others]) as paths:
+        found, model = open_any(paths[: len(recordings)], robot, gains)
+        held = [record for record in found if isinstance(record, ExperimentRecord)]
+        # Of those that stay in their files, a part is checked when it is looked at.
+        records: list[AnyRecording] = [
+            *checked_records(held),
+            *(record for record in found if isinstance(record, StoredRecording)),
+        ]
+        other: ExperimentRecord | None = None
+        if validation is not None:
+            other = open_record(paths[-1], model, gains)
+        elif validation_start_s is not None or validation_stop_s is not None:
+            if len(records) > 1:
+                raise InputError(
+                    "a validation window of which recording?",
+                    value=f"{len(records)} recordings",
+                    next_step="Name it with --validate RECORD.",
+                )
+            other = _window_of(records[0], validation_start_s, validation_stop_s)
+            if not isinstance(records[0], ExperimentRecord):
+                validation_start_s = validation_stop_s = None
+        if other is not None:
+            # A wrong window must not cost the time of an identification first.
+            window(other.t, validation_start_s, validation_stop_s)
+        with workers(jobs, dask) as beside:
+            result = identify(
+                records,
+                model,
+                settings,
+                validation=other,
+                validation_start_s=validation_start_s,
+                validation_stop_s=validation_stop_s,
+                partial=None if output is None else f"{output}.partial",
+                beside=beside,
+                progress=progress,
             )
-        other = _window_of(records[0], validation_start_s, validation_stop_s)
-        if not isinstance(records[0], ExperimentRecord):
-            validation_start_s = validation_stop_s = None
-    if other is not None:
-        # A wrong window must not cost the time of an identification first.
-        window(other.t, validation_start_s, validation_stop_s)
-    with workers(jobs, dask) as beside:
-        result = identify(
-            records,
-            model,
-            settings,
-            validation=other,
-            validation_start_s=validation_start_s,
-            validation_stop_s=validation_stop_s,
-            partial=None if output is None else f"{output}.partial",
-            beside=beside,
-            progress=progress,
-        )
-    if output is not None:
-        write_estimate(result.estimate, output)
-    return result
+        if output is not None:
+            write_estimate(result.estimate, output)
+        return result
 
 
 def _window_of(
