@@ -56,6 +56,7 @@ def test_the_truth_tracks_and_a_wrong_model_does_not(arm: KnownArm) -> None:
     assert tracking_error(arm, -arm.parameters) == float("inf")
 
 
+@pytest.mark.long
 def test_instruments_and_output_error_win_where_the_filter_is_bad() -> None:
     trials = compare_estimators(("ols", "iv", "didim"), (0,))
     table = {(r["estimator"], r["scenario"]): r for r in summary(trials)}

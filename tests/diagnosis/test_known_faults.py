@@ -83,6 +83,7 @@ def test_a_common_delay_is_measured(tmp_path: Path, late: int) -> None:
     assert found.value == pytest.approx(late / RATE, abs=0.003)
 
 
+@pytest.mark.long
 def test_exchanged_joints_are_named(tmp_path: Path) -> None:
     found = faults(tmp_path, Wrong(exchanged=True))[0]
     assert (found.kind, found.joints) == ("exchanged", (1, 2))

@@ -33,7 +33,9 @@ def designed(path: Path, seed: int, mount: str | None = None) -> Path:
     return path
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(
+    "seed", [1, pytest.param(2, marks=pytest.mark.long), pytest.param(3, marks=pytest.mark.long)]
+)
 def test_a_design_runs_from_where_a_new_controller_stands(tmp_path: Path, seed: int) -> None:
     path = designed(tmp_path / "design.json", seed)
     start = read_trajectory(path).trajectory.evaluate([0.0]).q[0]
@@ -83,6 +85,7 @@ def test_who_is_asked_agrees_to_a_robot_that_stands_still(tmp_path: Path) -> Non
             run_design(path, tmp_path / "run.parquet", on=target, confirm=jog)
 
 
+@pytest.mark.long
 def test_a_run_is_mounted_as_its_design(tmp_path: Path) -> None:
     path = designed(tmp_path / "design.json", 1, mount="ceiling")
     assert load_design(path, RunSettings()).robot.mount == "ceiling"

@@ -191,6 +191,7 @@ def test_what_friction_takes(
     assert ("ur5_add_ripple" in header) == ripple
 
 
+@pytest.mark.long
 def test_wrong_shapes_leave_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     real = writing._text
     estimate = shaped(load_robot("ur10"))

@@ -27,6 +27,7 @@ def test_a_good_record_raises_no_alarm() -> None:
     }
 
 
+@pytest.mark.long
 def test_a_joint_that_stands_is_low_excitation() -> None:
     record = recording(0)
     q = record.signals["q"].copy()

@@ -34,7 +34,13 @@ def _noise(seed: int, rows: int, correlation: float, white: float) -> Array:
 
 
 @pytest.mark.parametrize(
-    ("correlation", "white"), [(0.93, 0.0), (0.93, 0.3), (0.96, 0.6), (0.0, 1.0)]
+    ("correlation", "white"),
+    [
+        pytest.param(0.93, 0.0, marks=pytest.mark.long),
+        pytest.param(0.93, 0.3, marks=pytest.mark.long),
+        pytest.param(0.96, 0.6, marks=pytest.mark.long),
+        (0.0, 1.0),
+    ],
 )
 def test_intervals_cover_whatever_the_colour_of_the_noise(correlation: float, white: float) -> None:
     base = reduce_model(InverseDynamicModel(robot=ur5()))

@@ -182,6 +182,7 @@ def test_the_prior_has_the_spread_it_says(problem: IdentificationProblem) -> Non
     assert off.max() < 5 / np.sqrt(len(draws))
 
 
+@pytest.mark.long
 def test_a_bayesian_fit_is_honest(truth: np.ndarray) -> None:
     found: list[np.ndarray] = []
     generator = np.random.default_rng(0)

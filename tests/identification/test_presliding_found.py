@@ -88,6 +88,7 @@ def test_an_arm_without_it_is_given_none() -> None:
     assert identify(recording(0), ur5()).estimate.model.friction.presliding == ()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("estimator", ["iv", "didim", "ml"])
 def test_estimators_that_simulate_the_arm_do_without(estimator: str) -> None:
     settings = IdentifySettings(estimator=estimator)

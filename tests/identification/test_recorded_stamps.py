@@ -48,6 +48,7 @@ def test_a_delay_moves_the_torque() -> None:
     np.testing.assert_allclose(samples.tau[:, 1], expected, rtol=0, atol=1e-9)
 
 
+@pytest.mark.long
 def test_the_error_of_a_jittered_record_is_that_of_its_noise() -> None:
     result = identify([recording(0)], ur5(), validation=irregular(recording(1)), progress=None)
     assert result.validation is not None

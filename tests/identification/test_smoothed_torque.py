@@ -74,11 +74,13 @@ def test_another_record_is_judged_as_it_was_measured(found: Identification) -> N
     assert (raw.metrics.rmse > 0.9 * NOISE).all()
 
 
+@pytest.mark.long
 def test_a_filter_must_hold_for_all_records() -> None:
     both = [smoothed(0), recording(1, seconds=20.0, period=20.0, velocities=True)]
     assert identify(both, ur5()).estimate.settings.torque_filter is None
 
 
+@pytest.mark.long
 def test_shared_inertias_pass_it_too() -> None:
     result = identify_shared([smoothed(0), smoothed(1)], ur5())
     for estimate in result.estimates:

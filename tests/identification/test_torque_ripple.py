@@ -109,6 +109,7 @@ def test_it_predicts_another_motion(found: Identification) -> None:
     assert (found.validation.metrics.rmse < 1.3 * QUIET * NOISE).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("correlation", [0.0, 0.95])
 def test_no_ripple_is_made_of_noise(correlation: float) -> None:
     record = recording(4, rate=RATE, width=0.02, correlation=correlation)
@@ -130,6 +131,7 @@ def test_no_ripple_is_made_of_stiction_at_stops(seed: int) -> None:
     assert {ripple.joint for ripple in find_ripples(q, dq, shaken, RATE, (False, False))} == {0, 1}
 
 
+@pytest.mark.long
 def test_no_ripple_is_made_of_what_filters_leave() -> None:
     result = identify(recording(0, noise=0.0, width=0.02), ur5())
     assert result.estimate.model.friction.ripples == ()

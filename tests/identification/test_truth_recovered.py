@@ -42,6 +42,7 @@ def test_95_percent_intervals_cover_the_truth(preset: str) -> None:
     assert 0.90 <= coverage(preset, position_noise=5e-6) <= 0.99
 
 
+@pytest.mark.long
 def test_intervals_cover_under_correlated_noise_where_naive_ones_do_not() -> None:
     results = [
         identify(
@@ -57,6 +58,7 @@ def test_intervals_cover_under_correlated_noise_where_naive_ones_do_not() -> Non
     assert np.mean(np.abs(naive) < 1.96) < 0.6
 
 
+@pytest.mark.long
 def test_intervals_cover_with_averaged_periods() -> None:
     results = [
         identify([recording(seed, seconds=30.0)], ur5(), IdentifySettings()) for seed in range(5)

@@ -28,7 +28,6 @@ from recorded_motions import (
 from dynid.core import InputError
 from dynid.recording import ExperimentRecord, read_recording, write_record
 
-CASES = 120
 SECONDS = 5.0
 """CPU time for one file: more would be a bomb [s]."""
 MOTION = Motion(samples=160, rate=125)
@@ -128,13 +127,14 @@ def error_of(record: ExperimentRecord, motion: Motion) -> float:
     return min(float(np.abs(q - motion.position(t + start)).max()) for start in starts)
 
 
+@pytest.mark.parametrize("seeds", [range(30), pytest.param(range(30, 200), marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", FORMATS)
-def test_damaged_files(name: str, tmp_path: Path) -> None:
+def test_damaged_files(name: str, seeds: range, tmp_path: Path) -> None:
     write, options, text = FORMATS[name]
     data = write(MOTION, tmp_path / "whole").read_bytes()
     path = tmp_path / "damaged"
     seen: Counter[str] = Counter()
-    for seed in range(CASES):
+    for seed in seeds:
         rng = random.Random(f"{name} {seed}")
         content, done = damaged(data, rng, text)
         path.write_bytes(content)
@@ -161,7 +161,7 @@ def test_damaged_files(name: str, tmp_path: Path) -> None:
                 seen["reported"] += 1
         assert time.process_time() - start < SECONDS, (seed, done)
     assert seen["error"] > 0
-    assert sum(seen.values()) == CASES
+    assert sum(seen.values()) == len(seeds)
 
 
 @pytest.mark.parametrize("name", FORMATS)

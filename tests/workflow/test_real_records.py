@@ -67,6 +67,7 @@ def test_ur10_halves_predict_each_other(
     assert "ill_conditioned" not in codes(result)
 
 
+@pytest.mark.long
 def test_the_two_descriptions_of_the_ur10_agree(ur10: tuple[ExperimentRecord, RobotModel]) -> None:
     record, robot = ur10
     other = load_robot(DATA / "ur10_unisa" / "ur10_robot.urdf")

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
         frozen,
         inverse_upper,
         read_only,
+        scipy_part,
         solve_upper,
         upper_triangle,
     )
@@ -87,6 +88,7 @@ __all__ = [
     "require",
     "require_absent",
     "result_of",
+    "scipy_part",
     "silent",
     "solve_upper",
     "told",
@@ -99,8 +101,8 @@ __all__ = [
 
 _LATER = {
     "arrays": (
-        "Array", "Indices", "Mask", "frozen", "inverse_upper", "read_only", "solve_upper",
-        "upper_triangle",
+        "Array", "Indices", "Mask", "frozen", "inverse_upper", "read_only", "scipy_part",
+        "solve_upper", "upper_triangle",
     ),
     "json_fields": ("JsonFields", "load_object", "parse_json"),
     "parallel": ("WorkerLost", "Workers", "each", "result_of", "told_to_stop", "workers"),

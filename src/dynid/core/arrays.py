@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from importlib import import_module
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -51,22 +54,25 @@ def read_only(array: Array) -> Array:
     return array
 
 
+def scipy_part(name: str) -> Any:
+    """A package of SciPy, such as `signal`, at its first use.
+
+    Commands that need none of it would start two to three times as slowly.
+    """
+    return import_module(f"scipy.{name}")
+
+
 def upper_triangle(matrix: Array) -> Array:
     """The square upper triangle R of a QR of (M, k), zero rows added where M < k."""
-    # SciPy is loaded here, since every command imports this module before it does anything.
-    from scipy import linalg  # pyright: ignore[reportMissingTypeStubs]
-
     width = matrix.shape[1]
-    factor: tuple[Array] = linalg.qr(matrix, mode="r", check_finite=False)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType, reportAssignmentType]
+    factor = scipy_part("linalg").qr(matrix, mode="r", check_finite=False)
     upper = np.asarray(factor[0], dtype=np.float64)[:width]
     return np.vstack([upper, np.zeros((width - len(upper), width))])
 
 
 def solve_upper(upper: Array, right: Array) -> Array:
     """Solve R x = b for upper triangular R (k, k) and b (k) or (k, m)."""
-    from scipy import linalg  # pyright: ignore[reportMissingTypeStubs]
-
-    solution: Array = linalg.solve_triangular(upper, right)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
+    solution = scipy_part("linalg").solve_triangular(upper, right)
     return np.asarray(solution, dtype=np.float64)
 
 

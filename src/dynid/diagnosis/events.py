@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import (  # pyright: ignore[reportMissingTypeStubs]
-    minimum_filter1d,  # pyright: ignore[reportUnknownVariableType]
-)
 
-from dynid.core import Array, Mask
+from dynid.core import Array, Mask, scipy_part
 from dynid.diagnosis.residual import Recording, Reference, fits
 from dynid.robot import RobotModel
 from dynid.signals import find_period
@@ -85,9 +82,7 @@ def contacts(rec: Recording, error: Array, ease: float = 1.0) -> tuple[Contact, 
     )
     went = np.array([np.ptp(rec.q[a : a + width], axis=0) for a in starts])
     still = (kinds == 3) & (went < REST * np.ptp(rec.q, axis=0))
-    # What the filter returns is not known to checkers.
-    still = np.asarray(minimum_filter1d(still, 1 + 2 * ENDS, axis=0), dtype=np.bool_)
-    kinds[still] = 2
+    kinds[scipy_part("ndimage").minimum_filter1d(still, 1 + 2 * ENDS, axis=0)] = 2
     ratio = np.zeros_like(mean)
     for j in range(mean.shape[1]):
         kind = kinds[:, j]

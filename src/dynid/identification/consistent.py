@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import sparse  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core import Array, JobError, read_only, require, upper_triangle
+from dynid.core import Array, JobError, read_only, require, scipy_part, upper_triangle
 from dynid.identification.bayesian import NOT_NEGATIVE, InertialPrior, symbol_of
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
 from dynid.regressor import InverseDynamicModel
@@ -215,10 +214,11 @@ def solve_conic(
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = tolerance
     settings.max_iter = 400
+    matrix = scipy_part("sparse").csc_matrix
     solver = clarabel.DefaultSolver(
-        sparse.csc_matrix(np.triu(quadratic)),
+        matrix(np.triu(quadratic)),
         linear,
-        sparse.csc_matrix(np.vstack(rows)),
+        matrix(np.vstack(rows)),
         np.concatenate(right),
         cones,
         settings,

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynid.core import Array, frozen, inverse_upper, upper_triangle
+from dynid.core import Array, frozen, inverse_upper, scipy_part, upper_triangle
 from dynid.identification.instrumental import segments, smooth_cutoff
 from dynid.identification.least_squares import Estimator, Fit, WeightedLeastSquares
 from dynid.identification.problem import IdentificationProblem
@@ -104,10 +104,6 @@ class MaximumLikelihood(Estimator):
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""
-        from scipy.optimize import (  # pyright: ignore[reportMissingTypeStubs]
-            minimize,  # pyright: ignore[reportUnknownVariableType]
-        )
-
         start = WeightedLeastSquares(prior_gain=self.prior_gain).fit(problem)
         likelihood = Likelihood.of(problem, start, self.noise or motion_noise(problem.samples))
         turn = inverse_upper(start.information)
@@ -116,14 +112,14 @@ class MaximumLikelihood(Estimator):
             value, slope = likelihood.cost(start.values + turn @ step)
             return value, turn.T @ slope
 
-        found = minimize(  # pyright: ignore[reportUnknownVariableType]
+        found = scipy_part("optimize").minimize(
             cost,
             np.zeros(len(start.values)),
             jac=True,
             method="L-BFGS-B",
             options={"maxiter": 200, "maxcor": 30, "ftol": 1e-12, "gtol": 1e-6},
         )
-        values = start.values + turn @ np.asarray(found.x, dtype=np.float64)  # pyright: ignore[reportUnknownMemberType, reportUnknownArgumentType]
+        values = start.values + turn @ np.asarray(found.x, dtype=np.float64)
         residual = problem.residual(values)
         return replace(
             start,

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core import Array, inverse_upper, solve_upper
+from dynid.core import Array, inverse_upper, scipy_part, solve_upper
 from dynid.identification.least_squares import Fit, autocorrelation
 from dynid.identification.problem import IdentificationProblem, joint_factors
 
@@ -159,7 +158,7 @@ def _whitened_columns(
 
 def _recursion(columns: Array, rho: float) -> Array:
     """y_t = x_t + rho y_(t-1) along the first axis."""
-    filtered = signal.lfilter([1.0], [1.0, -rho], columns, axis=0)  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
+    filtered = scipy_part("signal").lfilter([1.0], [1.0, -rho], columns, axis=0)
     return np.asarray(filtered, dtype=np.float64)
 
 

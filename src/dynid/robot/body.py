@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Indices, RobotError, frozen, require
+from dynid.core import Array, Indices, RobotError, frozen, require, scipy_part
 from dynid.robot.tables import shown
 
 MOST_POINTS = 200
@@ -194,10 +194,7 @@ def _hull(points: Array) -> Any:
 
 
 def _joggled(points: Array) -> Any:
-    # SciPy is imported where it is used: robots are loaded by commands that need none of it.
-    from scipy.spatial import ConvexHull  # pyright: ignore[reportMissingTypeStubs]
-
-    return ConvexHull(points, qhull_options="QJ")
+    return scipy_part("spatial").ConvexHull(points, qhull_options="QJ")
 
 
 def _volume(faces: Array) -> float:
@@ -238,9 +235,7 @@ def beyond(points: Array, corners: Array) -> Array:
 
     A convex combination of the corners that is that near proves each number.
     """
-    from scipy import optimize  # pyright: ignore[reportMissingTypeStubs]
-
-    solve: Any = optimize.nnls  # pyright: ignore[reportUnknownMemberType, reportUnknownVariableType]
+    solve = scipy_part("optimize").nnls
     weight = 100.0
     table = np.vstack([corners.T, np.full(len(corners), weight)])
     found = [solve(table, np.append(point, weight))[0] for point in points]

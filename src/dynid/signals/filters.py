@@ -5,13 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import (  # pyright: ignore[reportMissingTypeStubs]  # pyright: ignore[reportMissingTypeStubs]
-    butter,  # pyright: ignore[reportUnknownVariableType]
-    savgol_filter,  # pyright: ignore[reportUnknownVariableType]
-    sosfiltfilt,  # pyright: ignore[reportUnknownVariableType]
-)
 
-from dynid.core import Array, InputError
+from dynid.core import Array, InputError, scipy_part
 from dynid.signals.resample import GAP_STEPS, UniformSignals, linear
 
 METHODS = ("central", "savgol")
@@ -35,10 +30,8 @@ def derivative(values: Array, rate_hz: float, method: str, cutoff_hz: float) -> 
     if method == "savgol":
         half = max(2, int(0.5 * rate_hz / cutoff_hz))
         width = min(2 * half + 1, len(values) - 1 + len(values) % 2)
-        return np.asarray(
-            savgol_filter(values, width, 3, deriv=1, delta=1.0 / rate_hz, axis=0),
-            dtype=np.float64,
-        )
+        savgol = scipy_part("signal").savgol_filter
+        return np.asarray(savgol(values, width, 3, deriv=1, delta=1.0 / rate_hz, axis=0))
     raise InputError("unknown derivative", value=method, limit=METHODS)
 
 
@@ -87,11 +80,12 @@ def low_pass(values: Array, rate_hz: float, cutoff_hz: float) -> Array:
     At the cut-off, at most `NYQUIST_SHARE` of half the rate, half the amplitude remains.
     """
     share = min(cutoff_hz / (rate_hz / 2), NYQUIST_SHARE)
-    sections = np.asarray(butter(ORDER, share, output="sos"), dtype=np.float64)
+    sections = np.asarray(scipy_part("signal").butter(ORDER, share, output="sos"), dtype=np.float64)
     # The natural length of the tail, as far as short records have it.
     padding = min(int(6 / share) + 1, len(values) - 2)
     return np.asarray(
-        sosfiltfilt(sections, values, axis=0, padlen=max(padding, 0)), dtype=np.float64
+        scipy_part("signal").sosfiltfilt(sections, values, axis=0, padlen=max(padding, 0)),
+        dtype=np.float64,
     )
 
 
@@ -169,7 +163,8 @@ class TorqueFilter:
             rate_hz: Rate of the grid that they pass on.
         """
         sections = np.asarray(
-            butter(self.order, self.cutoff_hz, fs=rate_hz, output="sos"), dtype=np.float64
+            scipy_part("signal").butter(self.order, self.cutoff_hz, fs=rate_hz, output="sos"),
+            dtype=np.float64,
         )
         out = np.array(values)
         breaks = np.flatnonzero(np.diff(t) > GAP_STEPS / rate_hz) + 1
@@ -196,7 +191,9 @@ def _stretch(sections: Array, values: Array, t: Array, rate_hz: float, padding: 
     if not uniform:
         flat = linear(t, flat.T, grid).T
     padding = min(len(grid) - 2, padding)
-    passed = np.asarray(sosfiltfilt(sections, flat, axis=-1, padlen=padding), dtype=np.float64)
+    passed = np.asarray(
+        scipy_part("signal").sosfiltfilt(sections, flat, axis=-1, padlen=padding), dtype=np.float64
+    )
     if not uniform:
         passed = linear(grid, passed.T, t).T
     return passed.reshape(values.shape)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core import Array, InputError
+from dynid.core import Array, InputError, scipy_part
 
 UNIFORM_WITHIN = 0.05
 """Stamps within this share of a step of a uniform grid count as uniform."""
@@ -126,7 +125,7 @@ def linear(t: Array, values: Array, grid: Array) -> Array:
 
 
 def _cubic(t: Array, values: Array, grid: Array) -> Array:
-    return np.asarray(PchipInterpolator(t, values, axis=0)(grid), dtype=np.float64)
+    return np.asarray(scipy_part("interpolate").PchipInterpolator(t, values, axis=0)(grid))
 
 
 REPEAT_TOLERANCE = 0.01

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from dynid.constraints import BOX, CYLINDER, HALF_SPACE, SPHERE, Shape, body_of
-from dynid.core import Array, DynidError, Indices
+from dynid.core import Array, DynidError, Indices, scipy_part
 from dynid.robot import (
     MAX_BYTES,
     Body,
@@ -84,9 +84,7 @@ def arm_skins(robot: RobotModel) -> tuple[LinkMesh, ...]:
 def _hull_faces(points: Array) -> Indices:
     """(F, 3) outward faces of the hull of points (K, 3)."""
     # SciPy is imported where it is used: robots are loaded by commands that need none of it.
-    from scipy.spatial import ConvexHull  # pyright: ignore[reportMissingTypeStubs]
-
-    hull: Any = ConvexHull(points, qhull_options="QJ")
+    hull = scipy_part("spatial").ConvexHull(points, qhull_options="QJ")
     faces: Indices = np.array(hull.simplices, dtype=np.intp)
     first, second, third = points[faces].transpose(1, 0, 2)
     turned = np.cross(second - first, third - first)

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
-from scipy import special  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core import Array, Finding, Indices, InputError, Mask, read_only, told
 from dynid.identification import Estimate, read_estimate
@@ -228,6 +228,6 @@ def _group(word: str, members: Indices, z: Array, change: Array, known: Mask) ->
         members=indices,
         largest=largest,
         largest_z=abs(float(z[largest])),
-        limit_z=-float(special.ndtri(share / 2.0)),  # pyright: ignore[reportUnknownMemberType, reportUnknownArgumentType]
+        limit_z=-NormalDist().inv_cdf(share / 2.0),
         median_change_percent=float(np.median(changes)) if changes else float("nan"),
     )

@@ -11,11 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import (  # pyright: ignore[reportMissingTypeStubs]
-    maximum_filter1d,  # pyright: ignore[reportUnknownVariableType]
-)
 
-from dynid.core import Array, Indices, Mask
+from dynid.core import Array, Indices, Mask, scipy_part
 
 FINE, COARSE = 8, 4
 """Regions of the two partitions: what pays must pay on both."""
@@ -88,7 +85,7 @@ def moving_rows(dq: Array, rate_hz: float) -> Mask:
     """
     speed = np.abs(dq)
     span = 2 * int(np.ceil(STANDING_S * rate_hz)) + 1
-    fastest = np.asarray(maximum_filter1d(speed, span, axis=0), dtype=np.float64)
+    fastest: Array = scipy_part("ndimage").maximum_filter1d(speed, span, axis=0)
     return np.asarray(fastest > SLOWEST * np.maximum(np.percentile(speed, 99, axis=0), 1e-9))
 
 
