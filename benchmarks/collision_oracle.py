@@ -2,17 +2,19 @@
 
     python benchmarks/collision_oracle.py [--robots ur3e ...] [--motions 12] [--rate 2000]
     python benchmarks/collision_oracle.py --designs [--mounts floor wall ceiling] [--motions 10]
+    python benchmarks/collision_oracle.py --designs --tool 0.3 --rate 10000 --motions 3
 
 Twelve certified motions each of the seven UR arms by default: random Fourier series about free
 poses, as large as the limits let them be at 125 Hz samples. Every other one has a table, a wall or
 boxes, every third carries a tool and a payload, every third is pushed by bisection to the edge of
 the certificate. With `--designs` they are what `dynid design` writes by default, on each mounting,
-a seed each. The oracle knows nothing of dynid but the joint positions. It builds the kinematics
-from Universal Robots' YAML files, places their collision meshes, and at 2 kHz looks at position,
-velocity and acceleration limits, speeds of tool and elbow, mesh against mesh of every two links
-that are not neighbours, and meshes and tool against the scene and the mounting plane. Samples
-before which a pair cannot have met, as the distance over its largest speed says, are skipped.
-Prints one line a motion; exits 1 if it finds anything in one that the certificate calls feasible.
+a seed each; `--tool` gives them a tool of that length [m]. The oracle knows nothing of dynid but
+the joint positions. It builds the kinematics from Universal Robots' YAML files, places their
+collision meshes, and at 2 kHz looks at position, velocity and acceleration limits, speeds of tool
+and elbow, mesh against mesh of every two links that are not neighbours, and meshes and tool against
+the scene and the mounting plane. Samples before which a pair cannot have met, as the distance over
+its largest speed says, are skipped. Prints one line a motion; exits 1 if it finds anything in one
+that the certificate calls feasible.
 """
 
 from __future__ import annotations
@@ -280,9 +282,8 @@ def random_motion(judge: MotionConstraints, random: np.random.Generator) -> Four
             low *= 0.97
 
 
-def designed(name: str, mount: str, seed: int, starts: int | None) -> Any:
+def designed(robot: RobotModel, seed: int, starts: int | None) -> Any:
     """What `dynid design` makes by default."""
-    robot = load_robot(name, mount=mount)
     return design(robot, DesignSettings(starts=starts, seed=seed)).trajectory
 
 
@@ -293,6 +294,7 @@ def main() -> None:
     parser.add_argument("--designs", action="store_true", help="what dynid design makes")
     parser.add_argument("--mounts", nargs="*", default=["floor"], help="with --designs")
     parser.add_argument("--starts", type=int, help="of a design; default: the command's")
+    parser.add_argument("--tool", type=float, default=0.0, help="with --designs: its length [m]")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--rate", type=float, default=2000.0, help="[Hz]")
     given = parser.parse_args()
@@ -307,9 +309,12 @@ def main() -> None:
         if tool:
             scene["payload"] = [TOOL]
             robot = replace(robot, tool=Tool(tcp=np.array(TIP), mass=MASS, com=np.array(TIP)))
+        length = TIP[2] if tool else given.tool
+        if plain and length:
+            robot = replace(robot, tool=Tool(tcp=np.array((0.0, 0.0, length))))
         judge = safe_constraints(robot, scene_from_json(JsonFields(scene)) if scene else None)
         if plain:
-            motion = designed(name, mount, given.seed + k, given.starts)
+            motion = designed(robot, given.seed + k, given.starts)
         else:
             motion = random_motion(judge, np.random.default_rng([given.seed, k]))
         if edge:
@@ -318,7 +323,7 @@ def main() -> None:
         times = np.arange(0.0, motion.duration, 1 / given.rate)
         made = time.process_time() - start
         oracle = Oracle(name, scene)
-        found = oracle.broken(motion.evaluate(times), robot, TIP[2] if tool else 0.0)
+        found = oracle.broken(motion.evaluate(times), robot, length)
         wrong = certificate.feasible and bool(found)
         missed, passed, count = missed + wrong, passed + certificate.feasible, count + 1
         verdict = "feasible" if certificate.feasible else "/".join(certificate.broken)

@@ -157,7 +157,11 @@ def spoil(case: Case, host: str, folder: Path, motion: Path) -> tuple[bool, str]
             wrong.append(f"the message counts {counts}")
         if place not in said:
             wrong.append("the message does not name the file")
-    if record is not None and code < 0:
+    if record is not None and code < 0 and place.startswith("run.aborted"):
+        # The run had stopped by itself, and was killed while it told why.
+        if kept < len(rows) or all(item.kind != "aborted" for item in record.problems):
+            wrong.append(f"{kept} rows, without a word that the run was aborted")
+    elif record is not None and code < 0:
         texts = [item.text for item in record.problems if item.kind == "truncated_file"]
         if not any(f" {kept} samples" in text for text in texts):
             wrong.append(f"the finding says {texts}")

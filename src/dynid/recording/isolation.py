@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import atexit
 import json
+import math
 import os
 import resource
 import signal
@@ -16,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -46,6 +48,10 @@ Reader = Callable[[list[Path], ReadOptions, Budget], Read]
 _ERRORS: dict[str, type[DynidError]] = {
     kind.__name__: kind for kind in (InputError, JobError, MissingExtraError, RecordError)
 }
+_LOOK_S = 0.25
+"""Between two looks at the CPU time."""
+_TICKS = 1.5
+"""The limit of the kernel's own, rougher count."""
 _ARRAYS = ("rows", "index", "t", "reported")
 _SMALLER = "Save only the signals of the joints, or split the recording into shorter ones."
 
@@ -172,11 +178,13 @@ def serve(read: Reader) -> None:
     answers = os.fdopen(os.dup(1), "wb")
     # What libraries print must not get among the answers.
     os.dup2(2, 1)
+    clock = _CpuLimit()
     while line := source.readline():
         request = json.loads(line)
         budget = Budget(**request["budget"])
         tempfile.tempdir = request["folder"]
         _limit(budget)
+        clock.until_s = time.process_time() + budget.cpu_s
         try:
             found = read([Path(file) for file in request["files"]], _options(request), budget)
             _send(found, answers)
@@ -189,6 +197,25 @@ def serve(read: Reader) -> None:
             where = ", ".join(Path(file).name for file in request["files"])
             _refuse(RecordError(text, where=where, limit=limit, next_step=_SMALLER), answers)
             return
+        finally:
+            clock.until_s = math.inf
+
+
+class _CpuLimit:
+    """Ends the process once its CPU time is over.
+
+    RLIMIT_CPU is counted in ticks, which beside threads that wake with them may be half or twice
+    the time: a wider limit of that kind is for code that never lets go of the interpreter.
+    """
+
+    def __init__(self) -> None:
+        self.until_s = math.inf
+        threading.Thread(target=self._watch, daemon=True).start()
+
+    def _watch(self) -> None:
+        while time.process_time() < self.until_s:
+            time.sleep(_LOOK_S)
+        os.kill(os.getpid(), signal.SIGXCPU)
 
 
 def _options(request: dict[str, Any]) -> ReadOptions:
@@ -210,7 +237,7 @@ def _limit(budget: Budget) -> None:
     used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
     infinity = resource.RLIM_INFINITY
     resource.setrlimit(resource.RLIMIT_AS, (space, infinity))
-    resource.setrlimit(resource.RLIMIT_CPU, (int(used + budget.cpu_s) + 1, infinity))
+    resource.setrlimit(resource.RLIMIT_CPU, (int(used + _TICKS * budget.cpu_s) + 1, infinity))
 
 
 def _relax() -> None:
