@@ -71,10 +71,12 @@ proof: develop
 # dynid beside other tools, in an environment of their own; writes docs/benchmarks.md and its figure.
 # ONLY="UR10 Panda" takes the recordings whose names begin so.
 RIVALS := .venv-rivals
-rivals: install $(RIVALS)/.installed
+rivals: $(RIVALS)/.installed
 	$(BIN)/python benchmarks/rivals/rivals.py $(ONLY)
 
-$(RIVALS)/.installed: benchmarks/rivals/requirements.txt | $(BIN)/python
+$(RIVALS)/.installed: benchmarks/rivals/requirements.txt $(USER)
+	@# The recordings include a bag.
+	$(PIP) -e '.[ros]'
 	$(BIN)/python -m venv $(RIVALS)
 	$(RIVALS)/bin/python -m pip install --quiet --disable-pip-version-check -r $<
 	@touch $@

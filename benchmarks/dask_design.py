@@ -1,50 +1,151 @@
-"""A design by many starts on two local Dask workers, beside one process.
+"""Designs by many starts and a fleet on two local Dask workers, beside one process.
 
-The workers are processes with one thread each; the calling process takes part. The same starts
-give the same design, whoever runs them. Asked: 1.7 times on idle cores. Needs dynid[dask].
+The workers are processes with one thread each; the calling process takes part. The result is the
+same, whoever computes it. Asked: 1.7 times on idle cores. On busy ones the CPU of the processes
+tells what idle cores would give: all work alone over what the busiest of two cores has to do.
+
+    python benchmarks/dask_design.py            # times
+    python benchmarks/dask_design.py --kill 10  # a worker is killed in mid-run, so many times
+
+Needs dynid[dask].
 """
 
 from __future__ import annotations
 
-import resource
+import argparse
+import os
+import random
+import signal
+import tempfile
+import threading
 import time
+from collections.abc import Callable
+from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import distributed
 import numpy as np
+from fleet import Individual
 
 import dynid
+from dynid.bench import plant
 
-STARTS = 8
+STARTS, ARMS, DAYS = 8, 4, 60
 ASKED = 1.7
+Job = Callable[[str | None], list[np.ndarray]]
+"""Runs on a cluster, or on none, and gives its numbers."""
+
+
+def design(dask: str | None) -> list[np.ndarray]:
+    """A design by many starts."""
+    settings = dynid.DesignSettings(criterion="cond", starts=STARTS, seed=0, collision=False)
+    found = dynid.design("ur5", replace(settings, dask=dask))
+    return [found.trajectory.evaluate(np.arange(100) / 10.0).q]
+
+
+@contextmanager
+def fleet():
+    """A fleet in a folder; each run is a first one."""
+    with tempfile.TemporaryDirectory() as place:
+        data, runs = Path(place) / "recordings", iter(range(1000))
+        data.mkdir()
+        for seed in range(ARMS):
+            arm = Individual(f"arm{seed}", plant(dynid.load_robot("ur5"), seed), seed)
+            for day in range(DAYS):
+                arm.write(data, day, set())
+
+        def run(dask: str | None) -> list[np.ndarray]:
+            output = Path(place) / f"run{next(runs)}"
+            found = dynid.fleet(data, output, dynid.FleetSettings(dask=dask))
+            return [one.statistics.factors for one in found.recordings]
+
+        yield run
+
+
+def same(a: list[np.ndarray], b: list[np.ndarray]) -> str:
+    """Whether two results are equal to the last bit."""
+    equal = len(a) == len(b) and all(map(np.array_equal, a, b))
+    return "same result" if equal else "ANOTHER RESULT"
+
+
+def timed(name: str, job: Job, client: Any, address: str) -> None:
+    """One process, then the cluster."""
+
+    def spent() -> np.ndarray:
+        return np.array([time.process_time(), *client.run(time.process_time).values()])
+
+    def measured(dask: str | None) -> tuple[float, np.ndarray, list[np.ndarray]]:
+        before, begun = spent(), time.perf_counter()
+        found = job(dask)
+        return time.perf_counter() - begun, spent() - before, found
+
+    # Workers import and compile once.
+    job(address)
+    alone_s, alone, expected = measured(None)
+    together_s, shares, found = measured(address)
+    busiest = max(shares.max(), shares.sum() / 2)
+    print(
+        f"{name}: one process {alone_s:.1f} s ({alone[0]:.1f} s of CPU), with two workers "
+        f"{together_s:.1f} s ({' + '.join(f'{s:.1f}' for s in shares)} s of CPU): "
+        f"{alone_s / together_s:.2f} times (asked {ASKED} on idle cores), "
+        f"by CPU {alone[0] / busiest:.2f}; {same(expected, found)}",
+        flush=True,
+    )
+
+
+def killed(name: str, job: Job, client: Any, address: str, kills: int) -> None:
+    """A worker dies at a random time of each run."""
+    job(address)
+    begun = time.perf_counter()
+    expected, draw = job(address), random.Random(0)
+    length = time.perf_counter() - begun
+    for k in range(kills):
+        victim = draw.choice(sorted(client.run(os.getpid).values()))
+        wait, over, struck = draw.uniform(0.1, 0.7) * length, threading.Event(), list[float]()
+
+        def strike(wait=wait, victim=victim, over=over, struck=struck) -> None:
+            if not over.wait(wait):
+                os.kill(victim, signal.SIGKILL)
+                struck.append(wait)
+
+        thread = threading.Thread(target=strike)
+        thread.start()
+        begun = time.perf_counter()
+        found = job(address)
+        over.set()
+        thread.join()
+        told = f"killed after {struck[0]:.1f} s" if struck else "over before anybody was killed"
+        print(
+            f"{name} {k + 1}: {told} of {time.perf_counter() - begun:.1f} s: "
+            f"{same(expected, found)}",
+            flush=True,
+        )
+        client.wait_for_workers(2)
 
 
 def main() -> None:
-    """Print the times."""
-    plain = dynid.DesignSettings(criterion="cond", starts=STARTS, seed=0, collision=False)
-
-    def run(settings: dynid.DesignSettings) -> tuple[float, np.ndarray]:
-        begun = time.perf_counter()
-        found = dynid.design("ur5", settings)
-        return time.perf_counter() - begun, found.trajectory.evaluate(np.arange(100) / 10.0).q
-
-    run(replace(plain, starts=1))
-    own = resource.getrusage(resource.RUSAGE_SELF)
-    alone_s, alone = run(plain)
-    used = resource.getrusage(resource.RUSAGE_SELF).ru_utime - own.ru_utime
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
-    ) as cluster:
-        on_cluster = replace(plain, dask=cluster.scheduler_address)
-        # Workers import and compile once.
-        run(replace(on_cluster, starts=4))
-        together_s, together = run(on_cluster)
-    print(f"{STARTS} starts: one process {alone_s:.1f} s ({used:.1f} s of CPU)")
-    print(
-        f"with two Dask workers {together_s:.1f} s: {alone_s / together_s:.2f} times "
-        f"(asked {ASKED} on idle cores)"
-    )
-    print("same design" if np.array_equal(alone, together) else "ANOTHER DESIGN")
+    """Print times, or what became of killed workers."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--kill", type=int, default=0)
+    parser.add_argument("--only", choices=("design", "fleet"))
+    asked = parser.parse_args()
+    with (
+        fleet() as of_fleet,
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        jobs = {f"design, {STARTS} starts": design, f"fleet, {ARMS * DAYS} recordings": of_fleet}
+        for name, job in jobs.items():
+            if asked.only and not name.startswith(asked.only):
+                continue
+            if asked.kill:
+                killed(name, job, client, cluster.scheduler_address, asked.kill)
+            else:
+                timed(name, job, client, cluster.scheduler_address)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ identified model does not know; friction falls with temperature, which varies fr
 recording. Told: whether both joints were found, other alarms, and how many recordings a second
 run with ten new ones computes.
 
-    python benchmarks/fleet.py [--robots 4] [--recordings 50] [--seeds 1] [--jobs 1]
+    python benchmarks/fleet.py [--robots 4] [--recordings 50] [--seeds 0] [--jobs 1]
 """
 
 from __future__ import annotations
@@ -127,14 +127,15 @@ def run(seed: int, robots: int, recordings: int, folder: Path, jobs: int) -> str
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    for name, default in (("robots", 4), ("recordings", 50), ("seeds", 1), ("jobs", 1)):
+    for name, default in (("robots", 4), ("recordings", 50), ("jobs", 1)):
         parser.add_argument(f"--{name}", type=int, default=default)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0])
     asked = parser.parse_args()
     columns = "seed, robots x recordings, found, other alarms, trends, computed again"
     columns += ", CPU s simulation, CPU s first run, CPU s second run"
     print("| " + columns.replace(", ", " | ") + " |")
     print("|" + "---|" * 9)
-    for seed in range(asked.seeds):
+    for seed in asked.seeds:
         with tempfile.TemporaryDirectory() as folder:
             print(run(seed, asked.robots, asked.recordings, Path(folder), asked.jobs), flush=True)
 

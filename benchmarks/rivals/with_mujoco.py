@@ -5,7 +5,7 @@ import numpy as np
 from mujoco import sysid
 from plain_pinocchio import motion
 
-FEW, MANY, ITERATIONS = 300, 1000, 15
+FEW, MANY, ITERATIONS = 150, 500, 15
 
 
 def set_inertia(name):
