@@ -247,5 +247,13 @@ def test_pushes_are_found_and_nothing_else(ur5: dict[str, ExperimentRecord], run
         assert any(start - 0.5 < at < stop + 0.5 for at in found), (start, found)
     for at in found:
         assert at > AFTER_S or any(a - 0.5 < at < b + 0.5 for a, b in PUSHED[run]), at
-    quiet = findings_of(ur5[run.split("_")[0]], robot)
-    assert not [f for f in quiet if f.kind == "contact"]
+
+
+@pytest.mark.parametrize(
+    "run", ["no6", *(pytest.param(r, marks=pytest.mark.long) for r in ("no5", "no7"))]
+)
+def test_runs_that_nobody_disturbed_raise_nothing(
+    ur5: dict[str, ExperimentRecord], run: str
+) -> None:
+    # Joints that stand take up what others shake, and the last wrist vibrates as it moves.
+    assert [f.kind for f in findings_of(ur5[run], load_robot("ur5"))] == []

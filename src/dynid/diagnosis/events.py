@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynid.core import Array, Mask, scipy_part
-from dynid.diagnosis.residual import Recording, Reference, fits
+from dynid.core import Array, Indices, Mask, scipy_part
+from dynid.diagnosis.residual import STEPPED, Recording, Reference, fits
 from dynid.robot import RobotModel
 from dynid.signals import find_period
 
@@ -18,7 +18,7 @@ of errors that are normal: while a joint moves what remains may be contacts, whi
 or stands also friction."""
 REVERSAL = 0.06
 """Share of a joint's usual top speed below which friction hides the torque."""
-STRUCK = 60.0
+STRUCK = 40.0
 """Sum over joints of squared errors over usual ones that a contact exceeds."""
 EASE = 3.0
 """Factor by which limits are lower for stretches that are left out of the second fit."""
@@ -54,16 +54,17 @@ class Contact:
     """Largest torque that is left over [N.m or N]."""
 
 
-def contacts(rec: Recording, error: Array, ease: float = 1.0) -> tuple[Contact, ...]:
+def contacts(rec: Recording, error: Array, held: Array, ease: float = 1.0) -> tuple[Contact, ...]:
     """Stretches that stand far above all others.
 
     Friction is least known near standstill and at the start: windows there are compared with
-    their like; of a joint at rest only changes count, and of one that creeps nothing. What comes
-    back in each repetition of a motion belongs to the motion.
+    their like; of a joint at rest only changes count that friction cannot hold, and of one that
+    creeps nothing. What comes back in each repetition of a motion belongs to the motion.
 
     Args:
         rec: The recording.
         error: (N, n) torques that the model leaves [N.m or N].
+        held: (n) torques that friction may hold at rest [N.m or N].
         ease: Factor by which the limits are lower: above 1 for stretches that may be contacts.
     """
     step = float(rec.t[1] - rec.t[0])
@@ -71,9 +72,8 @@ def contacts(rec: Recording, error: Array, ease: float = 1.0) -> tuple[Contact, 
     starts = np.arange(0, len(error) - width + 1, max(1, width // 2))
     if len(starts) < 20:
         return ()
-    error = np.where(_settled(rec), _without_repetitions(rec, error, 1 / step), 0.0)
-    sums = np.vstack([np.zeros(error.shape[1]), np.cumsum(error, axis=0)])
-    mean = (sums[starts + width] - sums[starts]) / width
+    single = np.where(_settled(rec), _without_repetitions(rec, error, 1 / step), 0.0)
+    mean, whole = _means(single, starts, width), _means(error, starts, width)
     fast = np.maximum(np.percentile(np.abs(rec.dq), 98, axis=0), 1e-9)
     slow = np.abs(rec.dq) < REVERSAL * fast
     # 0: moves throughout, 1: turns back, starts or stops, 2: is at rest, 3: creeps.
@@ -86,15 +86,16 @@ def contacts(rec: Recording, error: Array, ease: float = 1.0) -> tuple[Contact, 
     ratio = np.zeros_like(mean)
     for j in range(mean.shape[1]):
         kind = kinds[:, j]
-        mean[:, j] = _without_holding(mean[:, j], kind == 2)
+        mean[:, j] = _without_holding(mean[:, j], kind == 2, held[j])
         size = np.abs(mean[:, j])
         moves = kind < 2 if (kind < 2).sum() >= FEWEST else np.ones_like(kind, dtype=bool)
-        everywhere = float(np.percentile(size[moves], USUAL[0][0])) / USUAL[0][1]
+        # What repeats is no contact, but it tells how well the model knows this joint.
+        everywhere = float(np.percentile(np.abs(whole[moves, j]), USUAL[0][0])) / USUAL[0][1]
         for k, (percentile, deviations) in enumerate(USUAL):
             # Too few of a kind to know what is usual: friction may do much there.
             enough = (kind == k).sum() >= FEWEST
             own = np.percentile(size[kind == k], percentile) / deviations if enough else np.inf
-            own = min(max(own, everywhere), RARE * everywhere) if k else own
+            own = min(max(own, everywhere), RARE * everywhere)
             ratio[kind == k, j] = size[kind == k] / max(own, 1e-12)
     total = np.square(ratio).sum(axis=1)
     raised = np.flatnonzero(total > STRUCK / ease)
@@ -106,7 +107,8 @@ def contacts(rec: Recording, error: Array, ease: float = 1.0) -> tuple[Contact, 
         rest[max(group[0] - ENDS, 0) : group[-1] + ENDS + 1] = False
     near = float(np.percentile(total[rest], 98)) if rest.sum() > 10 else np.inf
     for group in groups:
-        loaded = np.flatnonzero((ratio[group] > LOADED).sum(axis=0) > 1)
+        around = ratio[max(group[0] - 1, 0) : group[-1] + 2]
+        loaded = np.flatnonzero((around > LOADED).sum(axis=0) > 1)
         if total[group].max() < APART / ease * near:
             break
         if len(loaded) == 0:
@@ -122,8 +124,14 @@ def contacts(rec: Recording, error: Array, ease: float = 1.0) -> tuple[Contact, 
     return tuple(sorted(found, key=lambda c: c.start_s))
 
 
+def _means(values: Array, starts: Indices, width: int) -> Array:
+    """(W, n) means of values (N, n) over windows."""
+    sums = np.vstack([np.zeros(values.shape[1]), np.cumsum(values, axis=0)])
+    return (sums[starts + width] - sums[starts]) / width
+
+
 def contact_stretches(
-    robot: RobotModel, t: Array, dq: Array, error: Array
+    robot: RobotModel, t: Array, dq: Array, error: Array, held: Array
 ) -> tuple[tuple[float, float], ...]:
     """Start and end [s] of the contacts in a prediction.
 
@@ -132,13 +140,14 @@ def contact_stretches(
         t: (N) instants, evenly spaced [s].
         dq: (N, n) velocities [rad/s or m/s].
         error: (N, n) measured less predicted torques [N.m or N].
+        held: (n) torques that friction may hold at rest [N.m or N].
     """
     if len(t) < 2:
         return ()
     # Where the joints started does not matter: positions only tell whether they moved since.
     q = np.cumsum(dq, axis=0) * (t[1] - t[0])
     rec = Recording(robot=robot, t=t, q=q, dq=dq, ddq=np.zeros_like(dq), tau=error, block=1)
-    return tuple((one.start_s, one.stop_s) for one in contacts(rec, error))
+    return tuple((one.start_s, one.stop_s) for one in contacts(rec, error, held))
 
 
 def untouched(ref: Reference, values: Array) -> tuple[Array, tuple[Contact, ...]]:
@@ -153,7 +162,8 @@ def untouched(ref: Reference, values: Array) -> tuple[Array, tuple[Contact, ...]
     """
     rec = ref.recording
     error = rec.tau - ref.predicted(values)
-    suspected = contacts(rec, error, EASE)
+    held = _held(ref, values)
+    suspected = contacts(rec, error, held, EASE)
     if not suspected:
         return error, ()
     touched = np.zeros(len(rec.t))
@@ -163,7 +173,18 @@ def untouched(ref: Reference, values: Array) -> tuple[Array, tuple[Contact, ...]
     rest = replace(ref, columns=ref.columns * keep, torque=ref.torque * keep)
     _, values = fits(rest, np.zeros((0, *ref.torque.shape)))
     error = rec.tau - ref.predicted(values)
-    return error, contacts(rec, error)
+    return error, contacts(rec, error, _held(ref, values))
+
+
+def _held(ref: Reference, values: Array) -> Array:
+    """(n) friction of moving joints but for what grows with speed: as much is held at rest."""
+    rec, n = ref.recording, ref.recording.robot.joints
+    first, last = 12 * n, (12 + STEPPED) * n
+    friction = np.tensordot(values[first:last], ref.columns[first:last], axes=1)
+    speed = rec.average(np.abs(rec.dq.T))
+    slowest = REVERSAL * np.percentile(speed, 98, axis=1)
+    moves = speed > slowest[:, None]
+    return (moves * np.abs(friction)).sum(axis=1) / np.maximum(moves.sum(axis=1), 1)
 
 
 def _settled(rec: Recording) -> Mask:
@@ -172,12 +193,17 @@ def _settled(rec: Recording) -> Mask:
     return np.maximum.accumulate(away, axis=0)
 
 
-def _without_holding(mean: Array, stands: Mask) -> Array:
-    """Errors of a joint less what friction holds at rest: that does not change by itself."""
+def _without_holding(mean: Array, stands: Mask, held: float) -> Array:
+    """Errors of a joint less what friction holds at rest.
+
+    A controller that corrects the last of a position error, or other joints that move, shift
+    torque between motor and friction though nothing turns.
+    """
     out = mean.copy()
     edges = np.flatnonzero(np.diff(np.concatenate([[False], stands, [False]])))
     for first, stop in edges.reshape(-1, 2):
-        out[first:stop] -= _common(mean[first:stop])
+        rest = mean[first:stop] - _common(mean[first:stop])
+        out[first:stop] = np.sign(rest) * np.maximum(np.abs(rest) - held, 0.0)
     return out
 
 

@@ -141,8 +141,9 @@ class Reference:
         return out - rec.model.known_torque(rec.q)
 
 
-SHAPES = 8
-"""Friction columns of a joint beside the viscous one."""
+SHAPES, STEPPED = 8, 6
+"""Friction columns of a joint beside the viscous one, and those of them that do not grow with
+speed: they stand first."""
 
 
 def _parts(rec: Recording, inertial: Array) -> Iterator[tuple[slice, Array]]:
@@ -249,7 +250,11 @@ class Fits:
 
 
 def correlation_length(error: Array) -> Array:
-    """(n) rows that count as one, from the autocorrelation of errors (n, T)."""
+    """(n) rows that count as one, from the autocorrelation of errors (n, T).
+
+    The longer of two: errors that drift are seldom new, and of errors that swing (gears that
+    vibrate) their power is (Bartlett 1935), though their sum soon vanishes.
+    """
     out = np.ones(len(error))
     for j, row in enumerate(error):
         row = row - row.mean()
@@ -258,7 +263,8 @@ def correlation_length(error: Array) -> Array:
         auto = np.fft.irfft(spectrum)[: len(row) // 4]
         auto /= max(auto[0], 1e-300)
         stop = int(np.argmax(auto < 0.05)) or len(auto)
-        out[j] = max(1.0, 1 + 2 * float(auto[1:stop].sum()))
+        power = np.square(auto[1:]) - 1 / len(row)
+        out[j] = max(1.0, 1 + 2 * float(auto[1:stop].sum()), 1 + 2 * float(power.sum()))
     return out
 
 

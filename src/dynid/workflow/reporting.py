@@ -254,9 +254,11 @@ def _events(estimate: Estimate, shown: ValidationResult) -> Events:
     gaps = np.flatnonzero(steps > max(5 * usual, 0.05))
     contacts: tuple[tuple[float, float], ...] = ()
     if any(finding.code == "contact" for finding in (*estimate.warnings, *shown.warnings)):
-        contacts = contact_stretches(
-            estimate.model.robot, shown.t, shown.dq, shown.measured - shown.predicted
-        )
+        known = dict(zip(estimate.names, estimate.values, strict=True))
+        robot = estimate.model.robot
+        held = np.array([abs(known.get(f"Fc{j + 1}", 0.0)) for j in range(robot.joints)])
+        error = shown.measured - shown.predicted
+        contacts = contact_stretches(robot, shown.t, shown.dq, error, held)
     left_out = tuple((float(shown.t[k]), float(shown.t[k + 1])) for k in gaps)
     return Events(contacts=contacts, left_out=left_out)
 
