@@ -68,7 +68,7 @@ def test_a_base_on_the_wall_must_not_be_used(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "late",
-    [-40, pytest.param(25, marks=pytest.mark.long), pytest.param(60, marks=pytest.mark.long)],
+    [pytest.param(-40, marks=pytest.mark.long), pytest.param(25, marks=pytest.mark.long), 60],
 )
 def test_torques_of_another_clock_are_told_by_how_much(tmp_path: Path, late: int) -> None:
     found = faults(tmp_path, Wrong(late=late))[0]

@@ -13,11 +13,13 @@ CLEAN = (
 )
 PLANTED = (
     ("ur5", "fourier", 500.0, 15.0, 864229114, "gains", "medium"),
-    ("ur5", "fourier", 1000.0, 15.0, 523289140, "gain", "large"),
     ("ur5", "waypoints", 125.0, 10.0, 570712269, "joint_delay", "large"),
     ("sliding", "teach", 125.0, 10.0, 514993393, "clock", "large"),
-    ("ur5", "fourier", 125.0, 20.0, 317888587, "payload", "medium"),
     ("sliding", "fourier", 1000.0, 15.0, 767711293, "contact", "medium"),
+)
+SLOW = (
+    ("ur5", "fourier", 1000.0, 15.0, 523289140, "gain", "large"),
+    ("ur5", "fourier", 125.0, 20.0, 317888587, "payload", "medium"),
 )
 
 
@@ -38,7 +40,13 @@ def test_clean_recordings_raise_nothing(case: Case) -> None:
     assert row.error_percent < 1e-6
 
 
-@pytest.mark.parametrize("planted", PLANTED, ids=lambda planted: planted[5])
+@pytest.mark.parametrize(
+    "planted",
+    [
+        pytest.param(planted, id=planted[5], marks=[pytest.mark.long] if planted in SLOW else [])
+        for planted in (*PLANTED, *SLOW)
+    ],
+)
 def test_planted_faults_are_named(
     planted: tuple[str, str, float, float, int, str, str],
 ) -> None:

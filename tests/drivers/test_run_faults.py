@@ -33,7 +33,7 @@ CYCLE_S = 0.008
 STILL = 0.01
 """Speed of a joint that stands still, sensor noise included [rad/s]."""
 REPEAT = 2
-RANDOM_TIMES = 20
+RANDOM_TIMES = 8
 UNLOCK_S = 5.5
 
 

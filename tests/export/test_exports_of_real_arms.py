@@ -41,7 +41,7 @@ def panda() -> tuple[ExperimentRecord, RobotModel]:
 @pytest.mark.parametrize(
     ("name", "symbol", "words"),
     [
-        ("ur10", "Fl", "friction that grows with load"),
+        pytest.param("ur10", "Fl", "friction that grows with load", marks=pytest.mark.long),
         pytest.param("panda", "Fw", "torque ripple of gears", marks=pytest.mark.long),
     ],
 )

@@ -146,7 +146,7 @@ def test_kr300_warns_and_still_predicts(
     assert {"ill_conditioned", "over_fitted"} <= codes(plain)
 
 
-@pytest.mark.parametrize("preset", ["paper", "best"])
+@pytest.mark.parametrize("preset", [pytest.param("paper", marks=pytest.mark.long), "best"])
 @pytest.mark.parametrize(
     "name",
     [pytest.param("RecordTrajectory_quadratic", marks=pytest.mark.long), "RunTrajectory1"],
