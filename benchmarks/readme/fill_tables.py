@@ -1,4 +1,4 @@
-"""Measure the tables of the README and of docs/real-recordings.md again: `make readme`."""
+"""Measure the tables of the README and of docs/real-recordings.md again, and draw its picture."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+
+from picture import draw
 
 from dynid.workflow import run_demo
 from dynid.workflow.demo import DemoRow
@@ -70,6 +72,7 @@ def main() -> int:
     fill(ROOT / "docs" / "real-recordings.md", "results", whole)
     fill(ROOT / "README.md", "results", selected(whole))
     fill(ROOT / "README.md", "demo", demo())
+    draw()
     return 0
 
 

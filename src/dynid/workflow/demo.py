@@ -232,7 +232,7 @@ def make_recordings(robot: str, folder: Path, quick: bool, tell: Progress) -> Re
             period_s=PERIOD_S,
             starts=1 if quick else STARTS,
             seed=seed,
-            jobs=1,
+            jobs=1 if quick else STARTS,
         )
         path = folder / f"{name}.json"
         designs.append(design(robot, settings, output=path))
