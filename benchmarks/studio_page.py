@@ -63,7 +63,9 @@ def visit(page: Any, url: str) -> tuple[float, float]:
     """Seconds to the first picture, and frames a second while the motion plays."""
     page.add_init_script(COUNT)
     page.goto(url)
-    page.wait_for_function("window.firstDrawn !== undefined", timeout=60_000)
+    deadline = time.monotonic() + 60
+    while page.evaluate("window.firstDrawn === undefined") and time.monotonic() < deadline:
+        page.wait_for_timeout(20)
     first = page.evaluate("window.firstDrawn") / 1000
     page.get_by_role("button", name="Play", exact=True).click()
     page.wait_for_timeout(1000)
@@ -99,10 +101,10 @@ def main() -> int:
             "--port",
             "0",
         ]
-        studio = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+        studio = subprocess.Popen(words, stderr=subprocess.PIPE, text=True)
         try:
-            assert studio.stdout is not None
-            url = next(m[0] for line in studio.stdout if (m := re.search(r"http://\S+", line)))
+            assert studio.stderr is not None
+            url = next(m[0] for line in studio.stderr if (m := re.search(r"http://\S+", line)))
             with sync_playwright() as playwright:
                 browser = playwright.chromium.launch(
                     executable_path="/usr/bin/chromium", args=SOFTWARE

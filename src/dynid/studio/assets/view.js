@@ -117,11 +117,12 @@ const FLOOR = {
         / (1.0 + 3.0 * max(d.x, d.y));
       vec3 c = lit.xyz * 0.5 + 0.5; c.z -= 0.002;
       float shadow = 0.0;
-      if (far < 0.75) {
-        float w = 2.6 / ${SHADOW}.0;
-        for (int k = 0; k < 9; k++)
-          shadow += 1.0 - texture(shade, c + vec3(float(k % 3 - 1) * w, float(k / 3 - 1) * w, 0.0));
-        shadow *= fade / 9.0;
+      // Nothing throws a shadow beyond the map.
+      if (all(lessThan(abs(c.xy - 0.5), vec2(0.5)))) {
+        float w = 1.7 / ${SHADOW}.0;
+        for (int k = 0; k < 4; k++)
+          shadow += 1.0 - texture(shade, c + vec3(float(2 * (k % 2) - 1), float(k - k % 2 - 1), 0.0) * w);
+        shadow *= fade / 4.0;
       }
       vec3 ink = mix(vec3(0.34, 0.40, 0.50), vec3(0.62, 0.68, 0.78), dark);
       float under = shadow * mix(0.34, 0.58, dark);
@@ -181,6 +182,15 @@ function widest(points) {
   return best;
 }
 
+// Whether the processor draws: fewer points then, each of them once.
+function inSoftware() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const info = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software/i.test(name);
+}
+
 const GREY = [0.86, 0.87, 0.885], STEEL = [0.56, 0.585, 0.62];
 
 export class View {
@@ -188,7 +198,8 @@ export class View {
   constructor(canvas, over) {
     this.canvas = canvas;
     this.over = over;
-    const gl = canvas.getContext("webgl2", { antialias: true, premultipliedAlpha: true, alpha: true });
+    const slow = inSoftware();
+    const gl = canvas.getContext("webgl2", { antialias: !slow, premultipliedAlpha: true, alpha: true });
     if (!gl) throw new Error("this browser draws no WebGL 2");
     this.gl = gl;
     this.shaded = new Program(gl, SHADED);
@@ -199,7 +210,7 @@ export class View {
     this.bodies = [];
     this.shapes = [];
     this.showBodies = false;
-    this.scale = Math.min(devicePixelRatio || 1, 2);
+    this.scale = slow ? 0.75 : Math.min(devicePixelRatio || 1, 2);
     this.poses = [unit()];
     this.paths = { past: [], next: [] };
     this.near = [];
