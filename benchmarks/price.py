@@ -1,6 +1,6 @@
 """What safety costs: condition numbers of designs beside those of release 0.1.
 
-    python benchmarks/price.py OLD [--robots ur3 ur5 ur10] [--seeds 3] [--starts 4]
+    python benchmarks/price.py [OLD] [--robots ur3 ur5 ur10] [--seeds 3] [--starts 4]
 
 OLD is the source folder (`src`) of a tree of v0.1.0. Both releases design by the criterion cond, as
 many seeds each, in processes of their own. The new release keeps its defaults: a floor at the
@@ -44,11 +44,14 @@ def designed(source: Path, words: list[str], file: Path) -> float:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("old", type=Path)
+    parser.add_argument("old", type=Path, nargs="?", help="without it there is nothing to compare")
     parser.add_argument("--robots", nargs="+", default=["ur3", "ur5", "ur10"])
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--starts", type=int, default=4)
     asked = parser.parse_args()
+    if asked.old is None:
+        print("nothing compared: name the source folder of a tree of v0.1.0")
+        return
     dear = 0
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)

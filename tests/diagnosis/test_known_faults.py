@@ -9,7 +9,9 @@ import pytest
 from pinocchio_arm import RATE, Wrong, arm, recording
 
 from dynid.core import Finding
-from dynid.diagnosis import findings_of
+from dynid.diagnosis import diagnose, findings_of
+from dynid.robot import load_robot
+from dynid.signals import ProcessingSettings
 
 SIGMAS = 4.0
 EARLY_OR_LATE_S = 0.25
@@ -114,3 +116,16 @@ def test_an_unknown_payload_is_weighed(tmp_path: Path) -> None:
 def test_two_faults_are_told_apart(tmp_path: Path) -> None:
     found = faults(tmp_path, Wrong(scales=(1.0, 1.2, 1.0), tilt_deg=3.0, seconds=40.0))
     assert {f.kind for f in found[:2]} == {"drive_gain", "mounting"}
+
+
+def test_for_many_joints_it_is_said_that_nothing_was_looked_for(tmp_path: Path) -> None:
+    links = "".join(f'<link name="l{k}"/>' for k in range(14))
+    joints = "".join(
+        f'<joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>'
+        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>'
+        for k in range(13)
+    )
+    path = tmp_path / "long.urdf"
+    path.write_text(f'<robot name="long">{links}{joints}</robot>')
+    (found,) = diagnose([], load_robot(path), ProcessingSettings())
+    assert (found.kind, found.severity, found.value) == ("not_diagnosed", "info", 13)

@@ -25,6 +25,7 @@ KINDS: Mapping[str, tuple[str, str]] = {
         )
     },
     "non_white_residuals": ("non_white_residuals", "info"),
+    "not_diagnosed": ("not_diagnosed", "info"),
     "extrapolated": ("extrapolated", "warning"),
     "other_motion": ("extrapolated", "info"),
     "identification_gains_nothing": ("weak_excitation", "info"),

@@ -28,6 +28,8 @@ TURNED = 0.3
 """Tilt or zero [rad] from which a result must not be used."""
 SAMPLES = 64
 """Fewer are not diagnosed."""
+MOST_JOINTS = 12
+"""Nor are more joints: rivals, their columns and those of the arm multiply, hours with thirty."""
 
 _STEPS = {
     "drive_gain": "check its drive gain; its share of the parameters is scaled by it",
@@ -83,8 +85,11 @@ def diagnose(
 
     Returns:
         Errors first. Of several recordings, each kind of fault once, as the recording shows it
-        that shows it best; contacts of each.
+        that shows it best; contacts of each. For an arm of too many joints, that alone.
     """
+    if robot.joints > MOST_JOINTS:
+        text = f"faults of recordings are looked for on arms of up to {MOST_JOINTS} joints"
+        return (Finding("not_diagnosed", text, value=robot.joints, unit="1"),)
     plain = ProcessingSettings(start_s=settings.start_s, stop_s=settings.stop_s)
     best: dict[tuple[str, tuple[int, ...]], tuple[float, Finding]] = {}
     others: list[Finding] = []

@@ -18,7 +18,10 @@ POOR = 0.12
 """Share of a joint's torque that the reference may leave before these are tried."""
 LEAST_POWER = -0.05
 """Power of friction over all power of a joint: friction that drives says the same."""
-ROWS = 500
+ROWS, EQUATIONS = 500, 3500
+"""Most rows that are looked at, and equations of all joints."""
+PAIRED = 7
+"""Joints of which pairs are tried: those that are explained worst."""
 LOOKS = 3
 """Kinds that get a fit of the reference."""
 SWEEPS = 4
@@ -68,10 +71,11 @@ def whole_signals(
         return []
     rec = ref.recording
     # The same for all joints: an exchange must not gain from joints that count differently.
-    counts = np.full(len(sums.counts), min(float(np.median(sums.counts)), ROWS))
+    rows = _rows(rec)
+    counts = np.full(len(sums.counts), min(float(np.median(sums.counts)), rows))
     own = _objective(_thin(rec), prior, counts)
     best: dict[str, WholeSignal] = {}
-    for rival in _rivals(rec):
+    for rival in _rivals(rec, sorted(np.argsort(-share)[:PAIRED].tolist())):
         drop = own - _objective(_thin(rival.recording), prior, counts)
         if drop > (best[rival.kind].score if rival.kind in best else 0.0):
             best[rival.kind] = replace(rival, score=drop)
@@ -88,7 +92,7 @@ def _friction_power(ref: Reference, values: Array) -> Array:
     return friction.mean(axis=1) / np.maximum(np.abs(ref.torque * dq).mean(axis=1), 1e-300)
 
 
-def _rivals(rec: Recording) -> Iterator[WholeSignal]:
+def _rivals(rec: Recording, paired: list[int]) -> Iterator[WholeSignal]:
     robot, n = rec.robot, rec.robot.joints
     turning = [j for j in range(n) if not robot.prismatic[j]]
     light = replace(rec, robot=replace(robot, gravity=1e-6 * robot.gravity))
@@ -119,7 +123,7 @@ def _rivals(rec: Recording) -> Iterator[WholeSignal]:
         sign[list(joints)] = -1.0
         changed = replace(rec, tau=rec.tau * sign)
         yield WholeSignal(recording=changed, kind="reversed", joints=joints, value=-1.0, unit="1")
-    for i, j in combinations(range(n), 2):
+    for i, j in combinations(paired, 2):
         if robot.prismatic[i] != robot.prismatic[j]:
             continue
         order = list(range(n))
@@ -136,7 +140,7 @@ def _rivals(rec: Recording) -> Iterator[WholeSignal]:
     for j in turning:
         for by in (np.pi / 2, -np.pi / 2, np.pi):
             yield _turned(rec, {j: by})
-    for i, j in combinations(turning[1:], 2):
+    for i, j in combinations([j for j in turning[1:] if j in paired], 2):
         for a in (np.pi / 2, -np.pi / 2):
             for b in (np.pi / 2, -np.pi / 2):
                 yield _turned(rec, {i: a, j: b})
@@ -159,8 +163,12 @@ def _turned(rec: Recording, by: dict[int, float]) -> WholeSignal:
     )
 
 
+def _rows(rec: Recording) -> int:
+    return min(ROWS, EQUATIONS // rec.robot.joints)
+
+
 def _thin(rec: Recording) -> Recording:
-    rows = np.linspace(0, len(rec.t) - 1, min(ROWS, len(rec.t))).astype(int)
+    rows = np.linspace(0, len(rec.t) - 1, min(_rows(rec), len(rec.t))).astype(int)
     parts = {name: getattr(rec, name)[rows] for name in ("t", "q", "dq", "ddq", "tau")}
     return replace(rec, **parts, block=1)
 
