@@ -21,7 +21,14 @@ ROOT = Path(__file__).parents[2]
 TOOLS = ("mkdocs-material>=9.5", "mkdocstrings[python]>=0.26", "nbconvert>=7", "ipykernel>=6")
 NAV = {
     "Tutorials": ["tutorial-real-data.md", "tutorial-simulated.md", "tutorial.md"],
-    "How to": ["recordings.md", "robot-files.md", "running.md", "models.md", "fleet.md"],
+    "How to": [
+        "recordings.md",
+        "robot-files.md",
+        "running.md",
+        "safety.md",
+        "models.md",
+        "fleet.md",
+    ],
     "Explanation": ["equations.md", "excitation.md", "warnings.md", "architecture.md"],
     "Reference": ["reference/cli.md", "reference/api.md", "json.md", "controller.md", "studio.md"],
 }
