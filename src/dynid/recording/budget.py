@@ -25,7 +25,7 @@ class Budget:
 
     memory_bytes: int = 1 << 30
     """Memory of the reader, beyond what its program takes."""
-    cpu_s: float = 12.0
+    cpu_s: float = 17.0
     """CPU time of the reader."""
     unpacked_bytes: int = 512 << 20
     """Size of what comes out of compressed files, on disk."""
@@ -38,7 +38,7 @@ class Budget:
         more = max(0, sum(file.stat().st_size for file in files) - _SMALL)
         return cls(
             memory_bytes=(1 << 30) + 30 * more,
-            cpu_s=12.0 + 2e-6 * more,
+            cpu_s=17.0 + 2e-6 * more,
             unpacked_bytes=(512 << 20) + 30 * more,
             values=16_000_000 + 4 * more,
         )
