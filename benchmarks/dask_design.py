@@ -95,14 +95,16 @@ def timed(name: str, job: Job, client: Any, address: str) -> None:
     )
 
 
-def killed(name: str, job: Job, client: Any, address: str, kills: int) -> None:
+def killed(name: str, job: Job, client: Any, cluster: Any, kills: int) -> None:
     """A worker dies at a random time of each run."""
+    address = cluster.scheduler_address
     job(address)
     begun = time.perf_counter()
     expected, draw = job(address), random.Random(0)
     length = time.perf_counter() - begun
     for k in range(kills):
-        victim = draw.choice(sorted(client.run(os.getpid).values()))
+        # Of the processes' parents: whoever asks the cluster may still ask a dead one.
+        victim = draw.choice([worker.pid for worker in cluster.workers.values()])
         wait, over, struck = draw.uniform(0.1, 0.7) * length, threading.Event(), list[float]()
 
         def strike(wait=wait, victim=victim, over=over, struck=struck) -> None:
@@ -143,7 +145,7 @@ def main() -> None:
             if asked.only and not name.startswith(asked.only):
                 continue
             if asked.kill:
-                killed(name, job, client, cluster.scheduler_address, asked.kill)
+                killed(name, job, client, cluster, asked.kill)
             else:
                 timed(name, job, client, cluster.scheduler_address)
 
