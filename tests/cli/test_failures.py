@@ -138,6 +138,12 @@ def test_signals_stop_a_running_demo(tmp_path: Path, number: signal.Signals, cod
     assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
 
 
+def test_a_name_that_no_disk_takes_is_bad_input(run: Run) -> None:
+    outcome = run("fleet", "x" * 300)
+    assert outcome.code == 2
+    assert len(outcome.err.splitlines()) == 1
+
+
 def test_a_reader_that_leaves_early_is_no_error() -> None:
     process = subprocess.Popen(
         [sys.executable, "-m", "dynid", "robots", "--json"],

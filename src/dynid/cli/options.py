@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import os
 import signal
@@ -187,7 +188,8 @@ def exit_code_of(job: Callable[[], int]) -> int:
     except OSError as error:
         # A full disk, a vanished folder: the machine's fault, not a bug.
         place = f": {error.filename}" if error.filename else ""
-        return _say(f"{error.strerror or error}{place}", JOB_FAILED)
+        wrong = BAD_INPUT if error.errno == errno.ENAMETOOLONG else JOB_FAILED
+        return _say(f"{error.strerror or error}{place}", wrong)
     except MemoryError:
         return _say("not enough memory for this job; use a shorter record", JOB_FAILED)
     except Exception as error:
