@@ -32,7 +32,7 @@ from fleet import Individual
 import dynid
 from dynid.bench import plant
 
-STARTS, ARMS, DAYS = 8, 4, 60
+STARTS, ARMS, DAYS = 8, 20, 50
 ASKED = 1.7
 Job = Callable[[str | None], list[np.ndarray]]
 """Runs on a cluster, or on none, and gives its numbers."""
