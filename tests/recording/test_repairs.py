@@ -184,6 +184,14 @@ def test_spikes_at_the_ends_are_dropped(row: int) -> None:
     np.testing.assert_allclose(record.signals["q"], MOTION.position(times(record)), atol=1e-9)
 
 
+@pytest.mark.parametrize("seed", [64, 81, 136])
+def test_the_last_row_of_rough_torques_stays(seed: int) -> None:
+    """Its five neighbours lie on a line by chance, with these seeds."""
+    rough = np.random.default_rng(seed).normal(size=(MOTION.samples, 6))
+    record = run(signals(raw(), effort=rough))
+    assert record.samples == MOTION.samples
+
+
 @pytest.mark.parametrize("length", [2, 3, 4, 10, 40])
 @pytest.mark.parametrize("value", [0.0, 7.0])
 def test_stretches_of_nonsense_are_dropped(length: int, value: float) -> None:

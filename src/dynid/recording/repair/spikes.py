@@ -108,6 +108,7 @@ def find_spikes(t: Array, x: Array, bar: float, share: float, least: float) -> A
     floor = max(least, share * float(high - low), 4 * grain if np.isfinite(grain) else 0.0)
     if float(steps.max()) <= floor:
         return heights
+    ends = np.zeros(2)
     for width in (1, 2, 3):
         keep = np.flatnonzero(heights == 0)
         x_kept, bases = x[keep], (t[keep], np.arange(len(keep), dtype=np.float64))
@@ -116,6 +117,7 @@ def find_spikes(t: Array, x: Array, bar: float, share: float, least: float) -> A
         by_time, by_row = (off_the_curve(base, x_kept, width) for base in bases)
         off = np.minimum(np.abs(by_time), np.abs(by_row))
         noise = 1.4826 * local_median(off)
+        ends = np.maximum(ends, noise[[0, -1]])
         # Nothing measured is zero by chance so often as by damage.
         bound = np.maximum(np.where(np.abs(x_kept) < _NOTHING, bar / 3, bar) * noise, floor)
         candidates = np.flatnonzero(off > bound)
@@ -124,9 +126,10 @@ def find_spikes(t: Array, x: Array, bar: float, share: float, least: float) -> A
         for block, height in _confirmed(bases, x_kept, candidates, off, width):
             heights[keep[block]] = height
     inner = np.flatnonzero(heights == 0)
-    for take in (inner[:6], inner[::-1][:6]):
+    for take, end in zip((inner[:6], inner[::-1][:6]), ends.tolist(), strict=True):
         if len(take) == 6:
-            heights[take[0]] = _stray_end(t[take], x[take], 3 * floor)
+            # Five neighbours of a rough signal lie on a line by chance: its noise nearby counts.
+            heights[take[0]] = _stray_end(t[take], x[take], max(3 * floor, bar * end))
     return heights
 
 
