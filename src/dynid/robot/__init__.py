@@ -25,6 +25,7 @@ from dynid.robot.kinematics import (
     with_mount,
 )
 from dynid.robot.load import (
+    builtin_names,
     load_robot,
     robot_from_json,
     robot_to_json,
@@ -78,6 +79,7 @@ __all__ = [
     "SafetyLimits",
     "Tool",
     "box_points",
+    "builtin_names",
     "cylinder_points",
     "direct_drives",
     "find_trunk",

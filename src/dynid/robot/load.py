@@ -40,7 +40,7 @@ class BuiltinRobot(NamedTuple):
 
 def robots() -> list[BuiltinRobot]:
     """The built-in robots, by name."""
-    found = [load_robot(name) for name in _names()]
+    found = [load_robot(name) for name in builtin_names()]
     return [BuiltinRobot(robot.name, robot.joints, robot.source) for robot in found]
 
 
@@ -72,7 +72,7 @@ def load_robot(
 
 def _load(name_or_path: str | Path, collision: bool, mesh_dirs: Sequence[Path] = ()) -> RobotModel:
     text = str(name_or_path)
-    names = _names()
+    names = builtin_names()
     if text.lower() in names:
         file = resources.files(library) / f"{text.lower()}.toml"
         return robot_from_toml(file.read_bytes(), Path(f"{text.lower()}.toml"))
@@ -100,7 +100,8 @@ def _load(name_or_path: str | Path, collision: bool, mesh_dirs: Sequence[Path] =
     return robot_from_toml(data, path, collision=collision, mesh_dirs=mesh_dirs)
 
 
-def _names() -> list[str]:
+def builtin_names() -> list[str]:
+    """The names of the built-in robots, sorted."""
     files = resources.files(library).iterdir()
     return sorted(file.name[:-5] for file in files if file.name.endswith(".toml"))
 
@@ -204,7 +205,7 @@ def _bodies(data: Mapping[str, Any]) -> tuple[Body, ...]:
     """
     if "bodies" in data:
         return tuple(Body(**item) for item in data["bodies"])
-    if data["name"] in _names():
+    if data["name"] in builtin_names():
         today = _load(str(data["name"]), collision=False)
         there = _array(data["placements"])
         if there.shape == today.placements.shape and np.allclose(

@@ -27,7 +27,7 @@ from dynid.recording import (
     stored_rows,
     write_record,
 )
-from dynid.robot import RobotModel, load_robot, robots
+from dynid.robot import RobotModel, builtin_names, load_robot
 from dynid.workflow.payload import identify_gains
 
 RecordLike = ExperimentRecord | str | Path
@@ -47,7 +47,7 @@ _NEXT = "Pass --robot: a built-in name (dynid robots), a URDF or a robot file."
 def robot_reference(name_or_path: str | Path) -> str:
     """What a recording remembers of its robot: a built-in name, or an absolute path."""
     text = str(name_or_path)
-    if text.lower() in {robot.name for robot in robots()}:
+    if text.lower() in builtin_names():
         return text.lower()
     return str(Path(text).expanduser().resolve())
 
