@@ -17,7 +17,7 @@ from dynid.constraints import prior_link
 from dynid.core import Array
 from dynid.identification import inertial_prior as completed_inertias
 from dynid.regressor import CHUNK, FrictionTerms, InverseDynamicModel, friction_state
-from dynid.robot import RobotModel, from_body, inverse, move
+from dynid.robot import RobotModel, from_pseudo_inertia, inverse, move, to_pseudo_inertia
 
 BLOCKS = 8
 """Contiguous parts of a record that are left out in turn."""
@@ -90,7 +90,7 @@ def inertial_prior(recording: Recording) -> tuple[Array, Array]:
             spreads = (UNKNOWN_MASS, centre, UNKNOWN_TENSOR)
         else:
             row, spreads = prior_link(robot, k), (MASS_SPREAD, CENTRE_SPREAD_M, TENSOR_SPREAD)
-        drawn = np.array([move(_drawn(draw, row, *spreads), place) for _ in range(DRAWS)])
+        drawn = from_pseudo_inertia(place @ _drawn(draw, row, *spreads) @ place.T)
         mean[part] = move(row, place)
         covariance[part, part] = np.cov(drawn.T) + 1e-10 * np.eye(10)
     return mean, covariance
@@ -99,21 +99,19 @@ def inertial_prior(recording: Recording) -> tuple[Array, Array]:
 def _drawn(
     draw: np.random.Generator, row: Array, mass_log: float, centre_m: float, tensor_log: float
 ) -> Array:
-    """A body near another."""
-    mass, centre = float(row[0]), row[1:4] / row[0]
-    xx, yy, zz, yz, xz, xy = row[4:]
-    about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    second = np.trace(about) / 2 * np.eye(3) - about - mass * np.outer(centre, centre)
-    size, axes = np.linalg.eigh(second)
+    """The pseudo-inertias (DRAWS, 4, 4) of bodies near another."""
+    normal = draw.normal(size=(DRAWS, 7))
+    pseudo = to_pseudo_inertia(row)
+    centre = pseudo[:3, 3] / row[0]
+    size, axes = np.linalg.eigh(pseudo[:3, :3] - row[0] * np.outer(centre, centre))
     # A published tensor may be rough: a body has at least the spread of a ball of 3 cm.
-    size = np.maximum(size, mass * 0.03**2 / 5) * np.exp(tensor_log * draw.normal(size=3))
-    factor = np.exp(mass_log * draw.normal())
-    second = factor * axes * size @ axes.T
-    return from_body(
-        mass * factor,
-        centre + centre_m * draw.normal(size=3),
-        np.trace(second) * np.eye(3) - second,
-    )
+    sizes = np.maximum(size, row[0] * 0.03**2 / 5) * np.exp(tensor_log * normal[:, :3])
+    factor = np.exp(mass_log * normal[:, 3])
+    levers = np.ones((DRAWS, 4))
+    levers[:, :3] = centre + centre_m * normal[:, 4:]
+    bodies = (row[0] * factor)[:, None, None] * levers[:, :, None] * levers[:, None]
+    bodies[:, :3, :3] += (axes * (factor[:, None] * sizes)[:, None]) @ axes.T
+    return bodies
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
