@@ -213,9 +213,9 @@ def test_errors_name_file_line_and_column(tmp_path: Path) -> None:
 
 
 def test_last_line_cut_in_a_number(tmp_path: Path) -> None:
-    motion = Motion()
+    motion = Motion(samples=40)
     text = write_ur_csv(motion, tmp_path / "x.csv").read_text()
-    for cut in range(2, 200):
+    for cut in range(2, 200, 3):
         (tmp_path / "cut.csv").write_text(text[:-cut])
         record = read_recording(tmp_path / "cut.csv")
         assert_true_to(record, motion, 1e-6)
