@@ -14,19 +14,19 @@ import ast
 import json
 import os
 import platform
+import signal
 import subprocess
 import sys
 import textwrap
 import time
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 import cases
-from run_one import peak_mb
+from run_one import CPU_LIMIT_S, peak_mb
 
 import dynid
 from dynid.figures import Axis, Figure, Level, Panel, Points, category_axis, write_figure
@@ -98,16 +98,20 @@ def measured(case: cases.Case, tool: str, *, run: bool = True) -> dict:
     if not path.exists() and not run:
         return {}
     if not path.exists():
+        part = path.with_suffix(".part")
         if tool in DYNID:
-            words = [sys.executable, __file__, "--one", case.name, DYNID[tool], str(path)]
+            words = [sys.executable, __file__, "--one", case.name, DYNID[tool], str(part)]
         else:
             folder = cases.write(case, RUNS / "cases")
-            words = [str(PYTHON), str(HERE / "run_one.py"), RIVALS[tool], str(folder), str(path)]
+            words = [str(PYTHON), str(HERE / "run_one.py"), RIVALS[tool], str(folder), str(part)]
         environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-        log = path.with_suffix(".log").open("w")
-        subprocess.run(words, env=environment, stdout=log, stderr=log, check=False)
-    if not path.exists():
-        return {"error": "ended without a result"}
+        with path.with_suffix(".log").open("w") as log:
+            ended = subprocess.run(words, env=environment, stdout=log, stderr=log, check=False)
+        if ended.returncode:
+            over = ended.returncode == -signal.SIGXCPU
+            told = f"stopped after {CPU_LIMIT_S} s of CPU" if over else f"code {ended.returncode}"
+            part.write_text(json.dumps({"error": told}))
+        part.replace(path)
     return json.loads(path.read_text())
 
 
@@ -156,10 +160,10 @@ def document(table: dict[str, dict[str, dict]]) -> str:
         f"Made by `benchmarks/rivals/rivals.py` (`make rivals`) on {datetime.now(UTC).date()}: "
         f"{processor()}, "
         f"{os.cpu_count()} cores, "
-        f"Python {platform.python_version()}, dynid {version('dynid')}, {versions()}.",
+        f"Python {platform.python_version()}, dynid {dynid.__version__}, {versions()}.",
         "",
         "Error on the part that was not identified: root of the summed squares of the joints' "
-        "RMS errors [N.m], best in bold. `-`: not run; `x`: failed.",
+        "RMS errors [N.m], best in bold. `-`: not run; `x`: failed, see below.",
         "",
         "| recording | " + " | ".join(tools) + " |",
         "|---|" + "---:|" * len(tools),
@@ -192,13 +196,24 @@ def document(table: dict[str, dict[str, dict]]) -> str:
         lines.append(f"| {label} | " + " | ".join(cells) + " |")
     lines.append("| lines a user writes | " + " | ".join(str(written(t)) for t in tools) + " |")
     behind = [
-        textwrap.fill(f"- {name}: {told}", 118, subsequent_indent="  ", break_on_hyphens=False)
-        for name, row in table.items()
-        if (told := why_behind(name, row))
+        _bullet(f"{name}: {told}") for name, row in table.items() if (told := why_behind(name, row))
     ]
     if behind:
         lines += ["", "## Where dynid is not first", "", *behind]
+    failed = [
+        _bullet(f"{tool}, {name}: {found['error']}")
+        for name, row in table.items()
+        for tool, found in row.items()
+        if "error" in found
+    ]
+    if failed:
+        lines += ["", "## What failed", "", *failed]
     return "\n".join(lines) + "\n\n" + (HERE / "notes.md").read_text()
+
+
+def _bullet(text: str) -> str:
+    """An item of a list, as wide as the page."""
+    return textwrap.fill(f"- {text}", 118, subsequent_indent="  ", break_on_hyphens=False)
 
 
 def error_of(found: dict | None) -> float:
