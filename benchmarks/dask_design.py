@@ -25,6 +25,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import dask
 import distributed
 import numpy as np
 from fleet import Individual
@@ -135,6 +136,9 @@ def main() -> None:
     asked = parser.parse_args()
     with (
         fleet() as of_fleet,
+        # So long after any loss, LocalCluster gives up a worker that is away at that moment: at
+        # its 15 s, one whose second death is just being mended.
+        dask.config.set({"distributed.deploy.lost-worker-timeout": "1 day"}),
         distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0"
         ) as cluster,

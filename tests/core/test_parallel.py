@@ -92,6 +92,25 @@ def test_starts_of_a_design_on_a_cluster(cluster: Any) -> None:
     assert beside.evaluations == alone.evaluations
 
 
+class Here:
+    """Workers that run at once what they are given, and count how often."""
+
+    handed = 0
+
+    def submit(self, task: Any, *words: Any) -> Any:
+        self.handed += 1
+        future: Any = importlib.import_module("concurrent.futures").Future()
+        future.set_result(task(*words))
+        return future
+
+
+def test_short_tasks_are_handed_over_many_at_a_time() -> None:
+    other = Here()
+    found = dict(each(square, list(range(1000)), Workers(other, 2)))  # type: ignore[arg-type]
+    assert found == {k: k * k for k in range(1000)}
+    assert 4 < other.handed < 100
+
+
 class Empty:
     """A cluster that lost all its workers: nothing is ever done."""
 

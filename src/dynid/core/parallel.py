@@ -39,6 +39,8 @@ POLL_S = 2.0
 """How often a cluster that has finished nothing is asked whether it still has workers [s]."""
 GONE_S = 20.0
 """A cluster without any worker for so long will not get one again [s]."""
+HANDED_S = 0.5
+"""Work that is handed over at a time, by what an item takes here [s]."""
 MOST_REOPENED = 20
 """Pools of local processes that are opened in place of broken ones."""
 _enough: Event | None = None
@@ -153,8 +155,8 @@ def each(
         Number of the item, and its result.
     """
     todo = deque(range(len(items)))
-    pending: dict[Future[Result], int] = {}
-    done = 0
+    pending: dict[Future[list[Result]], list[int]] = {}
+    done, own_s = 0, HANDED_S
 
     def told(number: int, result: Result) -> tuple[int, Result]:
         nonlocal done
@@ -167,19 +169,28 @@ def each(
         while todo or pending:
             # One more than they work on, so that none waits for this process.
             while todo and len(pending) < 2 * beside.slots:
-                future = beside.submit(task, items[todo[0]])
+                # Fewer towards the end, so that all are done at about the same time.
+                size = min(int(HANDED_S / max(own_s, 1e-6)), len(todo) // (4 * beside.slots))
+                numbers = [todo.popleft() for _ in range(max(size, 1))]
+                future = beside.submit(_several, task, [items[number] for number in numbers])
                 if future is None:
+                    todo.extendleft(reversed(numbers))
                     break
-                pending[future] = todo.popleft()
+                pending[future] = numbers
             if todo:
-                number = todo.popleft()
-                yield told(number, task(items[number]))
+                number, begun = todo.popleft(), time.monotonic()
+                result = task(items[number])
+                own_s = time.monotonic() - begun
+                yield told(number, result)
             for future in beside.finished(pending, 0.0 if todo else None):
-                number = pending.pop(future)
+                numbers = pending.pop(future)
                 try:
-                    yield told(number, result_of(future))
+                    results = result_of(future)
                 except WorkerLost:
-                    todo.append(number)
+                    todo.extend(numbers)
+                    continue
+                for number, result in zip(numbers, results, strict=True):
+                    yield told(number, result)
     finally:
         for future in pending:
             future.cancel()
@@ -229,6 +240,10 @@ def workers(jobs: int = 1, dask: str | None = None) -> Generator[Workers]:
         enough.set()
         for pool in pools:
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _several(task: Callable[[Item], Result], items: Sequence[Item]) -> list[Result]:
+    return [task(item) for item in items]
 
 
 def told_to_stop() -> bool:

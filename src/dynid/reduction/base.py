@@ -173,7 +173,7 @@ class BaseParametrization:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the base parameters: those of their first standard parameter."""
-        return tuple(self.model.names[i] for i in self.independent)
+        return tuple(self.model.columns[i].name for i in self.independent)
 
     @property
     def units(self) -> tuple[str, ...]:

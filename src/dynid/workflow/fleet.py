@@ -10,11 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core import (
     Finding,
     InputError,
     Progress,
+    each,
     silent,
     told,
     workers,
@@ -173,30 +175,29 @@ def fleet(
             beside=beside,
             progress=progress or silent,
         )
-    if not read.recordings:
-        raise InputError(
-            "no recording in the folder can be used",
-            where=str(folder),
-            value="; ".join(f"{name}: {why}" for name, why in read.skipped[:3]) or None,
-            next_step="dynid import converts foreign recordings; --robot names their robot.",
-        )
-    joints: list[JointState] = []
-    rows: list[dict[str, Any]] = []
-    notes = _missing(read.recordings)
-    robots = _by_robot(read.recordings)
-    family = 2 * sum(len(group[0].temperature_degC) for group in robots.values())
-    # Enough for the smallest p value to count after the correction.
-    permutations = math.ceil(max(FEWEST, SPARE * family / asked.false_alarms))
-    for robot, group in robots.items():
-        if len({one.model for one in group}) > 1:
+        if not read.recordings:
             raise InputError(
-                "recordings of one robot name different models",
-                where=robot,
-                value=sorted({one.model for one in group}),
+                "no recording in the folder can be used",
+                where=str(folder),
+                value="; ".join(f"{name}: {why}" for name, why in read.skipped[:3]) or None,
+                next_step="dynid import converts foreign recordings; --robot names their robot.",
             )
-        of_robot, of_table = _robot(robot, group, asked, permutations)
-        joints += of_robot
-        rows += of_table
+        robots = _by_robot(read.recordings)
+        for robot, group in robots.items():
+            if len({one.model for one in group}) > 1:
+                raise InputError(
+                    "recordings of one robot name different models",
+                    where=robot,
+                    value=sorted({one.model for one in group}),
+                )
+        family = 2 * sum(len(group[0].temperature_degC) for group in robots.values())
+        # Enough for the smallest p value to count after the correction.
+        permutations = math.ceil(max(FEWEST, SPARE * family / asked.false_alarms))
+        tasks = [(robot, group, asked, permutations) for robot, group in robots.items()]
+        by_robot = dict(each(_robot, tasks, beside, tell=progress, words="robots"))
+    joints = [joint for k in sorted(by_robot) for joint in by_robot[k][0]]
+    rows = [row for k in sorted(by_robot) for row in by_robot[k][1]]
+    notes = _missing(read.recordings)
     judged, tests = judge(joints, asked.false_alarms)
     result = Fleet(
         folder=folder,
@@ -249,9 +250,16 @@ def _missing(recordings: Sequence[FleetRecording]) -> list[Finding]:
 
 
 def _robot(
+    task: tuple[str, Sequence[FleetRecording], FleetSettings, int],
+) -> tuple[list[JointState], list[dict[str, Any]]]:
+    """The joints of one robot, not yet judged, and its rows of the table; runs in a worker."""
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _states_and_rows(*task)
+
+
+def _states_and_rows(
     robot: str, group: Sequence[FleetRecording], asked: FleetSettings, permutations: int
 ) -> tuple[list[JointState], list[dict[str, Any]]]:
-    """The joints of one robot, not yet judged, and its rows of the table."""
     base = base_of(group[0], asked.terms)
     model = base.model.robot
     states = solve_robot([one.statistics for one in group])

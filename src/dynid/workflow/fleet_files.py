@@ -11,12 +11,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
+from io import BytesIO
 from pathlib import Path, PurePath, PurePosixPath
 from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
-from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
+from threadpoolctl import ThreadpoolController  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core import (
     Array,
@@ -28,6 +29,7 @@ from dynid.core import (
     content_hash,
     each,
     file_hash,
+    scipy_part,
 )
 from dynid.identification import (
     IdentificationProblem,
@@ -142,8 +144,9 @@ def read_folder(
         if isinstance(outcome, str):
             skipped.append((name, outcome))
             continue
-        _write(cache / f"{digest}.npz", outcome)
-        found.append(_placed(name, digest, outcome, row, computed=True))
+        known, packed = outcome
+        _write(cache / f"{digest}.npz", packed)
+        found.append(_placed(name, digest, known, row, computed=True))
     found.sort(key=lambda one: (one.robot, np.nan_to_num(one.time_s, nan=np.inf), one.path))
     return FleetFolder(recordings=tuple(found), skipped=tuple(sorted(skipped)))
 
@@ -158,8 +161,8 @@ class _Contribution:
     """`model`, `key` (of model and terms), and where known `robot` and `time`."""
 
 
-def contribution(job: tuple[str, str | None, str]) -> _Contribution | str:
-    """The statistics of one file, or why there are none; runs in a worker.
+def contribution(job: tuple[str, str | None, str]) -> tuple[_Contribution, bytes] | str:
+    """The statistics of one file, as they are and packed, or why there are none; in a worker.
 
     Args:
         job: The recording, a path or URL; built-in name, URDF or robot file, None for what the
@@ -172,7 +175,7 @@ def contribution(job: tuple[str, str | None, str]) -> _Contribution | str:
             base = _base(reference, terms)
             robot = base.model.robot
             record, _ = known_gains(open_record(path, robot), robot)
-        with threadpool_limits(limits=1, user_api="blas"):
+        with _threads().limit(limits=1, user_api="blas"):  # pyright: ignore[reportUnknownMemberType]
             samples = process(record, robot, ProcessingSettings(decimate=True))
             problem = IdentificationProblem(base=base, samples=samples)
             statistics = record_statistics(SharedProblem(problems=(problem,)))
@@ -187,11 +190,19 @@ def contribution(job: tuple[str, str | None, str]) -> _Contribution | str:
     if "time" not in facts and first >= EPOCH_FROM_S:
         facts["time"] = datetime.fromtimestamp(first, UTC).isoformat()
     warm = record.signals.get("temperature")
-    return _Contribution(
+    found = _Contribution(
         statistics=statistics,
         temperature_degC=np.full(robot.joints, np.nan) if warm is None else warm.mean(axis=0),
         facts=facts,
     )
+    return found, _packed(found)
+
+
+@lru_cache(maxsize=1)
+def _threads() -> ThreadpoolController:
+    """Looking for the libraries takes as long as reading a recording: once, when all are there."""
+    scipy_part("linalg")
+    return ThreadpoolController()
 
 
 @lru_cache(maxsize=16)
@@ -346,8 +357,7 @@ def _cached(path: Path, model: str | None, terms: str) -> _Contribution | None:
         return None
 
 
-def _write(path: Path, known: _Contribution) -> None:
-    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
+def _packed(known: _Contribution) -> bytes:
     values: dict[str, Any] = {
         "factors": known.statistics.factors,
         "scores": known.statistics.scores,
@@ -356,10 +366,16 @@ def _write(path: Path, known: _Contribution) -> None:
         "temperature_degC": known.temperature_degC,
         "facts": np.array(json.dumps(dict(known.facts))),
     }
+    stream = BytesIO()
+    np.savez_compressed(stream, **values)
+    return stream.getvalue()
+
+
+def _write(path: Path, packed: bytes) -> None:
+    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         try:
-            with draft.open("wb") as stream:
-                np.savez_compressed(stream, **values)
+            draft.write_bytes(packed)
             draft.replace(path)
         finally:
             draft.unlink(missing_ok=True)
