@@ -19,11 +19,10 @@ import numpy as np
 from dynid.core import provenance
 from dynid.recording import read_record
 from dynid.robot import load_robot
-from dynid.studio.door import make_door
 from dynid.studio.jobs import Job, Supervisor
 from dynid.studio.opening import open_path
 from dynid.studio.page import Page
-from dynid.studio.server import Server
+from dynid.studio.server import Server, make_door
 from dynid.studio.session import Session
 from dynid.trajectory import rest_series, write_trajectory
 from urtwin import controller_process, own_address

@@ -68,12 +68,7 @@ if TYPE_CHECKING:
     from dynid.regressor import FrictionTerms, InverseDynamicModel, parse_terms
     from dynid.robot import RobotModel, load_robot, robots
     from dynid.signals import ProcessingSettings, Samples, process
-    from dynid.trajectory import (
-        FourierSeries,
-        random_excitation,
-        read_trajectory,
-        write_trajectory,
-    )
+    from dynid.trajectory import FourierSeries, random_excitation, read_trajectory, write_trajectory
     from dynid.validation import (
         MomentumObserver,
         ParameterComparison,

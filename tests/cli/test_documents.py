@@ -14,7 +14,7 @@ from cli_runs import COMMANDS, LISTED, Run
 
 import dynid
 from dynid.core import CODES
-from dynid.workflow.design_limits import given_limits
+from dynid.workflow.design_settings import given_limits
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()

@@ -19,8 +19,8 @@ from dynid.excitation import (
     region_of,
 )
 from dynid.excitation.feasible import free_poses, grown_motion
-from dynid.excitation.finishing import finish
 from dynid.excitation.gradient import judged, one_start
+from dynid.excitation.optimise import finish
 from dynid.robot import load_robot
 
 LOW = {

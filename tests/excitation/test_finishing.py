@@ -14,8 +14,8 @@ from dynid.excitation import (
     random_numbers,
     region_of,
 )
-from dynid.excitation.finishing import Finished, finish, without_turns
 from dynid.excitation.gradient import judged
+from dynid.excitation.optimise import Finished, finish, without_turns
 from dynid.robot.robotfile import robot_from_toml
 
 

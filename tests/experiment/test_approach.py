@@ -12,8 +12,8 @@ from dynid.constraints import ConstraintSettings, MotionConstraints, safe_constr
 from dynid.core import Array
 from dynid.drivers import Execution
 from dynid.experiment import ExperimentPlan, plan_approach
-from dynid.experiment import approach as approaches
-from dynid.experiment.approach import (
+from dynid.experiment import preflight as approaches
+from dynid.experiment.preflight import (
     APPROACH_SPEED,
     Approach,
     FreeSpace,

@@ -11,7 +11,7 @@ import typer
 from typer.testing import CliRunner
 
 import dynid
-from dynid.cli.load_commands import register_gains, register_payload
+from dynid.cli.robot_commands import register_gains, register_payload
 from dynid.core import InputError
 from dynid.simulation import cylinder, simulate, simulated_arm, with_payload
 from dynid.workflow.running import record_of

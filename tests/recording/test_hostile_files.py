@@ -10,7 +10,7 @@ from hostile_files import DOCUMENTS, MAKERS
 
 from dynid.core import InputError, RecordError, load_object
 from dynid.recording import KEY, read_record, read_recording
-from dynid.recording.budget import Budget
+from dynid.recording.content import Budget
 from dynid.robot import load_robot
 
 SAMPLE = [

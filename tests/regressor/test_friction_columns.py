@@ -7,7 +7,7 @@ from pinocchio_chains import random_chain, random_states
 
 from dynid.regressor import TERMS, FrictionTerms, InverseDynamicModel, parse_terms
 from dynid.regressor import columns as layout
-from dynid.regressor.friction import smooth_sign
+from dynid.regressor.terms import smooth_sign
 from dynid.robot import Drives, RobotModel, load_robot
 
 FORMULA = 1e-14

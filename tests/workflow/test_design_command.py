@@ -18,8 +18,7 @@ from designed_arm import written_arm
 import dynid
 from dynid.cli.app import main
 from dynid.trajectory import FAMILY_NAMES
-from dynid.workflow.design_limits import given_limits
-from dynid.workflow.design_settings import DEFAULT_STARTS
+from dynid.workflow.design_settings import DEFAULT_STARTS, given_limits
 
 QUICK = ("--no-collision", "--harmonics", "3", "--period", "6", "--starts", "2", "--jobs", "1")
 BINDING = {

@@ -17,13 +17,7 @@ import pytest
 
 import dynid
 from dynid.core import InputError, RecordError, Workers
-from dynid.identification import (
-    IdentificationProblem,
-    PanelRows,
-    PassPlan,
-    RowSums,
-    sum_rows,
-)
+from dynid.identification import IdentificationProblem, PanelRows, PassPlan, RowSums, sum_rows
 from dynid.identification.problem import joint_factors
 from dynid.recording import ExperimentRecord, open_stored
 from dynid.reduction import reduce_model

@@ -2,16 +2,14 @@
 
 from dynid.bench.estimators import compare_estimators, summary, to_json
 from dynid.bench.plants import Motion, Plant, arm, motion, plant
-from dynid.bench.verdict_cases import (
+from dynid.bench.verdicts import (
     Case,
+    Judged,
     Recorded,
     cases,
-    recorded,
-)
-from dynid.bench.verdicts import (
-    Judged,
     markdown,
     rates,
+    recorded,
     run_verdicts,
     summarise,
 )

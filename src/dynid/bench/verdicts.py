@@ -1,18 +1,243 @@
-"""The scoreboard of verdicts: false alarms, faults named, on arms that share no code with dynid."""
+"""The scoreboard of verdicts: false alarms, faults named, on arms that share no code with dynid.
+
+A case is a clean recording, or one with a planted fault.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from time import process_time
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.bench.verdict_cases import DISCRETE, FAULTS, SIZES, Case, Recorded, recorded
+from dynid.bench.plants import ARMS, MOTIONS, Motion, Plant, arm, motion, plant
 from dynid.core import Array, DynidError, Finding, Progress, silent
+from dynid.recording import ExperimentRecord
+from dynid.robot import RobotModel
+
+SIZES = {"small": 1 / 3, "medium": 1.0, "large": 3.0}
+FAULTS = {
+    "gain": 0.2,
+    "gains": 0.2,
+    "delay": 0.016,
+    "joint_delay": 0.016,
+    "clock": 0.03,
+    "encoder_zero": np.radians(4.0),
+    "tilt": 1.0,
+    "payload": 0.7,
+    "length": 0.01,
+    "ripple": 0.03,
+    "flexibility": 1 / 4000.0,
+    "friction_drift": 0.3,
+    "spring": 0.05,
+    "contact": 20.0,
+}
+"""Medium sizes: share of the torque (one joint, all), s, s, share of the time, rad, deg, kg, m,
+share of the rated torque, rad/(N.m), share of the friction, share of the rated torque, N."""
+DISCRETE = (
+    "quarter_turn",
+    "reversed",
+    "exchanged",
+    "exchanged_torques",
+    "saturated",
+    "gravity_compensated",
+    "friction_compensated",
+    "commanded",
+)
+"""Faults that are there or not: they count as large."""
+CONTACT_S = 0.3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """What is recorded, and what is wrong with it."""
+
+    arm: str
+    motion: str
+    rate_hz: float
+    duration_s: float
+    seed: int
+    fault: str | None = None
+    """A key of `FAULTS` or one of `DISCRETE`; None for a clean recording."""
+    size: str = "medium"
+
+    @property
+    def label(self) -> str:
+        """A short name."""
+        what = "clean" if self.fault is None else f"{self.fault}/{self.size}"
+        return f"{what} {self.arm} {self.motion} {self.rate_hz:g} Hz {self.duration_s:g} s"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recorded:
+    """The recordings of a case, and what is true of them."""
+
+    robot: RobotModel
+    """The robot as it is told to the identification."""
+    record: ExperimentRecord
+    validation: ExperimentRecord
+    """Another motion with the same fault, without a contact."""
+    clean: Array
+    """(N, n) true joint torques of the validation motion, without noise and faults [N.m or N]."""
+    joint: int | None
+    """The joint of the fault."""
+    times_s: tuple[float, ...] = ()
+    """When contacts began."""
+
+
+def cases(seed: int, clean: int, each: int) -> Iterator[Case]:
+    """Clean cases, then as many of each fault and size.
+
+    Args:
+        seed: Of everything.
+        clean: How many clean ones.
+        each: How many of each fault, over the sizes together.
+    """
+    draw = np.random.default_rng(seed)
+
+    def one(fault: str | None, size: str) -> Case:
+        rate = float(draw.choice([100, 125, 125, 250, 500, 1000]))
+        return Case(
+            arm=str(draw.choice(ARMS)),
+            motion=str(draw.choice(MOTIONS, p=[0.5, 0.3, 0.2])),
+            rate_hz=rate,
+            duration_s=float(draw.choice([10, 20, 20, 30, 60, 120])) if rate <= 125 else 15.0,
+            seed=int(draw.integers(1 << 30)),
+            fault=fault,
+            size=size,
+        )
+
+    for _ in range(clean):
+        yield one(None, "medium")
+    for k in range(each):
+        size = tuple(SIZES)[k % len(SIZES)]
+        for fault in FAULTS:
+            yield one(fault, size)
+        if k % len(SIZES) == 2:
+            for fault in DISCRETE:
+                yield one(fault, "large")
+
+
+def recorded(case: Case) -> Recorded:
+    """Make the recordings of a case."""
+    draw = np.random.default_rng(case.seed)
+    told = arm(case.arm)
+    n = told.joints
+    turning = [j for j in range(n) if not told.prismatic[j]]
+    if case.fault in ("encoder_zero", "quarter_turn"):
+        # The first axis of these arms is vertical: no torque tells where it counts from.
+        turning = turning[1:]
+    joint = int(draw.choice(turning))
+    size = FAULTS.get(case.fault or "", 0.0) * SIZES[case.size]
+    built = told
+    if case.fault == "tilt":
+        way = draw.uniform(0, 2 * np.pi)
+        lean = np.radians(size)
+        down = np.array([np.sin(lean) * np.cos(way), np.sin(lean) * np.sin(way), -np.cos(lean)])
+        built = replace(told, gravity=float(np.linalg.norm(told.gravity)) * down)
+    elif case.fault == "length":
+        longest = [j for j in range(1, n) if np.linalg.norm(told.placements[j, :3, 3]) > 0.05]
+        joint = int(draw.choice(longest))
+        placements = told.placements.copy()
+        arrow = placements[joint, :3, 3]
+        placements[joint, :3, 3] += size * arrow / np.linalg.norm(arrow)
+        built = replace(told, placements=placements)
+    real = plant(built, case.seed)
+    if case.fault == "payload":
+        real = real.with_payload(size, built.flange[:3, 3] + draw.uniform(-0.05, 0.08, 3))
+    partner = int(draw.choice([j for j in turning if j != joint]))
+    parts: list[ExperimentRecord] = []
+    clean = np.zeros(0)
+    times: tuple[float, ...] = ()
+    for k in range(2):
+        length = case.duration_s if k == 0 else min(case.duration_s, 20.0)
+        path = motion(told, case.motion, case.seed + k, case.rate_hz, length)
+        if k == 0 and case.fault == "contact":
+            times = (float(draw.uniform(0.15, 0.85)) * length,)
+        record, clean = _record(
+            real, path, case, size, joint, partner, draw, times if k == 0 else ()
+        )
+        parts.append(record)
+    return Recorded(
+        robot=told, record=parts[0], validation=parts[1], clean=clean, joint=joint, times_s=times
+    )
+
+
+def _record(
+    real: Plant,
+    path: Motion,
+    case: Case,
+    size: float,
+    joint: int,
+    partner: int,
+    draw: np.random.Generator,
+    times: tuple[float, ...],
+) -> tuple[ExperimentRecord, Array]:
+    """What is written of a motion, and its true torques."""
+    robot, fault = real.robot, case.fault
+    limit = np.where(np.isfinite(robot.limits.torque), robot.limits.torque, 50.0)
+    t, q = path.t, path.q
+    force = None
+    for start in times:
+        rows = (t >= start) & (t < start + CONTACT_S)
+        force = np.zeros((len(t), 3))
+        way = draw.normal(size=3)
+        force[rows] = size * way / np.linalg.norm(way)
+    rigid = real.torque(q, path.dq, path.ddq)
+    pushed = rigid if force is None else real.torque(q, path.dq, path.ddq, force)
+    friction = real.friction(path.dq, rigid, float(t[1] - t[0]))
+    clean = rigid + friction
+    if fault == "friction_drift":
+        friction = friction * (1 - size * (t / t[-1])[:, None])
+    tau = pushed + friction
+    seen = q.copy()
+    if fault == "flexibility":
+        # Motors turn before the gear that bends.
+        seen[:, joint] += size * (rigid - real.armature * path.ddq)[:, joint]
+    elif fault == "spring":
+        tau[:, joint] += size * limit[joint] * np.sin(1.3 * q[:, joint] + 0.5)
+    elif fault == "ripple":
+        tau[:, joint] += size * limit[joint] * np.sin(2 * 40 * q[:, joint] + 1.0)
+    elif fault == "gravity_compensated":
+        tau -= real.torque(q, np.zeros_like(q), np.zeros_like(q))
+    elif fault == "friction_compensated":
+        tau -= 0.85 * (real.coulomb * np.tanh(path.dq / 0.02) + real.viscous * path.dq)
+    elif fault == "commanded":
+        tau = real.torque(q, path.dq, path.ddq) - real.armature * path.ddq
+    if fault in ("gain", "gains"):
+        scale = 1 + size if draw.random() < 0.5 else 1 / (1 + size)
+        tau[:, joint if fault == "gain" else slice(None)] *= scale
+    elif fault in ("delay", "joint_delay"):
+        for j in range(robot.joints) if fault == "delay" else (joint,):
+            tau[:, j] = np.interp(t - size, t, tau[:, j])
+    if fault != "commanded":
+        tau = tau + real.torque_noise * draw.normal(size=tau.shape)
+    if fault == "saturated":
+        top = 0.5 * np.abs(tau[:, joint]).max()
+        tau[:, joint] = np.clip(tau[:, joint], -top, top)
+    dq = np.gradient(seen, t, axis=0) if fault == "flexibility" else path.dq
+    dq = dq + 1e-3 * draw.normal(size=dq.shape)
+    step = real.position_step
+    seen = step * np.round((seen + 0.5 * step * draw.normal(size=q.shape)) / step)
+    if fault == "encoder_zero":
+        seen[:, joint] += size * draw.choice([-1, 1])
+    elif fault == "quarter_turn":
+        seen[:, joint] += np.pi / 2 * draw.choice([-1, 1, 2])
+    elif fault == "reversed":
+        tau[:, joint] *= -1
+    order = np.arange(robot.joints)
+    order[joint], order[partner] = partner, joint
+    if fault == "exchanged":
+        seen, dq, tau = seen[:, order], dq[:, order], tau[:, order]
+    elif fault == "exchanged_torques":
+        tau = tau[:, order]
+    stamps = t * (1 + size) if fault == "clock" else t
+    return ExperimentRecord(t=stamps, signals={"q": seen, "qd": dq, "effort": tau}), clean
+
 
 GOOD = 5.0
 """[%] true error on another motion up to which a clean recording gave a good model."""

@@ -10,12 +10,7 @@ import typer
 
 from dynid import __version__
 from dynid.cli.design_commands import register_check, register_design
-from dynid.cli.estimate_commands import (
-    register_fit,
-    register_identify,
-    register_validate,
-)
-from dynid.cli.load_commands import register_compare, register_gains, register_payload
+from dynid.cli.estimate_commands import register_fit, register_identify, register_validate
 from dynid.cli.options import Commands, exit_code_of, guard_streams
 from dynid.cli.record_commands import register_controller, register_import, register_run
 from dynid.cli.result_commands import (
@@ -26,7 +21,13 @@ from dynid.cli.result_commands import (
     register_report,
     register_studio,
 )
-from dynid.cli.robot_commands import register_analyze, register_robots
+from dynid.cli.robot_commands import (
+    register_analyze,
+    register_compare,
+    register_gains,
+    register_payload,
+    register_robots,
+)
 
 SUMMARY = "Identify the dynamics of a robot arm: inertias, friction, motor inertia, uncertainty."
 

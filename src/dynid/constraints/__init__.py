@@ -1,14 +1,10 @@
 """One judge for motions: limits of joints, speed, torque and power, and collisions."""
 
+from dynid.constraints.bodies import least_distance
 from dynid.constraints.certificate import Certificate, certify
 from dynid.constraints.collision import CollisionBodies, Proximity
 from dynid.constraints.dynamic import prior_dynamics, prior_link
-from dynid.constraints.limits import (
-    DISTANCES,
-    RATIOS,
-    Unjudged,
-    Worst,
-)
+from dynid.constraints.limits import DISTANCES, RATIOS, Unjudged, Worst
 from dynid.constraints.motion import (
     CLEARANCE,
     MARGIN,
@@ -17,7 +13,6 @@ from dynid.constraints.motion import (
     paper_constraints,
     safe_constraints,
 )
-from dynid.constraints.range_proof import least_distance
 from dynid.constraints.scene import (
     BOX,
     CYLINDER,

@@ -23,20 +23,13 @@ from dynid.core.files import (
     dynid_version,
     file_behind,
     file_hash,
+    in_one_piece,
     provenance,
     require_absent,
     write_json,
     write_text,
 )
-from dynid.core.findings import (
-    CODES,
-    KINDS,
-    Finding,
-    Progress,
-    finding_from_json,
-    silent,
-    told,
-)
+from dynid.core.findings import CODES, KINDS, Finding, Progress, finding_from_json, silent, told
 
 if TYPE_CHECKING:
     from dynid.core.arrays import (
@@ -79,6 +72,7 @@ __all__ = [
     "file_hash",
     "finding_from_json",
     "frozen",
+    "in_one_piece",
     "installed",
     "inverse_upper",
     "load_object",

@@ -7,7 +7,8 @@ import hashlib
 import json
 import os
 import platform
-from collections.abc import Mapping
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -92,8 +93,35 @@ def require_absent(*paths: Path, force: bool) -> None:
         )
 
 
+@contextmanager
+def in_one_piece(path: Path) -> Generator[Path]:
+    """A place for a file that appears whole or not at all: an interrupt leaves the old file.
+
+    Args:
+        path: File to write.
+
+    Yields:
+        Where to write it; what stands there at the end takes the file's name.
+
+    Raises:
+        InputError: A place where no such file can be.
+        JobError: The disk does not take it.
+    """
+    # Beside the file: only within one folder does a rename happen in one piece.
+    path = file_behind(path)
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        try:
+            yield part
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+    except (OSError, UnicodeError) as error:
+        raise cannot_write(path, error) from error
+
+
 def write_text(path: Path, text: str) -> None:
-    """Write a file in one piece: an interrupt leaves the old file or the new one.
+    """Write a file in one piece.
 
     Args:
         path: File to write.
@@ -103,17 +131,8 @@ def write_text(path: Path, text: str) -> None:
         InputError: A place where no such file can be.
         JobError: The disk does not take it.
     """
-    # Beside the file: only within one folder does a rename happen in one piece.
-    try:
-        path = file_behind(path)
-        part = path.with_name(f".{path.name}.{os.getpid()}.part")
-        try:
-            part.write_text(text, encoding="utf-8")
-            part.replace(path)
-        finally:
-            part.unlink(missing_ok=True)
-    except (OSError, ValueError) as error:
-        raise cannot_write(path, error) from error
+    with in_one_piece(path) as part:
+        part.write_text(text, encoding="utf-8")
 
 
 def write_json(path: Path, data: Mapping[str, Any]) -> None:

@@ -1,19 +1,258 @@
-"""What is checked before a real robot moves."""
+"""What is checked before a real robot moves, and the way to the start pose.
+
+The way is straight where that is free, else searched in joint space.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from dynid.constraints import Certificate, MotionConstraints, certify
-from dynid.core import InputError, JobError
+from dynid.constraints import DISTANCES, Certificate, MotionConstraints, certify
+from dynid.core import Array, InputError, JobError
 from dynid.drivers import ControllerState, mode_name
-from dynid.experiment.approach import Approach
 from dynid.experiment.plan import ExperimentPlan
 from dynid.protocol import RobotMode, RuntimeState, SafetyMode
 from dynid.robot import Tool
+from dynid.trajectory import Quintic
+
+SPACING = 0.03
+"""Largest joint motion between two looks at a way [rad or m]."""
+STEP = 0.8
+"""Longest growth of a tree at once [rad or m]."""
+SHORTCUTS = 40
+"""Attempts to leave out a piece of the way that was found."""
+_SHARE = 0.02
+"""Of each limit that is no distance, kept free."""
+_WANDER = np.pi
+"""How far the search goes beyond both ends [rad or m]."""
+_ROUNDING = 1e-6
+
+
+class FreeSpace:
+    """The poses and straight ways that a judge lets pass.
+
+    Args:
+        constraints: The judge.
+        q: (n) where the way begins [rad or m].
+        goal: (n) where it ends [rad or m].
+        speed: Joint speed at which it is taken [rad/s or m/s].
+        room: Distance to keep beyond the clearance, where both ends have it too [m].
+    """
+
+    def __init__(
+        self, constraints: MotionConstraints, q: Array, goal: Array, *, speed: float, room: float
+    ) -> None:
+        self.q, self.goal = np.array(q, dtype=np.float64), np.array(goal, dtype=np.float64)
+        bounds = constraints.settings.bounds
+        ends = np.stack([self.q, self.goal])
+        self.lower = np.maximum(bounds.lower, ends.min(axis=0) - _WANDER)
+        self.upper = np.minimum(bounds.upper, ends.max(axis=0) + _WANDER)
+        self._constraints, self._speed = constraints, speed
+        # An end that is near something must not lock the robot in.
+        at_ends = self._rooms(ends, np.zeros(ends.shape))
+        wish = {kind: room if kind in DISTANCES else _SHARE for kind in at_ends}
+        self._least = {k: min(wish[k], max(at_ends[k] - _ROUNDING, 0.0)) for k in at_ends}
+
+    def free(self, a: Array, b: Array) -> bool:
+        """Whether the straight way from a (n) to b (n) passes in its samples."""
+        step = b - a
+        way = float(np.abs(step).max())
+        if way == 0.0:
+            return True
+        count = int(np.ceil(way / SPACING)) + 1
+        q = a + np.linspace(0.0, 1.0, count)[:, None] * step
+        dq = np.broadcast_to(self._speed / way * step, q.shape).copy()
+        # What is in the way is most often near the far end: a look there may spare the rest.
+        return self._passes(q[-1:], dq[-1:]) and self._passes(q, dq)
+
+    def _passes(self, q: Array, dq: Array) -> bool:
+        return all(room >= self._least[kind] for kind, room in self._rooms(q, dq).items())
+
+    def _rooms(self, q: Array, dq: Array) -> dict[str, float]:
+        worst = self._constraints.usage(q, dq, np.zeros(q.shape)).worst
+        return {kind: item.room for kind, item in worst.items()}
+
+
+class _Tree:
+    """Poses that can be reached from the first one."""
+
+    def __init__(self, root: Array) -> None:
+        self.poses, self.parents = [root], [-1]
+
+    def nearest(self, q: Array) -> int:
+        return int(np.argmin(np.linalg.norm(np.array(self.poses) - q, axis=1)))
+
+    def grow(self, space: FreeSpace, towards: Array) -> int | None:
+        """The number of a new pose one step nearer to another pose; None if it is blocked."""
+        base = self.nearest(towards)
+        a = self.poses[base]
+        away = towards - a
+        way = float(np.abs(away).max())
+        b = towards if way <= STEP else a + STEP / way * away
+        if way == 0.0:
+            return base
+        if not space.free(a, b):
+            return None
+        self.poses.append(b)
+        self.parents.append(base)
+        return len(self.poses) - 1
+
+    def way(self, number: int) -> list[Array]:
+        """The poses from the root to one."""
+        found: list[Array] = []
+        while number >= 0:
+            found.append(self.poses[number])
+            number = self.parents[number]
+        return found[::-1]
+
+
+def find_way(space: FreeSpace, random: np.random.Generator, growths: int) -> Array | None:
+    """A free way from the space's first pose to its goal.
+
+    Args:
+        space: Where the way may go.
+        random: What decides where the trees grow.
+        growths: Attempts to grow before the search gives up.
+
+    Returns:
+        (k, n) poses from one end to the other, few of them; None if none was found.
+    """
+    trees = _Tree(space.q), _Tree(space.goal)
+    for number in range(growths):
+        one, other = trees if number % 2 == 0 else trees[::-1]
+        new = one.grow(space, random.uniform(space.lower, space.upper))
+        if new is None:
+            continue
+        target = one.poses[new]
+        met = other.grow(space, target)
+        while met is not None and not np.array_equal(other.poses[met], target):
+            met = other.grow(space, target)
+        if met is not None:
+            way = one.way(new) + other.way(met)[-2::-1]
+            return _shortened(space, np.array(way if one is trees[0] else way[::-1]), random)
+    return None
+
+
+def _shortened(space: FreeSpace, poses: Array, random: np.random.Generator) -> Array:
+    """Fewer poses and a shorter way: what lies between two points of it is left out."""
+    poses = _pruned(space, poses)
+    for _ in range(SHORTCUTS):
+        if len(poses) <= 2:
+            break
+        i, j = np.sort(random.choice(len(poses) - 1, 2, replace=False))
+        u, v = random.uniform(size=2)
+        a = poses[i] + u * (poses[i + 1] - poses[i])
+        b = poses[j] + v * (poses[j + 1] - poses[j])
+        if space.free(a, b):
+            poses = np.concatenate([poses[: i + 1], [a, b], poses[j + 1 :]])
+            poses = _pruned(space, poses)
+    return poses
+
+
+def _pruned(space: FreeSpace, poses: Array) -> Array:
+    """From each pose straight to the farthest one along the way that can be reached."""
+    kept, last = [poses[0]], 0
+    while last < len(poses) - 1:
+        nxt = next(
+            (k for k in range(len(poses) - 1, last + 1, -1) if space.free(poses[last], poses[k])),
+            last + 1,
+        )
+        kept.append(poses[nxt])
+        last = nxt
+    return np.array(kept)
+
+
+APPROACH_SPEED = 0.5
+"""Joint speed of the way to the start [rad/s]."""
+SEARCHES = (
+    *[(0.005, 400)] * 2,
+    *[(0.002, 400)] * 4,
+    *[(0.001, 400)] * 6,
+    *[(0.0003, 400)] * 3,
+    (0.0003, 1500),
+)
+"""Distances kept beyond the clearance in one search after the other [m], and the growths of its
+trees: trees that have not met early rarely do, new ones may."""
+_NEAR = 1e-3
+_PEAK = 15.0 / 8.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Approach:
+    """How a robot gets from where it stands to the start of a motion."""
+
+    poses: Array
+    """(k, n) where it stands, way points, the start; `movej` takes each straight way between
+    two of them and rests at its end [rad or m]."""
+    refused: Certificate | None = None
+    """Of the straight way, if no way was found; None if the way is certified."""
+
+    @property
+    def free(self) -> bool:
+        """Whether the way was certified from pose to pose."""
+        return self.refused is None
+
+    @property
+    def via(self) -> tuple[Array, ...]:
+        """Way points, each (n), without both ends [rad or m]."""
+        return tuple(self.poses[1:-1])
+
+    @property
+    def length(self) -> float:
+        """Sum over the straight ways of the largest joint motion [rad or m]."""
+        return float(np.abs(np.diff(self.poses, axis=0)).max(axis=1).sum())
+
+    def describe(self) -> str:
+        """The way in words."""
+        if self.length <= _NEAR:
+            return "already there"
+        points = len(self.poses) - 2
+        if points == 0:
+            return f"{self.length:.3g} rad"
+        return f"{points} way point{'s' if points > 1 else ''}, {self.length:.3g} rad"
+
+
+def plan_approach(
+    q: Array, start: Array, constraints: MotionConstraints, *, seed: int = 0
+) -> Approach:
+    """Find and certify a way to the start.
+
+    Args:
+        q: (n) where the robot stands [rad or m].
+        start: (n) the start of the motion [rad or m].
+        constraints: What the way is held to.
+        seed: Of the search; the same seed gives the same way.
+
+    Returns:
+        The straight way where it passes the certificate, else one through way points, each
+        straight piece certified; if none was found, the straight way and its verdict.
+    """
+    straight = np.stack([q, start])
+    if np.abs(start - q).max() <= _NEAR:
+        return Approach(poses=straight)
+    verdict = certify_straight(q, start, constraints)
+    if verdict.holds:
+        return Approach(poses=straight)
+    for number, (room, growths) in enumerate(SEARCHES):
+        space = FreeSpace(constraints, q, start, speed=APPROACH_SPEED, room=room)
+        poses = find_way(space, np.random.default_rng([seed, number]), growths)
+        if poses is not None and all(
+            certify_straight(a, b, constraints).holds for a, b in pairwise(poses)
+        ):
+            return Approach(poses=poses)
+    return Approach(poses=straight, refused=verdict)
+
+
+def certify_straight(a: Array, b: Array, constraints: MotionConstraints) -> Certificate:
+    """Certify the straight way in joint space from a (n) to b (n), as `movej` takes it."""
+    way = float(np.abs(b - a).max())
+    travel = max(_PEAK * way / APPROACH_SPEED, 0.1)
+    return certify(Quintic(start=a, goal=b, travel_time=travel), constraints)
+
 
 _E_SERIES = 5
 _SLIDER = 1e-3

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, InputError, JobError, cannot_write, file_behind
-from dynid.export import mjcf, urdf
+from dynid.export import robot_xml
 from dynid.export.c_code import c_code, c_prefix
 from dynid.export.model import ExportModel, NearestFriction, completed_model, nearest_friction
 from dynid.export.python_code import python_code
@@ -141,7 +141,7 @@ def _rows(links: list[Mapping[str, Any]]) -> Array:
 
 FORMATS = ("urdf", "mjcf", "json", "c", "python")
 SUFFIXES = {"urdf": ".urdf", "mjcf": ".xml", "json": ".json", "c": ".h", "python": ".py"}
-_HELD = {"urdf": urdf.HELD, "mjcf": mjcf.HELD}
+_HELD = {"urdf": robot_xml.URDF_HELD, "mjcf": robot_xml.MJCF_HELD}
 _TOLERANCE = {"mjcf": 1e-6}
 _EXACT = 1e-9
 """Difference that rounding may make [N.m or N], for torques up to a few hundred."""
@@ -221,9 +221,9 @@ def write_model(estimate: Estimate, to: str, path: str | Path, note: str = "") -
 def _text(model: ExportModel, to: str, note: str) -> str:
     match to:
         case "urdf":
-            return urdf.urdf_text(model, note)
+            return robot_xml.urdf_text(model, note)
         case "mjcf":
-            return mjcf.mjcf_text(model, note)
+            return robot_xml.mjcf_text(model, note)
         case "c":
             return c_code(model, note)
         case "python":

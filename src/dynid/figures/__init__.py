@@ -1,8 +1,8 @@
 """Figures without a drawing library: marks and axes in, SVG out, for pages and for files."""
 
 from dynid.figures.axes import Axis, axis_around, category_axis, number, units
-from dynid.figures.files import FORMATS, file_name, write_figure
 from dynid.figures.marks import (
+    ROLES,
     Band,
     Bars,
     LegendEntry,
@@ -13,12 +13,26 @@ from dynid.figures.marks import (
     Ranges,
     Spans,
     Texts,
+    colour,
+    joint_role,
+    joint_unit,
     legend,
+    script,
     shaded,
+    style,
     thinned,
 )
-from dynid.figures.svg import Figure, Panel, document, fragment, key, plot
-from dynid.figures.theme import ROLES, colour, joint_role, joint_unit, script, style
+from dynid.figures.svg import (
+    FORMATS,
+    Figure,
+    Panel,
+    document,
+    file_name,
+    fragment,
+    key,
+    plot,
+    write_figure,
+)
 
 __all__ = [
     "FORMATS",

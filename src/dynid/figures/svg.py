@@ -7,16 +7,19 @@ script zooms by changing the view box of the inner one. In a file everything sta
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array
+from dynid.core import Array, InputError, cannot_write, require, write_text
 from dynid.figures.axes import Axis
 from dynid.figures.marks import (
+    FONT,
     Band,
     Bars,
     LegendEntry,
@@ -27,10 +30,10 @@ from dynid.figures.marks import (
     Ranges,
     Spans,
     Texts,
+    colour,
     legend,
     thinned,
 )
-from dynid.figures.theme import FONT, colour
 
 FLUID = (20000.0, 10000.0)
 """Units of the inner picture of a plot in a page: finer than pixels at every zoom."""
@@ -426,3 +429,43 @@ def document(figure: Figure, *, dark: bool = False) -> str:
         f'<rect width="100%" height="100%" fill="{colour("ground", dark=dark)}"/>'
         f"{''.join(parts)}</svg>"
     )
+
+
+FORMATS = (".svg", ".png")
+PIXELS = 2
+"""Pixels of a PNG a pixel of the SVG."""
+
+
+def write_figure(figure: Figure, path: str | Path, *, dark: bool = False) -> Path:
+    """Write a figure; the ending of the name says how.
+
+    Args:
+        figure: The figure.
+        path: File ending in `.svg`, or in `.png`, which needs the extra `figures`.
+        dark: On a dark ground.
+
+    Raises:
+        InputError: Another ending, or a place where no such file can be.
+        JobError: The disk does not take the file.
+        MissingExtraError: A PNG without the extra.
+    """
+    target = Path(path)
+    if target.suffix not in FORMATS:
+        raise InputError("figure format", where=str(target), limit=", ".join(FORMATS))
+    text = document(figure, dark=dark)
+    if target.suffix == ".svg":
+        write_text(target, text)
+        return target
+    image = require("resvg_py", "figures").svg_to_bytes(
+        svg_string=text, zoom=PIXELS, font_family="DejaVu Sans", sans_serif_family="DejaVu Sans"
+    )
+    try:
+        target.write_bytes(bytes(image))
+    except OSError as error:
+        raise cannot_write(target, error) from error
+    return target
+
+
+def file_name(title: str) -> str:
+    """A title as the name of a file, without its ending."""
+    return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:60] or "figure"

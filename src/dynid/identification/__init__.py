@@ -28,13 +28,7 @@ from dynid.identification.estimate import (
     read_estimate,
     write_estimate,
 )
-from dynid.identification.fitting import (
-    ESTIMATORS,
-    AllRows,
-    estimator_of,
-    fit_estimate,
-    plan_pass,
-)
+from dynid.identification.fitting import ESTIMATORS, AllRows, estimator_of, fit_estimate, plan_pass
 from dynid.identification.fleet import (
     RecordStatistics,
     RobotStates,
@@ -64,9 +58,8 @@ from dynid.identification.least_squares import (
     solve_total,
 )
 from dynid.identification.likelihood import Likelihood, MaximumLikelihood, motion_noise
-from dynid.identification.links import standard_posterior
 from dynid.identification.payload import Payload, payload_of
-from dynid.identification.physical import PhysicallyConsistent
+from dynid.identification.physical import PhysicallyConsistent, standard_posterior
 from dynid.identification.problem import (
     ILL_CONDITIONED,
     IdentificationProblem,

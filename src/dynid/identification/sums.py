@@ -17,12 +17,7 @@ from numba import njit
 from dynid.core import Array, Indices, upper_triangle
 from dynid.identification.problem import block_mean, chunk_size, motion_state, recorded_rows
 from dynid.identification.selection import GramBlocks, Regions
-from dynid.reduction import (
-    BaseParametrization,
-    GramLayout,
-    fill_beside,
-    gram_layout,
-)
+from dynid.reduction import BaseParametrization, GramLayout, fill_beside, gram_layout
 from dynid.regressor import LANES, inertial_rows, turns
 from dynid.signals import Samples
 

@@ -21,13 +21,7 @@ from dynid.protocol.fields import (
     Value,
     Version,
 )
-from dynid.protocol.rtde import (
-    HEADER,
-    Framer,
-    Kind,
-    Packet,
-    ProtocolError,
-)
+from dynid.protocol.rtde import HEADER, Framer, Kind, Packet, ProtocolError
 
 __all__ = [
     "HEADER",

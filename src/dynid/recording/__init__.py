@@ -1,34 +1,24 @@
 """Recordings: every format in, one checked and repaired value out, and the file that keeps it."""
 
-from dynid.recording.bagfiles import Catalog, Topic
-from dynid.recording.checks import check_channels, checked_records
+from dynid.recording.bagfiles import Catalog, Topic, ros1_messages
 from dynid.recording.columns import parse_columns, select
 from dynid.recording.formats import content_kind
 from dynid.recording.headers import match_headers
 from dynid.recording.messages import MessageDecoder, MessageError
 from dynid.recording.names import parse_name, says_degrees
-from dynid.recording.objects import StoredObject, is_url, local_files, objects_below
-from dynid.recording.partial import (
-    MARK,
-    pack,
-    partial_path,
-    recover,
-)
 from dynid.recording.reading import read_record, read_recording
-from dynid.recording.record import (
-    JOINT_QUANTITIES,
-    ExperimentRecord,
-    RecordMetadata,
-    identity,
-)
-from dynid.recording.repair.pipeline import RepairSettings, repair
-from dynid.recording.ros1 import ros1_messages
-from dynid.recording.store import KEY, write_record
+from dynid.recording.record import JOINT_QUANTITIES, ExperimentRecord, RecordMetadata, identity
+from dynid.recording.repair.pipeline import RepairSettings, check_channels, checked_records, repair
+from dynid.recording.store import KEY, MARK, pack, partial_path, recover, write_record
 from dynid.recording.stored import (
     LONG,
     AnyRecording,
+    StoredObject,
     StoredRecording,
     fingerprint,
+    is_url,
+    local_files,
+    objects_below,
     open_stored,
     stored_rows,
 )

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from dynid.core import RecordError
-from dynid.recording.budget import Budget
 from dynid.recording.clocks import stamps_of
 from dynid.recording.columns import assign, suggest_columns
+from dynid.recording.content import Budget
 from dynid.recording.dialect import sniff
 from dynid.recording.grid import read_grid
 from dynid.recording.headers import NotRecognised

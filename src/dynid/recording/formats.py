@@ -14,12 +14,10 @@ from pathlib import Path
 from typing import IO
 
 from dynid.core import RecordError
-from dynid.recording.budget import Budget
-from dynid.recording.content import first_bytes, zstd_module
+from dynid.recording.arrayfiles import write_sheet
+from dynid.recording.content import Budget, first_bytes, zstd_module
 from dynid.recording.dialect import looks_like_text
-from dynid.recording.frames import write_sheet
-from dynid.recording.partial import MARK
-from dynid.recording.store import is_own
+from dynid.recording.store import MARK, is_own
 
 _MARKS = {b"\x1f\x8b": "gzip", b"BZh": "bzip2", b"\xfd7zXZ\x00": "xz", b"\x28\xb5\x2f\xfd": "zstd"}
 _SHEETS = (".xlsx", ".xlsm", ".xls", ".ods")

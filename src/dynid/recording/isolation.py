@@ -33,7 +33,7 @@ from dynid.core import (
     RecordError,
     finding_from_json,
 )
-from dynid.recording.budget import Budget
+from dynid.recording.content import Budget
 from dynid.recording.record import (
     ExperimentRecord,
     metadata_from_json,

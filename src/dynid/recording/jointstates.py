@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from dynid.core import Array, Finding, RecordError
+from dynid.recording.bagfiles import MAGIC as ROS1_MAGIC
 from dynid.recording.bagfiles import (
     MCAP_MAGIC,
     Catalog,
@@ -18,16 +19,13 @@ from dynid.recording.bagfiles import (
     Topic,
     db3_messages,
     mcap_messages,
+    ros1_messages,
 )
-from dynid.recording.budget import Budget
 from dynid.recording.clocks import clock_of
 from dynid.recording.columns import parse_columns
-from dynid.recording.content import ZSTD_MAGIC, InflateError, inflate
-from dynid.recording.messages import MessageDecoder, MessageError, stamp_of
+from dynid.recording.content import ZSTD_MAGIC, Budget, InflateError, inflate
+from dynid.recording.messages import MessageDecoder, MessageError, read_states, stamp_of
 from dynid.recording.names import TARGET, UR_JOINTS, places_of
-from dynid.recording.ros1 import MAGIC as ROS1_MAGIC
-from dynid.recording.ros1 import ros1_messages
-from dynid.recording.statebag import read_states
 from dynid.recording.table import RawTable, ReadOptions, Rows, plain
 
 FIELDS = ("position", "velocity", "effort")

@@ -16,8 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from dynid.core import Array, RecordError
-from dynid.recording.budget import Budget
-from dynid.recording.content import all_bytes
+from dynid.recording.content import Budget, all_bytes
 from dynid.recording.table import RawTable, ReadOptions, plain
 from dynid.recording.variables import table_of
 

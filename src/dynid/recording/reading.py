@@ -9,20 +9,17 @@ from dataclasses import replace
 from pathlib import Path
 
 from dynid.core import RecordError, file_hash
-from dynid.recording.arrayfiles import read_hdf5, read_json, read_npz
-from dynid.recording.budget import Budget
-from dynid.recording.content import unreadable
+from dynid.recording.arrayfiles import read_frame, read_hdf5, read_json, read_npz
+from dynid.recording.content import Budget, unreadable
 from dynid.recording.csv import read_csv
 from dynid.recording.formats import FORMATS, content_kind, unpacked
-from dynid.recording.frames import read_frame
 from dynid.recording.isolation import read_isolated, serve
 from dynid.recording.jointstates import bag_files, read_bag
 from dynid.recording.matlab import read_mat
-from dynid.recording.partial import partial_path
 from dynid.recording.record import ExperimentRecord
 from dynid.recording.repair.pipeline import RepairSettings, repair
 from dynid.recording.sheets import are_one_run
-from dynid.recording.store import fitted, read_own
+from dynid.recording.store import fitted, partial_path, read_own
 from dynid.recording.table import RawTable, ReadOptions
 from dynid.robot import RobotModel
 

@@ -19,9 +19,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, Finding, InputError, JobError, RecordError, require_absent
-from dynid.recording.partial import MARK, create_partial, pack, partial_path, read_partial, recover
 from dynid.recording.record import RecordMetadata, check_quantities, metadata_to_json
-from dynid.recording.store import write_record
+from dynid.recording.store import (
+    MARK,
+    create_partial,
+    pack,
+    partial_path,
+    read_partial,
+    recover,
+    write_record,
+)
 
 _FLUSH_S = 0.5
 _FLUSH_ROWS = 4096

@@ -8,24 +8,18 @@ from dynid.regressor.adjoint import (
     torque_adjoint,
 )
 from dynid.regressor.columns import coupled_motors, friction_block, smooth_sign
-from dynid.regressor.friction import (
-    Gear,
-    LoadFriction,
-    TorqueRipple,
-    friction_state,
-    ripples_from_json,
-)
-from dynid.regressor.inertial import (
-    Places,
-    inertial_rows,
-    turns,
-)
+from dynid.regressor.inertial import Places, inertial_rows, turns
 from dynid.regressor.model import CHUNK, INERTIAL, InverseDynamicModel
 from dynid.regressor.spatial import LANES
 from dynid.regressor.terms import (
     TERMS,
     FrictionTerms,
+    Gear,
+    LoadFriction,
+    TorqueRipple,
+    friction_state,
     parse_terms,
+    ripples_from_json,
     terms_from_json,
 )
 

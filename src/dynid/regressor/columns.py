@@ -18,8 +18,15 @@ from typing import ClassVar
 import numpy as np
 
 from dynid.core import Array
-from dynid.regressor.friction import Width, smooth_sign, smooth_slope
-from dynid.regressor.terms import PAPER_WIDTH, STRIBECK_VELOCITY, TERMS, FrictionTerms
+from dynid.regressor.terms import (
+    PAPER_WIDTH,
+    STRIBECK_VELOCITY,
+    TERMS,
+    FrictionTerms,
+    Width,
+    smooth_sign,
+    smooth_slope,
+)
 from dynid.robot import RobotModel
 
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from dynid.core import Array, InputError, read_only
 from dynid.regressor.columns import Column, ColumnBlock, column_blocks, coupled_motors, smooth_sign
-from dynid.regressor.friction import friction_state
 from dynid.regressor.inertial import (
     ChainConstants,
     chain_constants,
@@ -17,7 +16,7 @@ from dynid.regressor.inertial import (
     turns,
 )
 from dynid.regressor.spatial import LANES
-from dynid.regressor.terms import FrictionTerms
+from dynid.regressor.terms import FrictionTerms, friction_state
 from dynid.robot import RobotModel
 
 INERTIAL = ("m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy")

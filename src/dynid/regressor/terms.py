@@ -1,14 +1,259 @@
-"""Which columns stand beside the inertial ones, as a value that can be written to a file."""
+"""Columns beside the inertial ones: which, as a value for files, and those of friction.
+
+Friction: smoothed Coulomb, load-dependent, presliding (Dahl) and gear ripple.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Any, cast
 
-from dynid.core import InputError
-from dynid.regressor.friction import LoadFriction, TorqueRipple, load_from_json, ripples_from_json
+import numpy as np
+from numba import njit
+
+from dynid.core import Array, InputError
+
+Width = float | tuple[float, ...]
+"""One width for all joints, or one a joint [rad/s or m/s]; 0 gives the sign."""
+
+
+def smooth_sign(dq: Array, width: Width) -> Array:
+    """tanh(dq / width) for dq (n, N) or (N), the sign where the width is 0."""
+    if not isinstance(width, tuple):
+        return np.tanh(dq / width) if width > 0 else np.sign(dq)
+    out = np.empty_like(dq)
+    for j, one in enumerate(width):
+        out[j] = smooth_sign(dq[j], one)
+    return out
+
+
+def smooth_slope(dq: Array, width: Width) -> Array:
+    """Derivative of `smooth_sign` by dq (n, N) or (N): zero where the width is 0."""
+    if not isinstance(width, tuple):
+        return (1.0 - np.square(np.tanh(dq / width))) / width if width > 0 else np.zeros_like(dq)
+    out = np.empty_like(dq)
+    for j, one in enumerate(width):
+        out[j] = smooth_slope(dq[j], one)
+    return out
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadFriction:
+    """Which joints have it, and what their load is.
+
+    The load is the torque of known inertial parameters. They come from an earlier fit and are
+    part of the column's shape, as a Stribeck velocity is: so the column stays linear in its own
+    parameter (Bittencourt and Axelsson 2014; the load of the previous iterate).
+
+    Raises:
+        InputError: No, repeated or negative joints, or parameters that are not finite.
+    """
+
+    joints: tuple[int, ...]
+    """From 0."""
+    parameters: tuple[float, ...]
+    """(10 n) inertial parameters whose torque is the load, in the model's frames."""
+
+    def __post_init__(self) -> None:
+        if not self.joints or len(set(self.joints)) < len(self.joints) or min(self.joints) < 0:
+            raise InputError("load friction needs joints, each once", value=self.joints)
+        if not all(math.isfinite(value) for value in self.parameters):
+            raise InputError("the parameters of the load must be finite")
+
+    def check_joints(self, joints: int) -> None:
+        """Check against the number of joints of a robot.
+
+        Raises:
+            InputError: A joint that the robot does not have, or a load of another robot.
+        """
+        if max(self.joints) >= joints or len(self.parameters) != 10 * joints:
+            raise InputError(
+                "load friction of another robot",
+                value=(max(self.joints) + 1, len(self.parameters)),
+                limit=(joints, 10 * joints),
+            )
+
+    def describe(self) -> str:
+        """In the form of `--terms`."""
+        return f"fl:{'+'.join(str(j + 1) for j in self.joints)}"
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object."""
+        return {"joints": [j + 1 for j in self.joints], "parameters": list(self.parameters)}
+
+
+def load_from_json(data: Mapping[str, Any] | None) -> LoadFriction | None:
+    """The inverse of `LoadFriction.to_json`."""
+    if data is None:
+        return None
+    return LoadFriction(
+        joints=tuple(int(j) - 1 for j in data["joints"]),
+        parameters=tuple(float(value) for value in data["parameters"]),
+    )
+
+
+def friction_state(q: Array, displacement: Array, *, periodic: bool = False) -> Array:
+    """The state of friction along a motion.
+
+    Args:
+        q: (n, N) positions in the order of time [rad or m].
+        displacement: (n) delta, over which friction builds up [rad or m], above 0.
+        periodic: The motion is one period of many: it begins as it ends. Else it begins at 0,
+            and is forgotten after a few displacements.
+
+    Returns:
+        (n, N) from -1 to 1.
+    """
+    samples = q.shape[1]
+    if not samples:
+        return np.zeros(q.shape)
+    whole = np.concatenate([q, q], axis=1) if periodic else np.array(q, order="C")
+    state = np.zeros(whole.shape)
+    _follow(whole, np.array(displacement), state)
+    return state[:, -samples:]
+
+
+@njit(cache=True)
+def _follow(q: Array, displacement: Array, state: Array) -> None:
+    for j in range(q.shape[0]):
+        z = 0.0
+        for i in range(1, q.shape[1]):
+            step = (q[j, i] - q[j, i - 1]) / displacement[j]
+            # Exact between two samples: the velocity keeps its sign.
+            if step > 0.0:
+                z = 1.0 - (1.0 - z) * math.exp(-step)
+            elif step < 0.0:
+                z = (1.0 + z) * math.exp(step) - 1.0
+            state[j, i] = z
+
+
+MOST_POWERS = 6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gear:
+    """What one gear's ripple looks like: waves a turn and how they change with speed.
+
+    Raises:
+        InputError: A negative joint, no waves, numbers that are not positive and finite.
+    """
+
+    joint: int
+    """The joint whose position it follows, from 0."""
+    waves: tuple[float, ...]
+    """Periods a turn of the joint."""
+    speed: float
+    """Highest speed that was seen [rad/s]: beyond it the ripple stays as it is."""
+    powers: int
+    """Powers of the speed, from 0, that the size of each wave is made of."""
+
+    def __post_init__(self) -> None:
+        numbers = (*self.waves, self.speed)
+        good = all(math.isfinite(x) and x > 0 for x in numbers)
+        if self.joint < 0 or not self.waves or not good or not 1 <= self.powers <= MOST_POWERS:
+            raise InputError("a gear's ripple cannot be read", value=self)
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return 2 * len(self.waves) * self.powers
+
+    def columns(self, q: Array, dq: Array) -> Array:
+        """(size, N) what the coefficients multiply.
+
+        For each wave and each power of the speed from 0: the cosine, the sine.
+
+        Args:
+            q: (N) positions of the gear's joint [rad].
+            dq: (N) its velocities [rad/s].
+        """
+        share = np.clip(dq / self.speed, -1.0, 1.0)
+        scales = [share**power for power in range(self.powers)]
+        return np.array(
+            [
+                scale * wave
+                for number in self.waves
+                for scale in scales
+                for wave in (np.cos(number * q), np.sin(number * q))
+            ]
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TorqueRipple:
+    """The ripple in one joint's torque: of its own gear, and of others that shake the arm.
+
+    The coefficients come from an earlier fit and are part of the column's shape.
+
+    Raises:
+        InputError: A negative joint, no gears, coefficients that do not fit or are not finite.
+    """
+
+    joint: int
+    """From 0."""
+    gears: tuple[Gear, ...]
+    coefficients: tuple[float, ...]
+    """Those of each gear, one after the other [N.m]."""
+
+    def __post_init__(self) -> None:
+        wanted = sum(gear.size for gear in self.gears)
+        finite = all(math.isfinite(x) for x in self.coefficients)
+        if self.joint < 0 or not self.gears or len(self.coefficients) != wanted or not finite:
+            raise InputError(
+                "torque ripple cannot be read",
+                value=f"joint {self.joint + 1}, {len(self.coefficients)} coefficients",
+                limit=f"{wanted} finite ones",
+            )
+
+    def torque(self, q: Array, dq: Array) -> Array:
+        """(N) the ripple [N.m] at positions and velocities (n, N) of all joints."""
+        columns = [gear.columns(q[gear.joint], dq[gear.joint]) for gear in self.gears]
+        total = np.array(self.coefficients) @ np.concatenate(columns)
+        return np.asarray(total, dtype=np.float64)
+
+    def describe(self) -> str:
+        """In words."""
+        gears = ", ".join(
+            f"{' '.join(f'{wave:.4g}' for wave in gear.waves)} waves a turn of joint "
+            f"{gear.joint + 1}"
+            for gear in self.gears
+        )
+        return f"torque ripple of joint {self.joint + 1}: {gears}"
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object."""
+        gears = [
+            {**asdict(gear), "joint": gear.joint + 1, "waves": list(gear.waves)}
+            for gear in self.gears
+        ]
+        return {
+            "joint": self.joint + 1,
+            "gears": gears,
+            "coefficients": list(self.coefficients),
+        }
+
+
+def ripples_from_json(data: Sequence[Mapping[str, Any]] | None) -> tuple[TorqueRipple, ...]:
+    """The inverse of `TorqueRipple.to_json` for each of several."""
+    return tuple(
+        TorqueRipple(
+            joint=int(one["joint"]) - 1,
+            gears=tuple(
+                Gear(
+                    joint=int(gear["joint"]) - 1,
+                    waves=tuple(float(x) for x in gear["waves"]),
+                    speed=float(gear["speed"]),
+                    powers=int(gear["powers"]),
+                )
+                for gear in one["gears"]
+            ),
+            coefficients=tuple(float(x) for x in one["coefficients"]),
+        )
+        for one in data or ()
+    )
+
 
 PAPER_WIDTH = 0.001
 """Width of the paper's Coulomb column tanh(dq / 0.001) [rad/s]."""

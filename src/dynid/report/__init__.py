@@ -1,5 +1,6 @@
 """One self-contained page that says what was found, whether to trust it, and what to do next."""
 
+from dynid.report.appendix import design_figures
 from dynid.report.contents import (
     Events,
     JudgedMotion,
@@ -10,9 +11,7 @@ from dynid.report.contents import (
     joint_labels,
 )
 from dynid.report.figures import friction_figure, links_figure, parameter_figure, torque_figure
-from dynid.report.fleet_page import write_fleet_page
-from dynid.report.motion_figures import design_figures
-from dynid.report.page import render, report_figures, write_figures, write_report
+from dynid.report.page import render, report_figures, write_figures, write_fleet_page, write_report
 
 __all__ = [
     "Events",

@@ -5,18 +5,6 @@ Start with `dynid.robot.load.load_robot`.
 
 from dynid.robot.body import Body, box_points, cylinder_points, read_mesh
 from dynid.robot.dh import robot_from_chain, robot_from_dh
-from dynid.robot.inertia import (
-    PARAMETERS,
-    frame_map,
-    from_body,
-    from_pinocchio,
-    from_pseudo_inertia,
-    is_physical,
-    move,
-    tensor,
-    to_pinocchio,
-    to_pseudo_inertia,
-)
 from dynid.robot.kinematics import (
     flange_pose,
     joint_poses,
@@ -24,13 +12,7 @@ from dynid.robot.kinematics import (
     structural_gravity,
     with_mount,
 )
-from dynid.robot.load import (
-    builtin_names,
-    load_robot,
-    robot_from_json,
-    robot_to_json,
-    robots,
-)
+from dynid.robot.load import builtin_names, load_robot, robot_from_json, robot_to_json, robots
 from dynid.robot.model import (
     Counterbalance,
     Drives,
@@ -44,29 +26,27 @@ from dynid.robot.model import (
 )
 from dynid.robot.tables import read_limited, shown, shown_path
 from dynid.robot.transforms import (
+    PARAMETERS,
+    frame_map,
     from_axes,
+    from_body,
+    from_pinocchio,
+    from_pseudo_inertia,
     from_xyz_rpy,
     inverse,
+    is_physical,
+    move,
     parameter_frames,
     poses_at_zero,
     rotation_z,
+    tensor,
+    to_pinocchio,
+    to_pseudo_inertia,
     translation,
 )
-from dynid.robot.urdf import (
-    MAX_BYTES,
-    find_trunk,
-    load_urdf,
-    place_links,
-    robot_from_urdf,
-)
+from dynid.robot.urdf import MAX_BYTES, find_trunk, load_urdf, place_links, robot_from_urdf
 from dynid.robot.urdf_bodies import mesh_places
-from dynid.robot.urdf_xml import (
-    parse_root,
-    parse_urdf,
-    read_number,
-    read_origin,
-    read_vector,
-)
+from dynid.robot.urdf_xml import parse_root, parse_urdf, read_number, read_origin, read_vector
 
 __all__ = [
     "MAX_BYTES",

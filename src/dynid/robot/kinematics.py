@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, RobotError
-from dynid.robot.inertia import move
 from dynid.robot.model import STANDARD_GRAVITY, RobotModel
 from dynid.robot.transforms import (
     MEET_WITHIN,
@@ -18,6 +17,7 @@ from dynid.robot.transforms import (
     inverse,
     joint_motion,
     link_frames,
+    move,
     poses_at_zero,
     rotation_x,
     rotation_z,

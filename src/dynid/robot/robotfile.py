@@ -12,7 +12,6 @@ import numpy as np
 from dynid.core import Array, RobotError
 from dynid.robot.body import Body
 from dynid.robot.dh import CONVENTIONS, MAX_JOINTS, robot_from_chain, robot_from_dh
-from dynid.robot.inertia import from_body, move
 from dynid.robot.kinematics import mount_gravity
 from dynid.robot.model import (
     FRAMES,
@@ -32,7 +31,7 @@ from dynid.robot.tables import (
     shown_path,
     tables,
 )
-from dynid.robot.transforms import from_xyz_rpy
+from dynid.robot.transforms import from_body, from_xyz_rpy, move
 from dynid.robot.urdf import load_urdf
 from dynid.robot.urdf_bodies import with_collision_geometry
 

@@ -13,10 +13,9 @@ import numpy as np
 
 from dynid.core import Array, RobotError
 from dynid.robot.dh import robot_from_chain
-from dynid.robot.inertia import is_physical, move
 from dynid.robot.model import JointLimits, RobotModel
 from dynid.robot.tables import located, read_limited, shown, shown_path
-from dynid.robot.transforms import joint_motion
+from dynid.robot.transforms import is_physical, joint_motion, move
 from dynid.robot.urdf_xml import MOVING, UrdfJoint, UrdfTree, parse_urdf
 
 _GRIPPER = re.compile(r"gripper|finger|jaw|knuckle|claw", re.IGNORECASE)

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynid.core import Array, RobotError
-from dynid.robot.inertia import from_body, move
 from dynid.robot.tables import shown
-from dynid.robot.transforms import from_xyz_rpy, translation
+from dynid.robot.transforms import from_body, from_xyz_rpy, move, translation
 
 _LARGEST = 1e6
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")

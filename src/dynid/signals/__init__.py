@@ -12,26 +12,9 @@ from dynid.signals.filters import (
     was_smoothed,
 )
 from dynid.signals.parts import LongSignals, StreamGrid, rows_of, survey
-from dynid.signals.process import (
-    delayed,
-    process,
-    samples_at_stamps,
-    samples_from,
-    uniform_signals,
-)
-from dynid.signals.resample import (
-    UniformSignals,
-    find_period,
-    fold_periods,
-    rest_share,
-    window,
-)
-from dynid.signals.samples import (
-    ProcessingSettings,
-    Samples,
-    joined,
-    measured_torque,
-)
+from dynid.signals.process import delayed, process, samples_at_stamps, samples_from, uniform_signals
+from dynid.signals.resample import UniformSignals, find_period, fold_periods, rest_share, window
+from dynid.signals.samples import ProcessingSettings, Samples, joined, measured_torque
 
 __all__ = [
     "NYQUIST_SHARE",

@@ -16,13 +16,7 @@ import numpy as np
 from dynid.core import Array, InputError
 from dynid.recording import AnyRecording, ExperimentRecord, StoredRecording
 from dynid.robot import RobotModel
-from dynid.signals.process import (
-    MIN_SAMPLES,
-    block_length,
-    delayed,
-    filtered_motion,
-    unsettled,
-)
+from dynid.signals.process import MIN_SAMPLES, block_length, delayed, filtered_motion, unsettled
 from dynid.signals.resample import (
     GAP_STEPS,
     MAX_GROWTH,

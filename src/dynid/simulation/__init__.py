@@ -1,34 +1,21 @@
 """A simulated arm with known parameters, to test identification against."""
 
-from dynid.simulation.friction import (
+from dynid.simulation.joints import (
     JointFriction,
-    JointThermal,
-    Thermal,
-    constant_temperature,
-    ideal_friction,
-)
-from dynid.simulation.kernel import mujoco_model
-from dynid.simulation.library import (
-    SERIAL,
-    ideal_arm,
-    simulated_arm,
-    ur5_truth,
-)
-from dynid.simulation.plant import (
-    RunTruth,
-    SimulatedPlant,
-    SimulatedRun,
-    simulate,
-    warm_up,
-)
-from dynid.simulation.servo import (
     JointSensors,
+    JointThermal,
     PlantState,
     Servo,
     Target,
+    Thermal,
     chosen_sensors,
+    constant_temperature,
+    ideal_friction,
     perfect_sensors,
 )
+from dynid.simulation.kernel import mujoco_model
+from dynid.simulation.library import SERIAL, ideal_arm, simulated_arm, ur5_truth
+from dynid.simulation.plant import RunTruth, SimulatedPlant, SimulatedRun, simulate, warm_up
 from dynid.simulation.truth import (
     GroundTruth,
     SimulatedArm,

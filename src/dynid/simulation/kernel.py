@@ -10,7 +10,7 @@ from numba import njit
 
 from dynid.core import Array, InputError, require
 from dynid.robot import RobotModel
-from dynid.simulation.servo import ControllerModel, Servo, Target
+from dynid.simulation.joints import ControllerModel, Servo, Target
 from dynid.simulation.truth import SimulatedArm, link_body, link_parameters
 
 

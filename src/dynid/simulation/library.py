@@ -9,13 +9,15 @@ from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, RobotError, frozen, read_only
 from dynid.robot import RobotModel
-from dynid.simulation.friction import (
+from dynid.simulation.joints import (
     JointFriction,
+    JointSensors,
     JointThermal,
+    Servo,
     constant_temperature,
     ideal_friction,
+    perfect_sensors,
 )
-from dynid.simulation.servo import JointSensors, Servo, perfect_sensors
 from dynid.simulation.truth import (
     GroundTruth,
     SimulatedArm,

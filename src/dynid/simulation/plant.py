@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dynid.core import Array, InputError, JobError, frozen, read_only, require
-from dynid.simulation.friction import Thermal
+from dynid.simulation.joints import PlantState, Servo, Thermal
 from dynid.simulation.kernel import Tracker, drive, mujoco_model, predict
-from dynid.simulation.servo import PlantState, Servo
 from dynid.simulation.truth import SimulatedArm
 from dynid.trajectory import Trajectory
 

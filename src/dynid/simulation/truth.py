@@ -17,8 +17,13 @@ from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, frozen, read_only
 from dynid.robot import RobotModel
-from dynid.simulation.friction import JointFriction, JointThermal
-from dynid.simulation.servo import ControllerModel, JointSensors, Servo
+from dynid.simulation.joints import (
+    ControllerModel,
+    JointFriction,
+    JointSensors,
+    JointThermal,
+    Servo,
+)
 
 _TENSOR = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 """Entries Jxx, Jyy, Jzz, Jyz, Jxz, Jxy."""

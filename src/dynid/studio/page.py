@@ -17,10 +17,10 @@ from dynid.excitation import CRITERIA
 from dynid.export import roll_pitch_yaw
 from dynid.robot import from_xyz_rpy
 from dynid.studio import facts
+from dynid.studio.facts import judged_estimates
 from dynid.studio.jobs import Job, JobState, Supervisor
 from dynid.studio.live import TailReader
 from dynid.studio.opening import Opened, kind_of, open_path
-from dynid.studio.results import judged_estimates
 from dynid.studio.scene_editing import KINDS, SceneEditor, open_scene
 from dynid.studio.session import Session, file_in, free_name
 from dynid.studio.solids import robot_meshes

@@ -16,14 +16,7 @@ from dynid.constraints import Certificate, MotionConstraints, Scene, certify, sa
 from dynid.core import Array, DynidError, InputError
 from dynid.studio.jobs import Job, Supervisor
 from dynid.studio.live import Instant, at_rest, instant
-from dynid.studio.opening import (
-    Held,
-    Opened,
-    OpenMotion,
-    Playable,
-    PlayedTrajectory,
-    open_motion,
-)
+from dynid.studio.opening import Held, Opened, OpenMotion, Playable, PlayedTrajectory, open_motion
 from dynid.studio.scene_editing import SceneEditor
 from dynid.workflow import truth_path
 

@@ -31,19 +31,16 @@ from dynid.trajectory.fourier import (
 )
 from dynid.trajectory.points import (
     LANGUAGES,
+    MotionSequence,
     PointsFamily,
     PointToPoint,
+    Repetition,
     points_text,
+    through_poses,
 )
 from dynid.trajectory.quintic import FourierQuintic, Quintic, rest_to_rest
-from dynid.trajectory.sequence import MotionSequence, Repetition, through_poses
 from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory
-from dynid.trajectory.urscript import (
-    Piece,
-    UrProgramOptions,
-    pieces,
-    ur_program,
-)
+from dynid.trajectory.urscript import Piece, UrProgramOptions, pieces, ur_program
 
 __all__ = [
     "FAMILY_NAMES",

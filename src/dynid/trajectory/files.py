@@ -15,9 +15,8 @@ from dynid.core import Array, InputError, JsonFields, Provenance, load_object, w
 from dynid.trajectory.bounds import MotionBounds, MotionLimits, copied_bounds
 from dynid.trajectory.bspline import BSpline, BSplineFamily
 from dynid.trajectory.fourier import FourierFamily, FourierSeries, ModifiedFourierFamily
-from dynid.trajectory.points import PointsFamily, PointToPoint
+from dynid.trajectory.points import MotionSequence, PointsFamily, PointToPoint, Repetition
 from dynid.trajectory.quintic import FourierQuintic, FourierQuinticFamily, Quintic
-from dynid.trajectory.sequence import MotionSequence, Repetition
 from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory
 
 _DEEPEST = 8

@@ -11,9 +11,8 @@ import numpy as np
 from dynid.core import Array, InputError, frozen
 from dynid.trajectory.bspline import BSpline, power_coefficients
 from dynid.trajectory.fourier import FourierSeries
-from dynid.trajectory.points import PointToPoint
+from dynid.trajectory.points import MotionSequence, PointToPoint, Repetition
 from dynid.trajectory.quintic import STEP, FourierQuintic, Quintic
-from dynid.trajectory.sequence import MotionSequence, Repetition
 from dynid.trajectory.trajectory import Trajectory
 
 

@@ -1,6 +1,12 @@
 """How well a model predicts another record."""
 
-from dynid.validation.comparison import ParameterComparison, compare
+from dynid.validation.comparison import (
+    CAUSES,
+    ParameterComparison,
+    TransferReport,
+    compare,
+    refit_friction,
+)
 from dynid.validation.observer import ContactThresholds, MomentumObserver, contact_thresholds
 from dynid.validation.prediction import (
     MOVING_SPEED,
@@ -11,7 +17,6 @@ from dynid.validation.prediction import (
     validate,
     validate_samples,
 )
-from dynid.validation.transfer import CAUSES, TransferReport, refit_friction
 
 __all__ = [
     "CAUSES",

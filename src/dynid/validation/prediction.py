@@ -25,7 +25,7 @@ from dynid.signals import (
     uniform_signals,
     was_smoothed,
 )
-from dynid.validation.transfer import TransferReport, transfer_report
+from dynid.validation.comparison import TransferReport, transfer_report
 
 MOVING_SPEED = 0.02
 """A joint moves above this speed [rad/s or m/s]; below it friction hides the torque."""

@@ -3,21 +3,15 @@
 from dynid.workflow.analyze import Analysis, analyze
 from dynid.workflow.choosing import IdentifySettings
 from dynid.workflow.demo import run_demo
-from dynid.workflow.design_files import (
-    Check,
-    check,
-    export_motion,
-    read_design,
-    write_design,
-)
-from dynid.workflow.design_limits import (
+from dynid.workflow.design_files import Check, check, export_motion, read_design, write_design
+from dynid.workflow.design_settings import (
     DesignLimits,
+    DesignSettings,
     mesh_folders,
     parse_floor,
     parse_payload,
     parse_tool,
 )
-from dynid.workflow.design_settings import DesignSettings
 from dynid.workflow.designing import design
 from dynid.workflow.exporting import check_suffix, export_file
 from dynid.workflow.fitting import LogFit, fit

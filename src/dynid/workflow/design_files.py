@@ -37,7 +37,7 @@ from dynid.trajectory import (
     write_trajectory,
 )
 from dynid.workflow.analyze import unit_notes
-from dynid.workflow.design_limits import DesignLimits, given_limits, limits_from_json
+from dynid.workflow.design_settings import DesignLimits, given_limits, limits_from_json
 from dynid.workflow.recordings import open_record
 
 POSE_ACCELERATION = 5.0

@@ -49,8 +49,14 @@ from dynid.signals import process
 from dynid.trajectory import copied_bounds, motion_family
 from dynid.workflow.analyze import unit_notes
 from dynid.workflow.design_files import ROBOT, purpose_from, robot_hash, write_design
-from dynid.workflow.design_limits import DesignLimits, given_limits
-from dynid.workflow.design_settings import DEFAULT_STARTS, MOST_STARTS, PATIENCE, DesignSettings
+from dynid.workflow.design_settings import (
+    DEFAULT_STARTS,
+    MOST_STARTS,
+    PATIENCE,
+    DesignLimits,
+    DesignSettings,
+    given_limits,
+)
 from dynid.workflow.recordings import open_record, robot_reference
 
 PAPER = ("cond", "cond+sigma")

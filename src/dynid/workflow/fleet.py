@@ -12,15 +12,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core import (
-    Finding,
-    InputError,
-    Progress,
-    each,
-    silent,
-    told,
-    workers,
-)
+from dynid.core import Finding, InputError, Progress, each, silent, told, workers
 from dynid.identification import (
     CONFIDENCE,
     JointState,
@@ -35,12 +27,16 @@ from dynid.identification import (
 from dynid.recording import is_url
 from dynid.reduction import BaseParametrization
 from dynid.report import write_fleet_page
-from dynid.workflow.fleet_files import COLUMNS, MANIFEST, FleetRecording, base_of, read_folder
-from dynid.workflow.fleet_outputs import (
+from dynid.workflow.fleet_files import (
+    COLUMNS,
+    MANIFEST,
     METRICS,
     STATE,
+    FleetRecording,
+    base_of,
     iso_time,
     joint_row,
+    read_folder,
     write_state,
     write_table,
 )

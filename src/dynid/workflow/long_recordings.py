@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import time
 import zipfile
 from collections.abc import Iterator, Sequence
@@ -14,16 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import (
-    Array,
-    InputError,
-    Progress,
-    Workers,
-    cannot_write,
-    each,
-    provenance,
-    silent,
-)
+from dynid.core import Array, InputError, Progress, Workers, each, in_one_piece, provenance, silent
 from dynid.identification import (
     AllRows,
     Estimate,
@@ -353,16 +343,9 @@ def _key(parts: Sequence[PassPart]) -> str:
 
 
 def _keep(path: Path, key: str, done: int, sums: RowSums) -> None:
-    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with draft.open("wb") as stream:
-            arrays: dict[str, Any] = sums.arrays()
-            np.savez(stream, key=np.array(key), done=np.array(done), **arrays)
-        draft.replace(path)
-    except OSError as error:
-        raise cannot_write(path, error) from error
-    finally:
-        draft.unlink(missing_ok=True)
+    with in_one_piece(path) as draft, draft.open("wb") as stream:
+        arrays: dict[str, Any] = sums.arrays()
+        np.savez(stream, key=np.array(key), done=np.array(done), **arrays)
 
 
 def _kept(path: Path, key: str, nothing: RowSums) -> tuple[int, RowSums]:

@@ -19,20 +19,14 @@ import numpy as np
 from dynid.constraints import DISTANCES, RATIOS, MotionConstraints
 from dynid.core import Array, DynidError, Finding, InputError, JobError, file_hash, write_json
 from dynid.drivers import Abort, ControllerState, inspect
-from dynid.experiment import (
-    ExperimentPlan,
-    check_design,
-    check_robot,
-    plan_approach,
-    require_ready,
-)
+from dynid.experiment import ExperimentPlan, check_design, check_robot, plan_approach, require_ready
 from dynid.recording import read_record, write_record
 from dynid.robot import RobotModel
 from dynid.simulation import SimulatedArm, Thermal
 from dynid.trajectory import Trajectory
 from dynid.workflow.analyze import unit_notes
 from dynid.workflow.design_files import StoredDesign, read_design
-from dynid.workflow.design_limits import DesignLimits, given_limits
+from dynid.workflow.design_settings import DesignLimits, given_limits
 from dynid.workflow.recordings import robot_reference
 
 METHODS = ("program", "servoj")

@@ -9,8 +9,13 @@ from dynid.identification.selection.assessment import (
 )
 from dynid.identification.selection.columns import with_load
 from dynid.identification.selection.gram import GramBlocks, NormalEquations, gram_blocks
-from dynid.identification.selection.intervals import TorqueInterval, conditions
-from dynid.identification.selection.regions import BLOCKS, Regions, find_regions
+from dynid.identification.selection.regions import (
+    BLOCKS,
+    Regions,
+    TorqueInterval,
+    conditions,
+    find_regions,
+)
 from dynid.identification.selection.search import PURPOSES, Selection, select
 
 __all__ = [

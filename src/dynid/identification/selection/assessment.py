@@ -21,8 +21,14 @@ from dynid.identification.selection.gram import (
     shared_picks,
     solutions,
 )
-from dynid.identification.selection.intervals import LEVELS, TorqueInterval, leverage
-from dynid.identification.selection.regions import SLOWEST, find_regions, stretches
+from dynid.identification.selection.regions import (
+    LEVELS,
+    SLOWEST,
+    TorqueInterval,
+    find_regions,
+    leverage,
+    stretches,
+)
 from dynid.identification.selection.scoring import gain_of
 
 SCALES = tuple(float(s) for s in np.geomspace(1.0, 100.0, 21))

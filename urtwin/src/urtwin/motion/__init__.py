@@ -1,12 +1,6 @@
 """Motions of the arm: generators that give one set point a control cycle."""
 
-from urtwin.motion.joint import (
-    Motion,
-    move_joints,
-    servo_joints,
-    speed_joints,
-    stop_joints,
-)
+from urtwin.motion.joint import Motion, move_joints, servo_joints, speed_joints, stop_joints
 from urtwin.motion.tool import (
     goal_joints,
     move_circle,

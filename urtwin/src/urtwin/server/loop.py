@@ -24,13 +24,7 @@ from urtwin.network import Network, on_this_machine
 from urtwin.primary import packets, realtime_state, robot_state, version_message
 from urtwin.rtde import Packer
 from urtwin.server.clients import Client, LeavingClient, RtdeClient, WatchingClient
-from urtwin.server.clock import (
-    COMPILER_PRIORITY,
-    TOGETHER_S,
-    Pace,
-    VirtualPace,
-    first_in_first_out,
-)
+from urtwin.server.clock import COMPILER_PRIORITY, TOGETHER_S, Pace, VirtualPace, first_in_first_out
 from urtwin.server.connection import Connection
 from urtwin.server.listeners import (
     PRIMARY,

@@ -1,19 +1,7 @@
 """URScript: from text to a program that runs one control cycle at a time."""
 
-from urtwin.urscript.execution import (
-    BACK,
-    LISTENING,
-    Routine,
-    ScriptRun,
-)
-from urtwin.urscript.library import (
-    MATHEMATICS,
-    MATRICES,
-    POSES,
-    matrix_of,
-    numbers,
-    pose_of,
-)
+from urtwin.urscript.execution import BACK, LISTENING, Routine, ScriptRun
+from urtwin.urscript.library import MATHEMATICS, MATRICES, POSES, matrix_of, numbers, pose_of
 from urtwin.urscript.program import (
     Addition,
     CompiledProgram,

@@ -8,8 +8,7 @@ from typing import Any
 from dynid.core import DynidError
 from urtwin.urscript.code import Code, Runner, compose
 from urtwin.urscript.execution import BACK, ENTERING, LISTENING, Frame, Routine, ScriptRun
-from urtwin.urscript.expressions import Scope
-from urtwin.urscript.lists import store
+from urtwin.urscript.expressions import Scope, store
 from urtwin.urscript.syntax import Assign, Do, If, OnThread, Return, Simple, Statement, While
 from urtwin.urscript.values import ScriptError, ScriptFault, ScriptHalt, Value, truth
 
