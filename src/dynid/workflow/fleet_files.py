@@ -384,14 +384,7 @@ STATE, METRICS = "state.csv", "state.prom"
 ALARMS = ("", "friction_drift", "torque_scale")
 """Their places are the numbers of the metric."""
 STRINGS = ("robot", "model", "recording", "name")
-NUMBERS = (
-    "value",
-    "std",
-    "temperature_degC",
-    "at_reference",
-    "at_reference_std",
-    "reference_degC",
-)
+NUMBERS = ("value", "std", "temperature_degC", "at_reference", "at_reference_std", "reference_degC")
 """Columns of the table, with `time`, `joint` (from 1; 0 for none) between."""
 
 
