@@ -8,10 +8,12 @@ import numpy as np
 import pinocchio as pin
 from scipy.signal import lfilter
 
+from dynid import identify
 from dynid.core import Array
 from dynid.recording import ExperimentRecord
 from dynid.robot import RobotModel, from_pinocchio, load_robot
 from dynid.trajectory import FourierSeries, random_excitation
+from dynid.workflow import Identification
 
 COULOMB = np.array([7.7, 8.4, 8.3, 1.9, 1.8, 1.8])
 VISCOUS = np.array([10.8, 8.8, 5.5, 2.8, 1.9, 1.4])
@@ -102,3 +104,9 @@ def recording(
     if velocities:
         signals["qd"] = motion.dq + 1e-3 * generator.normal(size=motion.q.shape)
     return ExperimentRecord(t=t, signals=signals)
+
+
+@cache
+def identified() -> Identification:
+    """The plain arm identified once, with all that is chosen by itself."""
+    return identify([recording(0)], ur5(), validation=recording(1))

@@ -3,20 +3,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_robot import recording, ur5
+from known_robot import identified, recording
 
-from dynid import identify
 from dynid.core import InputError
 from dynid.identification import Estimate, read_estimate, write_estimate
 from dynid.validation import validate
-from dynid.workflow import IdentifySettings
 
-DAMAGES = 500
+DAMAGES = 150
 
 
 @pytest.fixture(scope="module")
 def estimate() -> Estimate:
-    return identify([recording(0)], ur5(), IdentifySettings()).estimate
+    return identified().estimate
 
 
 def test_an_estimate_survives_its_file(estimate: Estimate, tmp_path: Path) -> None:

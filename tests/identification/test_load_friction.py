@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from known_robot import NOISE, oracle, recording, ur5
+from known_robot import NOISE, identified, oracle, recording, ur5
 
 from dynid import identify
 from dynid.core import InputError
@@ -96,4 +96,4 @@ def test_it_survives_the_file(found: Identification, tmp_path: Path) -> None:
 
 
 def test_a_robot_without_it_gets_none() -> None:
-    assert identify(recording(0), ur5()).estimate.model.friction.load is None
+    assert identified().estimate.model.friction.load is None

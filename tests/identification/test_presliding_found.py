@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_robot import COULOMB, NOISE, recording, ur5
+from known_robot import COULOMB, NOISE, identified, recording, ur5
 
 from dynid import identify
 from dynid.identification import read_estimate, write_estimate
@@ -85,7 +85,7 @@ def test_samples_that_are_no_motion_show_sliding_friction(found: Identification)
 
 
 def test_an_arm_without_it_is_given_none() -> None:
-    assert identify(recording(0), ur5()).estimate.model.friction.presliding == ()
+    assert identified().estimate.model.friction.presliding == ()
 
 
 @pytest.mark.long

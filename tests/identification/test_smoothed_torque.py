@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from known_robot import COULOMB, MOTOR, NOISE, recording, ur5
+from known_robot import COULOMB, MOTOR, NOISE, identified, recording, ur5
 from scipy.signal import butter, sosfiltfilt
 
 from dynid import identify
@@ -90,7 +90,7 @@ def test_shared_inertias_pass_it_too() -> None:
 
 
 def test_a_record_as_it_was_measured_passes_no_filter() -> None:
-    assert identify(recording(0), ur5()).estimate.settings.torque_filter is None
+    assert identified().estimate.settings.torque_filter is None
 
 
 def test_chunks_together_are_the_whole_record() -> None:
