@@ -6,13 +6,14 @@ BIN := $(VENV)/bin
 # What users need, and the tools of developers on top of it.
 USER := $(VENV)/.user-installed
 DEV := $(VENV)/.dev-installed
+KERNELS := $(VENV)/.kernels-compiled
 PYTHON ?= $(shell for p in python3.12 python3.11 python3.13 python3; do \
 	$$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null \
 	&& echo $$p && break; done)
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 PATHS := src tests urtwin docs benchmarks examples README.md CHANGELOG.md CONTRIBUTING.md
 
-.PHONY: install develop chromium demo test lint types floors unit bench proof rivals site readme clean
+.PHONY: install develop chromium demo test lint types floors unit parallel realtime bench proof rivals site readme clean
 
 install: $(USER)
 
@@ -28,14 +29,20 @@ $(USER): pyproject.toml urtwin/pyproject.toml | $(BIN)/python
 
 $(DEV): $(USER)
 	$(PIP) -e '.[all,dev]'
-	@# Numba compiles once a machine: better now than in the middle of a test.
+	@touch $@
+
+# Numba compiles once a machine: better now than in the middle of a test.
+$(KERNELS): $(DEV)
 	-@$(BIN)/dynid design ur5 -o $(VENV)/first.json --starts 1 --jobs 1 --force >/dev/null 2>&1
 	@touch $@
 
 demo: install
 	$(BIN)/dynid demo -o runs/demo --force
 
-test: lint types floors unit
+# The types are checked by one process, beside the tests.
+test: lint floors chromium
+	$(MAKE) --no-print-directory -j 2 types parallel
+	$(MAKE) --no-print-directory realtime
 
 # Reports and the studio are tested in a real browser. Without it, and without the right to install
 # it, those tests are skipped and say so.
@@ -55,8 +62,13 @@ types: develop
 floors: develop
 	$(BIN)/lint-imports
 
-unit: develop chromium
-	$(BIN)/python -m pytest -n 2 --dist loadgroup -m "not realtime and not long"
+unit: parallel realtime
+
+# A file is run by one worker, which makes its fixtures once.
+parallel: develop chromium $(KERNELS)
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not realtime and not long"
+
+realtime: develop chromium $(KERNELS)
 	$(BIN)/python -m pytest -m "realtime and not long"
 
 bench: develop

@@ -73,7 +73,7 @@ def absent(path: Path, what: str) -> Callable[[], str | None]:
 def steps() -> list[Step]:
     """Everything that `make proof` runs."""
     python = sys.executable
-    suite = (python, "-m", "pytest", "-q", "-n", "2", "--dist", "loadgroup", "-m", "not realtime")
+    suite = (python, "-m", "pytest", "-q", "-n", "2", "--dist", "loadfile", "-m", "not realtime")
     data = ROOT.parent / "shared" / "data"
     kernels = [
         ("Haswell", {}, flag_missing("avx2")),

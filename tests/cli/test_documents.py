@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import re
 import shlex
-from functools import reduce
+from functools import partial, reduce
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -44,6 +44,8 @@ def test_the_ten_lines_of_the_readme_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    short = partial(dynid.DesignSettings, harmonics=4, period_s=6.0)
+    monkeypatch.setattr(dynid, "DesignSettings", short)
     (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
     lines = [line for line in code.splitlines() if line.strip()]
     assert len(lines) <= 11  # ten and the import
@@ -114,6 +116,8 @@ def test_the_controller_of_the_documents_starts(capsys: pytest.CaptureFixture[st
 
 def test_temperatures_of_the_documents(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
+    plainly = partial(dynid.identify_temperature, settings=dynid.IdentifySettings(preset="paper"))
+    monkeypatch.setattr(dynid, "identify_temperature", plainly)
     (code,) = re.findall(r"```python\n(.*?)```", DOCUMENTS["models.md"], re.DOTALL)
     robot = dynid.load_robot("ur5")
     motion = dynid.random_excitation(robot.limits, seed=1)

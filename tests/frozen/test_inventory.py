@@ -50,7 +50,6 @@ def check(*kinds: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
     return note
 
 
-@pytest.mark.xdist_group("inventory")
 @pytest.mark.parametrize(
     ("kind", "row"), [pytest.param(k, r, id=f"{k}: {r}".replace("::", ":")) for k, r in ROWS]
 )

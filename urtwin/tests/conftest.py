@@ -13,16 +13,20 @@ def arm():
     return simulated_arm(load_robot("ur5"))
 
 
-@pytest.fixture
-def machine():
-    return ControllerMachine(simulated_arm(load_robot("ur5")), version=(3, 15, 8, 106339))
+@pytest.fixture(scope="session")
+def e_arm():
+    """The built-in simulated UR5e."""
+    return simulated_arm(load_robot("ur5e"))
 
 
 @pytest.fixture
-def e_machine():
-    return ControllerMachine(
-        simulated_arm(load_robot("ur5e")), rate_hz=500.0, version=(5, 12, 0, 1101319)
-    )
+def machine(arm):
+    return ControllerMachine(arm, version=(3, 15, 8, 106339))
+
+
+@pytest.fixture
+def e_machine(e_arm):
+    return ControllerMachine(e_arm, rate_hz=500.0, version=(5, 12, 0, 1101319))
 
 
 @pytest.fixture(scope="session")
