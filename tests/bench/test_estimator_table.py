@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
 
+import dynid.bench
 from dynid.bench import compare_estimators, summary, to_json
 from dynid.bench.estimators import (
     KnownArm,
@@ -74,7 +76,15 @@ def test_unknown_words_are_refused() -> None:
             compare_estimators(words, seeds)
 
 
-def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    made: dict[tuple[str, ...], tuple[Trial, ...]] = {}
+
+    def once(words: tuple[str, ...], *rest: Any, **options: Any) -> tuple[Trial, ...]:
+        if words not in made:
+            made[words] = compare_estimators(words, *rest, **options)
+        return made[words]
+
+    monkeypatch.setattr(dynid.bench, "compare_estimators", once)
     assert main(["bench", "estimators", "--only", "wls", "--seeds", "1", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert {row["estimator"] for row in data["table"]} == {"wls"}

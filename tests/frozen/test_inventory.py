@@ -76,13 +76,28 @@ def help_of_a_command(row: str) -> None:
     assert ask([*row.split(), "--help"], parse=False)["exit"] == 0
 
 
+def words_of(row: str) -> tuple[str, list[str]]:
+    """The command of a row of options, and the option as it is given."""
+    *command, option = row.removesuffix(" VALUE").split()
+    return " ".join(command), [option, *(["1"] if row.endswith(" VALUE") else [])]
+
+
+@functools.cache
+def takes_all(command: str) -> bool:
+    """Whether all rows of a command are taken at once."""
+    # The parser refuses unknown options before it shows the help, and takes the value of known.
+    assert ask([*command.split(), "--no-such-option", "--help"], parse=False)["exit"] == 2
+    given = [words_of(row) for row in INVENTORY["rows"]["option"] if f"option: {row}" not in LEFT]
+    words = [word for other, option in given if other == command for word in option]
+    return ask([*command.split(), *words, "--help"], parse=False)["exit"] == 0
+
+
 @check("option")
 def option_is_taken(row: str) -> None:
-    *command, option = row.removesuffix(" VALUE").split()
-    words = [*command, option, *(["1"] if row.endswith(" VALUE") else [])]
-    # The parser refuses unknown options before it shows the help, and takes the value of known.
-    assert ask([*words, "--help"], parse=False)["exit"] == 0
-    assert ask([*words, "--no-such-option", "--help"], parse=False)["exit"] == 2
+    command, option = words_of(row)
+    assert (
+        takes_all(command) or ask([*command.split(), *option, "--help"], parse=False)["exit"] == 0
+    )
 
 
 @check("name")

@@ -51,7 +51,7 @@ def touched(seed: int, joint: int | None, cycles: int = 750) -> tuple[Array, Arr
 @pytest.fixture(scope="module")
 def thresholds(estimate: Estimate) -> ContactThresholds:
     observer = MomentumObserver(estimate=estimate)
-    free = [touched(seed, None, 1250) for seed in range(100, 112)]
+    free = [touched(seed, None, 1250) for seed in range(100, 106)]
     return contact_thresholds(
         [observer.residuals(*run)[SETTLED:] for run in free],
         [run[2][SETTLED:] for run in free],

@@ -237,6 +237,11 @@ def plan_approach(
     verdict = certify_straight(q, start, constraints)
     if verdict.holds:
         return Approach(poses=straight)
+    bounds = constraints.settings.bounds
+    beyond = (straight < bounds.lower - _ROUNDING) | (straight > bounds.upper + _ROUNDING)
+    if beyond.any():
+        # Every way has its ends.
+        return Approach(poses=straight, refused=verdict)
     for number, (room, growths) in enumerate(SEARCHES):
         space = FreeSpace(constraints, q, start, speed=APPROACH_SPEED, room=room)
         poses = find_way(space, np.random.default_rng([seed, number]), growths)
