@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from pathlib import Path
 
 import numpy as np
@@ -44,6 +45,13 @@ def codes(result: Identification) -> set[str]:
     return {notice.code for notice in result.warnings}
 
 
+@pytest.fixture
+def undiagnosed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is asked of the diagnosis: it does not take its time."""
+    module = importlib.import_module("dynid.workflow.identify")
+    monkeypatch.setattr(module, "diagnose", lambda *_: ())
+
+
 @pytest.fixture(scope="module")
 def ur10() -> tuple[ExperimentRecord, RobotModel]:
     robot = load_robot("ur10")
@@ -81,6 +89,7 @@ def test_the_two_descriptions_of_the_ur10_agree(ur10: tuple[ExperimentRecord, Ro
     )
 
 
+@pytest.mark.usefixtures("undiagnosed")
 def test_panda_halves() -> None:
     robot = load_robot(DATA / "panda_gaz" / "panda.urdf")
     names = ("time", "positions", "velocity", "torques")
@@ -102,6 +111,7 @@ def test_panda_halves() -> None:
         assert min(abs(wave - expected) for wave in waves[joint]) < 1.0
 
 
+@pytest.mark.usefixtures("undiagnosed")
 def test_tx40_with_its_coupled_wrist() -> None:
     robot = load_robot(ROBOTS / "tx40.toml")
     record = read_recording(
@@ -146,7 +156,7 @@ def test_kr300_warns_and_still_predicts(
     assert {"ill_conditioned", "over_fitted"} <= codes(plain)
 
 
-@pytest.mark.parametrize("preset", [pytest.param("paper", marks=pytest.mark.long), "best"])
+@pytest.mark.parametrize("preset", ["paper", pytest.param("best", marks=pytest.mark.long)])
 @pytest.mark.parametrize(
     "name",
     [pytest.param("RecordTrajectory_quadratic", marks=pytest.mark.long), "RunTrajectory1"],
@@ -200,6 +210,7 @@ def ur5() -> dict[str, ExperimentRecord]:
     return runs
 
 
+@pytest.mark.usefixtures("undiagnosed")
 def test_what_is_chosen_by_regions_transfers_to_another_motion(
     ur5: dict[str, ExperimentRecord],
 ) -> None:
@@ -218,6 +229,7 @@ def test_what_is_chosen_by_regions_transfers_to_another_motion(
         assert (checked.covered >= COVERED).all()
 
 
+@pytest.mark.usefixtures("undiagnosed")
 def test_what_is_chosen_for_this_motion_predicts_it_better(
     ur5: dict[str, ExperimentRecord],
 ) -> None:

@@ -77,6 +77,8 @@ def gram_blocks(
         width: m.
     """
     joints = len(labels)
+    # Sorted in one pass where they are short.
+    labels = labels.astype(np.min_scalar_type(cells))
     products = np.zeros((joints, cells, width, width))
     rows = np.zeros((joints, cells))
     for covered, values in parts:

@@ -191,8 +191,11 @@ class ScoreSearch:
         if LOAD in columns.extras:
             inertias = load_inertias(self.base.model, processed, EXTRA_WIDTH)
         labels = [self._labels(samples, k) for k, samples in enumerate(processed)]
-        keys, cells = np.unique(np.concatenate(labels, axis=1), axis=1, return_inverse=True)
-        cells = cells.reshape(-1)
+        groups = np.concatenate(labels, axis=1)
+        sizes = tuple((groups.max(axis=1) + 1).tolist())
+        # Numbers sort faster than columns, in the same order.
+        codes, cells = np.unique(np.ravel_multi_index(tuple(groups), sizes), return_inverse=True)
+        keys = np.stack(np.unravel_index(codes, sizes))
         width = self.base.rank + len(columns.positive) + len(versions)
         counted = keys[-1] if self.anywhere else np.ones(keys.shape[1], dtype=np.intp)
         total: GramBlocks | None = None
