@@ -70,6 +70,9 @@ def test_each_purpose_has_its_own_answer() -> None:
     assert idle.parameters.reason in idle.headline
     free = judged(2.0, consistent=False)
     assert (free.prediction.answer, free.simulation.answer) == ("yes", "limits")
+    stuck = judged(2.0, obstacle="not physical: link 5 cannot exist")
+    assert (stuck.prediction.answer, stuck.simulation.answer) == ("yes", "no")
+    assert "link 5" in stuck.headline
 
 
 def test_the_json_has_the_number_that_decides() -> None:

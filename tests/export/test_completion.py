@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from known_exports import estimate_of, mixed_chain, parameters_of
 
 from dynid.core import JobError
-from dynid.export import write_model
+from dynid.export import simulator_obstacle, write_model
 from dynid.export.completion import PseudoInertias, complete, null_space
 from dynid.identification import StandardParameters, inertial_prior
 from dynid.reduction import random_states
@@ -104,6 +104,8 @@ def test_impossible_base_parameters_are_said_to_be(tmp_path: Path) -> None:
     with pytest.raises(JobError, match="not physical: motor inertia Im4") as caught:
         write_model(impossible, "mjcf", tmp_path / "arm.xml")
     assert "sdp" in str(caught.value)
+    assert "Im4" in simulator_obstacle(impossible)
+    assert not simulator_obstacle(estimate_of(UR5, parameters_of(UR5, 2)))
     assert list(tmp_path.iterdir()) == []
     for to in ("urdf", "json", "c", "python"):
         done = write_model(impossible, to, tmp_path / "arm")

@@ -113,6 +113,7 @@ def judge(
     uncertain_share: float,
     consistent: bool,
     pays: bool | None = None,
+    obstacle: str = "",
 ) -> Verdict:
     """Judge an identification.
 
@@ -125,6 +126,7 @@ def judge(
         uncertain_share: Share of parameters whose deviation exceeds half of their value.
         consistent: All masses and inertias are physically possible.
         pays: Identified inertias predict better than published ones; None where none are.
+        obstacle: Why the model cannot be exported to a simulator; empty where it can.
     """
     errors = [f for f in findings if f.severity == "error"]
     faults = [f for f in findings if f.severity == "warning" and f.code in FAULTS]
@@ -134,7 +136,7 @@ def judge(
     return Verdict(
         prediction=prediction,
         parameters=_parameters([*wrong, *faults], poor, uncertain_share, pays),
-        simulation=_simulation(prediction, findings, consistent),
+        simulation=_simulation(prediction, findings, consistent, obstacle),
     )
 
 
@@ -189,13 +191,17 @@ def _parameters(
     )
 
 
-def _simulation(prediction: Answer, findings: Sequence[Finding], consistent: bool) -> Answer:
+def _simulation(
+    prediction: Answer, findings: Sequence[Finding], consistent: bool, obstacle: str
+) -> Answer:
     kinds = {f.kind: f for f in findings}
     if "indefinite_mass" in kinds:
         first = kinds["indefinite_mass"]
         return Answer(answer="no", reason=first.text, value=first.value, limit=0.0)
     if prediction.answer == "no":
         return Answer(answer="no", reason=prediction.reason)
+    if obstacle:
+        return Answer(answer="no", reason=obstacle)
     if not consistent:
         reason = "masses and inertias of single links are not known to be physically consistent"
         return Answer(answer="limits", reason=f"{reason} (--estimator sdp)")

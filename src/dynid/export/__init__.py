@@ -2,7 +2,7 @@
 
 from dynid.export.model import ExportModel, export_model
 from dynid.export.robot_xml import quaternion, roll_pitch_yaw
-from dynid.export.writing import ExportedFile, write_model
+from dynid.export.writing import ExportedFile, simulator_obstacle, write_model
 
 __all__ = [
     "ExportModel",
@@ -10,5 +10,6 @@ __all__ = [
     "export_model",
     "quaternion",
     "roll_pitch_yaw",
+    "simulator_obstacle",
     "write_model",
 ]

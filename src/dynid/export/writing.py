@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, InputError, JobError, cannot_write, file_behind
+from dynid.core import Array, DynidError, InputError, JobError, cannot_write, file_behind
 from dynid.export import robot_xml
 from dynid.export.c_code import c_code, c_prefix
 from dynid.export.model import ExportModel, NearestFriction, completed_model, nearest_friction
 from dynid.export.python_code import python_code
-from dynid.export.robot_xml import left_out, stand_in_words
+from dynid.export.robot_xml import ADVICE, left_out, stand_in_words
 from dynid.export.verification import (
     States,
     Verification,
@@ -216,6 +216,21 @@ def write_model(estimate: Estimate, to: str, path: str | Path, note: str = "") -
     return ExportedFile(
         path=path, model=model, verified=verified, left_out=missing, friction=friction
     )
+
+
+def simulator_obstacle(estimate: Estimate) -> str:
+    """Why the model of an estimate cannot be written for a simulator; empty where it can.
+
+    Args:
+        estimate: The estimate. MuJoCo has the strictest rules: inertias, motor inertias and
+            friction of every joint must be physically possible.
+    """
+    try:
+        model, completed = completed_model(estimate)
+        robot_xml.mjcf_text(nearest_friction(estimate, completed, model).put_into(model))
+    except DynidError as error:
+        return f"{error.what} (--estimator sdp)" if error.next_step == ADVICE else error.what
+    return ""
 
 
 def _text(model: ExportModel, to: str, note: str) -> str:

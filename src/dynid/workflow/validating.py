@@ -16,6 +16,7 @@ import numpy as np
 
 from dynid.core import InputError, Progress, workers
 from dynid.diagnosis import USELESS_PREDICTION, Verdict, judge
+from dynid.export import simulator_obstacle
 from dynid.identification import read_estimate, write_estimate
 from dynid.recording import (
     LONG,
@@ -219,6 +220,7 @@ def verdict(result: Identification) -> Verdict:
         uncertain_share=uncertain,
         pays=None if estimate.assessment is None else estimate.assessment.pays,
         consistent=not any(f.code == "not_physical" for f in result.warnings),
+        obstacle=simulator_obstacle(estimate),
     )
 
 
