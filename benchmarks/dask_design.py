@@ -5,7 +5,7 @@ same, whoever computes it. Asked: 1.7 times on idle cores. On busy ones the CPU 
 tells what idle cores would give: all work alone over what the busiest of two cores has to do.
 
     python benchmarks/dask_design.py            # times
-    python benchmarks/dask_design.py --kill 10  # a worker is killed in mid-run, so many times
+    python benchmarks/dask_design.py --kill 10  # and a worker is killed in mid-run, so many times
 
 Needs dynid[dask].
 """
@@ -22,6 +22,7 @@ import time
 from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,14 +35,16 @@ import dynid
 from dynid.bench import plant
 
 STARTS, ARMS, DAYS = 8, 20, 50
+FEW = 20
+"""Recordings of a run that only warms up."""
 ASKED = 1.7
 Job = Callable[[str | None], list[np.ndarray]]
 """Runs on a cluster, or on none, and gives its numbers."""
 
 
-def design(dask: str | None) -> list[np.ndarray]:
+def design(dask: str | None, starts: int = STARTS) -> list[np.ndarray]:
     """A design by many starts."""
-    settings = dynid.DesignSettings(criterion="cond", starts=STARTS, seed=0, collision=False)
+    settings = dynid.DesignSettings(criterion="cond", starts=starts, seed=0, collision=False)
     found = dynid.design("ur5", replace(settings, dask=dask))
     return [found.trajectory.evaluate(np.arange(100) / 10.0).q]
 
@@ -51,18 +54,26 @@ def fleet():
     """A fleet in a folder; each run is a first one."""
     with tempfile.TemporaryDirectory() as place:
         data, runs = Path(place) / "recordings", iter(range(1000))
+        few = Path(place) / "few"
         data.mkdir()
+        few.mkdir()
         for seed in range(ARMS):
             arm = Individual(f"arm{seed}", plant(dynid.load_robot("ur5"), seed), seed)
             for day in range(DAYS):
                 arm.write(data, day, set())
+        for day in range(FEW):
+            arm.write(few, day, set())
 
-        def run(dask: str | None) -> list[np.ndarray]:
+        def run(dask: str | None, folder: Path = data) -> list[np.ndarray]:
             output = Path(place) / f"run{next(runs)}"
-            found = dynid.fleet(data, output, dynid.FleetSettings(dask=dask))
-            return [one.statistics.factors for one in found.recordings]
+            found = dynid.fleet(folder, output, dynid.FleetSettings(dask=dask))
+            trends = [joint.friction for joint in found.joints if joint.friction is not None]
+            return [
+                *(one.statistics.factors for one in found.recordings),
+                *(np.array([one.change, one.p_value, *one.at_reference]) for one in trends),
+            ]
 
-        yield run
+        yield run, partial(run, folder=few)
 
 
 def same(a: list[np.ndarray], b: list[np.ndarray]) -> str:
@@ -71,8 +82,8 @@ def same(a: list[np.ndarray], b: list[np.ndarray]) -> str:
     return "same result" if equal else "ANOTHER RESULT"
 
 
-def timed(name: str, job: Job, client: Any, address: str) -> None:
-    """One process, then the cluster."""
+def timed(name: str, job: Job, client: Any, address: str) -> tuple[list[np.ndarray], float]:
+    """One process, then the cluster; what the first found, and how long the second took [s]."""
 
     def spent() -> np.ndarray:
         return np.array([time.process_time(), *client.run(time.process_time).values()])
@@ -82,8 +93,6 @@ def timed(name: str, job: Job, client: Any, address: str) -> None:
         found = job(dask)
         return time.perf_counter() - begun, spent() - before, found
 
-    # Workers import and compile once.
-    job(address)
     alone_s, alone, expected = measured(None)
     together_s, shares, found = measured(address)
     busiest = max(shares.max(), shares.sum() / 2)
@@ -94,19 +103,18 @@ def timed(name: str, job: Job, client: Any, address: str) -> None:
         f"by CPU {alone[0] / busiest:.2f}; {same(expected, found)}",
         flush=True,
     )
+    return expected, together_s
 
 
-def killed(name: str, job: Job, client: Any, cluster: Any, kills: int) -> None:
-    """A worker dies at a random time of each run."""
-    address = cluster.scheduler_address
-    job(address)
-    begun = time.perf_counter()
-    expected, draw = job(address), random.Random(0)
-    length = time.perf_counter() - begun
+def killed(
+    name: str, job: Job, client: Any, cluster: Any, kills: int, expected: list[np.ndarray], s: float
+) -> None:
+    """A worker dies at a random time of each run of about so many seconds."""
+    address, draw = cluster.scheduler_address, random.Random(0)
     for k in range(kills):
         # Of the processes' parents: whoever asks the cluster may still ask a dead one.
         victim = draw.choice([worker.pid for worker in cluster.workers.values()])
-        wait, over, struck = draw.uniform(0.1, 0.7) * length, threading.Event(), list[float]()
+        wait, over, struck = draw.uniform(0.1, 0.7) * s, threading.Event(), list[float]()
 
         def strike(wait=wait, victim=victim, over=over, struck=struck) -> None:
             if not over.wait(wait):
@@ -129,13 +137,13 @@ def killed(name: str, job: Job, client: Any, cluster: Any, kills: int) -> None:
 
 
 def main() -> None:
-    """Print times, or what became of killed workers."""
+    """Print times, and what became of killed workers."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kill", type=int, default=0)
     parser.add_argument("--only", choices=("design", "fleet"))
     asked = parser.parse_args()
     with (
-        fleet() as of_fleet,
+        fleet() as (of_fleet, of_few),
         # So long after any loss, LocalCluster gives up a worker that is away at that moment: at
         # its 15 s, one whose second death is just being mended.
         dask.config.set({"distributed.deploy.lost-worker-timeout": "1 day"}),
@@ -144,14 +152,17 @@ def main() -> None:
         ) as cluster,
         distributed.Client(cluster) as client,
     ):
-        jobs = {f"design, {STARTS} starts": design, f"fleet, {ARMS * DAYS} recordings": of_fleet}
-        for name, job in jobs.items():
+        jobs = {
+            f"design, {STARTS} starts": (design, partial(design, starts=3)),
+            f"fleet, {ARMS * DAYS} recordings": (of_fleet, of_few),
+        }
+        for name, (job, short) in jobs.items():
             if asked.only and not name.startswith(asked.only):
                 continue
-            if asked.kill:
-                killed(name, job, client, cluster, asked.kill)
-            else:
-                timed(name, job, client, cluster.scheduler_address)
+            # Workers import and compile once.
+            short(cluster.scheduler_address)
+            expected, together_s = timed(name, job, client, cluster.scheduler_address)
+            killed(name, job, client, cluster, asked.kill, expected, together_s)
 
 
 if __name__ == "__main__":
