@@ -2,7 +2,8 @@
 
 The workers are processes with one thread each; the calling process takes part. The result is the
 same, whoever computes it. Asked: 1.7 times on idle cores. On busy ones the CPU of the processes
-tells what idle cores would give: all work alone over what the busiest of two cores has to do.
+tells what idle cores would give: all work alone over what the busiest of two cores has to do,
+without what an idle cluster takes by the second.
 
     python benchmarks/dask_design.py            # times
     python benchmarks/dask_design.py --kill 10  # and a worker is killed in mid-run, so many times
@@ -37,7 +38,7 @@ from dynid.bench import plant
 STARTS, ARMS, DAYS = 8, 20, 50
 FEW = 20
 """Recordings of a run that only warms up."""
-ASKED = 1.7
+ASKED, IDLE_S = 1.7, 10.0
 Job = Callable[[str | None], list[np.ndarray]]
 """Runs on a cluster, or on none, and gives its numbers."""
 
@@ -93,14 +94,19 @@ def timed(name: str, job: Job, client: Any, address: str) -> tuple[list[np.ndarr
         found = job(dask)
         return time.perf_counter() - begun, spent() - before, found
 
+    before = spent()
+    time.sleep(IDLE_S)
+    idle = (spent() - before) / IDLE_S
     alone_s, alone, expected = measured(None)
     together_s, shares, found = measured(address)
-    busiest = max(shares.max(), shares.sum() / 2)
+    own, net = alone[0] - idle[0] * alone_s, shares - idle * together_s
+    busiest = max(net.max(), net.sum() / 2)
     print(
         f"{name}: one process {alone_s:.1f} s ({alone[0]:.1f} s of CPU), with two workers "
         f"{together_s:.1f} s ({' + '.join(f'{s:.1f}' for s in shares)} s of CPU): "
         f"{alone_s / together_s:.2f} times (asked {ASKED} on idle cores), "
-        f"by CPU {alone[0] / busiest:.2f}; {same(expected, found)}",
+        f"by CPU, without the {1e3 * idle.sum():.0f} ms a second of an idle cluster, "
+        f"{own / busiest:.2f}; {same(expected, found)}",
         flush=True,
     )
     return expected, together_s
