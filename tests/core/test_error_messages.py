@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from dynid.core import (
@@ -12,6 +14,7 @@ from dynid.core import (
     RecordError,
     RobotError,
     installed,
+    like_named,
     require,
 )
 
@@ -80,3 +83,10 @@ def test_a_refused_word_gets_the_closest_allowed_one(limit: object) -> None:
     assert InputError("unknown", value=3, limit=limit).next_step is None
     told = InputError("unknown", value="bset", limit=limit, next_step="Stop.")
     assert told.next_step == "Stop."
+
+
+def test_a_missing_file_is_compared_with_those_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "monday.csv").touch()
+    assert like_named(tmp_path / "mondy.csv") == "Did you mean monday.csv?"
+    assert like_named(tmp_path / "UR55", "ur5", "ur10") == "Did you mean ur5?"
+    assert like_named(tmp_path / "absent" / "other.csv") is None

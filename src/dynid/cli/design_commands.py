@@ -100,7 +100,7 @@ def _design(
         str | None,
         typer.Option(
             metavar="prediction|cond|cond+sigma|d-opt|a-opt|e-opt",
-            help="What is made smallest, in place of --for.",
+            help="What is minimised, in place of --for.",
         ),
     ] = None,
     purpose: Annotated[
@@ -108,12 +108,12 @@ def _design(
         typer.Option(
             "--for",
             metavar="prediction|parameters|cond",
-            help="What the model is for. [default: prediction; cond with ga or paper limits]",
+            help="Purpose of the model. [default: prediction; cond with ga or paper limits]",
         ),
     ] = "",
     motion: Annotated[
         list[Path] | None,
-        typer.Option(metavar="TASK", help="A design, recording or poses that the model is for."),
+        typer.Option(metavar="TASK", help="A design, recording or poses of the purpose."),
     ] = None,
     accuracy: Annotated[
         float | None,
@@ -148,14 +148,14 @@ def _design(
     limits: Annotated[
         str,
         typer.Option(
-            metavar="safe|paper", help="safe: all that is known; paper: q, dq and ddq alone."
+            metavar="safe|paper", help="safe: all known limits; paper: q, dq and ddq alone."
         ),
     ] = "safe",
     scene: Annotated[
-        Path | None, typer.Option(metavar="SCENE.json", help="What stands around the robot.")
+        Path | None, typer.Option(metavar="SCENE.json", help="Surroundings of the robot.")
     ] = None,
     no_collision: Annotated[
-        bool, typer.Option("--no-collision", help="Do not look at collisions.")
+        bool, typer.Option("--no-collision", help="Do not check collisions.")
     ] = False,
     mesh_dir: MeshDirOption = None,
     floor: FloorOption = None,
@@ -173,7 +173,9 @@ def _design(
     ] = None,
     previous: Annotated[
         list[Path] | None,
-        typer.Option(metavar="RECORD", help="A recording to be completed; may be repeated."),
+        typer.Option(
+            metavar="RECORD", help="A recording that the motion complements; may be repeated."
+        ),
     ] = None,
     frames: Annotated[
         str, typer.Option(metavar="dh|mdh|urdf", help="Frames of the parameters; default: its own.")
@@ -366,15 +368,15 @@ def _check(
     limits: Annotated[
         str,
         typer.Option(
-            metavar="safe|paper", help="safe: all that is known; paper: q, dq and ddq alone."
+            metavar="safe|paper", help="safe: all known limits; paper: q, dq and ddq alone."
         ),
     ] = "safe",
     scene: Annotated[
         Path | None,
-        typer.Option(metavar="SCENE.json", help="What stands around; default: the design's scene."),
+        typer.Option(metavar="SCENE.json", help="Surroundings; default: the design's scene."),
     ] = None,
     no_collision: Annotated[
-        bool, typer.Option("--no-collision", help="Do not look at collisions.")
+        bool, typer.Option("--no-collision", help="Do not check collisions.")
     ] = False,
     robot: Annotated[
         str | None, typer.Option(metavar="ROBOT", help="If the design's robot file has moved.")
@@ -393,7 +395,7 @@ def _check(
     clearance: ClearanceOption = None,
     json: JsonFlag = False,
 ) -> int:
-    """Certify limits and collisions, between samples too."""
+    """Certify limits and collisions, also between samples."""
     from dynid.cli.output import print_json
     from dynid.workflow import check, mesh_folders, parse_floor, parse_payload, parse_tool
 

@@ -180,15 +180,13 @@ PurposeOption = Annotated[
     typer.Option(
         "--for",
         metavar="anywhere|this-motion",
-        help="What the model is for: anywhere chooses by regions of the workspace left out, "
-        "this-motion by stretches of time.",
+        help="Purpose of the model: anywhere selects it on left-out regions of the workspace, "
+        "this-motion on left-out stretches of time.",
     ),
 ]
 
 
-AllFlag = Annotated[
-    bool, typer.Option("--all", help="Print all parameters and everything that was chosen.")
-]
+AllFlag = Annotated[bool, typer.Option("--all", help="Print all parameters and choices.")]
 
 
 def register_fit(app: typer.Typer) -> None:
@@ -227,7 +225,7 @@ def _fit(
     everything: AllFlag = False,
     json: JsonFlag = False,
 ) -> None:
-    """Logs at hand to verdict, models and report in one command."""
+    """From logs to verdict, models and report in one command."""
     from dynid.cli.output import console, print_json, progress_bar
     from dynid.workflow import IdentifySettings, fit
 
@@ -255,7 +253,9 @@ def _print_files(screen: Console, result: LogFit) -> None:
     if "targets" in result.gains_from:
         screen.print("Drive gains were found from the target currents and moments in the log.")
     for export in result.models:
-        screen.print(f"{export.to}: {export.written.path}", soft_wrap=True)
+        check = export.written.verified
+        unchecked = "" if check.passed else f" (torques not compared: {check.loaded_with})"
+        screen.print(f"{export.to}: {export.written.path}{unchecked}", soft_wrap=True)
     for to, reason in result.not_exported:
         screen.print(f"{to}: not written: {reason}", soft_wrap=True)
     screen.print(f"estimate: {result.estimate}", soft_wrap=True)
@@ -288,21 +288,21 @@ def _identify(
         str | None,
         typer.Option(
             metavar="ols|wls|irls|tls|iv|ml|didim|sdp|bayes|rls",
-            help="Default: as the preset says. sdp: physically consistent bodies.",
+            help="Default: by the preset. sdp: physically consistent.",
         ),
     ] = None,
     terms: Annotated[
         str | None,
         typer.Option(
             metavar="fc,fv,im[,..]",
-            help="Friction terms, each for all joints or for some; default: as the preset says.",
+            help="Friction terms, each for all joints or for some; default: by the preset.",
         ),
     ] = None,
     preset: Annotated[
         str,
         typer.Option(
             metavar="paper|best",
-            help="paper: exactly as in the paper; best: choose by what is left out.",
+            help="paper: exactly as in the paper; best: select by cross-validation.",
         ),
     ] = "best",
     purpose: PurposeOption = "anywhere",
@@ -311,7 +311,9 @@ def _identify(
     ] = None,
     weighting: Annotated[
         str,
-        typer.Option(metavar="joint|size", help="One noise a joint, or one for joints of a size."),
+        typer.Option(
+            metavar="joint|size", help="Noise variance of each joint, or of joints of one size."
+        ),
     ] = "joint",
     start: StartOption = None,
     stop: StopOption = None,
@@ -399,7 +401,9 @@ def _validate(
     gains: GainsOption = None,
     refit: Annotated[
         str | None,
-        typer.Option(metavar="friction", help="Take friction from this recording; inertias stay."),
+        typer.Option(
+            metavar="friction", help="Identify friction again from this recording; inertias stay."
+        ),
     ] = None,
     output: Annotated[
         Path | None,

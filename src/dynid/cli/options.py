@@ -26,7 +26,7 @@ RobotOption = Annotated[
     typer.Option(
         "--robot",
         metavar="ROBOT",
-        help="Built-in name, URDF or robot file; default: what the recording says.",
+        help="Built-in name, URDF or robot file; default: that of the recording.",
     ),
 ]
 StartOption = Annotated[
@@ -97,7 +97,9 @@ PayloadOption = Annotated[
 ]
 MarginOption = Annotated[
     float | None,
-    typer.Option(metavar="PERCENT", help="Kept free of speed, torque and power. [default: 5]"),
+    typer.Option(
+        metavar="PERCENT", help="Margin to limits of speed, torque and power. [default: 5]"
+    ),
 ]
 ClearanceOption = Annotated[
     float | None, typer.Option(metavar="M", help="Smallest distance of bodies [m]. [default: 0.01]")
@@ -105,9 +107,8 @@ ClearanceOption = Annotated[
 
 
 GROUPS: Mapping[str, tuple[str, ...]] = {
-    "What it is for": ("criterion", "purpose", "motion", "accuracy", "accept_weak", "noise",
-                               "previous"),
-    "The motion": ("trajectory", "harmonics", "period", "start_pose"),
+    "Purpose": ("criterion", "purpose", "motion", "accuracy", "accept_weak", "noise", "previous"),
+    "Motion": ("trajectory", "harmonics", "period", "start_pose"),
     "Search": ("method", "population", "generations", "starts", "budget", "seed", "jobs", "dask"),
     "Limits and surroundings": ("limits", "scene", "no_collision", "mesh_dir", "floor", "tool",
                                 "payload", "margin", "clearance", "mount", "accept_unjudged"),

@@ -45,15 +45,20 @@ def _run(
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="RECORD.parquet", help="The recording.")
     ],
-    on: Annotated[str, typer.Option(metavar="sim|ur://HOST", help="What moves.")] = "sim",
+    on: Annotated[
+        str, typer.Option(metavar="sim|ur://HOST", help="The robot that executes it.")
+    ] = "sim",
     repeat: Annotated[int, typer.Option(metavar="N", min=1, help="Periods to record.")] = 3,
     thermal: Annotated[
-        str, typer.Option(metavar="cold|warm|DEGC", help="Set if simulated, else noted down.")
+        str,
+        typer.Option(
+            metavar="cold|warm|DEGC", help="Set in the simulation; of a real robot, recorded only."
+        ),
     ] = "cold",
-    yes: Annotated[bool, typer.Option("--yes", help="Move without asking.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Move without confirmation.")] = False,
     slow: Annotated[
         float | None,
-        typer.Option(metavar="SHARE", help="First pass at a share of the speed, as 0.2."),
+        typer.Option(metavar="SHARE", help="First pass at a share of the speed, such as 0.2."),
     ] = None,
     settle: Annotated[
         bool, typer.Option("--settle", help="Move one period first that is not recorded.")
@@ -80,12 +85,16 @@ def _run(
     payload: PayloadOption = None,
     accept_unjudged: Annotated[
         list[str] | None,
-        typer.Option(metavar="KIND", help="Move though this cannot be judged, as self-collision."),
+        typer.Option(
+            metavar="KIND",
+            help="Move although this limit cannot be checked, such as self-collision.",
+        ),
     ] = None,
     until: Annotated[
         float | None,
         typer.Option(
-            metavar="PERCENT", help="Design, run and identify on, until this torque error is found."
+            metavar="PERCENT",
+            help="Design, run and identify in turn, until this torque error is reached.",
         ),
     ] = None,
     force: ForceFlag = False,
@@ -212,17 +221,19 @@ def register_import(app: typer.Typer) -> None:
 def _import(
     files: Annotated[
         list[Path],
-        typer.Argument(metavar="FILE", help="One recording, or text files side by side."),
+        typer.Argument(
+            metavar="FILE", help="One recording, or text files to be joined by columns."
+        ),
     ],
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="RECORD.parquet", help="What to write.")
+        Path, typer.Option("-o", "--output", metavar="RECORD.parquet", help="File to write.")
     ],
     robot: Annotated[
         str | None,
         typer.Option(metavar="ROBOT", help="Built-in name, URDF or robot file."),
     ] = None,
     format: Annotated[
-        str, typer.Option(metavar=FORMATS, help="What the file is; auto goes by its content.")
+        str, typer.Option(metavar=FORMATS, help="Format of the file; auto: by its content.")
     ] = "auto",
     columns: Annotated[
         str | None,
@@ -232,7 +243,7 @@ def _import(
         ),
     ] = None,
     no_header: Annotated[
-        bool, typer.Option("--no-header", help="The first line is numbers.")
+        bool, typer.Option("--no-header", help="The first line has numbers, no names.")
     ] = False,
     delimiter: Annotated[
         str | None, typer.Option(metavar=",", help="A character, or comma, semicolon, tab, space.")
@@ -242,7 +253,7 @@ def _import(
         float | None, typer.Option(metavar="HZ", help="The clock of a file without time stamps.")
     ] = None,
     degrees: Annotated[
-        bool, typer.Option("--degrees", help="Angles are in degrees, where the file does not say.")
+        bool, typer.Option("--degrees", help="Angles without a unit are in degrees.")
     ] = False,
     joint_order: Annotated[
         str | None,
@@ -254,7 +265,7 @@ def _import(
     force: ForceFlag = False,
     json: JsonFlag = False,
 ) -> None:
-    """A foreign recording becomes ours: checked and repaired."""
+    """Convert a recording: checked and repaired."""
     from dynid.cli.output import check_output, print_json
     from dynid.workflow import ImportOptions, import_recording
 

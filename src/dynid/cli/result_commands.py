@@ -165,11 +165,14 @@ def _fleet(
         str, typer.Option(metavar="fc,fv,im[,fo]", help="Friction terms, the same for all.")
     ] = "fc,fv,im",
     false_alarms: Annotated[
-        float, typer.Option(metavar="P", help="Probability of any false alarm, a run.")
+        float, typer.Option(metavar="P", help="Probability of a false alarm in a run.")
     ] = 0.05,
     reference: Annotated[
         float | None,
-        typer.Option(metavar="DEGC", help="Of the trends. [default: median of each joint]"),
+        typer.Option(
+            metavar="DEGC",
+            help="Reference temperature of the trends. [default: median of each joint]",
+        ),
     ] = None,
     jobs: JobsOption = 1,
     dask: DaskOption = None,
@@ -249,7 +252,8 @@ def _studio(
         ),
     ] = None,
     robot: Annotated[
-        str | None, typer.Option(metavar="ROBOT", help="If the files do not say or it has moved.")
+        str | None,
+        typer.Option(metavar="ROBOT", help="Robot, where the files have none or it has moved."),
     ] = None,
     host: Annotated[
         str,
@@ -261,13 +265,13 @@ def _studio(
     ] = None,
     token: Annotated[
         str | None,
-        typer.Option(metavar="TEXT", help="Visitors must know it; made up where one is needed."),
+        typer.Option(metavar="TEXT", help="Access token; generated where one is needed."),
     ] = None,
     json: JsonFlag = False,
 ) -> None:
     """A local page: the arm in 3D, design, live run, results.
 
-    It serves until Ctrl-C. With --json, one object on stdout tells when it can be opened.
+    It serves until Ctrl-C. With --json, one object on stdout is printed when it can be opened.
     """
     from dynid.cli.output import print_json
     from dynid.experiment import stop_on_signals
@@ -302,7 +306,7 @@ def _studio(
 
 def register_bench(app: typer.Typer) -> None:
     """Add the command group."""
-    group = typer.Typer(help="Methods side by side, on arms whose truth is known.")
+    group = typer.Typer(help="Comparison of methods on arms with known parameters.")
     group.callback()(_root)
     group.command(
         "estimators",
@@ -320,7 +324,7 @@ def register_bench(app: typer.Typer) -> None:
 
 
 def _root() -> None:
-    """Methods side by side, on arms whose truth is known."""
+    """Comparison of methods on arms with known parameters."""
 
 
 def _estimators(
@@ -332,7 +336,7 @@ def _estimators(
     dask: DaskOption = None,
     json: JsonFlag = False,
 ) -> None:
-    """Every estimator, by noise and seed: BIRDy's figures."""
+    """Every estimator, by noise and seed: BIRDy's metrics."""
     from dynid.bench import compare_estimators, summary, to_json
     from dynid.cli.output import console, count, number, print_json, print_table, progress_bar
     from dynid.core import workers
@@ -374,7 +378,7 @@ def _verdicts(
     preset: Annotated[str, typer.Option(metavar="paper|best", help="As for identify.")] = "best",
     json: JsonFlag = False,
 ) -> None:
-    """False alarms, and faults named with their cause."""
+    """False alarms, and input faults that are identified."""
     from dynid.bench import Judged, Recorded, cases, markdown, rates, run_verdicts, summarise
     from dynid.cli.output import console, print_json, progress_bar
     from dynid.core import silent

@@ -164,7 +164,7 @@ def _gains(
     robot: RobotOption = None,
     json: JsonFlag = False,
 ) -> None:
-    """Drive gains, from the controller's own targets (UR)."""
+    """Drive gains, from the controller's target currents and moments (UR)."""
     from dynid.cli.output import console, number, print_json, print_notices, print_table
     from dynid.workflow import identify_gains, open_records
 
@@ -208,7 +208,7 @@ def _payload(
         Path, typer.Argument(metavar="UNLOADED", help="A recording without the payload.")
     ],
     loaded: Annotated[
-        Path, typer.Argument(metavar="LOADED", help="One with it, best of the same motion.")
+        Path, typer.Argument(metavar="LOADED", help="One with it, preferably of the same motion.")
     ],
     robot: RobotOption = None,
     cutoff: Annotated[
@@ -251,11 +251,15 @@ def register_compare(app: typer.Typer) -> None:
 
 
 def _compare(
-    a: Annotated[Path, typer.Argument(metavar="A.json", help="An estimate, such as the cold.")],
-    b: Annotated[Path, typer.Argument(metavar="B.json", help="Another, such as the warm.")],
+    a: Annotated[
+        Path, typer.Argument(metavar="A.json", help="An estimate, such as that of the cold robot.")
+    ],
+    b: Annotated[
+        Path, typer.Argument(metavar="B.json", help="Another, such as that of the warm robot.")
+    ],
     json: JsonFlag = False,
 ) -> None:
-    """Which parameters moved between two estimates (paper 3.2)."""
+    """Which parameters changed between two estimates (paper 3.2)."""
     from dynid.cli.output import console, print_json
     from dynid.workflow import compare_files
 

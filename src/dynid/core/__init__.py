@@ -14,6 +14,7 @@ from dynid.core.errors import (
     RecordError,
     RobotError,
     installed,
+    like_named,
     require,
 )
 from dynid.core.files import (
@@ -75,6 +76,7 @@ __all__ = [
     "in_one_piece",
     "installed",
     "inverse_upper",
+    "like_named",
     "load_object",
     "parse_json",
     "provenance",

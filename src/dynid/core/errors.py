@@ -8,6 +8,8 @@ from __future__ import annotations
 import importlib
 import importlib.util
 from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
 from types import ModuleType
 from typing import cast
 
@@ -90,6 +92,23 @@ def _suggestion(value: object, limit: object) -> str | None:
 
     near = difflib.get_close_matches(value.lower(), sorted(words), n=1)
     return f"Did you mean {near[0]}?" if near and near[0] != value else None
+
+
+def like_named(path: Path, *words: str) -> str | None:
+    """The file beside a missing one whose name is closest to it, as a next step.
+
+    Args:
+        path: The file that is not there.
+        words: What else could be meant.
+    """
+    import difflib
+
+    files: list[str] = []
+    with suppress(OSError, ValueError):
+        files = [item.name for item in path.parent.iterdir() if item.is_file()]
+    near = difflib.get_close_matches(path.name.lower(), words, n=1)
+    near += difflib.get_close_matches(path.name, files, n=1, cutoff=0.7)
+    return f"Did you mean {near[0]}?" if near else None
 
 
 def _short(value: object, width: int = 200) -> str:

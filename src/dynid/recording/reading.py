@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from dynid.core import RecordError, file_hash
+from dynid.core import RecordError, file_hash, like_named
 from dynid.recording.arrayfiles import read_frame, read_hdf5, read_json, read_npz
 from dynid.recording.content import Budget, unreadable
 from dynid.recording.csv import read_csv
@@ -52,7 +52,9 @@ def given_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
         try:
             size = file.stat().st_size
         except (OSError, ValueError) as error:
-            raise RecordError("there is no such file", where=str(file)) from error
+            raise RecordError(
+                "there is no such file", where=str(file), next_step=like_named(file)
+            ) from error
         if file.is_dir():
             if len(files) > 1:
                 raise RecordError("a folder cannot stand beside other files", where=str(file))
@@ -208,7 +210,9 @@ def read_record(path: str | Path) -> ExperimentRecord:
     if not os.path.exists(file):
         file = partial_path(file)
     if not os.path.isfile(file):
-        raise RecordError("there is no such file", where=str(path))
+        raise RecordError(
+            "there is no such file", where=str(path), next_step=like_named(Path(path))
+        )
     found = read_isolated([file], ReadOptions(format=OWN))
     if not isinstance(found, ExperimentRecord):
         raise RecordError("this is no dynid recording", where=str(path))

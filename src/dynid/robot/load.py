@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -13,7 +12,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from dynid.core import Array, InputError, RobotError
+from dynid.core import Array, InputError, RobotError, like_named
 from dynid.robot import library
 from dynid.robot.body import Body
 from dynid.robot.kinematics import with_mount
@@ -78,14 +77,13 @@ def _load(name_or_path: str | Path, collision: bool, mesh_dirs: Sequence[Path] =
         return robot_from_toml(file.read_bytes(), Path(f"{text.lower()}.toml"))
     path = Path(os.path.expanduser(text))
     if not text.strip() or not is_there(path):
-        near = difflib.get_close_matches(text.lower(), names, n=1)
         looks_like_path = "/" in text or path.suffix.lower() in (".urdf", ".toml", ".xml")
         raise RobotError(
             "no such file" if looks_like_path else "neither a built-in robot nor a file",
             where="robot",
             value=shown(text) or "nothing",
             limit=f"{', '.join(names)}, or a URDF or robot file",
-            next_step=f"Did you mean {near[0]}?" if near else None,
+            next_step=like_named(path, *names),
         )
     data = read_limited(path, MAX_URDF)
     if data.removeprefix(b"\xef\xbb\xbf").lstrip()[:1] == b"<" or path.suffix.lower() == ".urdf":

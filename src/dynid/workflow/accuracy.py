@@ -59,12 +59,10 @@ class Accuracy:
 
     def describe(self) -> str:
         """One sentence."""
-        promise = "" if math.isnan(self.expected_percent) else " by the design"
-        expected = f"{self.expected_percent:.2g} %" if promise else "unknown"
-        return (
-            f"Torque error expected{promise}: {expected} (noise alone); found on {self.left_out} "
-            f"left out: {self.found_percent:.2g} %"
-        )
+        found = f"{self.found_percent:.2g} % on left-out {self.left_out}"
+        if math.isnan(self.expected_percent):
+            return f"Torque error less noise: {found}"
+        return f"Torque error less noise: {found}; by the design: {self.expected_percent:.2g} %"
 
 
 def accuracy(

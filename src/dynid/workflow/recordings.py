@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import InputError, JobError, RecordError, require_absent, told
+from dynid.core import InputError, JobError, RecordError, like_named, require_absent, told
 from dynid.recording import (
     LONG,
     AnyRecording,
@@ -70,7 +70,19 @@ def open_record(
         record = read_record(path)
     else:
         _refuse_results(Path(path))
-        record = read_recording(_files_of(Path(path)), robot=robot)
+        try:
+            record = read_recording(_files_of(Path(path)), robot=robot)
+        except RecordError as error:
+            if error.next_step is None or not os.path.exists(path):
+                raise
+            command = f"dynid import {path} --robot ROBOT -o RECORD.parquet"
+            raise RecordError(
+                error.what,
+                where=error.where,
+                value=error.value,
+                limit=error.limit,
+                next_step=f"{error.next_step} ({command} has these options.)",
+            ) from error
     return record if gains is None else with_gains(record, robot, gains)
 
 
@@ -281,7 +293,9 @@ def stored_robot(paths: Sequence[str | Path]) -> str:
 
 def _robot_in(path: str | Path) -> str | None:
     if not os.path.exists(path) and not _was_cut_off(path):
-        raise RecordError("there is no such file", where=str(path))
+        raise RecordError(
+            "there is no such file", where=str(path), next_step=like_named(Path(path))
+        )
     _refuse_results(Path(path))
     if stored_rows(Path(path)) > LONG:
         return open_stored(path).metadata.robot

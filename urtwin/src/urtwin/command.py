@@ -85,11 +85,11 @@ def _controller(
         ),
     ] = "cold",
     virtual_time: Annotated[
-        bool, typer.Option("--virtual-time", help="Time goes as fast as the clients read.")
+        bool, typer.Option("--virtual-time", help="Time advances as fast as the clients read.")
     ] = False,
     hold: Annotated[
         bool,
-        typer.Option("--hold", help="Time stands still until the first client has started RTDE."),
+        typer.Option("--hold", help="Time starts when the first client has started RTDE."),
     ] = False,
     seed: Annotated[
         int, typer.Option("--seed", metavar="N", min=0, help="Seed of the random numbers.")
@@ -122,7 +122,9 @@ def _controller(
     ] = None,
     report: Annotated[
         Path | None,
-        typer.Option("--report", metavar="FILE", help="Write, at the end, how time was kept."),
+        typer.Option(
+            "--report", metavar="FILE", help="Write, at the end, the timing of the control cycles."
+        ),
     ] = None,
     expose: Annotated[
         bool,
@@ -136,8 +138,8 @@ def _controller(
 ) -> None:
     """A simulated UR controller: RTDE, script ports, dashboard.
 
-    It has a real arm's dynamics behind it and listens on UR's own ports 29999 and 30001 to 30004
-    until Ctrl-C. With --json, one object on stdout tells when clients can connect.
+    It simulates the dynamics of a real arm and listens on UR's own ports 29999 and 30001 to 30004
+    until Ctrl-C. With --json, one object on stdout is printed when clients can connect.
     """
     if version:
         print(f"urtwin {__version__}")
