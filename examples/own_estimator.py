@@ -11,12 +11,9 @@ import dynid
 class LeastAbsolute(dynid.Estimator):
     """min sum |W p - tau| / noise, by iteratively weighted least squares."""
 
+    name = "least-absolute"
+    """The word in files and tables."""
     iterations: int = 20
-
-    @property
-    def name(self) -> str:
-        """The word in files and tables."""
-        return "least-absolute"
 
     def fit(self, problem: dynid.IdentificationProblem) -> dynid.Fit:
         """The base parameters, and what their statistics need."""

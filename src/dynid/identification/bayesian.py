@@ -222,6 +222,7 @@ class TowardPublished(Estimator):
     shrinkage leaves of errors of the published inertias.
     """
 
+    name: ClassVar[str] = "bayes"
     by_factors: ClassVar[bool] = True
     weight: float
     """Of the prior, over the rows of a joint."""
@@ -231,11 +232,6 @@ class TowardPublished(Estimator):
     """See `WeightedLeastSquares`."""
     max_iterations: int = 20
     tolerance: float = 1e-4
-
-    @property
-    def name(self) -> str:
-        """See `Estimator`."""
-        return "bayes"
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""
@@ -278,15 +274,11 @@ class BayesianRegression(Estimator):
     otherwise the posterior would claim too much.
     """
 
+    name: ClassVar[str] = "bayes"
     prior: InertialPrior | None = None
     """Inertias in the model's parameter frames; None for the robot's, completed."""
     relative: float | None = None
     """Standard deviation of the prior in its own metric; None for `RELATIVE` or `COMPLETED`."""
-
-    @property
-    def name(self) -> str:
-        """See `Estimator`."""
-        return "bayes"
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -217,13 +218,9 @@ class InstrumentalVariables(Estimator):
     reference is the measured motion low-passed near its own bandwidth.
     """
 
+    name: ClassVar[str] = "iv"
     prior_gain: float | None = None
     """See `WeightedLeastSquares`, where it starts."""
-
-    @property
-    def name(self) -> str:
-        """See `Estimator`."""
-        return "iv"
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""
@@ -255,13 +252,9 @@ class OutputError(Estimator):
     Vandanjon 2013). Two or three rounds are enough.
     """
 
+    name: ClassVar[str] = "didim"
     prior_gain: float | None = None
     """See `WeightedLeastSquares`."""
-
-    @property
-    def name(self) -> str:
-        """See `Estimator`."""
-        return "didim"
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""

@@ -65,10 +65,8 @@ class Estimator(ABC):
     by_factors: ClassVar[bool] = False
     """Whether `joint_factors` are all that it needs of the rows."""
 
-    @property
-    @abstractmethod
-    def name(self) -> str:
-        """The word of `--estimator`."""
+    name: ClassVar[str]
+    """The word of `--estimator`."""
 
     @abstractmethod
     def fit(self, problem: IdentificationProblem) -> Fit:
@@ -83,12 +81,8 @@ class Estimator(ABC):
 class OrdinaryLeastSquares(Estimator):
     """The paper's Eq. 6: every torque sample counts the same, in N.m."""
 
+    name: ClassVar[str] = "ols"
     by_factors: ClassVar[bool] = True
-
-    @property
-    def name(self) -> str:
-        """See `Estimator`."""
-        return "ols"
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""
@@ -103,6 +97,7 @@ class OrdinaryLeastSquares(Estimator):
 class WeightedLeastSquares(Estimator):
     """Each joint weighted by its own noise, iterated (Gautier and Poignet 2001)."""
 
+    name: ClassVar[str] = "wls"
     by_factors: ClassVar[bool] = True
     groups: tuple[int, ...] | None = None
     """Group of each joint; joints of a group share one noise (joint sizes). None: one each."""
@@ -111,11 +106,6 @@ class WeightedLeastSquares(Estimator):
     max_iterations: int = 20
     tolerance: float = 1e-4
     """Stop when no joint's noise changes by more than this share."""
-
-    @property
-    def name(self) -> str:
-        """See `Estimator`."""
-        return "wls"
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""
@@ -218,16 +208,12 @@ MAD_TO_SIGMA = 1.4826
 class HuberRegression(Estimator):
     """IRLS: rows far from the model count less, w = min(1, k s_j / |r|) (Huber 1964)."""
 
+    name: ClassVar[str] = "irls"
     prior_gain: float | None = None
     """See `WeightedLeastSquares`."""
     threshold: float = HUBER
     max_iterations: int = 30
     tolerance: float = 1e-4
-
-    @property
-    def name(self) -> str:
-        """See `Estimator`."""
-        return "irls"
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""
@@ -273,12 +259,8 @@ class TotalLeastSquares(Estimator):
     all scaled columns, which robots do not have: a yardstick, not a recommendation.
     """
 
+    name: ClassVar[str] = "tls"
     by_factors: ClassVar[bool] = True
-
-    @property
-    def name(self) -> str:
-        """See `Estimator`."""
-        return "tls"
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""
@@ -376,13 +358,9 @@ class RecursiveEstimate:
 class RecursiveLeastSquares(Estimator):
     """Recursive least squares over the record in order of time, rows weighted by joint noise."""
 
+    name: ClassVar[str] = "rls"
     forgetting: float = 1.0
     """See `RecursiveEstimate`, a block of rows at a time."""
-
-    @property
-    def name(self) -> str:
-        """See `Estimator`."""
-        return "rls"
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""

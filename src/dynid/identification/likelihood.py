@@ -6,6 +6,7 @@ How noisy the measured motion is, read off its spectrum above the motion.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -92,15 +93,11 @@ class MaximumLikelihood(Estimator):
     together. Torque noise comes from the scatter between periods where there are periods.
     """
 
+    name: ClassVar[str] = "ml"
     noise: MotionNoise | None = None
     """Noise of the motion; None to read it off the motion's spectrum."""
     prior_gain: float | None = None
     """See `WeightedLeastSquares`, where it starts."""
-
-    @property
-    def name(self) -> str:
-        """See `Estimator`."""
-        return "ml"
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""

@@ -163,6 +163,7 @@ class PhysicallyConsistent(Estimator):
     motions the one that predicts the regions left out.
     """
 
+    name: ClassVar[str] = "sdp"
     by_factors: ClassVar[bool] = True
     prior: InertialPrior | None = None
     """Inertias in the model's parameter frames; None for the robot's, completed."""
@@ -172,11 +173,6 @@ class PhysicallyConsistent(Estimator):
     """Share by which the weighted residual sum may grow."""
     by_regions: bool = False
     """Choose the weight on regions of the motion left out instead, see `held_out_weight`."""
-
-    @property
-    def name(self) -> str:
-        """See `Estimator`."""
-        return "sdp"
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -23,6 +23,21 @@ _DEEPEST = 8
 """Levels of sequences within sequences that a file may have."""
 
 
+_KINDS: dict[str, type[Trajectory]] = {
+    "fourier": FourierSeries,
+    "fourier-quintic": FourierQuintic,
+    "bspline": BSpline,
+    "quintic": Quintic,
+    "point-to-point": PointToPoint,
+    "sequence": MotionSequence,
+    "repetition": Repetition,
+}
+"""What a file calls each kind; a field of the trajectory has the same name in the file."""
+_NUMBERS = frozenset({"period", "travel_time"})
+_VECTORS = frozenset({"offset", "start", "goal"})
+_MATRICES = frozenset({"a", "b", "control"})
+
+
 def trajectory_to_json(trajectory: Trajectory) -> dict[str, Any]:
     """A JSON object, `type` first, from which the trajectory can be read back exactly.
 
@@ -32,65 +47,26 @@ def trajectory_to_json(trajectory: Trajectory) -> dict[str, Any]:
     Raises:
         InputError: A trajectory of another kind.
     """
-    match trajectory:
-        case FourierSeries():
-            return {
-                "type": "fourier",
-                "period": trajectory.period,
-                "offset": trajectory.offset.tolist(),
-                "a": trajectory.a.tolist(),
-                "b": trajectory.b.tolist(),
-            }
-        case FourierQuintic():
-            return {
-                "type": "fourier-quintic",
-                "period": trajectory.period,
-                "start": trajectory.start.tolist(),
-                "goal": trajectory.goal.tolist(),
-                "a": trajectory.a.tolist(),
-                "b": trajectory.b.tolist(),
-            }
-        case BSpline():
-            return {
-                "type": "bspline",
-                "travel_time": trajectory.travel_time,
-                "degree": trajectory.degree,
-                "control": trajectory.control.tolist(),
-            }
-        case Quintic():
-            return {
-                "type": "quintic",
-                "travel_time": trajectory.travel_time,
-                "start": trajectory.start.tolist(),
-                "goal": trajectory.goal.tolist(),
-            }
-        case PointToPoint():
-            return {
-                "type": "point-to-point",
-                "travel_time": trajectory.travel_time,
-                "start": trajectory.start.tolist(),
-                "goal": trajectory.goal.tolist(),
-            }
-        case MotionSequence():
-            return {
-                "type": "sequence",
-                "parts": [trajectory_to_json(part) for part in trajectory.parts],
-            }
-        case Repetition():
-            return {
-                "type": "repetition",
-                "times": trajectory.times,
-                "part": trajectory_to_json(trajectory.part),
-            }
-        case _:
-            raise InputError("no file form for this trajectory", value=type(trajectory).__name__)
+    kind = next((name for name, made in _KINDS.items() if type(trajectory) is made), None)
+    if kind is None:
+        raise InputError("no file form for this trajectory", value=type(trajectory).__name__)
+    names = (item.name for item in fields(cast("Any", trajectory)))
+    return {"type": kind, **{name: _plain(getattr(trajectory, name)) for name in names}}
 
 
-def trajectory_from_json(fields: JsonFields, *, depth: int = 0) -> Trajectory:
+def _plain(value: object) -> object:
+    if isinstance(value, Trajectory):
+        return trajectory_to_json(value)
+    if isinstance(value, tuple):
+        return [_plain(part) for part in cast("tuple[object, ...]", value)]
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def trajectory_from_json(stored: JsonFields, *, depth: int = 0) -> Trajectory:
     """The trajectory of a JSON object that `trajectory_to_json` made.
 
     Args:
-        fields: The object.
+        stored: The object.
         depth: How many sequences it stands in.
 
     Raises:
@@ -98,53 +74,26 @@ def trajectory_from_json(fields: JsonFields, *, depth: int = 0) -> Trajectory:
     """
     if depth > _DEEPEST:
         raise InputError("sequences within sequences", value=depth, limit=_DEEPEST)
-    kind = fields.text("type")
-    match kind:
-        case "fourier":
-            return FourierSeries(
-                period=fields.number("period"),
-                offset=fields.vector("offset"),
-                a=fields.matrix("a"),
-                b=fields.matrix("b"),
-            )
-        case "fourier-quintic":
-            return FourierQuintic(
-                period=fields.number("period"),
-                start=fields.vector("start"),
-                goal=fields.vector("goal"),
-                a=fields.matrix("a"),
-                b=fields.matrix("b"),
-            )
-        case "bspline":
-            return BSpline(
-                travel_time=fields.number("travel_time"),
-                degree=fields.whole("degree"),
-                control=fields.matrix("control"),
-            )
-        case "quintic":
-            return Quintic(
-                travel_time=fields.number("travel_time"),
-                start=fields.vector("start"),
-                goal=fields.vector("goal"),
-            )
-        case "point-to-point":
-            return PointToPoint(
-                travel_time=fields.number("travel_time"),
-                start=fields.vector("start"),
-                goal=fields.vector("goal"),
-            )
-        case "sequence":
-            parts = fields.objects("parts")
-            return MotionSequence(
-                parts=tuple(trajectory_from_json(part, depth=depth + 1) for part in parts)
-            )
-        case "repetition":
-            return Repetition(
-                part=trajectory_from_json(fields.object("part"), depth=depth + 1),
-                times=fields.whole("times"),
-            )
-        case _:
-            raise InputError(f"{fields.prefix}type is no kind of trajectory", value=kind)
+    kind = stored.text("type")
+    if kind not in _KINDS:
+        raise InputError(f"{stored.prefix}type is no kind of trajectory", value=kind)
+    made: Any = _KINDS[kind]
+    return made(**{item.name: _read(stored, item.name, depth) for item in fields(made)})
+
+
+def _read(stored: JsonFields, name: str, depth: int) -> object:
+    if name in _NUMBERS:
+        return stored.number(name)
+    if name in _VECTORS:
+        return stored.vector(name)
+    if name in _MATRICES:
+        return stored.matrix(name)
+    if name == "part":
+        return trajectory_from_json(stored.object(name), depth=depth + 1)
+    if name == "parts":
+        parts = stored.objects(name)
+        return tuple(trajectory_from_json(part, depth=depth + 1) for part in parts)
+    return stored.whole(name)
 
 
 _KIND = "dynid.trajectory"

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from dynid.core import Array, InputError, frozen
 from dynid.trajectory.bounds import MotionLimits
 from dynid.trajectory.fourier import check_period
-from dynid.trajectory.quintic import rest_to_rest
+from dynid.trajectory.quintic import StraightMove, rest_to_rest
 from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory, still_outside
 
 _JUMP = 1e-6
@@ -221,58 +221,12 @@ def trapezoid(u: Array) -> tuple[Array, Array, Array]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PointToPoint(Trajectory):
-    """A straight line in joint space with a trapezoid of velocity.
+class PointToPoint(StraightMove):
+    """A straight line in joint space with a trapezoid of velocity."""
 
-    Raises:
-        InputError: A travel time that is not positive, or poses that disagree or are not finite.
-    """
-
-    start: Array
-    """(n) first pose [rad or m]."""
-    goal: Array
-    """(n) last pose [rad or m]."""
-    travel_time: float
-    """Time from start to goal [s]."""
-
-    def __post_init__(self) -> None:
-        check_period(self.travel_time)
-        object.__setattr__(self, "start", frozen(self.start, shape=(None,), name="start"))
-        goal = frozen(self.goal, shape=self.start.shape, name="goal")
-        object.__setattr__(self, "goal", goal)
-
-    @property
-    def joints(self) -> int:
-        """Number of joints n."""
-        return len(self.start)
-
-    @property
-    def duration(self) -> float:
-        """The travel time [s]."""
-        return self.travel_time
-
-    def evaluate(self, t: ArrayLike) -> JointMotion:
-        """The motion at any times.
-
-        Args:
-            t: (N) times [s]; outside 0 to `duration` the arm stands at the nearer end.
-
-        Raises:
-            InputError: Times that are not a list of finite numbers.
-        """
-        times = frozen(t, shape=(None,), name="t")
-        way = (self.goal - self.start)[None, :]
-        place, speed, push = trapezoid(np.clip(times / self.duration, 0.0, 1.0))
-        return JointMotion(
-            t=times,
-            q=np.where(
-                place[:, None] < 0.5,
-                self.start + place[:, None] * way,
-                self.goal - (1.0 - place[:, None]) * way,
-            ),
-            dq=speed[:, None] / self.duration * way,
-            ddq=push[:, None] / self.duration**2 * way,
-        )
+    def profile(self, s: Array) -> tuple[Array, Array, Array]:
+        """See `StraightMove`."""
+        return trapezoid(s)
 
     def polynomials(self) -> tuple[tuple[float, Array], ...]:
         """Duration [s] and ascending coefficients (n, 3) of the three parts, each in 0 to 1."""

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, frozen, read_only
@@ -24,28 +26,11 @@ ACCELERATION = read_only(np.array([0.0, 0.0, 0.5, -1.0, 0.5, 0.0]))
 """Acceleration 1 at both ends, position and velocity 0."""
 
 
-def horner(coefficients: Array, s: Array) -> Array:
-    """Values of one polynomial.
-
-    Args:
-        coefficients: (d + 1) ascending powers.
-        s: (N) arguments.
-    """
-    value = np.zeros(len(s))
-    for coefficient in coefficients[::-1]:
-        value = value * s + coefficient
-    return value
-
-
-def derivative(coefficients: Array) -> Array:
-    """(d) the coefficients of the derivative of (d + 1)."""
-    return coefficients[1:] * np.arange(1.0, len(coefficients))
-
-
-def three_values(coefficients: Array, s: Array) -> tuple[Array, Array, Array]:
-    """A polynomial and its first two derivatives, each (N), at (N) arguments."""
-    first = derivative(coefficients)
-    return horner(coefficients, s), horner(first, s), horner(derivative(first), s)
+def _three_values(coefficients: Array, s: Array) -> tuple[Array, Array, Array]:
+    """A polynomial of ascending powers and its first two derivatives, each (N), at (N) s."""
+    derivatives = (coefficients, polyder(coefficients), polyder(coefficients, 2))
+    value, first, second = (np.asarray(polyval(s, c), dtype=np.float64) for c in derivatives)
+    return value, first, second
 
 
 _PEAK_VELOCITY = 15.0 / 8.0
@@ -53,11 +38,10 @@ _PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Quintic(Trajectory):
-    """A straight line in joint space, q = start + (goal - start) (10 s^3 - 15 s^4 + 6 s^5).
+class StraightMove(Trajectory):
+    """From one pose to another along a straight line in joint space, at rest at both ends.
 
-    With s = t / duration it is the one fifth-order polynomial whose velocity and acceleration
-    vanish at both ends; before and after, the arm stands still.
+    Before and after, the arm stands still.
 
     Raises:
         InputError: A travel time that is not positive, or poses that disagree or are not finite.
@@ -87,6 +71,10 @@ class Quintic(Trajectory):
         """The travel time [s]."""
         return self.travel_time
 
+    @abstractmethod
+    def profile(self, s: Array) -> tuple[Array, Array, Array]:
+        """The way from 0 to 1 and its first two derivatives at (N) shares s of the time."""
+
     def evaluate(self, t: ArrayLike) -> JointMotion:
         """The motion at any times.
 
@@ -97,21 +85,38 @@ class Quintic(Trajectory):
             InputError: Times that are not a list of finite numbers.
         """
         times = frozen(t, shape=(None,), name="t")
-        s = np.clip(times / self.duration, 0.0, 1.0)
         way = (self.goal - self.start)[None, :]
-        place = s**3 * (10.0 + s * (6.0 * s - 15.0))
-        speed = 30.0 * s**2 * (1.0 - s) ** 2 / self.duration
-        push = 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / self.duration**2
+        place, speed, push = self.profile(np.clip(times / self.duration, 0.0, 1.0))
         return JointMotion(
             t=times,
             # From the middle outwards the goal is the anchor, so both ends are met exactly.
             q=np.where(
-                s[:, None] < 0.5,
+                place[:, None] < 0.5,
                 self.start + place[:, None] * way,
                 self.goal - (1.0 - place[:, None]) * way,
             ),
-            dq=speed[:, None] * way,
-            ddq=push[:, None] * way,
+            dq=speed[:, None] / self.duration * way,
+            ddq=push[:, None] / self.duration**2 * way,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quintic(StraightMove):
+    """A straight line in joint space, q = start + (goal - start) (10 s^3 - 15 s^4 + 6 s^5).
+
+    With s = t / duration it is the one fifth-order polynomial whose velocity and acceleration
+    vanish at both ends; before and after, the arm stands still.
+
+    Raises:
+        InputError: A travel time that is not positive, or poses that disagree or are not finite.
+    """
+
+    def profile(self, s: Array) -> tuple[Array, Array, Array]:
+        """See `StraightMove`."""
+        return (
+            s**3 * (10.0 + s * (6.0 * s - 15.0)),
+            30.0 * s**2 * (1.0 - s) ** 2,
+            60.0 * s * (1.0 - s) * (1.0 - 2.0 * s),
         )
 
 
@@ -245,7 +250,7 @@ class FourierQuintic(Trajectory):
         q, dq, ddq = (
             part @ numbers for part in _held_harmonics(inside, self.period, self.harmonics)
         )
-        step, speed, push = three_values(STEP, inside / self.period)
+        step, speed, push = _three_values(STEP, inside / self.period)
         way = self.goal - self.start
         return JointMotion(
             t=times,
