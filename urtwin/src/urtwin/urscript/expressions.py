@@ -11,20 +11,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, cast
 
+from urtwin.urscript import syntax
 from urtwin.urscript.code import LOGIC, Code, Function, arithmetic, compose, logic
 from urtwin.urscript.execution import Frame, ScriptRun
-from urtwin.urscript.syntax import (
-    Call,
-    Chain,
-    Constant,
-    Expression,
-    Index,
-    ListOf,
-    Method,
-    StartThread,
-    Unary,
-    Variable,
-)
 from urtwin.urscript.values import (
     MAX_LENGTH,
     SIGNS,
@@ -237,46 +226,46 @@ class Scope:
     may_wait: bool = True
     """Whether code may take time; a secondary program must not."""
 
-    def expression(self, tree: Expression) -> Code:
+    def expression(self, tree: syntax.Expression) -> Code:
         """Compile an expression.
 
         Raises:
             ScriptError: An unknown name, or arguments that do not fit.
         """
-        if isinstance(tree, Constant):
+        if isinstance(tree, syntax.Constant):
             value = tree.value
             return Code(lambda x, v: value, False, 1)
-        if isinstance(tree, Variable):
+        if isinstance(tree, syntax.Variable):
             return self._variable(tree)
-        if isinstance(tree, ListOf):
+        if isinstance(tree, syntax.ListOf):
             if len(tree.items) > MAX_LENGTH:
                 raise ScriptError(
                     "the list is too long", tree.line, value=len(tree.items), limit=MAX_LENGTH
                 )
             return compose(self._all(tree.items), posed if tree.pose else listed)
-        if isinstance(tree, Index):
+        if isinstance(tree, syntax.Index):
             code = compose(self._all([tree.base, *tree.indices]), element)
             return Code(code.run, code.slow, code.weight, fresh=False)
-        if isinstance(tree, Call):
+        if isinstance(tree, syntax.Call):
             return self._call(tree)
-        if isinstance(tree, Method):
+        if isinstance(tree, syntax.Method):
             return self._method(tree)
-        if isinstance(tree, StartThread):
+        if isinstance(tree, syntax.StartThread):
             return self._run(tree)
-        if isinstance(tree, Unary):
+        if isinstance(tree, syntax.Unary):
             operation = SIGNS[tree.operator]
 
             def turn(x: ScriptRun, value: Value) -> Value:
                 return operation(value)
 
             return compose([self.expression(tree.operand)], turn)
-        if isinstance(tree, Chain):
+        if isinstance(tree, syntax.Chain):
             operands = self._all([tree.first, *(part for _, part in tree.rest)])
             signs = [sign for sign, _ in tree.rest]
             return logic(operands, signs) if signs[0] in LOGIC else arithmetic(operands, signs)
         raise TypeError(tree)
 
-    def kept(self, tree: Expression) -> Code:
+    def kept(self, tree: syntax.Expression) -> Code:
         """As `expression`; the value is copied where somebody else owns it.
 
         Raises:
@@ -291,12 +280,12 @@ class Scope:
         Raises:
             ScriptError: An unknown name.
         """
-        return self._variable(Variable(line, name))
+        return self._variable(syntax.Variable(line, name))
 
-    def _all(self, trees: list[Expression]) -> list[Code]:
+    def _all(self, trees: list[syntax.Expression]) -> list[Code]:
         return [self.expression(tree) for tree in trees]
 
-    def _variable(self, tree: Variable) -> Code:
+    def _variable(self, tree: syntax.Variable) -> Code:
         name = tree.name
         if name in self.own:
             place = self.own[name]
@@ -320,7 +309,7 @@ class Scope:
 
         return Code(shared, False, 1, fresh=False)
 
-    def _call(self, tree: Call) -> Code:
+    def _call(self, tree: syntax.Call) -> Code:
         function = self.functions.get(tree.name)
         if function is not None:
             return self._own_call(tree, function)
@@ -340,7 +329,7 @@ class Scope:
             operands, lambda x, *values: call(x.port, *values), slow=slow, weight=known.weight
         )
 
-    def _struct(self, tree: Call) -> Code:
+    def _struct(self, tree: syntax.Call) -> Code:
         names = tuple(tree.named)
         if tree.positional or not names:
             raise ScriptError("a struct needs a name for each value", tree.line)
@@ -350,7 +339,7 @@ class Scope:
 
         return compose([self.kept(value) for value in tree.named.values()], made)
 
-    def _method(self, tree: Method) -> Code:
+    def _method(self, tree: syntax.Method) -> Code:
         if tree.name not in METHODS:
             raise ScriptError(UNKNOWN_FUNCTION, tree.line, value=tree.name)
         count = METHODS[tree.name][1]
@@ -361,26 +350,26 @@ class Scope:
         operands = [self.expression(tree.base), *(self.kept(part) for part in tree.arguments)]
         return compose(operands, caller(tree.name), weight=WEIGHT)
 
-    def _own_call(self, tree: Call, function: Function) -> Code:
+    def _own_call(self, tree: syntax.Call, function: Function) -> Code:
         if function.slow and not self.may_wait:
             raise ScriptError("a secondary program must not take time", tree.line, value=tree.name)
         operands = self._own_arguments(tree, function)
         return compose(operands, function.caller(), slow=function.slow, weight=_CALL_WEIGHT)
 
-    def _run(self, tree: StartThread) -> Code:
+    def _run(self, tree: syntax.StartThread) -> Code:
         function = self.functions.get(tree.call.name)
         if function is None:
             raise ScriptError(UNKNOWN_THREAD, tree.line, value=tree.call.name)
         operands = self._own_arguments(tree.call, function)
         return compose(operands, function.starter(), weight=_CALL_WEIGHT)
 
-    def _own_arguments(self, tree: Call, function: Function) -> list[Code]:
+    def _own_arguments(self, tree: syntax.Call, function: Function) -> list[Code]:
         definition = function.definition
         defaults = {name: self.expression(value) for name, value in definition.defaults.items()}
         return self._arguments(tree, tuple(definition.parameters), defaults)
 
     def _arguments(
-        self, tree: Call, parameters: tuple[str, ...], defaults: Mapping[str, Code]
+        self, tree: syntax.Call, parameters: tuple[str, ...], defaults: Mapping[str, Code]
     ) -> list[Code]:
         if len(tree.positional) > len(parameters):
             raise ScriptError(

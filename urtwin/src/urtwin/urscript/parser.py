@@ -8,32 +8,7 @@ control cycles go on. A grammar and its transformer would save about 180 lines.
 
 from __future__ import annotations
 
-from urtwin.urscript.syntax import (
-    Assign,
-    Call,
-    Chain,
-    Constant,
-    Definition,
-    Do,
-    Expression,
-    If,
-    Index,
-    ListOf,
-    Method,
-    OnThread,
-    Return,
-    Script,
-    Signal,
-    Simple,
-    StartThread,
-    Statement,
-    Token,
-    Unary,
-    Variable,
-    While,
-    number_of,
-    tokenize,
-)
+from urtwin.urscript import syntax
 from urtwin.urscript.values import ScriptError
 
 MAX_NESTING = 40
@@ -57,19 +32,19 @@ class ExpressionParser:
         tokens: The words.
     """
 
-    def __init__(self, tokens: list[Token]) -> None:
+    def __init__(self, tokens: list[syntax.Token]) -> None:
         self._tokens, self._place, self._depth = tokens, 0, 0
 
     @property
-    def token(self) -> Token:
+    def token(self) -> syntax.Token:
         """The next word."""
         return self._tokens[self._place]
 
-    def peek(self) -> Token:
+    def peek(self) -> syntax.Token:
         """The word after the next."""
         return self._tokens[min(self._place + 1, len(self._tokens) - 1)]
 
-    def take(self) -> Token:
+    def take(self) -> syntax.Token:
         """The next word, taken."""
         token = self._tokens[self._place]
         if self._place < len(self._tokens) - 1:
@@ -88,7 +63,7 @@ class ExpressionParser:
             return True
         return False
 
-    def expect(self, text: str) -> Token:
+    def expect(self, text: str) -> syntax.Token:
         """Take this very word.
 
         Raises:
@@ -127,7 +102,7 @@ class ExpressionParser:
         """One level up."""
         self._depth -= 1
 
-    def expression(self) -> Expression:
+    def expression(self) -> syntax.Expression:
         """Read an expression.
 
         Raises:
@@ -138,7 +113,7 @@ class ExpressionParser:
         self.higher()
         return found
 
-    def call(self) -> Call:
+    def call(self) -> syntax.Call:
         """Read a call.
 
         Raises:
@@ -146,8 +121,8 @@ class ExpressionParser:
         """
         line, name = self.token.line, self.name()
         self.expect("(")
-        positional: list[Expression] = []
-        named: dict[str, Expression] = {}
+        positional: list[syntax.Expression] = []
+        named: dict[str, syntax.Expression] = {}
         while not self.accept(")"):
             if self.token.kind == "name" and self.peek().text == "=" and self.peek().kind == "sign":
                 key = self.name()
@@ -161,39 +136,39 @@ class ExpressionParser:
                 positional.append(self.expression())
             if not self.at(")"):
                 self.expect(",")
-        return Call(line, name, positional, named)
+        return syntax.Call(line, name, positional, named)
 
-    def indices(self) -> list[Expression]:
+    def indices(self) -> list[syntax.Expression]:
         """Read what stands between square brackets, separated by commas."""
         self.expect("[")
-        items: list[Expression] = []
+        items: list[syntax.Expression] = []
         while not self.accept("]"):
             items.append(self.expression())
             if not self.at("]"):
                 self.expect(",")
         return items
 
-    def _rank(self, rank: int) -> Expression:
+    def _rank(self, rank: int) -> syntax.Expression:
         if rank == len(_RANKS):
             return self._unary()
         first = self._negation(rank)
-        rest: list[tuple[str, Expression]] = []
+        rest: list[tuple[str, syntax.Expression]] = []
         while self.at(*_RANKS[rank]):
             operator = self.take().text
             rest.append((operator, self._negation(rank)))
-        return Chain(first.line, first, rest) if rest else first
+        return syntax.Chain(first.line, first, rest) if rest else first
 
-    def _negation(self, rank: int) -> Expression:
+    def _negation(self, rank: int) -> syntax.Expression:
         # `not` binds weaker than comparisons and stronger than `and`.
         if rank == 1 and self.at("not"):
             line = self.take().line
             self.deeper()
             operand = self._negation(rank)
             self.higher()
-            return Unary(line, "not", operand)
+            return syntax.Unary(line, "not", operand)
         return self._rank(rank + 1)
 
-    def _unary(self) -> Expression:
+    def _unary(self) -> syntax.Expression:
         if self.at("-", "+", "not"):
             token = self.take()
             self.deeper()
@@ -201,12 +176,12 @@ class ExpressionParser:
             self.higher()
             if (
                 token.text == "-"
-                and isinstance(operand, Constant)
+                and isinstance(operand, syntax.Constant)
                 and isinstance(operand.value, int | float)
                 and not isinstance(operand.value, bool)
             ):
-                return Constant(token.line, -operand.value)
-            return Unary(token.line, token.text, operand)
+                return syntax.Constant(token.line, -operand.value)
+            return syntax.Unary(token.line, token.text, operand)
         found = self._atom()
         depth = 0
         while self.at("[", "."):
@@ -217,52 +192,52 @@ class ExpressionParser:
                 found = self._member(found)
                 continue
             indices = self.indices()
-            pose_head = isinstance(found, Variable) and found.name == "p"
+            pose_head = isinstance(found, syntax.Variable) and found.name == "p"
             if pose_head and len(indices) == _POSE:
-                found = ListOf(found.line, indices, True)
+                found = syntax.ListOf(found.line, indices, True)
                 continue
             if not 1 <= len(indices) <= 2:
                 raise self.wrong("one or two indices expected")
-            if isinstance(found, Variable) and found.name in SIGNALS:
-                found = Signal(found.line, f"get_{found.name}", indices, {})
+            if isinstance(found, syntax.Variable) and found.name in SIGNALS:
+                found = syntax.Signal(found.line, f"get_{found.name}", indices, {})
             else:
-                found = Index(found.line, found, indices)
+                found = syntax.Index(found.line, found, indices)
         return found
 
-    def _member(self, base: Expression) -> Expression:
+    def _member(self, base: syntax.Expression) -> syntax.Expression:
         """A member of a struct, or a call of a method."""
         line = self.expect(".").line
         if self.peek().kind == "sign" and self.peek().text == "(":
             call = self.call()
             if call.named:
                 raise ScriptError("a method takes no names", line, value=call.name)
-            return Method(line, base, call.name, call.positional)
-        return Index(line, base, [Constant(line, self.name())])
+            return syntax.Method(line, base, call.name, call.positional)
+        return syntax.Index(line, base, [syntax.Constant(line, self.name())])
 
-    def _atom(self) -> Expression:
+    def _atom(self) -> syntax.Expression:
         token = self.token
         if token.kind == "number":
             self.take()
-            return Constant(token.line, number_of(token.text))
+            return syntax.Constant(token.line, syntax.number_of(token.text))
         if token.kind == "string":
             self.take()
-            return Constant(token.line, token.text)
+            return syntax.Constant(token.line, token.text)
         if self.at("True", "False"):
             self.take()
-            return Constant(token.line, token.text == "True")
+            return syntax.Constant(token.line, token.text == "True")
         if self.accept("("):
             inside = self.expression()
             self.expect(")")
             return inside
         if self.at("["):
-            return ListOf(token.line, self.indices(), False)
+            return syntax.ListOf(token.line, self.indices(), False)
         if self.accept("run"):
-            return StartThread(token.line, self.call())
+            return syntax.StartThread(token.line, self.call())
         if token.kind == "name":
             if self.peek().kind == "sign" and self.peek().text == "(":
                 return self.call()
             self.take()
-            return Variable(token.line, token.text)
+            return syntax.Variable(token.line, token.text)
         raise self.wrong("an expression expected")
 
 
@@ -271,33 +246,33 @@ _SETTABLE = ("get_digital_out", "get_analog_out")
 _SIMPLE = ("break", "continue", "halt", "enter_critical", "exit_critical")
 
 
-def parse(text: str) -> Script:
+def parse(text: str) -> syntax.Script:
     """The tree of a script.
 
     Raises:
         ScriptError: The script breaks the grammar, is too long or nested too deeply.
     """
-    return _Parser(tokenize(text)).script()
+    return _Parser(syntax.tokenize(text)).script()
 
 
 class _Parser(ExpressionParser):
-    def script(self) -> Script:
-        definitions: list[Definition] = []
-        statements: list[Statement] = []
+    def script(self) -> syntax.Script:
+        definitions: list[syntax.Definition] = []
+        statements: list[syntax.Statement] = []
         while self.token.kind != "end of text":
             if self.at(*_DEFINITIONS):
                 definitions.append(self._definition())
             else:
                 statements.append(self._statement())
-        return Script(definitions, statements)
+        return syntax.Script(definitions, statements)
 
-    def _definition(self) -> Definition:
+    def _definition(self) -> syntax.Definition:
         self.deeper()
         head = self.take()
         name = self.name()
         self.expect("(")
         parameters: list[str] = []
-        defaults: dict[str, Expression] = {}
+        defaults: dict[str, syntax.Expression] = {}
         while not self.accept(")"):
             parameter = self.name()
             if parameter in parameters:
@@ -310,7 +285,7 @@ class _Parser(ExpressionParser):
             if not self.at(")"):
                 self.expect(",")
         self.expect(":")
-        found = Definition(head.line, head.text, name, parameters, defaults, [])
+        found = syntax.Definition(head.line, head.text, name, parameters, defaults, [])
         while not self.accept("end"):
             if self.at(*_DEFINITIONS):
                 found.inner.append(self._definition())
@@ -319,15 +294,15 @@ class _Parser(ExpressionParser):
         self.higher()
         return found
 
-    def _block(self, *ends: str) -> list[Statement]:
+    def _block(self, *ends: str) -> list[syntax.Statement]:
         self.deeper()
-        found: list[Statement] = []
+        found: list[syntax.Statement] = []
         while not self.at(*ends):
             found.append(self._statement())
         self.higher()
         return found
 
-    def _statement(self) -> Statement:
+    def _statement(self) -> syntax.Statement:
         token = self.token
         if self.accept("if"):
             return self._if(token.line)
@@ -335,18 +310,18 @@ class _Parser(ExpressionParser):
             condition = self._condition()
             body = self._block("end")
             self.expect("end")
-            return While(token.line, condition, body)
+            return syntax.While(token.line, condition, body)
         if self.accept("return"):
             # Without a value when the line ends here: the only place where a line end counts.
             bare = self.at("end", "elif", "else") or self.token.line != token.line
-            return Return(token.line, None if bare else self.expression())
+            return syntax.Return(token.line, None if bare else self.expression())
         if self.at(*_SIMPLE):
-            return Simple(token.line, self.take().text)
+            return syntax.Simple(token.line, self.take().text)
         if self.at("kill", "join"):
-            return OnThread(token.line, self.take().text, self.expression())
+            return syntax.OnThread(token.line, self.take().text, self.expression())
         if self.at("global", "local"):
             scope = self.take().text
-            return self._assignment(Variable(self.token.line, self.name()), scope)
+            return self._assignment(syntax.Variable(self.token.line, self.name()), scope)
         if self.at(*_DEFINITIONS):
             raise self.wrong("a definition must not stand inside a block")
         if self.token.kind == "end of text":
@@ -354,43 +329,45 @@ class _Parser(ExpressionParser):
         expression = self.expression()
         if self.at("="):
             return self._signal(expression) or self._assignment(expression, "")
-        return Do(token.line, expression)
+        return syntax.Do(token.line, expression)
 
-    def _signal(self, target: Expression) -> Do | None:
+    def _signal(self, target: syntax.Expression) -> syntax.Do | None:
         """`digital_out[2] = True` and its like."""
-        if not isinstance(target, Signal) or target.name not in _SETTABLE:
+        if not isinstance(target, syntax.Signal) or target.name not in _SETTABLE:
             return None
         self.expect("=")
         values = [*target.positional, self.expression()]
-        return Do(target.line, Call(target.line, target.name.replace("get", "set"), values, {}))
+        return syntax.Do(
+            target.line, syntax.Call(target.line, target.name.replace("get", "set"), values, {})
+        )
 
-    def _if(self, line: int) -> If:
-        branches: list[tuple[Expression, list[Statement]]] = []
+    def _if(self, line: int) -> syntax.If:
+        branches: list[tuple[syntax.Expression, list[syntax.Statement]]] = []
         condition = self._condition()
         branches.append((condition, self._block("elif", "else", "end")))
         while self.accept("elif"):
             condition = self._condition()
             branches.append((condition, self._block("elif", "else", "end")))
-        otherwise: list[Statement] = []
+        otherwise: list[syntax.Statement] = []
         if self.accept("else"):
             self.expect(":")
             otherwise = self._block("end")
         self.expect("end")
-        return If(line, branches, otherwise)
+        return syntax.If(line, branches, otherwise)
 
-    def _condition(self) -> Expression:
+    def _condition(self) -> syntax.Expression:
         condition = self.expression()
         self.expect(":")
         return condition
 
-    def _assignment(self, target: Expression, scope: str) -> Assign:
-        indices: list[Expression] = []
+    def _assignment(self, target: syntax.Expression, scope: str) -> syntax.Assign:
+        indices: list[syntax.Expression] = []
         base = target
-        while isinstance(base, Index):
+        while isinstance(base, syntax.Index):
             indices, base = [*base.indices, *indices], base.base
-        if not isinstance(base, Variable):
+        if not isinstance(base, syntax.Variable):
             raise self.wrong("only a variable or an element of one can be assigned to")
         if not self.at("=") and scope:
             raise ScriptError("'=' expected", target.line, value=base.name)
         self.expect("=")
-        return Assign(target.line, base.name, indices, self.expression(), scope)
+        return syntax.Assign(target.line, base.name, indices, self.expression(), scope)

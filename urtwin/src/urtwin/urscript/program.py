@@ -10,30 +10,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from urtwin.urscript import syntax
 from urtwin.urscript.code import Code, Function
 from urtwin.urscript.execution import Frame, Routine, ScriptRun
 from urtwin.urscript.expressions import Scope
 from urtwin.urscript.parser import parse
 from urtwin.urscript.statements import block
-from urtwin.urscript.syntax import (
-    Assign,
-    Call,
-    Chain,
-    Definition,
-    Do,
-    Expression,
-    If,
-    Index,
-    ListOf,
-    Method,
-    OnThread,
-    Return,
-    Simple,
-    StartThread,
-    Statement,
-    Unary,
-    While,
-)
 from urtwin.urscript.values import Builtin, Calling, ScriptError
 
 MAX_VARIABLES = 2_000
@@ -44,7 +26,9 @@ MAX_VARIABLES = 2_000
 class Names:
     """The definitions of one program."""
 
-    own_functions: dict[str, Definition] = field(default_factory=dict[str, Definition])
+    own_functions: dict[str, syntax.Definition] = field(
+        default_factory=dict[str, syntax.Definition]
+    )
     """What it defines itself, in the order of the text."""
     functions: frozenset[str] = frozenset()
     """All functions, also those of the program that it is added to."""
@@ -55,7 +39,7 @@ class Names:
 
 
 def names_of(
-    program: Definition, builtins: Mapping[str, Builtin], outer: Names | None = None
+    program: syntax.Definition, builtins: Mapping[str, Builtin], outer: Names | None = None
 ) -> Names:
     """What a program defines.
 
@@ -72,11 +56,11 @@ def names_of(
     _collect(program, names)
     names.functions = before.functions | names.own_functions.keys()
     for statement in walk(program.body):
-        if isinstance(statement, Assign) and statement.scope != "local":
+        if isinstance(statement, syntax.Assign) and statement.scope != "local":
             names.shared.setdefault(statement.name, len(names.shared))
     for definition in names.own_functions.values():
         for statement in walk(definition.body):
-            if isinstance(statement, Assign) and statement.scope == "global":
+            if isinstance(statement, syntax.Assign) and statement.scope == "global":
                 names.shared.setdefault(statement.name, len(names.shared))
     if len(names.shared) > MAX_VARIABLES:
         raise ScriptError("too many variables", program.line, limit=MAX_VARIABLES)
@@ -84,7 +68,7 @@ def names_of(
     return names
 
 
-def own_variables(definition: Definition, names: Names) -> dict[str, int]:
+def own_variables(definition: syntax.Definition, names: Names) -> dict[str, int]:
     """Variables of one function and their places, parameters first.
 
     Raises:
@@ -92,7 +76,7 @@ def own_variables(definition: Definition, names: Names) -> dict[str, int]:
     """
     own = {name: place for place, name in enumerate(definition.parameters)}
     for statement in walk(definition.body):
-        if isinstance(statement, Assign):
+        if isinstance(statement, syntax.Assign):
             elsewhere = statement.scope != "local" and statement.name in names.shared
             if statement.scope != "global" and not elsewhere:
                 own.setdefault(statement.name, len(own))
@@ -101,34 +85,34 @@ def own_variables(definition: Definition, names: Names) -> dict[str, int]:
     return own
 
 
-def walk(block: list[Statement]) -> Iterator[Statement]:
+def walk(block: list[syntax.Statement]) -> Iterator[syntax.Statement]:
     """All statements of a block, nested ones too."""
     for statement in block:
         yield statement
-        if isinstance(statement, If):
+        if isinstance(statement, syntax.If):
             for _, body in statement.branches:
                 yield from walk(body)
             yield from walk(statement.otherwise)
-        elif isinstance(statement, While):
+        elif isinstance(statement, syntax.While):
             yield from walk(statement.body)
 
 
-def calls(expression: Expression) -> Iterator[Call]:
+def calls(expression: syntax.Expression) -> Iterator[syntax.Call]:
     """All calls in an expression; starting a thread is none."""
-    if isinstance(expression, Call):
+    if isinstance(expression, syntax.Call):
         yield expression
         parts = [*expression.positional, *expression.named.values()]
-    elif isinstance(expression, StartThread):
+    elif isinstance(expression, syntax.StartThread):
         parts = [*expression.call.positional, *expression.call.named.values()]
-    elif isinstance(expression, Chain):
+    elif isinstance(expression, syntax.Chain):
         parts = [expression.first, *(part for _, part in expression.rest)]
-    elif isinstance(expression, Method):
+    elif isinstance(expression, syntax.Method):
         parts = [expression.base, *expression.arguments]
-    elif isinstance(expression, Unary):
+    elif isinstance(expression, syntax.Unary):
         parts = [expression.operand]
-    elif isinstance(expression, ListOf):
+    elif isinstance(expression, syntax.ListOf):
         parts = expression.items
-    elif isinstance(expression, Index):
+    elif isinstance(expression, syntax.Index):
         parts = [expression.base, *expression.indices]
     else:
         return
@@ -136,22 +120,22 @@ def calls(expression: Expression) -> Iterator[Call]:
         yield from calls(part)
 
 
-def expressions(statement: Statement) -> list[Expression]:
+def expressions(statement: syntax.Statement) -> list[syntax.Expression]:
     """The expressions of a statement itself, without those of its blocks."""
-    if isinstance(statement, Do):
+    if isinstance(statement, syntax.Do):
         return [statement.expression]
-    if isinstance(statement, Assign):
+    if isinstance(statement, syntax.Assign):
         return [*statement.indices, statement.value]
-    if isinstance(statement, If):
+    if isinstance(statement, syntax.If):
         return [condition for condition, _ in statement.branches]
-    if isinstance(statement, While):
+    if isinstance(statement, syntax.While):
         return [statement.condition]
-    if isinstance(statement, Return):
+    if isinstance(statement, syntax.Return):
         return [] if statement.value is None else [statement.value]
-    return [statement.handle] if isinstance(statement, OnThread) else []
+    return [statement.handle] if isinstance(statement, syntax.OnThread) else []
 
 
-def _collect(definition: Definition, names: Names) -> None:
+def _collect(definition: syntax.Definition, names: Names) -> None:
     for inner in definition.inner:
         if inner.name in names.own_functions:
             raise ScriptError("defined twice", inner.line, value=inner.name)
@@ -164,8 +148,8 @@ def _slow(names: Names, builtins: Mapping[str, Builtin], known_slow: set[str]) -
     found = list(known_slow)
     for name, definition in names.own_functions.items():
         for statement in walk(definition.body):
-            waits = (isinstance(statement, OnThread) and statement.word == "join") or (
-                isinstance(statement, Simple) and statement.word == "enter_critical"
+            waits = (isinstance(statement, syntax.OnThread) and statement.word == "join") or (
+                isinstance(statement, syntax.Simple) and statement.word == "enter_critical"
             )
             for call in (call for part in expressions(statement) for call in calls(part)):
                 callers.setdefault(call.name, set()).add(name)
@@ -194,7 +178,7 @@ class Context:
     names: Names = field(default_factory=Names)
     functions: Mapping[str, Function] = field(default_factory=dict[str, Function])
 
-    def with_program(self, main: Definition) -> Context:
+    def with_program(self, main: syntax.Definition) -> Context:
         """The context with what a program or an addition to one defines; its functions compiled.
 
         Raises:
@@ -214,7 +198,7 @@ class Context:
             function.body = code if code.slow == function.slow else _as_waiting(code)
         return Context(self.builtins, names, functions)
 
-    def body_of(self, main: Definition) -> tuple[Code, int]:
+    def body_of(self, main: syntax.Definition) -> tuple[Code, int]:
         """The compiled body of a program or an addition, and how many `local` variables it has.
 
         Raises:
@@ -273,7 +257,9 @@ def compile_script(text: str, builtins: Mapping[str, Builtin]) -> CompiledProgra
     script = parse(text)
     if script.statements:
         line = script.statements[0].line
-        main = Definition(line, "def", UNNAMED, [], {}, script.statements, script.definitions)
+        main = syntax.Definition(
+            line, "def", UNNAMED, [], {}, script.statements, script.definitions
+        )
     elif script.definitions:
         main = script.definitions[-1]
         main.inner = [*script.definitions[:-1], *main.inner]
@@ -341,7 +327,7 @@ def compile_addition(text: str, context: Context) -> Addition:
     script = parse(text)
     if not script.statements and not script.definitions:
         raise ScriptError("the statement is empty", 1)
-    main = Definition(1, "def", UNNAMED, [], {}, script.statements, script.definitions)
+    main = syntax.Definition(1, "def", UNNAMED, [], {}, script.statements, script.definitions)
     _refuse_new_globals(main, context)
     wider = context.with_program(main)
     if len(wider.functions) > MAX_FUNCTIONS:
@@ -356,11 +342,11 @@ def compile_addition(text: str, context: Context) -> Addition:
     return Addition(wider, body, slots, called)
 
 
-def _refuse_new_globals(main: Definition, context: Context) -> None:
-    bodies: list[list[Statement]] = [main.body, *(inner.body for inner in main.inner)]
+def _refuse_new_globals(main: syntax.Definition, context: Context) -> None:
+    bodies: list[list[syntax.Statement]] = [main.body, *(inner.body for inner in main.inner)]
     for statement in (each for body in bodies for each in walk(body)):
         if (
-            isinstance(statement, Assign)
+            isinstance(statement, syntax.Assign)
             and statement.scope == "global"
             and statement.name not in context.names.shared
         ):
