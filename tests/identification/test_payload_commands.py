@@ -7,21 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import typer
 from typer.testing import CliRunner
 
 import dynid
-from dynid.cli.robot_commands import register_gains, register_payload
+from dynid.cli.app import build
 from dynid.core import InputError
 from dynid.simulation import cylinder, simulate, simulated_arm, with_payload
 from dynid.workflow.running import record_of
 
 
 def call(*words: object) -> str:
-    app = typer.Typer()
-    register_gains(app)
-    register_payload(app)
-    done = CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+    done = CliRunner().invoke(build(), [str(word) for word in words], catch_exceptions=False)
     assert done.exit_code == 0
     return done.stdout
 

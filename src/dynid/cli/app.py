@@ -3,33 +3,57 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated
 
 import typer
 
 from dynid import __version__
-from dynid.cli.design_commands import register_check, register_design
-from dynid.cli.estimate_commands import register_fit, register_identify, register_validate
-from dynid.cli.options import Commands, exit_code_of, guard_streams
-from dynid.cli.record_commands import register_controller, register_import, register_run
+from dynid.cli.design_commands import check_command, design_command
+from dynid.cli.estimate_commands import fit_command, identify_command, validate_command
+from dynid.cli.options import Command, Commands, exit_code_of, guard_streams
+from dynid.cli.record_commands import import_command, register_controller, run_command
 from dynid.cli.result_commands import (
+    demo_command,
+    export_command,
+    fleet_command,
     register_bench,
-    register_demo,
-    register_export,
-    register_fleet,
-    register_report,
-    register_studio,
+    report_command,
+    studio_command,
 )
 from dynid.cli.robot_commands import (
-    register_analyze,
-    register_compare,
-    register_gains,
-    register_payload,
-    register_robots,
+    analyze_command,
+    compare_command,
+    gains_command,
+    payload_command,
+    robots_command,
 )
 
 SUMMARY = "Identify the dynamics of a robot arm: inertias, friction, motor inertia, uncertainty."
+
+
+_COMMANDS: Mapping[str, Command | Callable[[typer.Typer], None]] = {
+    "robots": robots_command,
+    "analyze": analyze_command,
+    "fit": fit_command,
+    "design": design_command,
+    "check": check_command,
+    "controller": register_controller,
+    "run": run_command,
+    "import": import_command,
+    "identify": identify_command,
+    "validate": validate_command,
+    "compare": compare_command,
+    "gains": gains_command,
+    "payload": payload_command,
+    "export": export_command,
+    "report": report_command,
+    "fleet": fleet_command,
+    "studio": studio_command,
+    "demo": demo_command,
+    "bench": register_bench,
+}
+"""In the order of a job, as the help page lists them."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -64,28 +88,11 @@ def build() -> typer.Typer:
         epilog="\b\nExample:\n  dynid analyze ur5\n  dynid demo -o runs/demo",
     )
     app.callback()(_root)
-    for register in (
-        register_robots,
-        register_analyze,
-        register_fit,
-        register_design,
-        register_check,
-        register_controller,
-        register_run,
-        register_import,
-        register_identify,
-        register_validate,
-        register_compare,
-        register_gains,
-        register_payload,
-        register_export,
-        register_report,
-        register_fleet,
-        register_studio,
-        register_demo,
-        register_bench,
-    ):
-        register(app)
+    for name, item in _COMMANDS.items():
+        if isinstance(item, Command):
+            app.command(name, epilog=item.epilog)(item.run)
+        else:
+            item(app)
     return app
 
 

@@ -21,7 +21,7 @@ from dynid.cli.options import (
     PayloadOption,
     SeedOption,
     ToolOption,
-    examples,
+    command,
 )
 from dynid.cli.output import number, print_table
 
@@ -73,20 +73,13 @@ def print_certificate(screen: Console, data: Mapping[str, Any]) -> None:
 JOBS = 2
 
 
-def register_design(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "design",
-        epilog=examples(
-            "dynid design ur5 -o design.json",
-            "dynid design ur5 -o design.json --accuracy 3 --noise 2,2.5,1.5,0.4,0.4,0.3",
-            "dynid design arm.urdf -o design.json --scene cell.json --motion task.parquet",
-            "dynid design ur5 -o paper.json --limits paper --method ga",
-        ),
-    )(_design)
-
-
-def _design(
+@command(
+    "dynid design ur5 -o design.json",
+    "dynid design ur5 -o design.json --accuracy 3 --noise 2,2.5,1.5,0.4,0.4,0.3",
+    "dynid design arm.urdf -o design.json --scene cell.json --motion task.parquet",
+    "dynid design ur5 -o paper.json --limits paper --method ga",
+)
+def design_command(
     robot: Annotated[
         str, typer.Argument(metavar="ROBOT", help="Built-in name, URDF or robot file.")
     ],
@@ -352,18 +345,11 @@ def _show(data: Mapping[str, Any], output: Path, verdict: str) -> None:
     screen.print(f"written to {output}; look at it again with: dynid check {again}", soft_wrap=True)
 
 
-def register_check(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "check",
-        epilog=examples(
-            "dynid check design.json",
-            "dynid check design.json --scene cell.json --json",
-        ),
-    )(_check)
-
-
-def _check(
+@command(
+    "dynid check design.json",
+    "dynid check design.json --scene cell.json --json",
+)
+def check_command(
     design: Annotated[Path, typer.Argument(metavar="DESIGN.json", help="A design or trajectory.")],
     limits: Annotated[
         str,

@@ -18,7 +18,7 @@ from dynid.cli.options import (
     StartOption,
     StopOption,
     TemperatureOption,
-    examples,
+    command,
     parse_gains,
 )
 from dynid.cli.output import number, print_notices, print_table
@@ -189,19 +189,12 @@ PurposeOption = Annotated[
 AllFlag = Annotated[bool, typer.Option("--all", help="Print all parameters and choices.")]
 
 
-def register_fit(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "fit",
-        epilog=examples(
-            "dynid fit arm.urdf log.csv -o fitted",
-            "dynid fit ur5 monday.csv tuesday.csv --validate wednesday.csv -o fitted",
-            "dynid fit ur10e log.csv --gains 11.2,11.4,9.8,10.1,10.2,9.9 -o fitted --json",
-        ),
-    )(_fit)
-
-
-def _fit(
+@command(
+    "dynid fit arm.urdf log.csv -o fitted",
+    "dynid fit ur5 monday.csv tuesday.csv --validate wednesday.csv -o fitted",
+    "dynid fit ur10e log.csv --gains 11.2,11.4,9.8,10.1,10.2,9.9 -o fitted --json",
+)
+def fit_command(
     robot: Annotated[
         str, typer.Argument(metavar="ROBOT", help="Built-in name, URDF or robot file.")
     ],
@@ -262,19 +255,12 @@ def _print_files(screen: Console, result: LogFit) -> None:
     screen.print(f"Next: open {result.report}", soft_wrap=True)
 
 
-def register_identify(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "identify",
-        epilog=examples(
-            "dynid identify run.parquet -o ur5.json --validate other.parquet",
-            "dynid identify run.parquet -o ur5.json --to 14 --validate-from 14",
-            "dynid identify run.parquet -o paper.json --preset paper --json",
-        ),
-    )(_identify)
-
-
-def _identify(
+@command(
+    "dynid identify run.parquet -o ur5.json --validate other.parquet",
+    "dynid identify run.parquet -o ur5.json --to 14 --validate-from 14",
+    "dynid identify run.parquet -o paper.json --preset paper --json",
+)
+def identify_command(
     records: Annotated[
         list[str],
         typer.Argument(metavar="RECORD", help="Recordings of one robot: paths, or s3://..."),
@@ -377,18 +363,11 @@ def _identify(
             screen.print(f"Estimate written to {output}", soft_wrap=True)
 
 
-def register_validate(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "validate",
-        epilog=examples(
-            "dynid validate ur5.json other_motion.parquet",
-            "dynid validate ur5.json run.parquet --from 10 --to 20 --json",
-        ),
-    )(_validate)
-
-
-def _validate(
+@command(
+    "dynid validate ur5.json other_motion.parquet",
+    "dynid validate ur5.json run.parquet --from 10 --to 20 --json",
+)
+def validate_command(
     estimate: Annotated[
         Path, typer.Argument(metavar="ESTIMATE.json", help="What dynid identify wrote.")
     ],

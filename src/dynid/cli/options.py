@@ -10,6 +10,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any
@@ -159,6 +160,19 @@ class Commands(typer.Typer):
 def examples(*lines: str) -> str:
     """The end of a help page: command lines to copy."""
     return "\b\nExample:\n" + "\n".join(f"  {line}" for line in lines)
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """A command: what runs, and the end of its help page."""
+
+    run: Callable[..., object]
+    epilog: str
+
+
+def command(*lines: str) -> Callable[[Callable[..., object]], Command]:
+    """Make a command of a function, with command lines to copy on its help page."""
+    return lambda run: Command(run, examples(*lines))
 
 
 TRACEBACK = "DYNID_TRACEBACK"

@@ -18,7 +18,7 @@ from dynid.cli.options import (
     PayloadOption,
     SeedOption,
     ToolOption,
-    examples,
+    command,
     parse_gains,
 )
 from dynid.core import InputError, MissingExtraError
@@ -27,20 +27,13 @@ if TYPE_CHECKING:
     from dynid.workflow import Run, RunUntil
 
 
-def register_run(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "run",
-        epilog=examples(
-            "dynid run design.json --on sim -o run.parquet",
-            "dynid run design.json --on sim -o warm.parquet --thermal warm --seed 1",
-            "dynid run design.json --on sim -o run.parquet --until 2",
-            "dynid run design.json --on ur://192.168.0.10 -o run.parquet --slow 0.2",
-        ),
-    )(_run)
-
-
-def _run(
+@command(
+    "dynid run design.json --on sim -o run.parquet",
+    "dynid run design.json --on sim -o warm.parquet --thermal warm --seed 1",
+    "dynid run design.json --on sim -o run.parquet --until 2",
+    "dynid run design.json --on ur://192.168.0.10 -o run.parquet --slow 0.2",
+)
+def run_command(
     design: Annotated[Path, typer.Argument(metavar="DESIGN.json", help="A design or trajectory.")],
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="RECORD.parquet", help="The recording.")
@@ -206,19 +199,12 @@ def _print(result: Run) -> None:
 FORMATS = "auto|ur-csv|ur-rtde-csv|csv|rosbag|mcap|mat|npz|hdf5|json|parquet"
 
 
-def register_import(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "import",
-        epilog=examples(
-            "dynid import run.csv --robot ur5 -o run.parquet",
-            "dynid import log.txt --columns t=0,q=1:7,current=7:13 --robot ur5 -o log.parquet",
-            "dynid import bag.db3 --robot ur10 -o bag.parquet",
-        ),
-    )(_import)
-
-
-def _import(
+@command(
+    "dynid import run.csv --robot ur5 -o run.parquet",
+    "dynid import log.txt --columns t=0,q=1:7,current=7:13 --robot ur5 -o log.parquet",
+    "dynid import bag.db3 --robot ur10 -o bag.parquet",
+)
+def import_command(
     files: Annotated[
         list[Path],
         typer.Argument(

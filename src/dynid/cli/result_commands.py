@@ -15,6 +15,7 @@ from dynid.cli.options import (
     JsonFlag,
     RobotOption,
     TemperatureOption,
+    command,
     examples,
 )
 
@@ -22,18 +23,11 @@ if TYPE_CHECKING:
     from dynid.studio import Served
 
 
-def register_export(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "export",
-        epilog=examples(
-            "dynid export ur5.json --to urdf -o ur5.urdf",
-            "dynid export ur5.json --to c -o ur5_dynamics.h --json",
-        ),
-    )(_export)
-
-
-def _export(
+@command(
+    "dynid export ur5.json --to urdf -o ur5.urdf",
+    "dynid export ur5.json --to c -o ur5_dynamics.h --json",
+)
+def export_command(
     estimate: Annotated[
         Path, typer.Argument(metavar="ESTIMATE.json", help="What dynid identify wrote.")
     ],
@@ -76,18 +70,11 @@ def _export(
     print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
 
 
-def register_report(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "report",
-        epilog=examples(
-            "dynid report runs/demo -o report.html",
-            "dynid report runs/demo --figures figures --png",
-        ),
-    )(_report)
-
-
-def _report(
+@command(
+    "dynid report runs/demo -o report.html",
+    "dynid report runs/demo --figures figures --png",
+)
+def report_command(
     directory: Annotated[
         Path, typer.Argument(metavar="DIR", help="Estimates, recordings and designs.")
     ],
@@ -139,18 +126,11 @@ def _report(
     screen.print(f"Written: {path}", soft_wrap=True)
 
 
-def register_fleet(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "fleet",
-        epilog=examples(
-            "dynid fleet recordings/ -o runs/fleet",
-            "dynid fleet recordings/ -o runs/fleet --jobs 4 --json",
-        ),
-    )(_fleet)
-
-
-def _fleet(
+@command(
+    "dynid fleet recordings/ -o runs/fleet",
+    "dynid fleet recordings/ -o runs/fleet --jobs 4 --json",
+)
+def fleet_command(
     folder: Annotated[
         str,
         typer.Argument(
@@ -231,20 +211,13 @@ def _fleet(
         screen.print(f"- {file}", soft_wrap=True)
 
 
-def register_studio(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "studio",
-        epilog=examples(
-            "dynid studio runs/demo",
-            "dynid studio design.json",
-            "dynid studio ur5e --port 8123",
-            "dynid studio runs/demo --host 0.0.0.0",
-        ),
-    )(_studio)
-
-
-def _studio(
+@command(
+    "dynid studio runs/demo",
+    "dynid studio design.json",
+    "dynid studio ur5e --port 8123",
+    "dynid studio runs/demo --host 0.0.0.0",
+)
+def studio_command(
     path: Annotated[
         str | None,
         typer.Argument(
@@ -408,14 +381,8 @@ def _verdicts(
     console().print(markdown(told, f"Seed {seed}, preset {preset}"), soft_wrap=True, markup=False)
 
 
-def register_demo(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "demo", epilog=examples("dynid demo -o runs/demo", "dynid demo -o runs/demo --quick --json")
-    )(_demo)
-
-
-def _demo(
+@command("dynid demo -o runs/demo", "dynid demo -o runs/demo --quick --json")
+def demo_command(
     output: Annotated[
         str, typer.Option("-o", "--output", metavar="DIR", help="Where the files go.")
     ] = "runs/demo",

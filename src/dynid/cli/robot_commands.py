@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from dynid.cli.options import GainsOption, JsonFlag, RobotOption, SeedOption, examples, parse_gains
+from dynid.cli.options import GainsOption, JsonFlag, RobotOption, SeedOption, command, parse_gains
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -16,12 +16,8 @@ if TYPE_CHECKING:
     from dynid.validation import ParameterComparison
 
 
-def register_robots(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("robots", epilog=examples("dynid robots", "dynid robots --json"))(_robots)
-
-
-def _robots(json: JsonFlag = False) -> None:
+@command("dynid robots", "dynid robots --json")
+def robots_command(json: JsonFlag = False) -> None:
     """List the built-in robots."""
     from dynid.cli.output import console, print_json, print_table
     from dynid.robot import robots
@@ -50,19 +46,12 @@ def _arm(source: str) -> str:
 MAX_SAMPLES = 10_000
 
 
-def register_analyze(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "analyze",
-        epilog=examples(
-            "dynid analyze ur5",
-            "dynid analyze ur5 --mount wall --terms fc,fv,im,fo",
-            "dynid analyze arm.urdf --frames dh --json",
-        ),
-    )(_analyze)
-
-
-def _analyze(
+@command(
+    "dynid analyze ur5",
+    "dynid analyze ur5 --mount wall --terms fc,fv,im,fo",
+    "dynid analyze arm.urdf --frames dh --json",
+)
+def analyze_command(
     robot: Annotated[
         str, typer.Argument(metavar="ROBOT", help="Built-in name, URDF or robot file.")
     ],
@@ -148,15 +137,8 @@ def _shortened(expression: str, longest: int = 62) -> str:
     return expression[: expression.rfind(" ", 0, longest - 4)] + " ..."
 
 
-def register_gains(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "gains",
-        epilog=examples("dynid gains run.parquet", "dynid gains log.csv --robot ur10 --json"),
-    )(_gains)
-
-
-def _gains(
+@command("dynid gains run.parquet", "dynid gains log.csv --robot ur10 --json")
+def gains_command(
     record: Annotated[
         Path,
         typer.Argument(metavar="RECORD", help="A recording with target currents and moments."),
@@ -192,18 +174,11 @@ def _gains(
     print_notices(screen, "Warnings", data["findings"])
 
 
-def register_payload(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "payload",
-        epilog=examples(
-            "dynid payload empty.parquet gripper.parquet",
-            "dynid payload empty.parquet gripper.parquet --robot ur5 --json",
-        ),
-    )(_payload)
-
-
-def _payload(
+@command(
+    "dynid payload empty.parquet gripper.parquet",
+    "dynid payload empty.parquet gripper.parquet --robot ur5 --json",
+)
+def payload_command(
     unloaded: Annotated[
         Path, typer.Argument(metavar="UNLOADED", help="A recording without the payload.")
     ],
@@ -242,15 +217,8 @@ def _payload(
     print_notices(screen, "Warnings", data["findings"])
 
 
-def register_compare(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command(
-        "compare",
-        epilog=examples("dynid compare cold.json warm.json", "dynid compare a.json b.json --json"),
-    )(_compare)
-
-
-def _compare(
+@command("dynid compare cold.json warm.json", "dynid compare a.json b.json --json")
+def compare_command(
     a: Annotated[
         Path, typer.Argument(metavar="A.json", help="An estimate, such as that of the cold robot.")
     ],
