@@ -69,13 +69,11 @@ class KnownArm:
         return IdentificationProblem(base=reduce_model(self.model), samples=samples)
 
 
-def known_arm(seed: int, *, rate_hz: float = 250.0, period_s: float = 10.0) -> KnownArm:
+def known_arm(seed: int) -> KnownArm:
     """Simulate the UR5 on two random excitations; MuJoCo moves it, not our regressor.
 
     Args:
         seed: Of the trajectories.
-        rate_hz: Samples a second.
-        period_s: Length of each run [s].
 
     Raises:
         MissingExtraError: MuJoCo is not installed.
@@ -89,8 +87,8 @@ def known_arm(seed: int, *, rate_hz: float = 250.0, period_s: float = 10.0) -> K
     runs = [
         simulate(
             arm,
-            random_excitation(robot.limits, seed=s, period=period_s, acceleration=5.5 * np.pi),
-            rate_hz=rate_hz,
+            random_excitation(robot.limits, seed=s, acceleration=5.5 * np.pi),
+            rate_hz=250.0,
             seed=s,
         )
         for s in (seed, VALIDATION_SEED + seed)

@@ -190,7 +190,7 @@ class MotionConstraints:
             q_bar = q_bar + a
         return total, q_bar, dq_bar, ddq_bar
 
-    def check_pose(self, q: Array, name: str = "start pose") -> None:
+    def check_pose(self, q: Array) -> None:
         """Refuse a pose (n) that breaks a position bound or collides.
 
         Raises:
@@ -202,7 +202,7 @@ class MotionConstraints:
         outside = worst["position"]
         if outside.margin < 0:
             raise InputError(
-                f"the {name} is outside the position limits",
+                "the start pose is outside the position limits",
                 where=outside.what,
                 value=outside.value,
                 limit=outside.limit,
@@ -211,7 +211,7 @@ class MotionConstraints:
             item = worst[kind]
             if item.room < 0:
                 raise InputError(
-                    f"the {name} is in collision, or nearer than the clearance",
+                    "the start pose is in collision, or nearer than the clearance",
                     where=item.what,
                     value=f"{item.value:.4f} m",
                     limit=f"{item.limit:g} m",
@@ -336,20 +336,17 @@ CLEARANCE = 0.01
 no more under its shoulder: the UR5 keeps 13 mm there whatever it does."""
 
 
-def paper_constraints(
-    robot: RobotModel, *, acceleration: ArrayLike | None = None
-) -> MotionConstraints:
+def paper_constraints(robot: RobotModel) -> MotionConstraints:
     """The paper's problem alone: bounds of position, velocity and acceleration.
 
     Args:
         robot: The robot.
-        acceleration: Bounds where the robot knows none [rad/s^2 or m/s^2].
 
     Raises:
         InputError: Bounds that leave no room.
     """
     settings = ConstraintSettings(
-        bounds=usable_bounds(robot.limits, acceleration),
+        bounds=usable_bounds(robot.limits),
         torque=False,
         tcp_speed=False,
         elbow_speed=False,

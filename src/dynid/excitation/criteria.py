@@ -325,15 +325,13 @@ class Prediction(Criterion):
 
     C = (G + G_0)^-1 is the covariance of the estimate and M the second moment of the purpose's
     regressor over the noise (I-optimality, also called V-optimality). The second factor, the
-    largest variance of a parameter to the power `guard`, bounds the worst parameter: prediction
+    largest variance of a parameter to the power `GUARD`, bounds the worst parameter: prediction
     alone leaves it with twice the deviation, and the bound costs 1 % of the torque error.
     """
 
     name: ClassVar[str] = "prediction"
     moment: Array | None = None
     """(b, b) M; None for the identity, by which every parameter counts alike."""
-    guard: float = GUARD
-    """Power of the largest variance; 0 for tr(C M) alone."""
 
     def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
         """See `Criterion`."""
@@ -349,11 +347,11 @@ class Prediction(Criterion):
         variances = np.diag(covariance) * np.square(scale)
         shares = np.power(variances / variances.max(), GUARD_NORM)
         worst = float(variances.max() * shares.sum() ** (1 / GUARD_NORM))
-        value = spread * worst**self.guard
+        value = spread * worst**GUARD
         if not slope:
             return value, covariance
         pull = moment / spread
-        pull += np.diag(self.guard * shares / shares.sum() / np.diag(covariance))
+        pull += np.diag(GUARD * shares / shares.sum() / np.diag(covariance))
         return value, -value * (covariance @ pull @ covariance)
 
 
@@ -390,20 +388,15 @@ def parse_criterion(
     return CRITERIA[name](scale=scale, previous=previous)
 
 
-def all_criteria(
-    gram: Array, *, scale: Array | None = None, moment: Array | None = None
-) -> dict[str, float]:
+def all_criteria(gram: Array, *, scale: Array | None = None) -> dict[str, float]:
     """Every criterion of a Gram matrix by name.
 
     Args:
         gram: (b, b).
         scale: (b) of the A-optimal one; None for SI units.
-        moment: (b, b) of `prediction`.
     """
     return {
-        name: parse_criterion(
-            name, scale=scale if name == AOptimal.name else None, moment=moment
-        ).value(gram)
+        name: parse_criterion(name, scale=scale if name == AOptimal.name else None).value(gram)
         for name in CRITERIA
     }
 

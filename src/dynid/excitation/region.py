@@ -111,15 +111,15 @@ class MotionRegion:
             curvature += (columns.T[None] * weight[k].T[:, None, :]) @ columns
         return Barrier(self.barrier_value(slack), gradient, curvature)
 
-    def longest_step(self, slack: Array, step: Array, most: float = 1.0) -> float:
-        """The largest factor on a step, at most `most`, that keeps a hundredth of each slack."""
+    def longest_step(self, slack: Array, step: Array) -> float:
+        """The largest factor on a step, at most 1, that keeps a hundredth of each slack."""
         use = 0.0
         for k, columns in enumerate(self.columns):
             change = columns @ step.T
             # Bounds that are not there leave infinite slack: nothing of it is used.
             use = max(use, float((change / slack[2 * k]).max()))
             use = max(use, float((-change / slack[2 * k + 1]).max()))
-        return most if use * most <= 0.99 else 0.99 / use
+        return 1.0 if use <= 0.99 else 0.99 / use
 
     def onto_limits(self, free: Array, place: Array, fill: float = 1.0) -> Array:
         """Scale shapes onto their tightest bound and put them where they fit.

@@ -244,19 +244,14 @@ class ExperimentPlan:
         )
 
 
-def watch_limits(robot: RobotModel, deviation: float = DEVIATION) -> WatchLimits:
-    """Where the watchdog stops a robot: just beyond its own limits.
-
-    Args:
-        robot: The robot.
-        deviation: Largest distance between target and measured position [rad or m].
-    """
+def watch_limits(robot: RobotModel) -> WatchLimits:
+    """Where the watchdog stops a robot: just beyond its own limits."""
     limits = robot.limits
     return WatchLimits(
         lower=limits.lower - _PLACE_ROOM,
         upper=limits.upper + _PLACE_ROOM,
         velocity=_SPEED_ROOM * limits.velocity,
-        deviation=np.full(robot.joints, deviation),
+        deviation=np.full(robot.joints, DEVIATION),
     )
 
 

@@ -98,13 +98,16 @@ class Axis:
         return math.ceil(self.low / step - 1e-6), math.floor(self.high / step + 1e-6)
 
 
+_ROOM = 0.06
+"""Left free at each end of an axis, as a share of its range."""
+
+
 def axis_around(
     *values: ArrayLike,
     label: str = "",
     log: bool = False,
     zero: bool = False,
     even: bool = False,
-    room: float = 0.06,
 ) -> Axis:
     """An axis that holds values.
 
@@ -114,7 +117,6 @@ def axis_around(
         log: Logarithmic; only positive values count.
         zero: Zero is on it.
         even: As far below zero as above.
-        room: Left free at each end, as a share of the range.
     """
     flat = np.concatenate([np.ravel(np.asarray(v, dtype=np.float64)) for v in values])
     flat = flat[np.isfinite(flat) & ((flat > 0) if log else True)]
@@ -126,19 +128,19 @@ def axis_around(
     if even:
         low, high = -max(-low, high), max(-low, high)
     if log:
-        grow = max((high / low) ** room, 1.1)
+        grow = max((high / low) ** _ROOM, 1.1)
         return Axis(low=low / grow, high=high * grow, label=label, log=True)
     spread = high - low or abs(high) or 1.0
     return Axis(
-        low=low if zero and low == 0 else low - room * spread,
-        high=high if zero and high == 0 else high + room * spread,
+        low=low if zero and low == 0 else low - _ROOM * spread,
+        high=high if zero and high == 0 else high + _ROOM * spread,
         label=label,
     )
 
 
-def category_axis(names: Sequence[str], label: str = "") -> Axis:
+def category_axis(names: Sequence[str]) -> Axis:
     """An axis with a place for each name."""
-    return Axis(low=-0.5, high=len(names) - 0.5, names=tuple(names), label=label)
+    return Axis(low=-0.5, high=len(names) - 0.5, names=tuple(names))
 
 
 def _round_step(least: float) -> float:

@@ -191,7 +191,6 @@ class Texts:
     y: ArrayLike
     texts: Sequence[str]
     role: str = "ink"
-    anchor: str = "middle"
     size: float = 12.0
 
 

@@ -102,7 +102,6 @@ class _Ground:
     x: Axis
     y: Axis
     size: tuple[float, float] | None = None
-    dark: bool = False
 
     @property
     def units(self) -> tuple[float, float]:
@@ -125,7 +124,7 @@ class _Ground:
             return f'class="ln {role}" style="stroke-width:{width:g}{dashed}"'
         dashed = " ".join(f"{float(d) * FINE:g}" for d in dash.split())
         return (
-            f'fill="none" stroke="{colour(role, dark=self.dark)}" stroke-width="{width * FINE:g}"'
+            f'fill="none" stroke="{colour(role)}" stroke-width="{width * FINE:g}"'
             ' stroke-linejoin="round" stroke-linecap="round"'
             + (f' stroke-dasharray="{dashed}"' if dash else "")
         )
@@ -133,7 +132,7 @@ class _Ground:
     def area(self, role: str) -> str:
         if self.size is None:
             return f'class="ar {role}"'
-        return f'fill="{colour(role, dark=self.dark)}"'
+        return f'fill="{colour(role)}"'
 
     def text(
         self,
@@ -144,7 +143,7 @@ class _Ground:
         anchor: str = "middle",
         size: float = 12,
     ) -> str:
-        paint = f'class="{role}"' if self.size is None else f'fill="{colour(role, dark=self.dark)}"'
+        paint = f'class="{role}"' if self.size is None else f'fill="{colour(role)}"'
         return (
             f'<text x="{x}" y="{y}" dy=".35em" {paint} text-anchor="{anchor}" '
             f'font-size="{size:g}">{escape(text)}</text>'
@@ -255,7 +254,7 @@ def _picture(sheet: _Ground, panel: Panel, most: int, ticks: bool, named: bool =
                     sheet.place(float(b if sheet.y.names else 1 - b), 1),
                     text,
                     mark.role,
-                    mark.anchor,
+                    "middle",
                     mark.size,
                 )
                 for a, b, text in places
@@ -285,9 +284,7 @@ def _row(axis: Axis, value: float) -> float:
     return share if axis.names else 1.0 - share
 
 
-def plot(
-    panel: Panel, x: Axis, *, ticks: bool = True, most: int = 7, link: str = "", label: str = ""
-) -> str:
+def plot(panel: Panel, x: Axis, *, ticks: bool = True, most: int = 7, link: str = "") -> str:
     """One fluid plot for a page, as wide as its place; the texts of its axes stand around it.
 
     Args:
@@ -296,11 +293,10 @@ def plot(
         ticks: Whether the x axis has texts.
         most: About how many.
         link: Plots with the same link share cursor and zoom.
-        label: What a screen reader says; None for the names of the axes.
     """
     axis = panel.x or x
     names = ", ".join(entry.name for entry in legend(panel.marks))
-    said = label or f"{panel.title} {panel.y.label} over {axis.label}: {names}".strip(" :")
+    said = f"{panel.title} {panel.y.label} over {axis.label}: {names}".strip(" :")
     linked = (
         f' data-link="{escape(link)}" data-x="{axis.low:.9g},{axis.high:.9g}"'
         f' data-y="{panel.y.low:.9g},{panel.y.high:.9g}"'
@@ -361,13 +357,8 @@ WIDTH, GAP, EDGE = 960.0, 28.0, 24.0
 """Width of a file, between its columns, and around everything [px]."""
 
 
-def document(figure: Figure, *, dark: bool = False) -> str:
-    """A figure as an SVG file that needs nothing else.
-
-    Args:
-        figure: The figure.
-        dark: On a dark ground.
-    """
+def document(figure: Figure) -> str:
+    """A figure as an SVG file that needs nothing else, on a light ground."""
     columns = [figure.panels[k :: figure.columns] for k in range(figure.columns)]
     lefts = [margin(c) if k == 0 or not figure.rows else 0 for k, c in enumerate(columns)]
     room = WIDTH - 2 * EDGE - GAP * (figure.columns - 1)
@@ -375,7 +366,7 @@ def document(figure: Figure, *, dark: bool = False) -> str:
     wide = (room - lefts[0]) / figure.columns if figure.rows else room / figure.columns
     cells = [wide + lefts[0] * (k == 0) if figure.rows else wide for k in range(figure.columns)]
     parts: list[str] = []
-    page = _Ground(figure.x, figure.panels[0].y, (WIDTH, WIDTH), dark)
+    page = _Ground(figure.x, figure.panels[0].y, (WIDTH, WIDTH))
     parts.append(page.text(f"{EDGE}", "30", figure.title, "ink", "start", 17))
     y, x = 54.0, EDGE
     for entry in figure.legend:
@@ -384,7 +375,7 @@ def document(figure: Figure, *, dark: bool = False) -> str:
             x, y = EDGE, y + 18
         thick = 10 if entry.swatch == "box" else 3
         parts.append(
-            f'<path d="M{x} {y}h18" stroke="{colour(role, dark=dark)}" stroke-width="{thick}"/>'
+            f'<path d="M{x} {y}h18" stroke="{colour(role)}" stroke-width="{thick}"/>'
             + page.text(f"{x + 24}", f"{y}", name, "ink2", "start")
         )
         x += 44 + CHARACTER * len(name)
@@ -399,7 +390,7 @@ def document(figure: Figure, *, dark: bool = False) -> str:
         titled += 15 if any(p.note for p in row) else 0
         for k, panel in enumerate(row):
             x, left, cell = EDGE + sum(cells[:k]) + k * GAP, lefts[k], cells[k]
-            sheet = _Ground(panel.x or figure.x, panel.y, (cell - left, panel.height), dark)
+            sheet = _Ground(panel.x or figure.x, panel.y, (cell - left, panel.height))
             ticks = panel.x is not None or start + k >= bottom
             heading = " ".join(filter(None, (panel.title, panel.y.label)))
             parts.append(
@@ -426,7 +417,7 @@ def document(figure: Figure, *, dark: bool = False) -> str:
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH:g}" height="{tall:.0f}" '
         f'viewBox="0 0 {WIDTH:g} {tall:.0f}" font-family="{escape(FONT)}">'
         f"<title>{escape(figure.title)}</title>"
-        f'<rect width="100%" height="100%" fill="{colour("ground", dark=dark)}"/>'
+        f'<rect width="100%" height="100%" fill="{colour("ground")}"/>'
         f"{''.join(parts)}</svg>"
     )
 
@@ -436,13 +427,12 @@ PIXELS = 2
 """Pixels of a PNG a pixel of the SVG."""
 
 
-def write_figure(figure: Figure, path: str | Path, *, dark: bool = False) -> Path:
+def write_figure(figure: Figure, path: str | Path) -> Path:
     """Write a figure; the ending of the name says how.
 
     Args:
         figure: The figure.
         path: File ending in `.svg`, or in `.png`, which needs the extra `figures`.
-        dark: On a dark ground.
 
     Raises:
         InputError: Another ending, or a place where no such file can be.
@@ -452,7 +442,7 @@ def write_figure(figure: Figure, path: str | Path, *, dark: bool = False) -> Pat
     target = Path(path)
     if target.suffix not in FORMATS:
         raise InputError("figure format", where=str(target), limit=", ".join(FORMATS))
-    text = document(figure, dark=dark)
+    text = document(figure)
     if target.suffix == ".svg":
         write_text(target, text)
         return target

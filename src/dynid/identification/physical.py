@@ -169,8 +169,6 @@ class PhysicallyConsistent(Estimator):
     """Inertias in the model's parameter frames; None for the robot's, completed."""
     prior_gain: float | None = None
     """See `WeightedLeastSquares`, whose weights and residual sum are the measure."""
-    excess: float = EXCESS
-    """Share by which the weighted residual sum may grow."""
     by_regions: bool = False
     """Choose the weight on regions of the motion left out instead, see `held_out_weight`."""
 
@@ -191,7 +189,7 @@ class PhysicallyConsistent(Estimator):
             solution = solve_conic(consistent, gamma)
             words = (f"prior weight from {held_out.regions} regions of the motion left out",)
         else:
-            gamma, solution = largest_weight(consistent, floor, self.excess)
+            gamma, solution = largest_weight(consistent, floor, EXCESS)
         values = base_mapping(problem.base) @ solution.values
         return replace(
             plain,

@@ -311,15 +311,18 @@ def relative_std_percent(values: Array, std: Array) -> Array:
     return 100.0 * np.divide(std, size, out=np.full_like(std, np.inf), where=size > 0)
 
 
-def essential_parameters(fit: Fit, *, ratio: float = 30.0) -> tuple[int, ...]:
+_LARGEST_RATIO = 30.0
+"""Largest over smallest relative standard deviation of what is essential."""
+
+
+def essential_parameters(fit: Fit) -> tuple[int, ...]:
     """The parameters that the data really speak about (Pham and Gautier 1991).
 
     Drops the parameter with the largest relative standard deviation and fits again until the
-    largest is at most `ratio` times the smallest and below 100 %.
+    largest is at most 30 times the smallest and below 100 %.
 
     Args:
         fit: A solution.
-        ratio: Largest over smallest relative standard deviation of what stays.
 
     Returns:
         Indices of the base parameters that stay.
@@ -336,7 +339,10 @@ def essential_parameters(fit: Fit, *, ratio: float = 30.0) -> tuple[int, ...]:
         scale = np.mean(np.square(fit.noise * fit.weights))
         relative = relative_std_percent(values, np.sqrt(scale * np.square(inverse).sum(axis=1)))
         worst = int(np.argmax(relative))
-        if relative[worst] <= max(ratio * relative.min(), 1e-9) and relative[worst] < 100.0:
+        if (
+            relative[worst] <= max(_LARGEST_RATIO * relative.min(), 1e-9)
+            and relative[worst] < 100.0
+        ):
             break
         kept.pop(worst)
     return tuple(kept)

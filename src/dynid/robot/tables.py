@@ -58,10 +58,13 @@ def shown(name: object, width: int = 120) -> str:
     return text if len(text) <= width else text[: width - 3] + "..."
 
 
-def shown_path(path: Path, width: int = 120) -> str:
+_PATH_WIDTH = 120
+
+
+def shown_path(path: Path) -> str:
     """A path as one printable line; where it is too long, its end."""
     text = shown(path, 10_000)
-    return text if len(text) <= width else "..." + text[3 - width :]
+    return text if len(text) <= _PATH_WIDTH else "..." + text[3 - _PATH_WIDTH :]
 
 
 @contextmanager

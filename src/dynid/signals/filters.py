@@ -89,8 +89,8 @@ def low_pass(values: Array, rate_hz: float, cutoff_hz: float) -> Array:
     )
 
 
-def motion_bandwidth(q: Array, rate_hz: float, share: float = 0.99) -> float:
-    """The frequency [Hz] below which `share` of the velocity's power lies, median joint.
+def motion_bandwidth(q: Array, rate_hz: float) -> float:
+    """The frequency [Hz] below which 99 % of the velocity's power lies, median joint.
 
     Only the band in which arms are driven counts: above it lies noise, which differentiation
     makes large.
@@ -106,7 +106,7 @@ def motion_bandwidth(q: Array, rate_hz: float, share: float = 0.99) -> float:
     if total.max(initial=0.0) == 0:
         return float(frequency[1])
     cumulative = np.cumsum(power[:, moving], axis=0) / total[moving]
-    edges = frequency[np.argmax(cumulative >= share, axis=0)]
+    edges = frequency[np.argmax(cumulative >= 0.99, axis=0)]
     return float(max(np.median(edges), frequency[1]))
 
 

@@ -200,6 +200,8 @@ BLEND = 1 / 3
 peak velocity is 3/2 and its peak acceleration 9/2 of the distance over the (squared) time."""
 LANGUAGES = ("movej", "waypoints", "krl", "rapid")
 _AXES = 6
+_NAME = "dynid_points"
+"""Of the programs."""
 _SAID = "untested on a controller; exact stop in every point"
 _END = 1e-9
 """Share of a leg that rounding may take off its ends."""
@@ -314,9 +316,7 @@ class PointsFamily(MotionFamily):
         )
 
 
-def points_text(
-    trajectory: Trajectory, language: str, limits: MotionLimits, *, name: str = "dynid_points"
-) -> str:
+def points_text(trajectory: Trajectory, language: str, limits: MotionLimits) -> str:
     """A point-to-point motion as a program for a controller that makes the profile itself.
 
     None of the programs was run on a controller: they are compared with the motion by reading
@@ -326,7 +326,6 @@ def points_text(
         trajectory: A sequence of `PointToPoint`.
         language: `movej` (URScript), `waypoints` (CSV), `krl` (KUKA) or `rapid` (ABB).
         limits: Velocity and acceleration limits, of which KRL takes shares.
-        name: Of the program.
 
     Raises:
         InputError: Another kind of motion, an unknown language, or not six joints where the
@@ -341,10 +340,10 @@ def points_text(
     if language != "waypoints" and trajectory.joints != _AXES:
         raise InputError(f"{language} wants six joints", value=trajectory.joints, limit=_AXES)
     lines = {"movej": _movej, "waypoints": _waypoints, "krl": _krl, "rapid": _rapid}
-    return "\n".join(lines[language](legs, limits, name)) + "\n"
+    return "\n".join(lines[language](legs, limits)) + "\n"
 
 
-def _movej(legs: list[PointToPoint], limits: MotionLimits, name: str) -> list[str]:
+def _movej(legs: list[PointToPoint], limits: MotionLimits) -> list[str]:
     del limits
     body = [f"  movej({_list(legs[0].start, 1.0)}, a=0.5, v=0.5)  # to the start"]
     for leg in legs:
@@ -354,24 +353,24 @@ def _movej(legs: list[PointToPoint], limits: MotionLimits, name: str) -> list[st
         push = speed / (BLEND * leg.travel_time)
         body.append(f"  movej({_list(leg.goal, 1.0)}, a={push:.9g}, v={speed:.9g}, r=0)")
     return [
-        f"def {name}():",
+        f"def {_NAME}():",
         "  # untested on a controller; exact stop in every point",
         *body,
         "end",
     ]
 
 
-def _waypoints(legs: list[PointToPoint], limits: MotionLimits, name: str) -> list[str]:
-    del limits, name
+def _waypoints(legs: list[PointToPoint], limits: MotionLimits) -> list[str]:
+    del limits
     joints = range(1, legs[0].joints + 1)
     rows = [(0.0, legs[0].start), *((leg.travel_time, leg.goal) for leg in legs)]
     header = ",".join(["travel_time [s]", *(f"q{joint}" for joint in joints)])
     return [header, *(",".join(map(repr, [time, *pose.tolist()])) for time, pose in rows)]
 
 
-def _krl(legs: list[PointToPoint], limits: MotionLimits, name: str) -> list[str]:
+def _krl(legs: list[PointToPoint], limits: MotionLimits) -> list[str]:
     lines = [
-        f"DEF {name}()",
+        f"DEF {_NAME}()",
         "; untested on a controller; exact stop in every point",
         "BAS(#INITMOV,0)",
     ]
@@ -388,9 +387,9 @@ def _krl(legs: list[PointToPoint], limits: MotionLimits, name: str) -> list[str]
     return [*lines, "END"]
 
 
-def _rapid(legs: list[PointToPoint], limits: MotionLimits, name: str) -> list[str]:
+def _rapid(legs: list[PointToPoint], limits: MotionLimits) -> list[str]:
     del limits
-    lines = [f"MODULE {name}", f"  PROC {name}_run()", f"    ! {_SAID}"]
+    lines = [f"MODULE {_NAME}", f"  PROC {_NAME}_run()", f"    ! {_SAID}"]
     for time, pose in ((None, legs[0].start), *((leg.travel_time, leg.goal) for leg in legs)):
         timed = "" if time is None else f"\\T:={time:.6f}"
         axes = f"[{_list(pose, 180 / math.pi)},[9E9,9E9,9E9,9E9,9E9,9E9]]"

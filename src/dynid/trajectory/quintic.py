@@ -33,6 +33,8 @@ def _three_values(coefficients: Array, s: Array) -> tuple[Array, Array, Array]:
     return value, first, second
 
 
+_SHORTEST = 0.1
+"""Duration of a move of no length [s]."""
 _PEAK_VELOCITY = 15.0 / 8.0
 _PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
 
@@ -127,7 +129,6 @@ def rest_to_rest(
     *,
     margin: float = 0.5,
     acceleration: ArrayLike | None = None,
-    shortest: float = 0.1,
 ) -> Quintic:
     """The fastest quintic between two poses that the limits allow.
 
@@ -141,7 +142,6 @@ def rest_to_rest(
         margin: Share of the velocity and acceleration limits to use, in (0, 1].
         acceleration: (n) or one number: acceleration limits where `limits` knows none
             [rad/s^2 or m/s^2].
-        shortest: Duration of a move of no length [s].
 
     Raises:
         InputError: A pose outside the position limits, a margin outside (0, 1], or no limit
@@ -171,7 +171,7 @@ def rest_to_rest(
         )
     by_velocity = _PEAK_VELOCITY * way / (margin * bounds.velocity)
     by_acceleration = np.sqrt(_PEAK_ACCELERATION * way / (margin * bounds.acceleration))
-    duration = max(shortest, float(by_velocity.max()), float(by_acceleration.max()))
+    duration = max(_SHORTEST, float(by_velocity.max()), float(by_acceleration.max()))
     return Quintic(**poses, travel_time=duration)
 
 

@@ -298,20 +298,17 @@ def _of_robot(
     return lambda table, settings: rule(table, settings.robot)
 
 
-def repair(
-    table: RawTable, settings: RepairSettings, rules: Sequence[Rule] | None = None
-) -> ExperimentRecord:
+def repair(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
     """Check a raw table, repair what can be repaired, and report all of it.
 
     Args:
         table: What an importer found.
         settings: What the user knows.
-        rules: What is looked for, in this order; all of `RULES` by default.
 
     Raises:
         RecordError: What is left is no recording of this robot.
     """
-    for rule in RULES if rules is None else rules:
+    for rule in RULES:
         table = rule.apply(table, settings)
     return _record(table, settings)
 
