@@ -143,6 +143,8 @@ DENSE_RATE_HZ = 50.0
 """Samples a second at which a candidate's limits are looked at."""
 DENSE_TIGHTEN = 0.003
 """Share by which limits shrink there."""
+FINE_SHARE = 0.4
+"""Of what the search keeps free, what is kept where it looks at the dense grid."""
 
 
 class MotionGrid:
@@ -282,6 +284,7 @@ class DesignEvaluation:
         criterion: Criterion,
         penalty: float = 0.0,
         tighten: float = 0.0,
+        fine: bool = False,
     ) -> tuple[float, Array]:
         """Criterion and penalty with their gradient, on the search grid with smooth steps.
 
@@ -290,6 +293,7 @@ class DesignEvaluation:
             criterion: What to evaluate: the problem's, or a smoother relative.
             penalty: Weight of the broken limits.
             tighten: Share by which limits shrink.
+            fine: Look at the limits on the dense grid, with less of a reserve.
         """
         self.evaluations += 1
         motion = self._search.motion(x)
@@ -299,7 +303,18 @@ class DesignEvaluation:
             return math.inf, np.zeros_like(x)
         gradient = self._search.pulled_back(*pullback(slope * self._share))
         if penalty > 0.0 and self.constrained:
-            broken, *bars = self._broken(motion, tighten)
+            grid = self._search
+            if fine:
+                grid = self._dense
+                penalty *= len(motion[0]) / len(grid.basis[0])
+                broken, *bars = self.constraints.violation(
+                    *grid.motion(x),
+                    tighten=FINE_SHARE * tighten,
+                    caution=FINE_SHARE * CAUTION,
+                    known=self._dense_known,
+                )
+            else:
+                broken, *bars = self._broken(motion, tighten)
             value += penalty * broken
-            gradient += penalty * self._search.pulled_back(*bars)
+            gradient += penalty * grid.pulled_back(*bars)
         return value, gradient
