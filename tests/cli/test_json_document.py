@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import importlib
 import re
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from cli_runs import LISTED, Recordings, Run
 
 import dynid
@@ -81,7 +84,15 @@ def test_compare_export_and_report(run: Run, recordings: Recordings, tmp_path: P
     assert set(run(*words).json()) == keys_of("report") - {"figures"}
 
 
-def test_demo(run: Run, tmp_path: Path) -> None:
+def test_demo(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = importlib.import_module("dynid.workflow.demo")
+    on_controller = module._simulated_robot
+
+    def first_on_a_controller(robot: str, thermal: str, seed: int) -> Any:
+        once = (robot, thermal, seed) == ("ur5", "cold", 10)
+        return on_controller(robot, thermal, seed) if once else nullcontext("sim")
+
+    monkeypatch.setattr(module, "_simulated_robot", first_on_a_controller)
     folder = tmp_path / "new" / "demo"
     data = run("demo", "-o", folder, "--quick", "--json").json()
     assert set(data) == keys_of("demo")

@@ -33,7 +33,7 @@ CYCLE_S = 0.008
 STILL = 0.01
 """Speed of a joint that stands still, sensor noise included [rad/s]."""
 REPEAT = 2
-RANDOM_TIMES = 8
+RANDOM_TIMES, MORE_TIMES = range(2), range(2, 8)
 UNLOCK_S = 5.5
 
 
@@ -161,7 +161,9 @@ def test_the_disk_is_full(
     assert not fault.record.exists() or "aborted" in record.metadata.extra
 
 
-@pytest.mark.parametrize("seed", range(RANDOM_TIMES))
+@pytest.mark.parametrize(
+    "seed", [*RANDOM_TIMES, *(pytest.param(k, marks=pytest.mark.long) for k in MORE_TIMES)]
+)
 def test_ctrl_c_at_a_random_time(controller: RunningController, fault: Fault, seed: int) -> None:
     index = int(np.random.default_rng(seed).integers(20, REPEAT * CYCLES - 50))
 
