@@ -210,7 +210,9 @@ def test_a_robot_file_is_remembered(run: Run, recordings: Recordings, tmp_path: 
     assert data["robot"] == str(robot)
     assert run("identify", record, "--preset", "paper").code == 0
     robot.unlink()
-    assert_bad_usage(run("identify", record, "--preset", "paper"), "has gone", "--robot")
+    assert_bad_usage(
+        run("identify", record, "--preset", "paper"), "does not exist any more", "--robot"
+    )
 
 
 @pytest.mark.parametrize(

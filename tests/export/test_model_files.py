@@ -235,7 +235,7 @@ def test_people_read_what_was_done(
     assert main(["export", str(estimate_path), "--to", "urdf", "-o", str(out)]) == 0
     text = capsys.readouterr().out
     assert "Verified with pinocchio" in text
-    assert "Without a place in urdf: motor inertias." in text
+    assert "Not representable in urdf: motor inertias." in text
 
 
 def test_a_sliding_chain_has_its_header(tmp_path: Path) -> None:

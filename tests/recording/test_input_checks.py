@@ -85,5 +85,5 @@ def test_time_that_hardly_moves_is_refused_in_one_line(tmp_path: Path) -> None:
     np.savetxt(
         path, np.column_stack([t, q, np.cos(q)]), delimiter=",", header="t,q,tau", comments=""
     )
-    with pytest.raises(RecordError, match="hardly move"):
+    with pytest.raises(RecordError, match="hardly increase"):
         read_recording(path)

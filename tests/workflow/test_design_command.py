@@ -381,7 +381,7 @@ def test_a_payload_that_is_in_the_arm_everywhere_is_refused_at_once(tmp_path: Pa
     # One end reaches into the forearm, the other into it when the wrist is turned.
     box = {"type": "box", "size": [0.1, 0.5, 0.7], "position": [0, 0, 0.1]}
     scene.write_text(json.dumps({"payload": [box]}))
-    with pytest.raises(dynid.InputError, match=r"can stand: self collision|in every pose; got"):
+    with pytest.raises(dynid.InputError, match=r"was found: self collision|in every pose; got"):
         dynid.design("ur5", dynid.DesignSettings(scene=str(scene), starts=1))
 
 

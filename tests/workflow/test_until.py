@@ -69,6 +69,6 @@ def test_an_accuracy_that_is_no_share_moves_nothing(
     del plain["design"]
     path = tmp_path / "plain.json"
     path.write_text(json.dumps(plain))
-    with pytest.raises(InputError, match="does not say how"):
+    with pytest.raises(InputError, match="does not have"):
         run_until(path, record, 5.0)
     assert not record.exists()

@@ -59,7 +59,7 @@ def print_certificate(screen: Console, data: Mapping[str, Any]) -> None:
         )
     print_table(
         screen,
-        "What is left of each limit",
+        "Remaining margin of each limit",
         ("limit", "left", "asked", "limit [SI]", "at [s]", "where"),
         rows,
         words=(0, 5),
@@ -342,7 +342,7 @@ def _show(data: Mapping[str, Any], output: Path, verdict: str) -> None:
     print_certificate(screen, data)
     screen.print()
     again = shlex.quote(str(output))
-    screen.print(f"written to {output}; look at it again with: dynid check {again}", soft_wrap=True)
+    screen.print(f"written to {output}; show it again with: dynid check {again}", soft_wrap=True)
 
 
 @command(

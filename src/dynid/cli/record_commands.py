@@ -179,7 +179,9 @@ def _ask(what: str, word: str) -> None:
     from dynid.experiment import interruptible
 
     if not sys.stdin.isatty():
-        raise InputError("nobody is there to confirm the motion", next_step="Pass --yes.")
+        raise InputError(
+            "the motion needs confirmation, and there is no terminal", next_step="Pass --yes."
+        )
     console(stderr=True).print(what)
     with interruptible():
         typed = typer.prompt(f"Type {word} to move the robot", default="", err=True)

@@ -66,7 +66,7 @@ def export_command(
         )
     screen.print(f"Standard parameters: {result.written.model.origin}.")
     if result.written.left_out:
-        screen.print(f"Without a place in {to}: {', '.join(result.written.left_out)}.")
+        screen.print(f"Not representable in {to}: {', '.join(result.written.left_out)}.")
     print_notices(screen, "Warnings", [notice.to_json() for notice in result.warnings])
 
 
@@ -101,7 +101,7 @@ def report_command(
     if png:
         if figures is None:
             raise InputError(
-                "where do the figures go?", where="--png", next_step="--figures FOLDER"
+                "the figures need a folder", where="--png", next_step="--figures FOLDER"
             )
         require("resvg_py", "figures")
     with progress_bar("report") as progress:

@@ -274,7 +274,9 @@ def _free_pairs(
         kept[k] = not (share == 1.0 or (b < arm and share > _MOSTLY))
         nearer[k] = settings.self_clearance - clearance
         if kept[k] and nearer[k]:
-            notes.append(f"{what} are never farther than {most:.4f} m apart: held to half of that")
+            notes.append(
+                f"{what} are never farther than {most:.4f} m apart: the limit is half of that"
+            )
         if not kept[k]:
             free = False
             notes.append(

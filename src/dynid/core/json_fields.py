@@ -80,7 +80,7 @@ MAX_JSON_BYTES = 64 << 20
 
 
 def parse_json(text: str) -> Any:
-    """The value of a JSON text, in which no key stands twice in one object.
+    """The value of a JSON text, in which no key is there twice in one object.
 
     NaN and Infinity are taken: programs that write recordings use them.
 
@@ -144,7 +144,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(found) < len(pairs):
         seen: set[str] = set()
         twice = next(key for key, _ in pairs if key in seen or seen.add(key))
-        raise ValueError(f"the key {twice!r} stands twice in one object")
+        raise ValueError(f"the key {twice!r} is there twice in one object")
     return found
 
 

@@ -207,7 +207,7 @@ def _touched(contact: Contact, robot: RobotModel) -> Finding:
         joints=contact.joints,
         value=contact.start_s,
         unit="s",
-        next_step="a contact? Leave it out with --from and --to, or record again",
+        next_step="if this is a contact, leave it out with --from and --to, or record again",
     )
 
 
@@ -223,6 +223,6 @@ def _kind_of_torque(explained: Explained, torque: Array, limit: Array) -> list[F
     columns = explained.reference.columns[10 * n :]
     friction = np.sqrt(np.square(np.tensordot(values, columns, axes=1)).mean(axis=1))
     if float(np.median(friction / limit)) < NO_FRICTION:
-        text = "the torques hold hardly any friction: measured behind the gears, or compensated"
+        text = "the torques contain hardly any friction: measured behind the gears, or compensated"
         return [Finding("friction_compensated", text)]
     return []

@@ -156,7 +156,8 @@ def _prediction(
         return Answer(answer=answer, reason=reason)
     beyond = float(np.sqrt(max(expected**2 - noise**2, 0.0)))
     what = "predicts another motion's" if confirmed else "is expected to predict other motions'"
-    text = f"it {what} torques to {expected:.1f} %, of which noise is {noise:.1f} %"
+    known = min(noise, expected)
+    text = f"it {what} torques to {expected:.1f} %, of which noise is {known:.1f} %"
     if beyond > USELESS_PREDICTION or (poor and beyond > GOOD_PREDICTION):
         reason = f"{text}; {poor[0].text}" if poor else text
         return Answer(answer="no", reason=reason, value=beyond, unit="%", limit=USELESS_PREDICTION)

@@ -61,7 +61,7 @@ def check_room(constraints: MotionConstraints, region: MotionRegion) -> None:
     kind, item = min(worst.items(), key=lambda pair: pair[1].room)
     unit = " m" if item.distance else ""
     raise InputError(
-        f"no pose was found in which the arm can stand: {kind.replace('_', ' ')}",
+        f"no free pose of the arm was found: {kind.replace('_', ' ')}",
         where=item.what,
         value=f"{item.value:.4g}{unit} at best",
         limit=f"{item.limit:.4g}{unit}",

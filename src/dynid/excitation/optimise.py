@@ -181,7 +181,7 @@ class ExcitationDesign:
     samples: int
     """At which the criteria were computed."""
     certificate: Certificate
-    """What is left of each limit."""
+    """Remaining margin of each limit."""
     repair: str
     """What the certificate made necessary: empty, `tightened` or `smaller`."""
     evaluations: int
@@ -390,7 +390,7 @@ def _finished(problem: ExcitationProblem, search: Search, budget_s: float | None
     hasty = search.ended_by == "budget" and search.evaluations < LEAST_MOTIONS
     if best is None or hasty:
         raise InputError(
-            "the time budget is too short to look at a few motions",
+            "the time budget is too short to evaluate a few motions",
             where="--budget",
             value=budget_s,
             limit="a second or more",

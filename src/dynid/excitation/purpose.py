@@ -151,7 +151,8 @@ def safe_motions(
     if not found:
         raise InputError(
             "no motion was found that keeps the limits",
-            next_step="Check the scene and the limits: dynid check tells what a motion breaks.",
+            next_step="Check the scene and the limits: dynid check lists those that a motion "
+            "violates.",
         )
     return found
 

@@ -182,7 +182,7 @@ def _driven(model: InverseDynamicModel, prior: Array) -> Array:
 NULL = 1e-11
 """Singular values below this share of the largest, columns of unit norm, are no motion's."""
 _DIVERGENCE = (
-    "the bodies nearest to the robot's published ones (log-det divergence) of all with the "
+    "the physically consistent links nearest to the published ones (log-det divergence) with the "
     "identified base parameters"
 )
 _CONSISTENT = "those of the physically consistent estimate"

@@ -90,7 +90,7 @@ class ExportModel:
         unknown = sorted(set(self.terms) - set(SYMBOLS))
         if unknown:
             raise InputError(
-                "friction terms that no file can hold",
+                "friction terms that no format supports",
                 value=", ".join(unknown),
                 limit=", ".join(SYMBOLS),
                 next_step="Identify again with --terms fc,fv,im, or other terms of one joint.",

@@ -59,8 +59,9 @@ def ill_conditioned(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]
     return (
         Finding(
             "ill_conditioned",
-            "; ".join(text) + ". This motion hardly shows some combinations of parameters: "
-            "it must not be used on other motions",
+            "; ".join(text)
+            + ". Some combinations of parameters are poorly excited: the result must not be used "
+            "for other motions",
             severity="error",
             value=number,
             next_step="record an optimised excitation trajectory",
@@ -133,7 +134,12 @@ def not_physical(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
     if 2 * len(negative) > len(steps):
         joints = tuple(int(estimate.names[k][2:]) - 1 for k in negative)
         told.append(
-            Finding("reversed", "the sign of the torques looks reversed", joints=joints, value=-1.0)
+            Finding(
+                "reversed",
+                "the sign of the torques is probably reversed",
+                joints=joints,
+                value=-1.0,
+            )
         )
     smallest, std = smallest_mass_eigenvalue(estimate, samples)
     if smallest < -CERTAIN * std:

@@ -122,7 +122,7 @@ def drive_gains(
             lost[name] = reason
     if np.isnan(rows[:, 0]).all():
         raise JobError(
-            "no joint's drive gain can be told from this recording",
+            "no drive gain can be identified from this recording",
             value="; ".join(f"{name}: {reason}" for name, reason in lost.items()),
             next_step="Record a motion that loads and accelerates every joint.",
         )

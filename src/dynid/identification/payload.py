@@ -214,7 +214,7 @@ def _findings(free: Array, body: Array, covariance: Array) -> tuple[Finding, ...
         notices.append(
             Finding(
                 "low_excitation",
-                f"a payload of {free[0]:.3g} kg +- {half:.2g} kg cannot be told from none",
+                f"a payload of {free[0]:.3g} kg +- {half:.2g} kg is not significant",
             )
         )
     if free[0] < -half:
@@ -233,7 +233,7 @@ def _findings(free: Array, body: Array, covariance: Array) -> tuple[Finding, ...
         notices.append(
             Finding(
                 "not_physical",
-                "no body that can exist comes near the least-squares answer (distance "
+                "no physically consistent body is near the least-squares estimate (distance "
                 f"{np.sqrt(distance):.1f} standard deviations): the runs differ in more than "
                 "the payload",
             )

@@ -324,7 +324,7 @@ def read_npz(files: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
         text = " ".join(str(error).split()) or type(error).__name__
         if "allow_pickle" in text:
             raise RecordError(
-                "the file holds Python objects, which are pickled and never loaded",
+                "the file contains pickled Python objects, which are never loaded",
                 where=path.name,
                 next_step="Save each array under its name: numpy.savez(file, t=t, q=q, tau=tau).",
             ) from error

@@ -77,7 +77,7 @@ def find_clocks(
             "more than one time column",
             where=where,
             value=[clock.label for clock in same],
-            next_step=f"Say which with --columns, for example t={same[0].columns[0]},q=...",
+            next_step=f"Choose with --columns, for example t={same[0].columns[0]},q=...",
         )
     return [clock for _, clock in found]
 

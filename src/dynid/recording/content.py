@@ -64,7 +64,7 @@ class Budget:
         count = math.prod(shape) * times
         if count > self.values:
             raise RecordError(
-                "the file claims more numbers than one of its size may hold",
+                "the header states more numbers than a file of this size may contain",
                 where=where,
                 value=f"{count:.3g} numbers",
                 limit=f"{self.values:.3g}",

@@ -74,7 +74,7 @@ class Family:
             raise RecordError(
                 f"{len(found)} columns are called {plain(names[found[0]])!r}",
                 where=where,
-                next_step="Say which are meant with --columns.",
+                next_step="Choose them with --columns.",
             )
         return found, self.joints
 
@@ -188,7 +188,7 @@ def choose(
                 f"{len(tied)} sets of columns can be {quantity}",
                 where=where,
                 value=", ".join(family.label for family in tied),
-                next_step=f"Say which with --columns, for those of {tied[0].label}: "
+                next_step=f"Choose with --columns, for those of {tied[0].label}: "
                 f"--columns {spelled(columns)}",
             )
         chosen[quantity] = ranked[0]
@@ -215,7 +215,7 @@ def choose(
                 "more than one set of columns can be torques",
                 where=where,
                 value=", ".join(family.label for family in others),
-                next_step="Say which with --columns, for example "
+                next_step="Choose with --columns, for example "
                 + spelled({"effort": [column for _, column in others[0].members]}),
             )
         stem = others[0].base

@@ -209,7 +209,7 @@ def choose_topic(
             f"{1 + len(rivals)} topics can be the robot's state",
             where=where,
             value=[best, *rivals],
-            next_step=f"Say which, for example --topic {best}.",
+            next_step=f"Choose one, for example --topic {best}.",
         )
     return best
 

@@ -389,7 +389,7 @@ def _choose(
             f"{len(fits)} topics can be the robot's state",
             where=where,
             value=described,
-            next_step=f"Say which, for example --topic {fits[0].name}.",
+            next_step=f"Choose one, for example --topic {fits[0].name}.",
         )
     if unclear:
         # A topic of the right kind, of which more has to be said.

@@ -212,7 +212,7 @@ def align(
     begin, end = max(low for low, _ in spans), min(high for _, high in spans)
     if begin >= end:
         raise RecordError(
-            "the times of the files have nothing in common",
+            "the time ranges of the files do not overlap",
             where=where,
             value="; ".join(f"{low:.6g} to {high:.6g}" for low, high in spans),
             next_step="Give files that were recorded together.",

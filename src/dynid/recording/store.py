@@ -196,7 +196,7 @@ def _lock_or_refuse(file: int, path: Path) -> None:
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
-        raise RecordError("another program is recording there", where=str(path)) from error
+        raise RecordError("another program is writing this recording", where=str(path)) from error
 
 
 KEY = b"dynid"
@@ -314,7 +314,7 @@ def read_own(file: Path) -> ExperimentRecord:
         return record
     note = Finding(
         "truncated_file",
-        f"rows of another run, which was cut off, wait in {waiting.name}",
+        f"rows of another, interrupted run are in {waiting.name}",
         severity="info",
         next_step=read_partial(waiting),
     )

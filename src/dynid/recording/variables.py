@@ -82,7 +82,7 @@ def guess_variables(
                 arrays[quantity] = np.column_stack([part.ravel() for part in parts])
     except RecordError as error:
         raise RecordError(
-            f"the variables do not say what they are: {error.what}"
+            f"the variables cannot be recognised by their names: {error.what}"
             + (
                 f" ({plain(str(error.value), 200)})"
                 if error.value and "no col" not in error.what

@@ -137,7 +137,7 @@ class RecordWriter:
         channels = channels or {}
         if set(signals) != set(self._quantities) or set(channels) != set(self._channels):
             raise RecordError(
-                "a sample must bring all signals and no others",
+                "a sample must have exactly the signals of the recording",
                 value=(*signals, *channels),
                 limit=(*self._quantities, *self._channels),
             )
@@ -261,7 +261,7 @@ class RecordWriter:
         if self._sync is not None and self._sync.done() and (error := self._sync.exception()):
             self._aborted = True
             raise JobError(
-                "the disk does not take the recording",
+                "the recording cannot be written to the disk",
                 where=str(self._partial),
                 value=str(error),
                 next_step=read_partial(self._partial),

@@ -85,7 +85,7 @@ def make_door(host: str, token: str | None) -> Door:
             "the token can be guessed, or cannot stand in an address",
             where="--token",
             limit=f"{SHORTEST_TOKEN} or more letters, digits, - and _",
-            next_step="Leave it out and one is made up.",
+            next_step="Leave it out, and one is generated.",
         )
     return Door(host=str(address), token=token or secrets.token_urlsafe(24))
 

@@ -338,7 +338,7 @@ def points_text(trajectory: Trajectory, language: str, limits: MotionLimits) -> 
     if language not in LANGUAGES:
         raise InputError("unknown language", value=language, limit=", ".join(LANGUAGES))
     if language != "waypoints" and trajectory.joints != _AXES:
-        raise InputError(f"{language} wants six joints", value=trajectory.joints, limit=_AXES)
+        raise InputError(f"{language} needs six joints", value=trajectory.joints, limit=_AXES)
     lines = {"movej": _movej, "waypoints": _waypoints, "krl": _krl, "rapid": _rapid}
     return "\n".join(lines[language](legs, limits)) + "\n"
 

@@ -194,7 +194,7 @@ def comparison_warnings(a: Estimate, b: Estimate) -> tuple[Finding, ...]:
     for label, estimate in (("first", a), ("second", b)):
         codes = sorted({notice.code for notice in estimate.warnings})
         for code in codes:
-            found.append(Finding(code, f"the {label} estimate carries this warning"))
+            found.append(Finding(code, f"the {label} estimate has this warning"))
     return tuple(found)
 
 

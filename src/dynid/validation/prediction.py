@@ -357,7 +357,7 @@ def _seen_before(
         Finding(
             "same_record",
             f"{first:.1f} to {last:.1f} s of the validation window are part of the record that was "
-            "identified from: the error says nothing about another motion",
+            "identified from: the error is not that of another motion",
         ),
     )
 
@@ -367,7 +367,7 @@ def _another_robot(estimate: Estimate, record: ExperimentRecord) -> tuple[Findin
     builtin = names is not None and names.isalnum()
     if names is None or not builtin or names == known:
         return ()
-    return (Finding("another_robot", f"the record says robot {names}, the estimate is of {known}"),)
+    return (Finding("another_robot", f"the record is of robot {names}, the estimate of {known}"),)
 
 
 def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:
@@ -414,7 +414,7 @@ def _extrapolated(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
     return (
         Finding(
             "other_motion",
-            "this record goes beyond the identification's: " + "; ".join(found[:4]),
+            "this record exceeds the range of the identification: " + "; ".join(found[:4]),
         ),
     )
 
@@ -429,6 +429,6 @@ def _at_rest(estimate: Estimate, moving: Mask) -> tuple[Finding, ...]:
             "at_rest",
             f"{100 * share.mean():.0f} % of the joint samples are at rest (most: "
             f"{estimate.model.robot.joint_names[worst]}, {100 * share[worst]:.0f} %): friction "
-            "hides the torque there, judge by the moving samples",
+            "makes the torque ambiguous there: use the metrics of moving samples",
         ),
     )

@@ -131,7 +131,7 @@ def chosen_estimator(
         torque = robot.limits.torque
         if not np.isfinite(torque).all():
             raise InputError(
-                "joint sizes are told by torque limits, and this robot has none",
+                "joint sizes follow from torque limits, and this robot has none",
                 where="--weighting size",
                 value=robot.name,
             )

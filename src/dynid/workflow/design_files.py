@@ -259,7 +259,7 @@ class Check:
     limits: DesignLimits
     """What it was held to."""
     certificate: Certificate
-    """What is left of each limit, and where it is least."""
+    """Remaining margin of each limit, and where it is least."""
 
     @property
     def feasible(self) -> bool:

@@ -102,9 +102,9 @@ def _warnings(to: str, written: ExportedFile, noise: Array) -> tuple[Finding, ..
         found.append(
             Finding(
                 "not_physical",
-                "no bodies that can exist have the identified base parameters"
-                f" ({model.worst}): torques are right, but single masses and inertias mean nothing"
-                " and simulators may refuse them; --estimator sdp finds consistent ones",
+                "no physically consistent links have the identified base parameters"
+                f" ({model.worst}): torques are right, but single masses and inertias have no"
+                " meaning, and simulators may refuse them; use --estimator sdp",
             )
         )
     if friction is not None and (friction.missing > noise).any():
@@ -115,10 +115,10 @@ def _warnings(to: str, written: ExportedFile, noise: Array) -> tuple[Finding, ..
         found.append(
             Finding(
                 "extrapolated",
-                f"{to} has no place for all friction that was identified; damping and dry friction"
-                " are the nearest to it over the recorded range. What they leave is more than the"
-                f" noise of the identification at joints {joints}, RMS in N.m or N; c, python and"
-                " json hold all of it",
+                f"{to} cannot represent all identified friction; damping and dry friction"
+                " approximate it over the recorded range. The residual exceeds the noise of the"
+                f" identification at joints {joints}, RMS in N.m or N; c, python and json represent"
+                " all of it",
             )
         )
     return tuple(found)

@@ -223,10 +223,10 @@ def _by_robot(recordings: Sequence[FleetRecording]) -> dict[str, list[FleetRecor
 def _missing(recordings: Sequence[FleetRecording]) -> list[Finding]:
     """What the recordings do not say, and how to say it."""
     lacking = {
-        ("another_robot", "their robot, and are taken as one robot"): [
+        ("another_robot", "name of a robot, and are taken as one robot"): [
             one.path for one in recordings if not one.robot
         ],
-        ("clock_mismatch", "when they were made, and are left out of the trends"): [
+        ("clock_mismatch", "time, and are left out of the trends"): [
             one.path for one in recordings if np.isnan(one.time_s)
         ],
         ("extrapolated", "joint temperatures, which cannot be regressed out"): [
@@ -236,9 +236,9 @@ def _missing(recordings: Sequence[FleetRecording]) -> list[Finding]:
     return [
         Finding(
             kind,
-            f"{len(names)} recordings do not say {what}: {', '.join(names[:3])}",
+            f"{len(names)} recordings have no {what}: {', '.join(names[:3])}",
             value=float(len(names)),
-            next_step=f"Say it in {MANIFEST} ({','.join(COLUMNS)})",
+            next_step=f"Give it in {MANIFEST} ({','.join(COLUMNS)})",
         )
         for (kind, what), names in lacking.items()
         if names
@@ -365,7 +365,7 @@ def _alarm(joint: JointState) -> Finding:
             value=step,
             std=(high - low) / (2 * CONFIDENCE),
             unit="%",
-            next_step="Look at gear, brake and lubrication of this joint",
+            next_step="Check gear, brake and lubrication of this joint",
         )
     size = 100.0 * (control.change if control is not None else float("nan"))
     return Finding(

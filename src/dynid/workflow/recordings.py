@@ -194,7 +194,7 @@ def known_gains(record: ExperimentRecord, robot: RobotModel) -> tuple[Experiment
     missing = [robot.joint_names[j] for j in np.flatnonzero(~np.isfinite(found.gain))]
     if missing:
         raise JobError(
-            "the targets do not show the drive gain of every joint",
+            "the targets do not determine the drive gain of every joint",
             where=robot.name,
             value=", ".join(missing),
             next_step="Pass --gains g1,..,gn, or record a motion that loads every joint.",
@@ -283,7 +283,7 @@ def stored_robot(paths: Sequence[str | Path]) -> str:
     name = found[0]
     if Path(name).is_absolute() and not Path(name).exists():
         raise InputError(
-            "the robot file of the recording has gone",
+            "the robot file of the recording does not exist any more",
             where=str(paths[0]),
             value=name,
             next_step=_NEXT,

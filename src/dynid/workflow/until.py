@@ -176,7 +176,7 @@ def run_until(
         rounds.append(Round(design=place, run=run, accuracy=told))
         if told is None:
             raise JobError(
-                "this identification tells no error on what was left out",
+                "this identification has no error on left-out data",
                 where=str(run.record),
                 next_step="Leave the estimator to the preset.",
             )
@@ -201,7 +201,7 @@ def _settings(stored: StoredDesign, place: Path) -> DesignSettings:
     names = {item.name for item in fields(DesignSettings)}
     if not stored.facts or not names >= set(given) or not given:
         raise InputError(
-            "further rounds are designed as the first one was, and this file does not say how",
+            "further rounds need the settings of the first design, which this file does not have",
             where=str(place),
             next_step="Make it with dynid design.",
         )

@@ -94,7 +94,7 @@ def identify_files(
         elif validation_start_s is not None or validation_stop_s is not None:
             if len(records) > 1:
                 raise InputError(
-                    "a validation window of which recording?",
+                    "a validation window needs a recording",
                     value=f"{len(records)} recordings",
                     next_step="Name it with --validate RECORD.",
                 )

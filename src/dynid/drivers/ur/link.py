@@ -47,7 +47,7 @@ class RtdeLink:
             if not rtde.read_answer(
                 self._ask(Kind.REQUEST_PROTOCOL_VERSION, rtde.request_protocol(2))
             ):
-                raise ProtocolError("the controller does not speak RTDE 2", where=host)
+                raise ProtocolError("the controller has no RTDE protocol 2", where=host)
             reply = self._ask(Kind.GET_URCONTROL_VERSION, rtde.request_software_version())
             self.version = rtde.read_software_version(reply)
             """Major, minor, bugfix and build number of its software."""

@@ -347,7 +347,7 @@ def _require_ticks(table: RawTable) -> None:
     steps = steps[np.isfinite(steps) & (steps > 0)]
     if len(steps) and float(np.median(steps)) < _LEAST_TICK:
         raise RecordError(
-            "the time stamps hardly move",
+            "the time stamps hardly increase",
             where=table.source,
             value=f"{float(np.median(steps)):.3g} a row",
             limit=f"{_LEAST_TICK:g} at least, in any unit",
