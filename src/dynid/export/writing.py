@@ -19,7 +19,7 @@ from dynid.export import robot_xml
 from dynid.export.c_code import c_code, c_prefix
 from dynid.export.model import ExportModel, NearestFriction, completed_model, nearest_friction
 from dynid.export.python_code import python_code
-from dynid.export.robot_xml import ADVICE, left_out, stand_in_words
+from dynid.export.robot_xml import left_out, stand_in_words
 from dynid.export.verification import (
     States,
     Verification,
@@ -230,7 +230,7 @@ def simulator_obstacle(estimate: Estimate) -> str:
         model, completed = completed_model(estimate)
         robot_xml.mjcf_text(nearest_friction(estimate, completed, model).put_into(model))
     except DynidError as error:
-        return f"{error.what} (--estimator sdp)" if error.next_step == ADVICE else error.what
+        return f"{error.what}. {error.next_step or ''}".rstrip(". ")
     return ""
 
 
