@@ -31,6 +31,7 @@ from dynid.regressor.inertial import Places, every_row, turns
 from dynid.regressor.model import InverseDynamicModel
 from dynid.regressor.spatial import (
     LANES,
+    REPEATABLE,
     dot,
     force_cross,
     momentum,
@@ -44,7 +45,7 @@ from dynid.regressor.spatial import (
 )
 
 
-@njit(cache=True, fastmath=True, boundscheck=False, error_model="numpy")
+@njit(cache=True, fastmath=REPEATABLE, boundscheck=False, error_model="numpy")
 def regressor_pullback(
     geom: Array,
     screw: Array,
@@ -220,7 +221,7 @@ def regressor_pullback(
                 write(a_bar, x, to_parent(pose[i], x, a_adj))
 
 
-@njit(cache=True, fastmath=True, boundscheck=False, error_model="numpy")
+@njit(cache=True, fastmath=REPEATABLE, boundscheck=False, error_model="numpy")
 def torque_pullback(
     geom: Array,
     screw: Array,

@@ -8,10 +8,13 @@ from dynid.core import Array
 
 LANES = 16
 """Whole cache lines and several vector registers; 8 cost half as much again, 32 gain little."""
+REPEATABLE = {"nnan", "ninf", "nsz", "arcp", "contract", "afn"}
+"""Fast arithmetic that keeps the order of sums: with `reassoc`, code that Numba has just compiled
+and the same code from its cache round differently, and a design would depend on which it was."""
 Six = tuple[float, float, float, float, float, float]
 
 
-@njit(fastmath=True, error_model="numpy")
+@njit(fastmath=REPEATABLE, error_model="numpy")
 def motion_cross(a: Six, b: Six) -> Six:
     """`a x b` of two motions."""
     return (
@@ -24,7 +27,7 @@ def motion_cross(a: Six, b: Six) -> Six:
     )
 
 
-@njit(fastmath=True, error_model="numpy")
+@njit(fastmath=REPEATABLE, error_model="numpy")
 def force_cross(a: Six, f: Six) -> Six:
     """`a x* f` of a motion and a wrench, the negative transpose of a x."""
     return (
@@ -37,7 +40,7 @@ def force_cross(a: Six, f: Six) -> Six:
     )
 
 
-@njit(fastmath=True, error_model="numpy")
+@njit(fastmath=REPEATABLE, error_model="numpy")
 def momentum(link: Array, a: Six) -> Six:
     """I a, the inertia given by the ten parameters of a link."""
     m, mx, my, mz = link[0], link[1], link[2], link[3]
@@ -52,26 +55,26 @@ def momentum(link: Array, a: Six) -> Six:
     )
 
 
-@njit(fastmath=True, error_model="numpy")
+@njit(fastmath=REPEATABLE, error_model="numpy")
 def dot(a: Six, b: Six) -> float:
     """The power of a wrench and a motion."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 
 
-@njit(fastmath=True, error_model="numpy")
+@njit(fastmath=REPEATABLE, error_model="numpy")
 def read(block: Array, x: int) -> Six:
     """The vector of lane x of a (6, LANES) block."""
     return block[0, x], block[1, x], block[2, x], block[3, x], block[4, x], block[5, x]
 
 
-@njit(fastmath=True, error_model="numpy")
+@njit(fastmath=REPEATABLE, error_model="numpy")
 def write(block: Array, x: int, a: Six) -> None:
     """Store a vector in lane x of a (6, LANES) block."""
     block[0, x], block[1, x], block[2, x] = a[0], a[1], a[2]
     block[3, x], block[4, x], block[5, x] = a[3], a[4], a[5]
 
 
-@njit(fastmath=True, error_model="numpy")
+@njit(fastmath=REPEATABLE, error_model="numpy")
 def plus(a: Six, b: Six, factor: float) -> Six:
     """`a + factor b`."""
     return (
@@ -84,7 +87,7 @@ def plus(a: Six, b: Six, factor: float) -> Six:
     )
 
 
-@njit(fastmath=True, error_model="numpy")
+@njit(fastmath=REPEATABLE, error_model="numpy")
 def to_child(pose: Array, x: int, a: Six) -> Six:
     """A motion of the parent frame in the child frame; pose holds R row-major, then p."""
     p0, p1, p2 = pose[9, x], pose[10, x], pose[11, x]
@@ -101,7 +104,7 @@ def to_child(pose: Array, x: int, a: Six) -> Six:
     )
 
 
-@njit(fastmath=True, error_model="numpy")
+@njit(fastmath=REPEATABLE, error_model="numpy")
 def to_parent(pose: Array, x: int, f: Six) -> Six:
     """A wrench of the child frame in the parent frame, the transpose of `to_child`."""
     p0, p1, p2 = pose[9, x], pose[10, x], pose[11, x]
@@ -118,7 +121,7 @@ def to_parent(pose: Array, x: int, f: Six) -> Six:
     )
 
 
-@njit(fastmath=True, boundscheck=False, error_model="numpy")
+@njit(fastmath=REPEATABLE, boundscheck=False, error_model="numpy")
 def outward(
     geom: Array,
     screw: Array,
