@@ -208,6 +208,11 @@ def document(table: dict[str, dict[str, dict]]) -> str:
     ]
     if failed:
         lines += ["", "## What failed", "", *failed]
+    absent = {tool: sum(tool not in row for row in table.values()) for tool in tools}
+    told = "; ".join(f"{tool} on {count} cases" for tool, count in absent.items() if count)
+    if told:
+        again = "`make rivals` runs what is missing"
+        lines += ["", f"Not run (`-`), as the run was ended before: {told}. {again}."]
     return "\n".join(lines) + "\n\n" + (HERE / "notes.md").read_text()
 
 
