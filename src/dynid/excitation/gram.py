@@ -139,20 +139,6 @@ class GramKernel:
 
         return gram, pullback
 
-    def gram_adjoint(self, q: Array, dq: Array, ddq: Array, s: Array) -> Gradient:
-        """The derivatives of tr(S G) by q, dq and ddq, each (N, n).
-
-        Args:
-            q: (N, n) positions [rad or m].
-            dq: (N, n) velocities.
-            ddq: (N, n) accelerations.
-            s: (b, b) symmetric.
-
-        Raises:
-            InputError: Shapes that do not fit the robot or each other.
-        """
-        return self.gram_and_pullback(q, dq, ddq)[1](s)
-
     def _pull(self, s: Array) -> Gradient:
         if s.shape != (self.rank, self.rank):
             raise InputError("S does not fit", value=s.shape, limit=(self.rank, self.rank))

@@ -203,7 +203,6 @@ _INSIDE = 1e-9
 """Share of the prior by which a body is inside those that can exist."""
 _LEAST_MASS = 0.1
 """Share of the prior's mass that a link without possible bodies gets at least."""
-_COMPLETION_SEED = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -252,7 +251,7 @@ def complete(estimate: Estimate) -> Completion:
 def null_space(model: InverseDynamicModel) -> Array:
     """(p, k) directions of the standard parameters that no motion of this very robot shows."""
     rows = -(-4 * len(model.columns) // model.robot.joints)
-    w = model.observation_matrix(*random_states(model.robot, rows, _COMPLETION_SEED))
+    w = model.observation_matrix(*random_states(model.robot, rows, _SEED))
     norms = np.linalg.norm(w, axis=0)
     scale = np.where(norms > 0, norms, 1.0)
     _, singular, right = np.linalg.svd(upper_triangle(w / scale))

@@ -210,8 +210,6 @@ def read_hdf5(files: list[Path], options: ReadOptions, budget: Budget) -> RawTab
             value=text,
             next_step=f"{_AGAIN[0].upper()}{_AGAIN[1:]}",
         ) from error
-    if not variables:
-        raise RecordError("there are no arrays of numbers", where=path.name)
     return table_of(variables, options, where=path.name, format="hdf5")
 
 
@@ -334,8 +332,6 @@ def read_npz(files: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             value=text,
             next_step="Save it again with numpy.savez.",
         ) from error
-    if not variables:
-        raise RecordError("there are no arrays of numbers", where=path.name)
     return table_of(variables, options, where=path.name, format="npz")
 
 
@@ -347,8 +343,7 @@ def _parts(name: str, value: Any) -> list[tuple[str, Any]]:
     return [(field if name == "array" else f"{name}.{field}", value[field]) for field in fields]
 
 
-_JSONFILE_MAX_BYTES = 1 << 30
-_JSONFILE_MAX_DEPTH = 12
+_JSON_MAX_BYTES = 1 << 30
 
 
 def read_json(files: list[Path], options: ReadOptions, budget: Budget) -> RawTable:
@@ -364,15 +359,13 @@ def read_json(files: list[Path], options: ReadOptions, budget: Budget) -> RawTab
         RecordError: Damaged, too large, or without the arrays.
     """
     path = files[0]
-    data = all_bytes(path, _JSONFILE_MAX_BYTES)
+    data = all_bytes(path, _JSON_MAX_BYTES)
     try:
         content = _parse(data.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise RecordError("the JSON file is damaged", where=path.name, value=str(error)) from error
     variables: dict[str, Array] = {}
-    _jsonfile_collect(content, "", variables, 0)
-    if not variables:
-        raise RecordError("there are no arrays of numbers", where=path.name)
+    _collect_json(content, "", variables, 0)
     return table_of(variables, options, where=path.name, format="json")
 
 
@@ -386,12 +379,12 @@ def _parse(text: str) -> Any:
         return [parse_json(line) for line in lines]
 
 
-def _jsonfile_collect(item: Any, path: str, into: dict[str, Array], depth: int) -> None:
-    if depth > _JSONFILE_MAX_DEPTH:
+def _collect_json(item: Any, path: str, into: dict[str, Array], depth: int) -> None:
+    if depth > _MAX_DEPTH:
         return
     if isinstance(item, dict):
         for name, value in _by_columns(cast("dict[str, Any]", item)).items():
-            _jsonfile_collect(value, f"{path}.{name}" if path else str(name), into, depth + 1)
+            _collect_json(value, f"{path}.{name}" if path else str(name), into, depth + 1)
     elif isinstance(item, list):
         rows = cast("list[Any]", item)
         if rows and all(isinstance(row, dict) for row in rows):
@@ -400,7 +393,7 @@ def _jsonfile_collect(item: Any, path: str, into: dict[str, Array], depth: int) 
             for name in first:
                 if all(name in row for row in rows):
                     inner = f"{path}.{name}" if path else str(name)
-                    _jsonfile_collect([row[name] for row in rows], inner, into, depth + 1)
+                    _collect_json([row[name] for row in rows], inner, into, depth + 1)
             return
         try:
             array = numbers_of(np.array(rows))

@@ -33,12 +33,6 @@ _LONGEST_DEFINITION = 1 << 18
 _MOST_KEPT = 200
 """Longer arrays are images and the like: they are passed over."""
 _MAX_DEPTH = 16
-_BASIC = (
-    "std_msgs/msg/Header",
-    "builtin_interfaces/msg/Time",
-    "builtin_interfaces/msg/Duration",
-)
-"""Types that definitions use without giving them."""
 _INNER = re.compile(r"(.*)\.values\[(\d+)\]")
 _JOINT_LISTS = ("joint_names", "name", "names", "joint_name")
 

@@ -145,8 +145,10 @@ def table_of(
         format: The format, for the metadata.
 
     Raises:
-        RecordError: A variable that is not there, or shapes that do not fit together.
+        RecordError: No variable at all, one that is not there, or shapes that do not fit together.
     """
+    if not variables:
+        raise RecordError("there are no arrays of numbers", where=where)
     notes: list[str] = []
     joints = len(options.joints) or None
     if options.columns is None:

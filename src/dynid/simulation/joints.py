@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -332,16 +332,12 @@ def chosen_sensors(
     Raises:
         InputError: A negative standard deviation.
     """
-    one, zero = np.ones(joints), np.zeros(joints)
-    return JointSensors(
+    one = np.ones(joints)
+    return replace(
+        perfect_sensors(joints),
         position_noise=position * one,
-        position_step=zero,
         velocity_noise=velocity * one,
-        velocity_step=zero,
         current_noise=current * one,
-        current_step=zero,
-        temperature_noise=zero,
-        temperature_step=zero,
     )
 
 

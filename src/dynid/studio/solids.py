@@ -21,7 +21,6 @@ from dynid.robot import (
     RobotModel,
     box_points,
     find_trunk,
-    joint_poses,
     mesh_places,
     parse_root,
     parse_urdf,
@@ -196,11 +195,6 @@ def shape_mesh(shape: Shape) -> tuple[Array, Indices]:
         points = box_points(half) - np.array([0.0, 0.0, _THIN / 2])
         return Body(name=shape.name, link=0, points=points, radius=0.0).surface()
     return body_of(replace(shape, pose=np.eye(4))).surface()
-
-
-def link_poses(robot: RobotModel, q: Array) -> Array:
-    """(n + 1, 4, 4) frames of the links, the base first [m]."""
-    return np.concatenate([np.eye(4)[None], joint_poses(robot, q)])
 
 
 MAX_MESH = 40_000_000

@@ -144,6 +144,7 @@ _MOST = 50
 _LONGEST_SPAN = 3.0
 """Time may span this many times what the rows fill; longer gaps are shortened."""
 _GAP_STEPS = 100
+"""A pause of so many median steps stands for a longer one, and between two runs."""
 
 
 def mend_jumps(table: RawTable) -> RawTable:
@@ -230,9 +231,6 @@ def shorten_gaps(table: RawTable) -> RawTable:
     )
 
 
-_RUNS_GAP_STEPS = 100
-"""Pause that is put between two runs [median steps]: nobody mistakes it for motion."""
-_RUNS_FEWEST_ROWS = 50
 _MOST_RUNS = 100
 _COARSE = 0.1
 """Stamps are coarse where their smallest step is this share of the rows' true step."""
@@ -243,14 +241,14 @@ def join_runs(table: RawTable) -> RawTable:
 
     A run that is there twice, number by number, is left out.
     """
-    if table.t is None or table.samples < 2 * _RUNS_FEWEST_ROWS or table.clock != "recorded":
+    if table.t is None or table.samples < 2 * _FEWEST_ROWS or table.clock != "recorded":
         return table
     t = table.t
     steps = np.diff(t)
     nominal = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
     if nominal <= 0:
         return table
-    starts = np.array([0, *(np.flatnonzero(steps < -0.5 * _RUNS_FEWEST_ROWS * nominal) + 1)])
+    starts = np.array([0, *(np.flatnonzero(steps < -0.5 * _FEWEST_ROWS * nominal) + 1)])
     ends = np.array([*starts[1:], len(t)])
     if not 1 < len(starts) <= _MOST_RUNS or not _are_runs(t, starts, ends, nominal):
         return table
@@ -267,9 +265,9 @@ def join_runs(table: RawTable) -> RawTable:
                 kept[rows] = False
         if not kept[rows.start]:
             continue
-        joined[rows] = t[rows] - float(t[rows.start]) + last + _RUNS_GAP_STEPS * nominal
+        joined[rows] = t[rows] - float(t[rows.start]) + last + _GAP_STEPS * nominal
         last = float(joined[rows.stop - 1])
-        counted[rows.start :] += _RUNS_GAP_STEPS
+        counted[rows.start :] += _GAP_STEPS
     where = ", ".join(table.row(int(row)) for row in starts[1:6])
     table = replace(table, t=joined, index=counted).report(
         "clock_mismatch",
@@ -284,7 +282,7 @@ def join_runs(table: RawTable) -> RawTable:
 
 def _are_runs(t: Array, starts: Rows, ends: Rows, nominal: float) -> bool:
     """Whether each piece is long, its time runs on, and starts where the one before started."""
-    long = bool(((ends - starts) >= _RUNS_FEWEST_ROWS).all())
+    long = bool(((ends - starts) >= _FEWEST_ROWS).all())
     if not long:
         return False
     # A piece may end in a wrong stamp: its length is that of its rows.
