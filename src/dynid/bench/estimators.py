@@ -7,8 +7,6 @@ the time.
 Recordings of a simulated UR5 that obeys the paper's model exactly, with chosen noise.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace

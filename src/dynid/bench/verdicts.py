@@ -3,8 +3,6 @@
 A case is a clean recording, or one with a planted fault.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -7,8 +7,6 @@ Torque and power are looked at in 1 kHz samples with twice their curvature as an
 dense, not proven; `proven` says which kinds are.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Joint torques and mechanical power by what is known of the arm before identification."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Bounds of a motion between its samples, and the least value of a quantity over time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 

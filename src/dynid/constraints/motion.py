@@ -3,8 +3,6 @@
 The two sets of limits that commands offer: the paper's, and all that is safe.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

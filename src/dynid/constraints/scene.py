@@ -1,7 +1,5 @@
 """What stands around the robot, and what a motion is held to."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

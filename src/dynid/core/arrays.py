@@ -1,7 +1,5 @@
 """Read-only arrays with checked shapes, and triangular factors."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import Any
 

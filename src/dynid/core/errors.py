@@ -3,8 +3,6 @@
 Each error says what is wrong, where, with the value, the limit and the next step.
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 from collections.abc import Iterable

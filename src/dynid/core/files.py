@@ -1,7 +1,5 @@
 """Files written whole or not at all, and where a result comes from."""
 
-from __future__ import annotations
-
 import errno
 import hashlib
 import json

@@ -3,8 +3,6 @@
 Programs decide by kind, severity, joints and value. The sentence is for people only.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -4,8 +4,6 @@
 that dies costs time, not results: its tasks run again, here if nobody else is left.
 """
 
-from __future__ import annotations
-
 import ctypes
 import multiprocessing
 import os

@@ -1,7 +1,5 @@
 """Findings about the recordings of an identification, strongest first."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a recording shows at single places or signals: contacts, ripple, clipping, its clock."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

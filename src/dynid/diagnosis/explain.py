@@ -4,8 +4,6 @@ No column stands for whole signals that are reversed, exchanged, turned by right
 gravity: each of these is tried on a thinned recording, with a plain model.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations, product

@@ -5,8 +5,6 @@ A rival is judged by the likelihood of blocks that were left out, and by how far
 parameters from what is published.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 

@@ -5,8 +5,6 @@ motor inertia, and friction that builds up, falls with speed and grows with load
 not friction that was described too plainly, so an explanation has to bring more than that.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise

@@ -4,8 +4,6 @@ The error that is to be expected on another motion decides, beyond the noise tha
 predict; then the faults that were found, then how much the motion shows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """What every driver can do, and the watchdog that stops it."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping

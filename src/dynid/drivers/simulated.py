@@ -1,7 +1,5 @@
 """The simulated arm in this process: no sockets, faster than real time."""
 
-from __future__ import annotations
-
 import json
 from threading import Event
 

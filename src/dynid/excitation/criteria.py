@@ -9,8 +9,6 @@ Eigenvalues and inverses of Gram matrices that may be nearly singular.
 How large the base parameters of a robot are, before they are known.
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass

@@ -8,8 +8,6 @@ one has a kink and a gradient method stops there. Norms take its place: with p t
 smooth, bound the true ones, and meet them as p grows. p = 1 for the smallest is A-optimality.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ corners. Poses are far easier to find: many are tried, and where none is free th
 moved to where more room is. A random shape about a free pose is made smaller until it is free.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from dynid.constraints import MotionConstraints

@@ -7,8 +7,6 @@ little tighter than asked because they are seen at samples only.
 Quasi-Newton descent inside a polytope: the barrier's exact curvature, BFGS for the rest.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ panels that leave structural zeros out; the derivative of a function of G with d
 back through the regressor with the weights 2 Omega^-1 W_B S, in one pass whatever S is.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

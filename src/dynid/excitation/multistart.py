@@ -1,7 +1,5 @@
 """Many starts of the gradient method, here and beside this process."""
 
-from __future__ import annotations
-
 import threading
 import time
 from concurrent.futures import Future

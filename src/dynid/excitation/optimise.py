@@ -4,8 +4,6 @@ Of the candidates the certificate decides, and repairs are tried; the finished d
 what it is worth, and the proof that it is safe.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from contextlib import AbstractContextManager

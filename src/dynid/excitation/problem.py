@@ -1,7 +1,5 @@
 """What an excitation design is asked for, and what an optimiser found so far."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

@@ -5,8 +5,6 @@ joint j are Y_j is the root of tr(C M_j), M_j = mean Y_j' Y_j: no recording is n
 a design is worth.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Random starts: shapes whose velocities are white, scaled onto the limits.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ The first pass on a robot is the same path, slower; passes run in order, the las
 Ctrl-C while a robot moves: a wish to stop, not an exception at a random place.
 """
 
-from __future__ import annotations
-
 import math
 import signal
 import threading

@@ -3,8 +3,6 @@
 The way is straight where that is free, else searched in joint space.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass
 from itertools import pairwise

@@ -5,8 +5,6 @@ Numbers, tables and comments of the generated C header.
 Friction in the generated C header: of speed, of load, and ripple of gears.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from itertools import groupby

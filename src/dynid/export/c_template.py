@@ -6,8 +6,6 @@ the call of friction, which takes what the robot's friction depends on.
 Momentum and its observer in the generated C header; marks as in `c_template`.
 """
 
-from __future__ import annotations
-
 FRICTION = "<friction>"
 
 BODY = """

@@ -13,8 +13,6 @@ Torque ripple as a list of waves, which is what generated code adds up.
 Where each joint frame stands in the previous one, as a sum of three fixed matrices.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from textwrap import wrap

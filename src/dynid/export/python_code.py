@@ -8,8 +8,6 @@ The functions of the generated Python file, the same for every robot.
 Friction in the generated Python file: of speed, of load, and ripple of gears.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import astuple
 

@@ -3,8 +3,6 @@
 Bodies have a centre of mass; rotations stand in the forms that robot files use.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass

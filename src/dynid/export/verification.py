@@ -5,8 +5,6 @@ Torques of generated code, run in a process of its own.
 Torques of URDF and MJCF files, by the programs that load them.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 import os

@@ -3,8 +3,6 @@
 The identified model as a JSON object: every number with its name and unit.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Mapping

@@ -3,8 +3,6 @@
 Every mark has a role (`ROLES`), which is its colour on light and on dark ground.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files

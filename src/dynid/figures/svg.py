@@ -5,8 +5,6 @@ size. The curves are in an `svg` inside, in units of their own, which is stretch
 script zooms by changing the view box of the inner one. In a file everything stands in pixels.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ What is known of the links before any data: CAD values, completed where unpublis
 Which parameters cannot be negative, whatever the data say.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import ClassVar
 

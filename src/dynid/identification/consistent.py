@@ -1,7 +1,5 @@
 """Least squares over physically consistent parameters as a cone program."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -3,8 +3,6 @@
 Whether the identified gravity looks like that of the masses that are known.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from dynid.core import Array, Finding

@@ -1,7 +1,5 @@
 """Drive gains from the targets of the controller, or from a payload of known mass."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

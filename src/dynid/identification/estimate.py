@@ -1,7 +1,5 @@
 """The result of an identification, and its JSON file."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, overload

@@ -3,8 +3,6 @@
 The estimators by their words.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

@@ -6,8 +6,6 @@ elimination does not depend on weights, and recordings are pooled by sums of sma
 Memory grows with recordings by some 50 kB each, and a new recording costs its own pass alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

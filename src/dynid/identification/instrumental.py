@@ -1,7 +1,5 @@
 """Instrumental variables and output error: noise in the motion does not bias the estimate."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass, replace
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """Least squares: ordinary, weighted, robust, total and recursive."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from typing import ClassVar

@@ -7,8 +7,6 @@ in the arm's parameters of both, and leaves the payload alone.
 The body that can exist nearest to an estimate, in the measure of its covariance.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -5,8 +5,6 @@ Where each standard parameter comes from: the data, or the prior.
 Masses, centres and tensors of the links behind base parameters, and how much of each is data.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """The linear problem: observation matrix and torques, their factors and condition numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 

@@ -3,8 +3,6 @@
 Gears, told by the waves that they leave over the positions of their joints.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise, product

@@ -10,8 +10,6 @@ Weighted least squares over several records: unequal noise, and deviations to be
 Estimates of several records at once: one a record, with the shared inertias in each.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

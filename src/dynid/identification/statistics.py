@@ -1,7 +1,5 @@
 """Calibrated uncertainty: naive and autocorrelation-consistent covariances."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ is. The laws are fitted joint by joint, by generalised least squares, to the fri
 record with its covariance; b is the only parameter that is not linear.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -8,8 +8,6 @@ normal; the family of all series tested together is corrected by Holm's method. 
 the statistic as a step does.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

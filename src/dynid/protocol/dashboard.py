@@ -1,7 +1,5 @@
 """The dashboard server (TCP port 29999) and the modes that a UR controller reports."""
 
-from __future__ import annotations
-
 from enum import IntEnum, IntFlag
 
 PORT = 29999

@@ -1,7 +1,5 @@
 """Packets and messages of RTDE (TCP port 30004), protocols 1 and 2."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Typed tables and arrays of others: Parquet, Arrow, workbooks; HDF5 (MATLAB 7.3), NumPy, JSON."""
 
-from __future__ import annotations
-
 import importlib
 import json
 import warnings

@@ -5,8 +5,6 @@ hand: rosbags refuses every file that is cut off, and 40 of 40 cut copies of a r
 their messages here.
 """
 
-from __future__ import annotations
-
 import bz2
 import shutil
 import sqlite3

@@ -1,7 +1,5 @@
 """One cell of a text table: a number, a date, a missing value, or neither."""
 
-from __future__ import annotations
-
 import math
 import re
 from datetime import date

@@ -1,7 +1,5 @@
 """Which columns are the time, and the best of them that runs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Which columns hold what: by the header, by `--columns`, or by their numbers as a suggestion."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

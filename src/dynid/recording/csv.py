@@ -1,7 +1,5 @@
 """Text tables: UR `record.py` and ur_rtde logs, any CSV, several files of one run."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """How a text table is written: encoding, lines, lists in cells, delimiter, header."""
 
-from __future__ import annotations
-
 import codecs
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """What a file is: by its first bytes, then by its extension; and what is packed in it."""
 
-from __future__ import annotations
-
 import bz2
 import gzip
 import lzma

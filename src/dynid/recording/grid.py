@@ -1,7 +1,5 @@
 """Numbers of a text table: fast where the file is sound, cell by cell where it is not."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass, field

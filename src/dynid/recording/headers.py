@@ -1,7 +1,5 @@
 """Find the quantities in a header: columns that belong together, and which are meant."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 

@@ -5,8 +5,6 @@ caller gets one message. The process is started once (0.4 s of CPU) and reads on
 other; what it found comes back as JSON and raw numbers.
 """
 
-from __future__ import annotations
-
 import atexit
 import json
 import math

@@ -4,8 +4,6 @@ Written here because SciPy's reader crashes the interpreter on some damaged file
 mutations): every size is checked against the bytes there are.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 import zlib

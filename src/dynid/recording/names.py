@@ -1,7 +1,5 @@
 """The words that recorders use for signals, and names of columns taken apart."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """One entry for every recording: find out what a file is, read it, repair it."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """What was measured, as a value, and the description that travels with it."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterable, Mapping

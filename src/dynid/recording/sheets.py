@@ -1,7 +1,5 @@
 """Text files of one run: side by side row by row, or each with a clock of its own."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -6,8 +6,6 @@ length and a CRC-32 each, so that a crash costs the last only. `H` is the descri
 rows of little-endian doubles, `N` a notice (JSON).
 """
 
-from __future__ import annotations
-
 import fcntl
 import importlib
 import json

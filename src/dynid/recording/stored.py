@@ -3,8 +3,6 @@
 Objects, as `s3://bucket/run.parquet`, are reached through fsspec.
 """
 
-from __future__ import annotations
-
 import importlib
 import re
 import tempfile

@@ -1,7 +1,5 @@
 """Units that a header gives: known ones are converted, others are refused, never ignored."""
 
-from __future__ import annotations
-
 import math
 import re
 

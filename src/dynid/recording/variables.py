@@ -1,7 +1,5 @@
 """Recordings made of named arrays (`.mat`, `.npz`): choose them, and turn them upright."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Record while a robot moves: what was appended a second ago survives a crash or power cut."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

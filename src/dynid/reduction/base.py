@@ -5,8 +5,6 @@ from their observation matrix. Panels are the base columns that can differ from 
 a joint.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 import numpy as np

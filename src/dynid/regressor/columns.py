@@ -9,8 +9,6 @@ dataclass that extends `ColumnBlock`, one word in `terms.TERMS`, one case in
 Columns of motors that drive several joints.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """The appendix: everything else, folded, as tables and figures."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 

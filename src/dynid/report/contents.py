@@ -1,7 +1,5 @@
 """What a report is about: results that were computed before."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Figures of a result: torque, friction, links, rival models, parameters, residuals."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dynid.core import Array

@@ -3,8 +3,6 @@
 The page of a run, and that of a fleet: alarms, every joint's friction over time, its control.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from html import escape
 from importlib.metadata import version

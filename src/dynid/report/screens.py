@@ -3,8 +3,6 @@
 Purposes with their answers, errors by joint, rival models, and what to do next.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

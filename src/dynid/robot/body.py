@@ -5,8 +5,6 @@ whole; each part becomes the hull of a few points, inflated by a radius. A body 
 holds every triangle whose corners it holds.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from pathlib import Path

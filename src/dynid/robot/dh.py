@@ -1,7 +1,5 @@
 """Robots from Denavit-Hartenberg tables."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 

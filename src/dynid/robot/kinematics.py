@@ -1,7 +1,5 @@
 """Forward kinematics, the mounting of the base, and the nominal geometry of a calibrated arm."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Robots by built-in name, URDF file or robot file, and as JSON objects."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Robot files: TOML with kinematics, mounting, limits, drives and collision bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path

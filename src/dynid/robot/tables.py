@@ -1,7 +1,5 @@
 """Strict reading of TOML tables: known keys only, and errors that name the line."""
 
-from __future__ import annotations
-
 import difflib
 import math
 import re

@@ -5,8 +5,6 @@ frame's origin, not about the centre of mass. As a symmetric 4x4 pseudo-inertia 
 congruence, J_a = H J_b H' with H the frame b in frame a, which makes the change linear in the ten.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from collections.abc import Sequence

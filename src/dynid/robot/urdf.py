@@ -1,7 +1,5 @@
 """Robots from URDF files: which joints are the arm, and the chain that they form."""
 
-from __future__ import annotations
-
 import difflib
 import math
 import re

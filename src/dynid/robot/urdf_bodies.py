@@ -4,8 +4,6 @@ Boxes, cylinders, spheres and meshes (with the extra `collision`). What cannot b
 note, never an error: a verdict on collisions then says what it did not see.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import xml.etree.ElementTree as ET

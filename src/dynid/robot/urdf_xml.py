@@ -1,7 +1,5 @@
 """URDF text as checked values: a tree of links and joints, every number finite."""
 
-from __future__ import annotations
-
 import math
 import re
 import xml.etree.ElementTree as ET

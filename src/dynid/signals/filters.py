@@ -1,7 +1,5 @@
 """Zero-phase low-pass filters, derivatives, and the filter that a recorded torque has passed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ samples equal those that `process` gives of the whole recording to rounding. Per
 folded.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise

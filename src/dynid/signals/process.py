@@ -1,7 +1,5 @@
 """The pipeline from a recording to samples."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dynid.core import Array, Indices, InputError

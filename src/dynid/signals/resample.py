@@ -1,7 +1,5 @@
 """From recorded stamps to a uniform grid; periods, repetitions and standstill."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Samples ready for identification or validation, their settings, and their torque."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any

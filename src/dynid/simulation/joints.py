@@ -1,7 +1,5 @@
 """The simulated joints: friction and its warming up, servo, sensors and exact state."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, fields, replace
 

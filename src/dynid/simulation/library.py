@@ -1,7 +1,5 @@
 """Simulated arms: the UR5, any robot with known inertias, and their thermal states."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The simulated arm in motion: one control cycle, a whole run, half an hour of warming up."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, fields
 

@@ -8,8 +8,6 @@ test.
 A payload on the simulated arm.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 import numpy as np

@@ -4,8 +4,6 @@ Designs and runs live here and not in the page's process: a page that draws, or 
 time from a recording.
 """
 
-from __future__ import annotations
-
 import os
 import queue
 import signal

@@ -3,8 +3,6 @@
 Text from files and robots is made printable here; the page writes it as text, never as markup.
 """
 
-from __future__ import annotations
-
 import base64
 import math
 import tempfile

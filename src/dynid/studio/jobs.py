@@ -8,8 +8,6 @@ moving for a page that is gone.
 Watches the process of a long job: progress, questions, result, and how to stop it.
 """
 
-from __future__ import annotations
-
 import json
 import signal
 import subprocess

@@ -6,8 +6,6 @@ The page reads the same file that a crash would leave behind, so the recorder ne
 the page nor waits for it.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 from pathlib import Path

@@ -3,8 +3,6 @@
 What can be played: a designed motion, or what a recording saw.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field

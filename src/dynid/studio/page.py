@@ -1,7 +1,5 @@
 """What the page is told, and what it may ask for; HTTP is elsewhere."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import threading

@@ -1,7 +1,5 @@
 """A scene that is being edited: the shapes of a scene file, one by one."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Mapping
 from pathlib import Path

@@ -7,8 +7,6 @@ requests that another site's page sends are refused: its `Origin` is not ours, a
 was made to point here is not one of this machine's.
 """
 
-from __future__ import annotations
-
 import hmac
 import ipaddress
 import json

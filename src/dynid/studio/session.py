@@ -3,8 +3,6 @@
 Files that the page may write.
 """
 
-from __future__ import annotations
-
 import threading
 from dataclasses import dataclass
 from pathlib import Path

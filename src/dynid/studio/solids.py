@@ -3,8 +3,6 @@
 The meshes that a URDF gives its links to be looked at.
 """
 
-from __future__ import annotations
-
 import math
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass, replace

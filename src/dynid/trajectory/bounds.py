@@ -1,7 +1,5 @@
 """The bounds of a motion, and Fourier series scaled or drawn at random within them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Protocol

@@ -1,7 +1,5 @@
 """Clamped uniform B-splines, at rest at both ends as a family."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import ClassVar

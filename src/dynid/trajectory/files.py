@@ -1,7 +1,5 @@
 """Trajectories of every kind as JSON files, and as tables for other programs."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Finite Fourier series, the excitation trajectory of the paper, at rest at both ends."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import ClassVar

@@ -6,8 +6,6 @@ moves at constant velocity, and decelerates as long, all joints together: the pr
 that the path is the one that was certified.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

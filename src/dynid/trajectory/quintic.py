@@ -1,7 +1,5 @@
 """Fifth-order polynomials from rest to rest, alone or carrying a Fourier series."""
 
-from __future__ import annotations
-
 import math
 from abc import abstractmethod
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What every trajectory and every family of trajectories can do."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """A URScript program that evaluates a motion on the controller of the robot."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ friction, by a share of the model's gravity and by a share of its inertial torqu
 joint by joint.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import NormalDist

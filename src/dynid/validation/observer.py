@@ -1,7 +1,5 @@
 """External torques from the generalised momentum, without accelerations or force sensors."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

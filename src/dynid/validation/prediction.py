@@ -5,8 +5,6 @@ How far prediction and measurement lie apart: the METRICS of the design.
 Whether a record was made with another payload than the one that was identified from.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path

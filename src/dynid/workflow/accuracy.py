@@ -5,8 +5,6 @@ motion explains. It has a part that falls with time, which the covariance of the
 and the error of the model, which stays.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Numbers of a robot file that look like degrees or millimetres, in words.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from pathlib import Path

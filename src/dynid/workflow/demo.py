@@ -5,8 +5,6 @@ The demo's table: the paper's figures beside ours.
 The demo's designs and recordings: through the simulated controller, in virtual time.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Generator
 from contextlib import contextmanager

@@ -5,8 +5,6 @@
 The motion of a design in the formats of others: CSV, URScript, ROS.
 """
 
-from __future__ import annotations
-
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace

@@ -1,7 +1,5 @@
 """What `dynid design` can be told, and what a motion is held to, as a value that its file keeps."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """`dynid design`: from a robot and a purpose to a certified excitation trajectory in a file."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """`dynid fit`: the whole job on logs at hand, from recordings to models and a report."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`dynid fleet`: many recordings of many robots become estimates, trends and alarms."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The recordings of a fleet, their statistics cached by content, and what `dynid fleet` writes."""
 
-from __future__ import annotations
-
 import csv
 import importlib
 import io

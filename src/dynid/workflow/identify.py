@@ -1,7 +1,5 @@
 """`dynid identify`: from recordings to an estimate, validated."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

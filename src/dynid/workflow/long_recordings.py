@@ -1,7 +1,5 @@
 """Recordings of hours: choices on a part of them, one pass over everything, constant memory."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import time

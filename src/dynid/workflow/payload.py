@@ -5,8 +5,6 @@
 Drive gains from runs with and without a payload that was weighed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

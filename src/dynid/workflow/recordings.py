@@ -3,8 +3,6 @@
 `dynid import`: a foreign recording becomes ours.
 """
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Mapping, Sequence

@@ -5,8 +5,6 @@ A design as the report shows it: judged over time, with the search that found it
 An estimate as the report shows it: beside its record, and beside what confirms it.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace

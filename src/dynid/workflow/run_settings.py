@@ -5,8 +5,6 @@ The files of a run: the design it starts from, the mark of a stop, the truth of 
 Before a real robot moves: its checks, its way to the start, and a person who agrees.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from contextlib import suppress

@@ -3,8 +3,6 @@
 Recordings of the simulated arm, in the form of a real one.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import dataclass, replace

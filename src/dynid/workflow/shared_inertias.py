@@ -1,7 +1,5 @@
 """Several recordings of one robot at once: shared inertias, friction of each record's own."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

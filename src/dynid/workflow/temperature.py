@@ -7,8 +7,6 @@ Temperature laws as files: an estimate's file with one more object, `temperature
 Whatever reads estimates reads it, as the estimate in the middle of the records' temperatures.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -5,8 +5,6 @@ is predicted by a model of the others. The rounds end when the error that is fou
 enough, or when a run ten times as long would not make it so.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from threading import Event

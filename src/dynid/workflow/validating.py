@@ -7,8 +7,6 @@
 Can a result be trusted, and what for?
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

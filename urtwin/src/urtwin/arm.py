@@ -11,8 +11,6 @@ axes the tool moves on, in the direction of the force, as fast as force and limi
 program moves the arm at the same time, that motion is the whole of it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """The command line: `urtwin`, which is also `dynid controller`."""
 
-from __future__ import annotations
-
 import ipaddress
 import json
 import os

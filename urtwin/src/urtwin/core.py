@@ -1,7 +1,5 @@
 """What the parts of the controller share: registers, signals, messages, payload, watchdogs."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field

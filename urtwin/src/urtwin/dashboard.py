@@ -6,8 +6,6 @@ switches the robot on by lines on the script ports (src/primary/primary_client.c
 no dashboard server.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path, PurePosixPath

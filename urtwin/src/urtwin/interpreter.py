@@ -4,8 +4,6 @@ What is answered, and when, is chapter 13 of the script manual: a statement is a
 it has been compiled into the program; what cannot be is discarded, with the reason.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """One simulated UR controller: no sockets, no wall clock, one control cycle at a time."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The sockets that a program opens to other machines: by name, never waiting."""
 
-from __future__ import annotations
-
 import errno
 import ipaddress
 import selectors

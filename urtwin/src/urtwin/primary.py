@@ -9,8 +9,6 @@ software: 1044 bytes (3.0), 1060 (3.2), 1108 (3.5), 1116 (3.10 and 5.4), 1220 (3
 Measured values are as RTDE tells them.
 """
 
-from __future__ import annotations
-
 import math
 import re
 import struct

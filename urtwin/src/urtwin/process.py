@@ -4,8 +4,6 @@ ur_rtde's constructors hold Python's global lock, so the controller cannot live 
 its client.
 """
 
-from __future__ import annotations
-
 import itertools
 import json
 import os

@@ -1,7 +1,5 @@
 """The programs of the controller: one main program, secondary ones beside it."""
 
-from __future__ import annotations
-
 import re
 
 from dynid.protocol import RobotMode

@@ -1,7 +1,5 @@
 """The controller's side of RTDE: sessions, data packages, inputs that have not acted yet."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections import deque

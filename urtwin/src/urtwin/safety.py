@@ -1,7 +1,5 @@
 """The safety system: what it watches, and the state machine of a protective stop."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

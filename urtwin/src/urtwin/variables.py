@@ -4,8 +4,6 @@ Supply voltages, the tool's electronics, Euromap signals and the execution time 
 have no physics here: they are constants. Nothing touches the arm, so forces at the tool are zero.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 

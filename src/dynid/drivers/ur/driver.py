@@ -1,7 +1,5 @@
 """UR robots: the controller evaluates the motion, or follows streamed set points."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Sequence
 from contextlib import suppress

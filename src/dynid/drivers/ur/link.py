@@ -1,7 +1,5 @@
 """A connection to a UR controller: RTDE, programs and questions."""
 
-from __future__ import annotations
-
 import socket
 import threading
 import time

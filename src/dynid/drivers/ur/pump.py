@@ -1,7 +1,5 @@
 """Threads that read every package, watch it, and store it."""
 
-from __future__ import annotations
-
 import os
 import threading
 from collections import deque

@@ -1,7 +1,5 @@
 """What a fit is worth where it was not recorded: left-out errors, rival models, intervals."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The friction columns that model selection may give each joint."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

@@ -6,8 +6,6 @@ the joints between the first and the last, whose angles change no gravity torque
 Intervals are wide where the recording has not been.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import NormalDist

@@ -10,8 +10,6 @@ A delay and friction that builds up late look alike where a joint reverses, and 
 friction that is known stands beside the delays, at once and without a choice.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

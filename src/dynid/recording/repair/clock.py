@@ -1,7 +1,5 @@
 """Repair: the unit of time, clocks that jump or start anew, and what the clock is worth."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from decimal import Decimal
 

@@ -1,7 +1,5 @@
 """Repair: the columns become the robot's joints, in its order, on the joint's side, in radians."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

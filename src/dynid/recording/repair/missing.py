@@ -1,7 +1,5 @@
 """Repair: values that are missing, held, placeholders, or broken off at the ends."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Repair: positions that no motion can have reached, and velocities against the motion."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dynid.core import Array

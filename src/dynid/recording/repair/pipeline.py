@@ -3,8 +3,6 @@
 Inputs are checked before algebra: channels that say nothing, absurd scales, one run given twice.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

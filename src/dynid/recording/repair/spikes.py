@@ -1,7 +1,5 @@
 """Repair: single samples that no motion can have made."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dynid.core import Array

@@ -1,7 +1,5 @@
 """Repair: rows on stamps of their own, rows said twice, stamps that cannot be true."""
 
-from __future__ import annotations
-
 from bisect import bisect_left
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Built-ins for registers, signals, messages and watchdogs, and those that are not simulated."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Generator
 from typing import Any

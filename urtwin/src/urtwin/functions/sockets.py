@@ -5,8 +5,6 @@ text, or zero as the count. Other threads run while one waits, also when that on
 critical section: UR's drivers count on it (their servo thread goes on between two commands).
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Callable, Generator

@@ -1,7 +1,5 @@
 """Built-ins for the state and the model of the arm, force mode and freedrive."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Every built-in function of the simulated controller."""
 
-from __future__ import annotations
-
 from collections.abc import Generator
 from typing import Any
 

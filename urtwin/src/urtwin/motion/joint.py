@@ -1,7 +1,5 @@
 """Moves in joint space: generators that give one set point a control cycle."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Generator, Sequence
 

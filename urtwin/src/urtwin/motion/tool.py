@@ -1,7 +1,5 @@
 """Moves of the tool: straight lines, arcs and tool speeds, solved for the joints cycle by cycle."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

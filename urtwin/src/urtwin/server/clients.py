@@ -1,7 +1,5 @@
 """The clients of the controller: what each does with the bytes that it sends."""
 
-from __future__ import annotations
-
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A client's socket that never blocks, and how much of what was sent is unread."""
 
-from __future__ import annotations
-
 import socket
 import struct
 import time

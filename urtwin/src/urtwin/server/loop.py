@@ -1,7 +1,5 @@
 """The loop of the controller: sockets, compiling and broadcasts around the machine's cycles."""
 
-from __future__ import annotations
-
 import queue
 import select
 import socket

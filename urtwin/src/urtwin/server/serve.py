@@ -1,7 +1,5 @@
 """One simulated controller in this process, from its robot's name to the end of its loop."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time

@@ -1,7 +1,5 @@
 """Compiled code: composition of values, calls of the script's own functions, operator chains."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Concatenate

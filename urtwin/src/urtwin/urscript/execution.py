@@ -1,7 +1,5 @@
 """A running program: its threads, its memory and how much it may still do this cycle."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Generator

@@ -5,8 +5,6 @@ Elements, assignment and methods of lists, poses and structs.
 A list may grow to the longest that there is; capacities are not kept.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, cast

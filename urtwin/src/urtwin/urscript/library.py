@@ -4,8 +4,6 @@ The products of two matrices and of a matrix with a list are those of algebra; a
 element by element (script manual, "Matrix and Array Expressions").
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, cast
 

@@ -6,8 +6,6 @@ tree in 0.05 s. Universal Robots' client library waits 0.5 s for that program to
 control cycles go on. A grammar and its transformer would save about 180 lines.
 """
 
-from __future__ import annotations
-
 from urtwin.urscript import syntax
 from urtwin.urscript.values import ScriptError
 

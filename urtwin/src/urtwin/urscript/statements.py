@@ -1,7 +1,5 @@
 """From the syntax tree of statements to code."""
 
-from __future__ import annotations
-
 from itertools import accumulate
 from typing import Any
 

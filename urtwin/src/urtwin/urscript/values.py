@@ -4,8 +4,6 @@ Values are numbers, truth values, strings, lists and poses (lists of six numbers
 32 bits and wrap around; `/` always gives a float.
 """
 
-from __future__ import annotations
-
 import inspect
 import math
 from collections.abc import Callable, Iterable, Sequence
