@@ -1,5 +1,7 @@
 """The listening ports, who is accepted when they are full, and which client a port serves."""
 
+from __future__ import annotations
+
 import socket
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
