@@ -117,6 +117,8 @@ def steps() -> list[Step]:
         if path.stem != "own_urdf"
     ]
     found.append(Step("site and notebooks", (python, "benchmarks/proof/build_site.py")))
+    found.append(Step("wheels with each extra", (python, "benchmarks/proof/wheels.py")))
+    found.append(Step("demo, seeds 1 to 20", (python, "benchmarks/proof/demo_seeds.py")))
     found.append(Step("mutants, 3 a package", (python, "benchmarks/proof/mutants.py", "-n", "3")))
     return found
 

@@ -50,13 +50,14 @@ def test_payload(files: tuple[Path, Path]) -> None:
     assert data["mass"] == pytest.approx(2.0, rel=0.02)
     np.testing.assert_allclose(data["centre"], [0.01, 0.0, 0.05], atol=0.005)
     text = call("payload", *files)
-    assert "mass" in text
+    assert "Payload: " in text
     assert max(map(len, text.splitlines())) <= 80
     # The other way round, it is a payload taken away: no body has a negative mass.
     back = json.loads(call("payload", files[1], files[0], "--json"))
     assert [notice["code"] for notice in back["warnings"]] == ["not_physical"]
     assert "swapped" in back["warnings"][0]["message"]
     assert back["mass"] >= 0
+    assert "No payload" in call("payload", files[1], files[0])
 
 
 def test_robots_are_not_mixed(files: tuple[Path, Path]) -> None:

@@ -203,18 +203,23 @@ def payload_command(
         print_json(data)
         return
     screen = console()
-    rows = [("mass", "kg", number(found.mass), number(found.mass_std))]
-    rows += [
-        (f"centre {axis}", "m", number(float(place)), number(float(std)))
+    half = float(data["mass_interval"][1]) - found.mass
+    width = half / found.mass_std
+    print_notices(screen, "Findings", data["findings"])
+    if found.mass < half:
+        screen.print(f"No payload: below {half:.2g} kg (95 %)", style="bold")
+        return
+    screen.print(f"Payload: {found.mass:.4g} kg ± {half:.2g} kg (95 %)", style="bold")
+    rows = [
+        (f"centre {axis}", "m", number(float(place)), number(width * float(std)))
         for axis, place, std in zip("xyz", found.centre, found.centre_std, strict=True)
     ]
     rows += [
-        (row["name"], row["unit"], number(row["value"]), number(row["std"]))
+        (row["name"], row["unit"], number(row["value"]), number(width * row["std"]))
         for row in data["parameters"][4:]
     ]
-    columns = ("quantity", "unit", "value", "std")
-    print_table(screen, "Payload, in the flange frame", columns, rows, words=(0, 1))
-    print_notices(screen, "Warnings", data["findings"])
+    columns = ("quantity", "unit", "value", "± (95 %)")
+    print_table(screen, "In the flange frame, tensor about its origin", columns, rows, words=(0, 1))
 
 
 @command("dynid compare cold.json warm.json", "dynid compare a.json b.json --json")

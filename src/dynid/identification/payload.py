@@ -193,7 +193,9 @@ def payload_of(problem: SharedProblem, fit: SharedFit) -> Payload:
     free = turn @ fit.solution.shared[-PAYLOAD:]
     covariance = turn @ fit.covariance[-PAYLOAD:, -PAYLOAD:] @ turn.T
     covariance = (covariance + covariance.T) / 2
-    body = nearest_body(free, covariance)
+    # Beyond doubt below zero: the nearest body is none, and a search for it need not converge.
+    taken_off = free[0] < -NORMAL_95 * float(np.sqrt(covariance[0, 0]))
+    body = np.zeros(PAYLOAD) if taken_off else nearest_body(free, covariance)
     return Payload(
         parameters=body,
         free=free,
@@ -221,6 +223,7 @@ def _findings(free: Array, body: Array, covariance: Array) -> tuple[Finding, ...
                 "not_physical",
                 f"the loaded runs carry {-free[0]:.3g} kg less than the unloaded ones: "
                 "they may have been swapped",
+                next_step="give the recording without the payload first",
             )
         )
         return tuple(notices)

@@ -287,7 +287,7 @@ def _standard(item: ReportedEstimate) -> Iterator[Chapter]:
     words = (
         "Of physically consistent bodies."
         if known
-        else "Published values, corrected by what the base parameters say about them."
+        else "Published values, corrected by the base parameters."
     )
     yield Chapter(
         title=f"Standard parameters ({len(rows)})",
@@ -318,7 +318,7 @@ def _others(contents: ReportContents) -> Chapter:
     columns = ("estimate", "prediction", "error, moving [%]", "parameters", "estimator", "file")
     return Chapter(
         title=f"All estimates ({len(rows)})",
-        words="The page is about the first one.",
+        words="This page shows the first one.",
         tables=(Table(columns=columns, rows=tuple(rows)),),
     )
 
@@ -346,7 +346,7 @@ def _made(contents: ReportContents) -> Iterator[Chapter]:
         ]
         tables.append(Table(columns=("", ""), rows=tuple(rows)))
     yield Chapter(
-        title="How it was made",
+        title="Provenance",
         words="Files, versions, settings and seeds that give the same numbers again.",
         tables=tuple(tables),
     )

@@ -59,7 +59,7 @@ def headline(item: ReportedEstimate) -> str:
     """The first sentence of the page."""
     shown = item.shown
     if item.verdict is None or shown is None:
-        return "Identified, but its recording is not at hand"
+        return "Identified; its recording is missing"
     if item.level == "do_not_use":
         return "This result must not be used"
     if item.validation is not None:
@@ -229,8 +229,8 @@ def _steps(contents: ReportContents, item: ReportedEstimate) -> Iterator[Step]:
     robot = item.estimate.model.robot.name
     if item.shown is None:
         yield Step(
-            do="Put its recording beside it.",
-            why="Without it nothing can be predicted or judged.",
+            do="Add its recording to the folder.",
+            why="Without it there is neither a prediction nor a verdict.",
             command=f"dynid report {contents.directory}",
         )
     told: set[str] = set()

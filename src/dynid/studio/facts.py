@@ -292,7 +292,7 @@ CONFIDENCE = 1.96
 
 
 def judged_estimates(folder: Path, output: Path | None) -> list[dict[str, Any]]:
-    """Judge the estimates of a folder, the newest first.
+    """Evaluate the estimates of a folder, the newest first.
 
     Args:
         folder: Where estimates and recordings are.

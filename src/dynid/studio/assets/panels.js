@@ -102,8 +102,8 @@ function marginList(app) {
     h("p", { class: "hint", text: shown ? "Share of the limit used. Bar: most in the motion; tick: now." : "Share of the limit used now." }),
     shown ? h("p", { class: `verdict ${shown.level}`, text: shown.words }) : null,
     ...(shown ? (shown.unjudged || []).map((text) => h("p", { class: "hint warn", text: `Unjudged: ${text}` })) : []),
-    rows.length ? h("div", { class: "margins" }, ...sorted(rows).map(margin)) : h("p", { class: "hint", text: "No limit is judged." }),
-    shown && shown.notes.length ? h("details", {}, h("summary", { text: "What was assumed" }), ...shown.notes.map((text) => h("p", { class: "hint", text }))) : null));
+    rows.length ? h("div", { class: "margins" }, ...sorted(rows).map(margin)) : h("p", { class: "hint", text: "No limit is checked." }),
+    shown && shown.notes.length ? h("details", {}, h("summary", { text: "Assumptions" }), ...shown.notes.map((text) => h("p", { class: "hint", text }))) : null));
   for (const one of app.margins) {
     const tick = node.querySelector(`[data-kind="${one.kind}"] u`);
     if (tick) {
@@ -171,7 +171,7 @@ function sceneEditor(app) {
   const box = region("scene-open", 0, () => h("details", { id: "scene" }, h("summary"), h("div")));
   set(box.children[0], shapes.length ? `Scene (${shapes.length} shape${shapes.length === 1 ? "" : "s"})` : "Scene");
   const inner = region("scene", [shapes.map((s) => [s.number, s.label]), app.chosen, app.state.scene.error, app.state.scene.file], () => h("div", {},
-    shapes.length ? null : h("p", { class: "hint", text: "Nothing stands around the arm but its floor. Add what does." }),
+    shapes.length ? null : h("p", { class: "hint", text: "The scene has only the floor. Add the surroundings of the arm." }),
     ...shapes.map((one) => h("button", { id: `shape-${one.number}`, class: "shape", text: one.label, "aria-pressed": String(one.number === app.chosen), onclick: () => select(one.number) })),
     h("div", { class: "pair" }, h("select", { id: "f-kind", "aria-label": "New shape", onchange: (e) => (typed.kind = e.target.value) },
       ...app.state.scene.kinds.map((kind) => h("option", { value: kind, text: kind, selected: kind === typed.kind }))),
@@ -213,7 +213,7 @@ function shapeFields(app, shape) {
 }
 
 function poseEditor(app) {
-  const box = region("pose", [app.robot.joints, app.state.opened], () => h("details", { id: "pose" }, h("summary", { text: "Pose by hand" }),
+  const box = region("pose", [app.robot.joints, app.state.opened], () => h("details", { id: "pose" }, h("summary", { text: "Manual pose" }),
     ...app.robot.joints.map((name, k) => {
       const input = h("input", { type: "range", min: app.robot.lower[k], max: app.robot.upper[k], step: 0.01, value: 0 });
       input.addEventListener("input", () => app.showPose([...box.querySelectorAll("input")].map((one) => one.valueAsNumber)));
@@ -240,7 +240,7 @@ const design = {
       h("h3", { text: "A motion that excites the arm" }),
       pick("Criterion", "criterion", app.state.criteria.map((name) => [name, name])),
       field("Period [s]", "period_s", { type: "number", min: 1, max: 600, step: 0.5 }),
-      field("Time to search [s]", "budget_s", { type: "number", min: 1, max: 3600, step: 1 }),
+      field("Search time [s]", "budget_s", { type: "number", min: 1, max: 3600, step: 1 }),
       h("details", {}, h("summary", { text: "More" }),
         field("Harmonics", "harmonics", { type: "number", min: 2, max: 20, step: 1 }),
         field("Seed", "seed", { type: "number", min: 0, step: 1 }), fileField(app, "design"))));
@@ -317,7 +317,7 @@ const use = {
         const item = results.find((one) => one.name === name);
         if (item.record) app.choose(item.record);
         app.render();
-      }) : h("p", { class: "hint", text: estimates.length ? "The estimates of this folder are not judged yet." : "There is no model yet: identify a recording first." }),
+      }) : h("p", { class: "hint", text: estimates.length ? "The estimates of this folder are not evaluated yet." : "There is no model yet: identify a recording first." }),
       ...(shown ? verdict(shown) : []),
       shown ? pick("Format", "to", [["urdf", "URDF"], ["mjcf", "MuJoCo MJCF"], ["c", "C"], ["python", "Python"], ["json", "JSON"]]) : null,
       shown ? h("button", { class: "quiet wide", text: "Write report.html", onclick: async () => {
@@ -328,7 +328,7 @@ const use = {
     fill(app, list, marginList(app), notes(app));
     jobView(app, []);
     this.ready = Boolean(shown);
-    primary(this.ready ? "Export the model" : "Judge the estimates", (this.ready || estimates.length > 0) && !busy(app));
+    primary(this.ready ? "Export the model" : "Evaluate the estimates", (this.ready || estimates.length > 0) && !busy(app));
   },
   async act(app) {
     if (!this.ready) {

@@ -260,12 +260,12 @@ function headline(at) {
   let text = app.motion ? state.motion : state.robot, more = `${at.toFixed(1)} of ${duration().toFixed(1)} s`;
   if (!app.motion) more = "no motion yet";
   else if (app.path) more += ` · tool at ${app.toolSpeed ? app.toolSpeed.toFixed(2) : "0.00"} m/s`;
-  if (app.pose) [text, more] = ["A pose by hand", "the motion is kept"];
+  if (app.pose) [text, more] = ["Manual pose", "the motion is kept"];
   if (job && !job.ended) {
     if (job.kind === "run") {
       text = app.live && app.live.t.length
         ? `Period ${Math.min(Math.floor(at / app.motion.duration) + 1, job.repeat)} of ${job.repeat}`
-        : job.ask ? "Waiting for your word" : job.what;
+        : job.ask ? "Waiting for confirmation" : job.what;
     } else [text, more] = [{ design: "Searching", identify: "Identifying", import: "Reading the log" }[job.kind], job.what];
     if (job.stopping) text = "Stopping";
   }

@@ -200,7 +200,7 @@ export class View {
     this.over = over;
     const slow = inSoftware();
     const gl = canvas.getContext("webgl2", { antialias: !slow, premultipliedAlpha: true, alpha: true });
-    if (!gl) throw new Error("this browser draws no WebGL 2");
+    if (!gl) throw new Error("this browser has no WebGL 2");
     this.gl = gl;
     this.shaded = new Program(gl, SHADED);
     this.floor = new Program(gl, FLOOR);

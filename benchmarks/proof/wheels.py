@@ -1,0 +1,172 @@
+"""Wheel and sdist of dynid and urtwin, installed in empty environments, with each extra.
+
+    python benchmarks/proof/wheels.py [--pythons 3.11 3.12 3.13] [--only bare sdist sim ur ...]
+
+Interpreters are those of the PATH and of pyenv. Each environment starts as a copy of the bare
+installation, so that a row holds what the extra adds. After each installation `dynid --version`,
+the analysis of a robot and the import of the extra's packages have to work; the bare one also reads
+the example log. Packages come from the index or pip's cache, as wheels only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import tomllib
+import venv
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+MODULES = {
+    "sim": "mujoco",
+    "ur": "rtde_control",
+    "collision": "coal",
+    "sdp": "clarabel",
+    "ros": "rosbags, mcap, lz4",
+    "excel": "python_calamine",
+    "hdf5": "h5py",
+    "dask": "distributed",
+    "objects": "fsspec",
+    "figures": "resvg_py",
+    "studio": "dynid.studio",
+    "all": "mujoco, coal, clarabel, rosbags, h5py, distributed",
+}
+"""What has to be importable with an extra."""
+
+
+def interpreter(version: str) -> str | None:
+    """A Python of this version, or None."""
+    pyenv = sorted(Path.home().glob(f".pyenv/versions/{version}.*/bin/python"))
+    for path in (*map(str, pyenv), shutil.which(f"python{version}")):
+        if path is None:
+            continue
+        done = subprocess.run([path, "--version"], capture_output=True, text=True)
+        if done.stdout.startswith(f"Python {version}."):
+            return path
+    return None
+
+
+def pip(python: Path, *words: str) -> None:
+    """Install quietly, wheels only."""
+    run = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    subprocess.run([*run, "--only-binary", ":all:", *words], check=True)
+
+
+def environment(python: str, folder: Path) -> Path:
+    """The interpreter of a new, empty environment."""
+    subprocess.run([python, "-m", "venv", str(folder)], check=True)
+    return folder / "bin" / "python"
+
+
+def build(folder: Path) -> Path:
+    """Wheels and sdists of both distributions; the folder that holds them."""
+    target = folder / "dist"
+    venv.create(folder / "build", with_pip=True)
+    python = folder / "build" / "bin" / "python"
+    pip(python, "hatchling>=1.25")
+    for source in (ROOT, ROOT / "urtwin"):
+        run = [str(python), "-m", "hatchling", "build", "-d", str(target)]
+        subprocess.run(run, check=True, cwd=source, stdout=subprocess.DEVNULL)
+    return target
+
+
+def check(python: Path, modules: str) -> None:
+    """The commands that have to work, outside the repository."""
+    here = python.parents[1]
+    code = f"import dynid, {modules}" if modules else "import dynid"
+    for words in (
+        ["-c", code],
+        ["-m", "dynid", "--version"],
+        ["-m", "dynid", "analyze", "ur5", "--json"],
+    ):
+        subprocess.run([str(python), *words], check=True, cwd=here, stdout=subprocess.DEVNULL)
+
+
+def install(case: str, python: Path, dist: Path) -> None:
+    """One installation, and its check."""
+    (wheel,) = dist.glob("dynid-*.whl")
+    (twin,) = dist.glob("urtwin-*.whl")
+    (source,) = dist.glob("dynid-*.tar.gz")
+    match case:
+        case "bare":
+            pip(python, str(wheel))
+            log = ROOT / "examples" / "data" / "ur5_no6.csv.gz"
+            run = [str(python), "-m", "dynid", "import", str(log), "--robot", "ur5", "-o"]
+            target = python.parents[1] / "log.parquet"
+            subprocess.run([*run, str(target)], check=True, stdout=subprocess.DEVNULL)
+            check(python, "")
+        case "sdist":
+            pip(python, "--no-deps", "--force-reinstall", "--no-binary", "dynid", str(source))
+            check(python, "")
+        case "urtwin":
+            pip(python, f"{wheel}[sim]", str(twin))
+            check(python, "urtwin")
+        case _:
+            pip(python, f"{wheel}[{case}]")
+            missing = case == "ur" and python.resolve().name.endswith("3.13")
+            check(python, "" if missing else MODULES[case])
+
+
+def megabytes(folder: Path) -> float:
+    """Size of the installed packages, without pip [MB]."""
+    (site,) = folder.glob("lib/python*/site-packages")
+    files = (path for path in site.rglob("*") if path.is_file())
+    return 1e-6 * sum(
+        path.stat().st_size for path in files if path.relative_to(site).parts[0] != "pip"
+    )
+
+
+def main() -> int:
+    """Build, install, print a row each."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    known = ["bare", "sdist", *extras["optional-dependencies"], "urtwin"]
+    known.remove("dev")
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
+    parser.add_argument("--pythons", nargs="+", default=["3.11", "3.12", "3.13"])
+    parser.add_argument("--only", nargs="+", choices=known, default=known)
+    asked = parser.parse_args()
+    failed = 0
+    print("| Python | installed | MB | s | result |\n|---|---|---:|---:|---|", flush=True)
+    with tempfile.TemporaryDirectory() as place:
+        dist = build(Path(place))
+        for version in asked.pythons:
+            own = interpreter(version)
+            if own is None:
+                print(f"| {version} | - | | | no such interpreter here |", flush=True)
+                continue
+            bare = Path(place) / version
+            environment(own, bare)
+            for case in ["bare", *(name for name in asked.only if name != "bare")]:
+                folder = bare if case == "bare" else Path(place) / f"{version}-{case}"
+                if case != "bare":
+                    shutil.copytree(bare, folder, symlinks=True, copy_function=_link)
+                started, result = time.perf_counter(), "passed"
+                try:
+                    install(case, folder / "bin" / "python", dist)
+                except subprocess.CalledProcessError as error:
+                    failed += 1
+                    result = f"failed: {' '.join(map(str, error.cmd))[-80:]}"
+                wall = time.perf_counter() - started
+                print(
+                    f"| {version} | {case} | {megabytes(folder):.0f} | {wall:.0f} | {result} |",
+                    flush=True,
+                )
+                if case != "bare":
+                    shutil.rmtree(folder)
+            shutil.rmtree(bare)
+    print(f"{failed} installations failed")
+    return int(failed > 0)
+
+
+def _link(source: str, target: str) -> str:
+    """A hard link in place of a copy: pip replaces files, it does not edit them."""
+    Path(target).hardlink_to(source)
+    return target
+
+
+if __name__ == "__main__":
+    sys.exit(main())
