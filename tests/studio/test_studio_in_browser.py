@@ -212,7 +212,7 @@ def test_a_visitor_edits_an_empty_scene(
     visit = Visit(browser, url)
     visit.step("Design")
     visit.page.locator("#scene summary").click()
-    visit.page.get_by_text("Nothing stands around the arm").wait_for()
+    visit.page.get_by_text("The scene has only the floor").wait_for()
     visit.page.get_by_role("button", name="Add", exact=True).click()
     visit.page.get_by_label("x [m]", exact=True).wait_for()
     visit.page.get_by_label("x [m]", exact=True).fill("0.9")

@@ -75,7 +75,7 @@ class ReportedEstimate:
     def headline(self) -> str:
         """The verdict in one sentence."""
         if self.verdict is None:
-            return "Use this result with care: its recording is not at hand."
+            return "Use this result with care: its recording is missing."
         return self.verdict.headline
 
 
