@@ -34,6 +34,11 @@ NAV = {
 }
 
 
+CSS = """.md-typeset td code { word-break: normal; white-space: nowrap; }
+.md-typeset td:not(:first-child) code { white-space: normal; }
+"""
+
+
 def environment(folder: Path) -> Path:
     """The interpreter that has the tools; it also sees this one's packages."""
     python = folder / "bin" / "python"
@@ -58,11 +63,23 @@ def pages(source: Path) -> None:
     names = [name for name in dynid.__all__ if not name.startswith("_")]
     body = "\n\n".join(f"::: {dynid._MODULE_OF[name]}.{name}" for name in names)
     (source / "reference" / "api.md").write_text(f"# Python\n\n{body}\n", encoding="utf-8")
+    titles = {
+        path.name: path.read_text(encoding="utf-8").partition("\n")[0].removeprefix("# ")
+        for path in source.glob("*.md")
+    }
     for path in source.rglob("*.md"):
         # What stands outside docs is shown by its name.
         text = path.read_text(encoding="utf-8")
         outside = re.compile(r"\[([^\]]+)\]\((?:\.\./)?(?:examples|urtwin|benchmarks)/?[^)]*\)")
-        path.write_text(outside.sub(r"\1", text), encoding="utf-8")
+        text = outside.sub(r"\1", text)
+        # A page is called by its title, not by its file.
+        text = re.sub(
+            r"\[(?:docs/)?([\w-]+\.md)\]\(\1",
+            lambda found: f"[{titles.get(found[1], found[1])}]({found[1]}",
+            text,
+        )
+        path.write_text(text, encoding="utf-8")
+    (source / "site.css").write_text(CSS, encoding="utf-8")
 
 
 def examples() -> str:
@@ -112,6 +129,7 @@ def configuration(source: Path, target: Path, executed: list[str]) -> str:
         "  palette:\n"
         "    - {media: '(prefers-color-scheme: light)', scheme: default}\n"
         "    - {media: '(prefers-color-scheme: dark)', scheme: slate}\n"
+        "extra_css: [site.css]\n"
         "plugins:\n  - search\n  - mkdocstrings:\n      handlers:\n        python:\n"
         f"          paths: [{ROOT / 'src'}]\n"
         "          options: {docstring_style: google, show_source: false, heading_level: 2,\n"

@@ -74,6 +74,7 @@ class Finding:
     std: float | None = None
     """Standard deviation of the size."""
     unit: str = ""
+    """Unit of value and deviation."""
     next_step: str = ""
     """What to do about it."""
 

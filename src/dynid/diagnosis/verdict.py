@@ -62,7 +62,7 @@ class Answer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """What a person has to know first."""
+    """Whether a result can be used, by purpose."""
 
     prediction: Answer
     """Of torques on other motions."""

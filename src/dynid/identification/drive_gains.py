@@ -29,7 +29,7 @@ rounding. Whether more is enough, the residuals say."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveGains:
-    """Drive gains with their uncertainty; NaN where the motion does not show them.
+    """Drive gains with their uncertainty; NaN where they are not identifiable.
 
     Raises:
         InputError: Shapes that disagree.
@@ -46,7 +46,9 @@ class DriveGains:
     r2: Array
     """(n) share of the current's variation that is explained."""
     samples: int
+    """Rows a joint."""
     warnings: tuple[Finding, ...] = ()
+    """Joints whose gain is not identified, and why."""
 
     def __post_init__(self) -> None:
         n = np.size(self.gain)

@@ -105,6 +105,7 @@ class Estimate:
     """
 
     model: InverseDynamicModel
+    """The model whose columns were fitted."""
     independent: tuple[int, ...]
     """(r) base columns of the model."""
     expressions: tuple[str, ...]
@@ -126,16 +127,21 @@ class Estimate:
     samples: int
     """N, samples that entered the fit."""
     estimator: str
+    """Its word, such as `wls`."""
     preset: str
+    """`paper` or `best`."""
     settings: ProcessingSettings
     """How the record was processed; validation uses the same."""
     essential: tuple[int, ...]
-    """Base parameters that the data really speak about."""
+    """Number of base parameters that the data determine."""
     motion: MotionRange
+    """Range of the recorded motion."""
     choices: tuple[str, ...] = ()
     """What `--preset best` chose, in words."""
     warnings: tuple[Finding, ...] = ()
+    """Findings of the identification."""
     provenance: Provenance
+    """Inputs with their hashes, versions, time."""
     residual_autocorrelation: Array = field(default_factory=lambda: np.zeros(0))
     """(n) autocorrelation of the residuals at one sample."""
     standard: StandardParameters | None = None
@@ -238,7 +244,7 @@ class Estimate:
         *,
         level: float = 0.9,
     ) -> Array:
-        """Half widths (N, n) of the intervals that hold measured torques [N.m or N].
+        """Half widths (N, n) of the intervals of measured torques [N.m or N].
 
         Arguments as of `predict`.
 

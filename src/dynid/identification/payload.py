@@ -102,6 +102,7 @@ class Payload:
     samples: int
     """Rows a joint, all records."""
     warnings: tuple[Finding, ...] = ()
+    """Findings: a payload that is not significant, or not physical."""
 
     def __post_init__(self) -> None:
         for name, shape in (

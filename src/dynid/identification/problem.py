@@ -28,7 +28,9 @@ class IdentificationProblem:
     """
 
     base: BaseParametrization
+    """The base parametrization of the model."""
     samples: Samples
+    """Processed motion and torques."""
     state: Array | None = field(init=False)
     """(n, N) state of presliding friction along the samples, where the model has it."""
 

@@ -194,7 +194,7 @@ def serve_requests() -> None:
 
 
 def read_record(path: str | Path) -> ExperimentRecord:
-    """Read a recording of ours, or what is left of one whose writer was killed.
+    """Read a dynid recording, or the rows of one whose writer was killed.
 
     Args:
         path: The Parquet file; its `.partial` file is read where the Parquet was never

@@ -67,6 +67,7 @@ class ExperimentRecord:
     signals: Mapping[str, Array]
     """Quantity (one of `JOINT_QUANTITIES`) to (N, n) samples, SI units."""
     metadata: RecordMetadata = field(default_factory=RecordMetadata)
+    """Robot, origin, format and units."""
     problems: tuple[Finding, ...] = ()
     """What was found and repaired in reading."""
     channels: Mapping[str, Array] = field(default_factory=dict[str, Array])

@@ -111,7 +111,7 @@ class RecordWriter:
 
     @property
     def saved_samples(self) -> int:
-        """Rows that the file holds: fewer than were appended where the disk refused some."""
+        """Rows in the file: fewer than were appended where the disk refused some."""
         return self._saved
 
     def append(

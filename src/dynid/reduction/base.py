@@ -149,7 +149,7 @@ MATERIAL_SHIFT = 1e-4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BaseParametrization:
-    """Which r of the p standard parameters stand for all: p_B = p_1 + K p_2."""
+    """The r base parameters of p standard ones: p_B = p_1 + K p_2."""
 
     model: InverseDynamicModel
     """The model as mounted and calibrated; columns are evaluated with it."""
@@ -160,12 +160,17 @@ class BaseParametrization:
     regrouping: Array
     """K (r, p - r), W2 = W1 K."""
     classes: Rank
+    """Rank, and which parameters are identifiable."""
     singular_values: Array
     """(p) of the observation matrix at the random points, unscaled, largest first."""
     tolerance: float
+    """Singular values below this share of the largest count as zero."""
     seed: int
+    """Of the random points."""
     samples: int
+    """Number of random points."""
     warnings: tuple[Finding, ...] = field(default=())
+    """Doubts about the rank."""
 
     @property
     def rank(self) -> int:

@@ -35,14 +35,17 @@ class InverseDynamicModel:
     """
 
     robot: RobotModel
+    """Kinematics, mounting, drives."""
     frames: str = ""
     """`dh`, `mdh` or `urdf`; empty for the robot's own."""
     friction: FrictionTerms = field(default_factory=FrictionTerms)
     """Columns beside the inertial ones; the paper's are Coulomb, viscous, motor inertia."""
     blocks: tuple[ColumnBlock, ...] = field(init=False)
+    """What stands beside the inertial columns."""
     columns: tuple[Column, ...] = field(init=False)
     """Name, unit and joint of the p standard parameters, in order."""
     constants: ChainConstants = field(init=False)
+    """Numbers of the kernels."""
     counts: tuple[int, ...] = field(init=False)
     """Number of columns of each block."""
 

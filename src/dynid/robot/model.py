@@ -265,6 +265,7 @@ class RobotModel:
     """
 
     name: str
+    """Built-in name, or that of the file."""
     joint_names: tuple[str, ...]
     """n names, base to tip."""
     joint_types: tuple[str, ...]
@@ -280,7 +281,9 @@ class RobotModel:
     gravity: Array
     """(3) gravity in the base frame [m/s^2]: the mounting."""
     limits: JointLimits
+    """Of positions, velocities, accelerations and torques of the joints."""
     drives: Drives
+    """Drive gains, gear ratios, coupling."""
     inertias: Array
     """(n, 10) m, mx, my, mz, Jxx, Jyy, Jzz, Jyz, Jxz, Jxy about the joint frame
     [kg, kg.m, kg.m^2]; NaN where unpublished."""
@@ -293,11 +296,11 @@ class RobotModel:
     bodies: tuple[Body, ...] = ()
     """Collision bodies."""
     body_notes: tuple[str, ...] = ()
-    """What a verdict on collisions should say of the bodies, in words."""
+    """Notes on the bodies for the certificate of collisions."""
     safety: SafetyLimits = field(default_factory=SafetyLimits)
     """Limits of the whole arm, as its controller watches them."""
     tool: Tool = field(default_factory=Tool)
-    """What the flange carries; limits and collisions count it, identification does not."""
+    """Tool at the flange; included in limits and collisions, not in identification."""
     locked: Mapping[str, float] = field(default_factory=dict[str, float])
     """Joints frozen into the links, and where [rad or m]."""
     notes: tuple[str, ...] = ()

@@ -59,6 +59,7 @@ class MomentumObserver:
     """
 
     estimate: Estimate
+    """The model; its friction is part of the expected torque."""
     bandwidth: float = BANDWIDTH
     """K [1/s]"""
 

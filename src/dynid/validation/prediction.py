@@ -218,6 +218,7 @@ class ValidationResult:
     predicted: Array
     """(N, n) predicted joint torques [N.m or N]."""
     metrics: Metrics
+    """Errors of all samples, by joint."""
     moving: Metrics
     """Only samples where the joint moves."""
     at_rest: Metrics
@@ -225,6 +226,7 @@ class ValidationResult:
     residual_autocorrelation: Array
     """(n) of the error at one sample."""
     warnings: tuple[Finding, ...]
+    """Findings of the comparison."""
     transfer: TransferReport | None = None
     """The error split by cause, where another record was predicted."""
     covered: Array | None = None

@@ -61,11 +61,11 @@ class Analysis:
     """The structure of a robot's dynamics."""
 
     base: BaseParametrization
-    """Which parameters stand for all, and how they were found."""
+    """The base parameters and their expressions."""
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """What was set straight to find the structure."""
+        """Findings of the rank and of the mounting."""
         return self.base.warnings
 
     def to_json(self) -> dict[str, Any]:

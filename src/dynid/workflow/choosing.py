@@ -47,23 +47,28 @@ WEIGHTINGS = ("joint", "size")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdentifySettings:
-    """What the user asked for; None means: as the preset says.
+    """Settings of an identification; None: by the preset.
 
     Raises:
         InputError: An unknown preset, estimator or weighting.
     """
 
     preset: str = "best"
+    """`paper`: exactly as in the paper; `best`: selected by cross-validation."""
     estimator: str | Estimator | None = None
     """A word of `ESTIMATORS`, or an estimator of your own."""
     terms: FrictionTerms | None = None
+    """Friction terms."""
     cutoff_hz: float | None = None
     """Low-pass cut-off [Hz]."""
     start_s: float | None = None
+    """Start of the window, from the start of the recording [s]."""
     stop_s: float | None = None
+    """End of the window [s]."""
     weighting: str = "joint"
     """`joint`: one noise a joint; `size`: joints with equal torque limit share one."""
     frames: str = ""
+    """`dh`, `mdh` or `urdf`."""
     purpose: str = "anywhere"
     """What the model is for: `anywhere` chooses by regions left out, `this-motion` by stretches
     of time left out."""
@@ -81,7 +86,7 @@ class IdentifySettings:
 
     @property
     def estimator_word(self) -> str | None:
-        """The estimator's word, or the name of one's own; None: as the preset says."""
+        """The estimator's word, or the name of one's own; None: by the preset."""
         return self.estimator.name if isinstance(self.estimator, Estimator) else self.estimator
 
     def to_json(self) -> dict[str, Any]:

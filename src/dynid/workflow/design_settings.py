@@ -86,7 +86,7 @@ class DesignSettings:
     limits: str = "safe"
     """`safe`: all that is known of the robot; `paper`: position, velocity, acceleration."""
     scene: str | None = None
-    """Scene file: what stands around the robot and what it carries."""
+    """Scene file: surroundings and payload of the robot."""
     collision: bool = True
     """Whether collisions are looked at, with `safe`."""
     floor: float | str | None = None

@@ -24,20 +24,25 @@ REPORT = "report.html"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogFit:
-    """What was identified from logs, and the files that hold it."""
+    """What was identified from logs, and the files written."""
 
     identification: Identification
+    """The estimate with its errors."""
     verdict: Verdict
+    """By purpose."""
     gains_from: tuple[str, ...]
     """Where the drive gains of each log come from: `effort` (none needed), `recording`, `robot`,
     `targets` (found in the log) or `given`."""
     records: tuple[Path, ...]
     """The logs as recordings of dynid; the last one is the validation log, where there is one."""
     estimate: Path
+    """Its file."""
     models: tuple[Export, ...]
+    """The written models."""
     not_exported: tuple[tuple[str, str], ...]
-    """Formats that cannot hold this model, each with the reason."""
+    """Formats that cannot represent this model, each with the reason."""
     report: Path
+    """The page."""
 
     def to_json(self) -> dict[str, Any]:
         """The object that `--json` prints: the keys of `identify`, the verdict and the files."""

@@ -63,7 +63,9 @@ class FleetSettings:
     reference_degC: float | None = None
     """Temperature of the trends; None for the median of each joint."""
     jobs: int = 1
+    """Processes on this machine."""
     dask: str | None = None
+    """Address of a Dask scheduler, instead of processes."""
 
     def __post_init__(self) -> None:
         if not 0 < self.false_alarms < 1:
@@ -80,14 +82,21 @@ class Fleet:
     """What `dynid fleet` found."""
 
     folder: str | Path
+    """The recordings."""
     output: Path
+    """Folder of the results."""
     settings: FleetSettings
+    """How they were computed."""
     recordings: tuple[FleetRecording, ...]
+    """All recordings that were used."""
     skipped: tuple[tuple[str, str], ...]
+    """Recordings that were not used, each with the reason."""
     joints: tuple[JointState, ...]
+    """State and trend of each joint of each robot."""
     tests: int
     """Trends that were tested together."""
     findings: tuple[Finding, ...]
+    """Alarms, and what is missing in the recordings."""
 
     @property
     def computed(self) -> int:

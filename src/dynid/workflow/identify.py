@@ -29,9 +29,13 @@ class Identification:
     """An estimate with its training and validation errors."""
 
     estimate: Estimate
+    """Base parameters with their covariance."""
     training: ValidationResult
+    """Errors on the recordings that were identified from."""
     validation: ValidationResult | None
+    """Errors on another recording; None without one."""
     warnings: tuple[Finding, ...]
+    """All findings, those of the recordings included."""
     accuracy: Accuracy | None = None
     """Torque error that the designs promised beside the one found."""
 

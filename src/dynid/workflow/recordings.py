@@ -324,20 +324,26 @@ def _was_cut_off(path: str | Path) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportOptions:
-    """How to read a file that does not say everything itself; see `read_recording`."""
+    """Options for files that are not self-describing; see `read_recording`."""
 
     format: str = "auto"
+    """One of the formats of `dynid import`, or `auto`."""
     columns: str | Mapping[str, str] | None = None
+    """As `t=0,q=1:7,current=7:13`."""
     header: bool | None = None
     """False: the first line is numbers; None: find out."""
     delimiter: str | None = None
+    """Between the cells of a text table."""
     gains: tuple[float, ...] | None = None
     """Drive gains [N.m/A]; they override the robot's."""
     rate_hz: float | None = None
     """The clock of a file without time stamps [Hz]."""
     degrees: bool = False
+    """Angles without a unit are in degrees."""
     joint_order: tuple[str, ...] | None = None
+    """The file's joints from base to tip: numbers or names."""
     topic: str | None = None
+    """Topic of a bag."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -378,7 +384,7 @@ def import_recording(
     options: ImportOptions | None = None,
     force: bool = False,
 ) -> Imported:
-    """Read a recording in any format, repair it, write it as ours.
+    """Read a recording in any format, repair it and write it as a dynid recording.
 
     Args:
         files: One file; or text files side by side; or the files of one split bag.

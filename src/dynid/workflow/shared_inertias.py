@@ -35,7 +35,9 @@ class SharedIdentification:
     """One a record: the shared inertias and the record's own friction. Each validates, compares
     and exports as any other."""
     problem: SharedProblem
+    """The recordings as one problem."""
     fit: SharedFit
+    """Its least squares solution."""
 
     @property
     def shared(self) -> tuple[str, ...]:

@@ -68,6 +68,7 @@ class TemperatureModel:
     naive: Array
     """(P, P) the same as if residuals were not correlated in time."""
     warnings: tuple[Finding, ...] = ()
+    """Findings of the identification."""
 
     @property
     def reference_degC(self) -> Array:
@@ -137,6 +138,7 @@ class TemperatureIdentification:
     temperature_degC: Array
     """(R, n) mean joint temperatures of the records [degC]."""
     warnings: tuple[Finding, ...]
+    """Findings of all recordings."""
 
     def estimate_at(self, temperature_degC: ArrayLike) -> Estimate:
         """The estimate for joint temperatures: it predicts, validates and exports as any other.
