@@ -18,7 +18,7 @@ from urdf_samples import ARM, URS
 from dynid.core import InputError
 from dynid.robot import joint_poses, load_robot, nominal_geometry, structural_gravity
 
-DAMAGES = 700
+DAMAGES, MORE_DAMAGES = range(200), range(200, 700)
 SECONDS = 3.0
 """CPU time for one file: more would be a bomb [s]."""
 LIBRARY = Path(load_robot.__code__.co_filename).parent / "library"
@@ -123,13 +123,18 @@ def _judge(path: Path) -> str:
     return outcome
 
 
+@pytest.mark.parametrize("seeds", [DAMAGES, pytest.param(MORE_DAMAGES, marks=pytest.mark.long)])
 @pytest.mark.parametrize(("texts", "suffix"), [(TOML, "toml"), (URDF, "urdf")])
 def test_damaged_files(
-    texts: list[str], suffix: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    texts: list[str],
+    suffix: str,
+    seeds: range,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     (tmp_path / "tx40.urdf").write_text(URDF[2])
     outcomes = {"robot": 0, "error": 0}
-    for seed in range(DAMAGES):
+    for seed in seeds:
         dice = random.Random(seed)
         data = dice.choice(texts).encode()
         for _ in range(dice.choice([1, 1, 1, 2, 3])):
@@ -144,6 +149,6 @@ def test_damaged_files(
             kept = Path("/tmp") / f"damaged_{seed}.{suffix}"
             kept.write_bytes(data)
             raise AssertionError(f"seed {seed}, kept as {kept}: {error!r}") from error
-    assert outcomes["error"] > DAMAGES / 5
-    assert outcomes["robot"] > DAMAGES / 20
+    assert outcomes["error"] > len(seeds) / 5
+    assert outcomes["robot"] > len(seeds) / 20
     assert capfd.readouterr() == ("", "")
