@@ -46,7 +46,7 @@ int main(void)
 
 
 def motion(joints: int) -> tuple[Array, Array, Array, Array]:
-    t = np.arange(400) / 125.0
+    t = np.arange(150) / 125.0
     turn = np.linspace(0.5, 2.0, joints)
     q, dq = np.sin(np.outer(t, turn)), turn * np.cos(np.outer(t, turn))
     return t, q, dq, np.random.default_rng(0).normal(size=q.shape)
