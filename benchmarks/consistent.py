@@ -1,4 +1,4 @@
-"""What bodies that can exist cost against weighted least squares, record by record.
+"""What physically consistent parameters cost against weighted least squares, record by record.
 
 The same columns, settings and weights, each fitted by `wls` and by `sdp`. Asked: the weighted
 residual sum grows by 2 % at most, errors on the other part by 1 %, pseudo-inertias and the mass

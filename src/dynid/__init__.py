@@ -8,7 +8,7 @@ The verbs of the command line, in the order of a job; robots are names, files or
     run_design                  execute it: simulated, or on a UR robot
     simulate_recording          a recording of the simulated arm, in memory
     fit                         logs at hand to verdict, models and report
-    import_recording            a foreign recording becomes ours
+    import_recording            convert a recording
     identify, verdict           parameters with uncertainty, and whether to use them
     validate, compare           errors on another recording; what moved between two estimates
     identify_shared, identify_temperature, identify_gains, identify_payload

@@ -139,7 +139,7 @@ def _of_load(model: ExportModel) -> Iterator[str]:
     if model.load is None:
         return
     yield "/* What the load of a gear is the torque of, in the order of @_inertials. Numbers of a"
-    yield "   fit: they need not be those of bodies that can exist. */"
+    yield "   fit: they need not be physically consistent. */"
     yield table("@_load", model.load)
     yield ""
     yield "/* Adds the friction that grows with the load of a gear. */"

@@ -3,9 +3,9 @@
 Motion shows the base parameters alone. Files want ten parameters a link, so what motion cannot
 show is taken from the prior: of all standard parameters with the same torques, those whose bodies
 are nearest to the prior's in the log-det divergence of Lee, Wensing and Park (2020), which only
-bodies that can exist have.
+physically consistent bodies have.
 
-How far standard parameters are from bodies that can exist, and from the prior's.
+How far standard parameters are from physically consistent ones, and from the prior's.
 """
 
 from __future__ import annotations
@@ -188,7 +188,7 @@ _DIVERGENCE = (
 _CONSISTENT = "those of the physically consistent estimate"
 _IMPOSSIBLE = (
     "the parameters nearest to possible bodies of all with the identified base parameters, "
-    "which no bodies that can exist have"
+    "which no physically consistent links have"
 )
 _STEPS = 200
 _DECREMENT = 1e-10
@@ -212,7 +212,7 @@ class Completion:
     values: Array
     """(p) standard parameters."""
     physical: bool
-    """Whether every link is a body that can exist and no motor inertia is negative."""
+    """Whether every link is physically consistent and no motor inertia is negative."""
     worst: str
     """The links and motors that cannot exist, in words; empty if all can."""
     origin: str

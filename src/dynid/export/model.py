@@ -68,7 +68,7 @@ class ExportModel:
     ripples: tuple[TorqueRipple, ...] = ()
     """The torques that `Fw` multiplies, each joint once."""
     physical: bool = True
-    """Whether every link is a body that can exist and no motor inertia is negative."""
+    """Whether every link is physically consistent and no motor inertia is negative."""
     worst: str = ""
     """The links and motors that cannot exist, in words; empty if all can."""
     origin: str = ""

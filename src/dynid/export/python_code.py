@@ -332,7 +332,7 @@ def _constants(model: ExportModel) -> Iterator[str]:
     springs = [astuple(spring) for spring in model.springs]
     yield f"COUNTERBALANCES = {[tuple(map(_plain, spring)) for spring in springs]!r}"
     if model.load is not None and model.terms["Fl"].any():
-        yield "# What the load of a gear is the torque of: need not be bodies that can exist."
+        yield "# What the load of a gear is the torque of: need not be physically consistent."
         yield _array("LOAD", model.load)
         yield _array("FL", model.terms["Fl"])
     if waves := ripple_waves(model):

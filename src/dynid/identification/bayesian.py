@@ -1,4 +1,4 @@
-"""Bayesian estimation: published inertias as a prior, and a posterior that can be believed.
+"""Bayesian estimation: published inertias as a prior, and a calibrated posterior.
 
 What is known of the links before any data: CAD values, completed where unpublished.
 

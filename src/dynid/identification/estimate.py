@@ -43,7 +43,7 @@ ORIGINS = ("data", "prior")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StandardParameters:
-    """All standard parameters, of bodies that can exist, each with where it comes from.
+    """All standard parameters, of physically consistent bodies, each with where it comes from.
 
     Raises:
         InputError: Shapes that disagree, or an unknown origin.

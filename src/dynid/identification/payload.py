@@ -4,7 +4,7 @@ Runs without the payload pin the arm; in runs with it the columns of the last li
 more, for the payload alone (Khalil, Gautier, Lemoine 2007). What both runs get wrong alike is
 in the arm's parameters of both, and leaves the payload alone.
 
-The body that can exist nearest to an estimate, in the measure of its covariance.
+The physically consistent body nearest to an estimate, in the measure of its covariance.
 """
 
 from dataclasses import dataclass
@@ -84,7 +84,7 @@ UNITS = ("kg", *("kg.m",) * 3, *("kg.m^2",) * 6)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Payload:
-    """A payload that can exist, with its uncertainty, in the flange frame.
+    """A physically consistent payload with its uncertainty, in the flange frame.
 
     Raises:
         InputError: Shapes that disagree.
@@ -181,7 +181,7 @@ class Payload:
 
 
 def payload_of(problem: SharedProblem, fit: SharedFit) -> Payload:
-    """The payload of a fit, moved to the flange and made a body that can exist.
+    """The payload of a fit, moved to the flange and made physically consistent.
 
     Args:
         problem: Records, some of them loaded.

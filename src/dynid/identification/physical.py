@@ -1,4 +1,4 @@
-"""Physically consistent estimation: bodies that can exist, friction that takes energy away.
+"""Physically consistent estimation: positive pseudo-inertias, friction that dissipates energy.
 
 Where each standard parameter comes from: the data, or the prior.
 

@@ -183,7 +183,7 @@ def fleet(
                 "no recording in the folder can be used",
                 where=str(folder),
                 value="; ".join(f"{name}: {why}" for name, why in read.skipped[:3]) or None,
-                next_step="dynid import converts foreign recordings; --robot names their robot.",
+                next_step="dynid import converts other recordings; --robot names their robot.",
             )
         robots = _by_robot(read.recordings)
         for robot, group in robots.items():

@@ -1,6 +1,6 @@
 """Recordings and the robots they belong to, whatever files they come in.
 
-`dynid import`: a foreign recording becomes ours.
+`dynid import`: convert a recording.
 """
 
 import math
