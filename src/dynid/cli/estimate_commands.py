@@ -118,7 +118,10 @@ def print_identification(screen: Console, result: Identification, *, everything:
         )
     if result.validation is not None:
         print_metrics(screen, "Validation", result.validation, slides)
-    shown = result.warnings if everything else result.warnings[:MOST_FINDINGS]
+    shown = list(result.warnings)
+    if not everything:
+        shown = [finding for finding in shown if finding.severity != "info"]
+        shown = sorted(shown, key=lambda finding: finding.severity != "error")[:MOST_FINDINGS]
     print_notices(screen, "Findings", [notice.to_json() for notice in shown])
     if not everything:
         screen.print()
