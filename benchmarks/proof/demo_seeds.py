@@ -3,8 +3,9 @@
     python benchmarks/proof/demo_seeds.py [FIRST LAST]        default: seeds 1 to 20
 
 Each seed has two motions, an arm (links as built, serial number SEED) and noise of its own; the
-settings are those of `dynid demo`, cold, preset best. `expected`: the error that the verdict
-states [% of the torque]; `error`: that on a third motion, of which nothing was chosen by.
+settings are those of `dynid demo`, cold, preset best. `beyond`: the error that the
+verdict states, less noise [% of the torque]; `error`: that on a third motion, noise included, which
+no choice has used.
 `base`, `links`: values whose 95 % interval holds the true one, of the base parameters without
 friction, and of the link parameters that are from data for more than half, as in the report.
 """
@@ -26,7 +27,7 @@ from dynid.workflow.demo import HARMONICS, PERIOD_S, REPETITIONS, STARTS
 from dynid.workflow.running import record_of
 
 CONFIDENCE = 1.96
-HEAD = "| seed | prediction | parameters | simulation | expected | error | base | links | kinds |"
+HEAD = "| seed | prediction | parameters | simulation | beyond | error | base | links | kinds |"
 
 
 def truth(arm: SimulatedArm, estimate: dynid.Estimate, degC: Array) -> Array:
