@@ -117,7 +117,7 @@ def test_a_moment_like_friction_gets_no_gain() -> None:
 
 
 def test_gains_buried_in_noise_are_refused() -> None:
-    with pytest.raises(JobError, match="no joint's drive gain"):
+    with pytest.raises(JobError, match="no drive gain"):
         made(0, 50.0)
 
 

@@ -118,7 +118,7 @@ def test_arrays_that_do_not_fit_are_one_error(tmp_path: Path, arrays, columns) -
 def test_pickled_arrays_are_never_loaded(tmp_path: Path) -> None:
     path = tmp_path / "x.npz"
     np.savez(path, q=np.array([{"a": 1}], dtype=object))
-    with pytest.raises(RecordError, match="pickled and never loaded"):
+    with pytest.raises(RecordError, match="never loaded"):
         read_recording(path)
 
 

@@ -146,7 +146,7 @@ def gains_command(
     robot: RobotOption = None,
     json: JsonFlag = False,
 ) -> None:
-    """Drive gains, from the controller's target currents and moments (UR)."""
+    """Drive gains, from target currents and moments (UR)."""
     from dynid.cli.output import console, number, print_json, print_notices, print_table
     from dynid.workflow import identify_gains, open_records
 

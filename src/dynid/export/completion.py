@@ -182,13 +182,13 @@ def _driven(model: InverseDynamicModel, prior: Array) -> Array:
 NULL = 1e-11
 """Singular values below this share of the largest, columns of unit norm, are no motion's."""
 _DIVERGENCE = (
-    "the physically consistent links nearest to the published ones (log-det divergence) with the "
+    "the bodies nearest to the robot's published ones (log-det divergence) of all with the "
     "identified base parameters"
 )
 _CONSISTENT = "those of the physically consistent estimate"
 _IMPOSSIBLE = (
     "the parameters nearest to possible bodies of all with the identified base parameters, "
-    "which no physically consistent links have"
+    "which no bodies that can exist have"
 )
 _STEPS = 200
 _DECREMENT = 1e-10
