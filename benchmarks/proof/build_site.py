@@ -29,7 +29,13 @@ NAV = {
         "models.md",
         "fleet.md",
     ],
-    "Explanation": ["equations.md", "excitation.md", "warnings.md", "architecture.md"],
+    "Explanation": [
+        "equations.md",
+        "excitation.md",
+        "warnings.md",
+        "verdicts.md",
+        "architecture.md",
+    ],
     "Reference": ["reference/cli.md", "reference/api.md", "json.md", "controller.md", "studio.md"],
 }
 
