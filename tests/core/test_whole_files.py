@@ -66,6 +66,8 @@ def test_a_place_that_cannot_be_written_is_named_with_its_reason(tmp_path: Path)
     for nameless in (Path("."), tmp_path / "a\0b"):
         with pytest.raises(InputError, match="cannot be written"):
             write_text(nameless, "a")
+    with pytest.raises(InputError, match="no ordinary file"):
+        write_text(Path("/"), "a")
     assert names(tmp_path) == []
 
 

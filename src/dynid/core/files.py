@@ -56,11 +56,11 @@ def file_behind(path: Path) -> Path:
         path: File to write.
 
     Raises:
-        InputError: A device or a pipe: a rename would put a file in its place.
+        InputError: A device or a pipe: a rename would put a file in its place. Or the root folder.
     """
     try:
         target = Path(os.path.realpath(path))
-        special = target.exists() and not (target.is_file() or target.is_dir())
+        special = target.exists() and not (target.is_file() or (target.is_dir() and target.name))
     except (OSError, ValueError) as error:
         # A name that is too long shows when it is looked for.
         raise cannot_write(path, error) from error
@@ -93,13 +93,13 @@ def require_absent(*paths: Path, force: bool) -> None:
 
 @contextmanager
 def in_one_piece(path: Path) -> Generator[Path]:
-    """A place for a file that appears whole or not at all: an interrupt leaves the old file.
+    """Write a file whole or not at all: an interrupt leaves the old file.
 
     Args:
         path: File to write.
 
     Yields:
-        Where to write it; what stands there at the end takes the file's name.
+        The draft to write, which is renamed to the file at the end.
 
     Raises:
         InputError: A place where no such file can be.
