@@ -57,7 +57,7 @@ def test_payload(files: tuple[Path, Path]) -> None:
     assert [notice["code"] for notice in back["warnings"]] == ["not_physical"]
     assert "swapped" in back["warnings"][0]["message"]
     assert back["mass"] >= 0
-    assert "No payload" in call("payload", files[1], files[0])
+    assert "No significant payload" in call("payload", files[1], files[0])
 
 
 def test_robots_are_not_mixed(files: tuple[Path, Path]) -> None:

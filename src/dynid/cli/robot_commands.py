@@ -207,7 +207,8 @@ def payload_command(
     width = half / found.mass_std
     print_notices(screen, "Findings", data["findings"])
     if found.mass < half:
-        screen.print(f"No payload: below {half:.2g} kg (95 %)", style="bold")
+        most = found.mass + half
+        screen.print(f"No significant payload: below {most:.2g} kg (95 %)", style="bold")
         return
     screen.print(f"Payload: {found.mass:.4g} kg ± {half:.2g} kg (95 %)", style="bold")
     rows = [

@@ -5,6 +5,7 @@
 
 import math
 import os
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -73,13 +74,13 @@ def open_record(
         except RecordError as error:
             if error.next_step is None or not os.path.exists(path):
                 raise
-            command = f"dynid import {path} --robot ROBOT -o RECORD.parquet"
+            command = f"dynid import {shlex.quote(str(path))} --robot ROBOT -o RECORD.parquet"
             raise RecordError(
                 error.what,
                 where=error.where,
                 value=error.value,
                 limit=error.limit,
-                next_step=f"{error.next_step} ({command} has these options.)",
+                next_step=f"{error.next_step} (Options for reading a file: {command})",
             ) from error
     return record if gains is None else with_gains(record, robot, gains)
 
