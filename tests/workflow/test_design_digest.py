@@ -154,8 +154,8 @@ def test_an_edited_design_is_certified_anew(made: tuple[Path, str], tmp_path: Pa
 @pytest.mark.parametrize(
     ("text", "by", "said"),
     [
-        ('"robot"', '"robot": "ur10", "robot"', "is there twice"),
-        ('"preset"', '"scene": null, "preset"', "is there twice"),
+        ('"robot"', '"robot": "ur10", "robot"', "more than once"),
+        ('"preset"', '"scene": null, "preset"', "more than once"),
     ],
 )
 def test_a_key_that_stands_twice_is_refused(

@@ -106,7 +106,7 @@ def design_command(
     ] = "",
     motion: Annotated[
         list[Path] | None,
-        typer.Option(metavar="TASK", help="A design, recording or poses of the purpose."),
+        typer.Option(metavar="TASK", help="Task of the model: a design, recording or poses."),
     ] = None,
     accuracy: Annotated[
         float | None,

@@ -189,7 +189,7 @@ PurposeOption = Annotated[
 ]
 
 
-AllFlag = Annotated[bool, typer.Option("--all", help="Print all parameters and choices.")]
+AllFlag = Annotated[bool, typer.Option("--all", help="Print all parameters, choices and findings.")]
 
 
 @command(

@@ -244,7 +244,7 @@ def studio_command(
 ) -> None:
     """A local page: the arm in 3D, design, live run, results.
 
-    It serves until Ctrl-C. With --json, one object on stdout is printed when it can be opened.
+    It serves until Ctrl-C. With --json, one object is printed on stdout when it can be opened.
     """
     from dynid.cli.output import print_json
     from dynid.experiment import stop_on_signals

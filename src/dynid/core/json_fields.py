@@ -80,12 +80,12 @@ MAX_JSON_BYTES = 64 << 20
 
 
 def parse_json(text: str) -> Any:
-    """The value of a JSON text, in which no key is there twice in one object.
+    """The value of a JSON text, without duplicate keys in an object.
 
     NaN and Infinity are taken: programs that write recordings use them.
 
     Raises:
-        ValueError: Not JSON, or a key that stands twice.
+        ValueError: Not JSON, or a duplicate key.
         RecursionError: Nested too deeply.
     """
     return json.loads(text, object_pairs_hook=_once)
@@ -144,7 +144,7 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(found) < len(pairs):
         seen: set[str] = set()
         twice = next(key for key, _ in pairs if key in seen or seen.add(key))
-        raise ValueError(f"the key {twice!r} is there twice in one object")
+        raise ValueError(f"an object has the key {twice!r} more than once")
     return found
 
 

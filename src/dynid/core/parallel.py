@@ -40,7 +40,7 @@ POLL_S = 2.0
 GONE_S = 20.0
 """A cluster without any worker for so long will not get one again [s]."""
 HANDED_S = 0.5
-"""Work that is handed over at a time, by what an item takes here [s]."""
+"""Duration of the items that a worker gets at a time, estimated from the last one run here [s]."""
 KEPT_BYTES = 128 << 20
 """Freed memory that a worker keeps."""
 _TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
@@ -257,7 +257,7 @@ def _keep_memory() -> None:
     """Have this process keep the memory that arrays free, for the next ones.
 
     Dask lets its workers give all of it back at once (`MALLOC_TRIM_THRESHOLD_`), so every array
-    is paged in anew: 44 ms of CPU for a recording of a fleet in the place of 24.
+    is paged in anew: 44 ms of CPU for a recording of a fleet instead of 24.
     """
     allocate = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if allocate is not None:

@@ -1,6 +1,6 @@
 """URDF and MJCF: inertias, armature, damping and dry friction of an identified arm.
 
-Bodies have a centre of mass; rotations stand in the forms that robot files use.
+Bodies have a centre of mass; rotations are in the forms that robot files use.
 """
 
 import math

@@ -127,7 +127,7 @@ class Estimate:
     samples: int
     """N, samples that entered the fit."""
     estimator: str
-    """Its word, such as `wls`."""
+    """Word of the estimator, such as `wls`."""
     preset: str
     """`paper` or `best`."""
     settings: ProcessingSettings

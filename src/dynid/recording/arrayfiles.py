@@ -1,4 +1,4 @@
-"""Typed tables and arrays of others: Parquet, Arrow, workbooks; HDF5 (MATLAB 7.3), NumPy, JSON."""
+"""Typed tables (Parquet, Arrow, workbooks) and named arrays (HDF5, MATLAB 7.3, NumPy, JSON)."""
 
 import importlib
 import json

@@ -1,8 +1,8 @@
 """Messages out of bags: SQLite (`.db3`), MCAP and ROS 1 (`.bag`, version 2.0), also cut off.
 
-MCAP is read by its own library. SQLite files are read here by Python's sqlite3, and ROS 1 bags by
-hand: rosbags refuses every file that is cut off, and 40 of 40 cut copies of a real recording give
-their messages here.
+MCAP is read by its own library. SQLite files are read here by Python's sqlite3, and ROS 1 bags
+by this module: rosbags refuses every file that is cut off. All of 40 cut copies of a real `.db3`
+recording give their messages here.
 """
 
 import bz2

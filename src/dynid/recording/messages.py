@@ -3,8 +3,8 @@
 The decoder is that of rosbags. It compiles definitions to Python code; its grammar admits nothing
 but identifiers and literals into that code.
 
-Bags need not hold JointState messages: of FrankaState, controller states and drivers' feedback the
-names of the fields say what they are, as the header of a table does.
+Bags need not contain JointState messages: FrankaState, controller states and drivers' feedback are
+recognised by the names of their fields, as the columns of a table are by its header.
 """
 
 from __future__ import annotations

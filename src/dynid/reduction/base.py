@@ -170,7 +170,7 @@ class BaseParametrization:
     samples: int
     """Number of random points."""
     warnings: tuple[Finding, ...] = field(default=())
-    """Doubts about the rank."""
+    """Findings about the rank."""
 
     @property
     def rank(self) -> int:

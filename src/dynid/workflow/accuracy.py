@@ -59,8 +59,8 @@ class Accuracy:
         """One sentence."""
         found = f"{self.found_percent:.2g} % on left-out {self.left_out}"
         if math.isnan(self.expected_percent):
-            return f"Torque error less noise: {found}"
-        return f"Torque error less noise: {found}; by the design: {self.expected_percent:.2g} %"
+            return f"Torque error beyond noise: {found}"
+        return f"Torque error beyond noise: {found}; by the design: {self.expected_percent:.2g} %"
 
 
 def accuracy(

@@ -1,4 +1,4 @@
-"""What `dynid design` can be told, and what a motion is held to, as a value that its file keeps."""
+"""Settings of `dynid design`, and the limits of a motion as a value that its file keeps."""
 
 import math
 import os

@@ -137,7 +137,7 @@ def _controller(
     """A simulated UR controller: RTDE, script ports, dashboard.
 
     It simulates the dynamics of a real arm and listens on UR's own ports 29999 and 30001 to 30004
-    until Ctrl-C. With --json, one object on stdout is printed when clients can connect.
+    until Ctrl-C. With --json, one object is printed on stdout when clients can connect.
     """
     if version:
         print(f"urtwin {__version__}")

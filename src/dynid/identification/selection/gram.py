@@ -41,7 +41,7 @@ class GramBlocks:
     def square(self, joint: int, columns: Indices) -> Array:
         """(C, k, k) products of some columns of a joint (k).
 
-        Kept until other columns are asked for: a search changes one joint at a time.
+        Kept until other columns are requested: a search changes one joint at a time.
         """
         known = self._last.get(joint)
         if known is None or not np.array_equal(known[0], columns):

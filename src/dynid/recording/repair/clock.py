@@ -142,7 +142,7 @@ _MOST = 50
 _LONGEST_SPAN = 3.0
 """Time may span this many times what the rows fill; longer gaps are shortened."""
 _GAP_STEPS = 100
-"""A pause of so many median steps stands for a longer one, and between two runs."""
+"""Length of the pause that replaces a longer one, and of that between two runs [median steps]."""
 
 
 def mend_jumps(table: RawTable) -> RawTable:

@@ -1,6 +1,6 @@
 """From a raw table to a recording: every repair in its place, none of them silent.
 
-Inputs are checked before algebra: channels that say nothing, absurd scales, one run given twice.
+Inputs are checked before algebra: constant channels, absurd scales, one run given twice.
 """
 
 from collections.abc import Callable, Sequence
