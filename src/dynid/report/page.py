@@ -69,7 +69,7 @@ def write_fleet_page(
     notes: Sequence[str],
     facts: Sequence[str],
 ) -> None:
-    """Write the page in one piece.
+    """Write the page of a fleet in one piece.
 
     Args:
         path: The page.
