@@ -107,7 +107,8 @@ def test_short_tasks_are_handed_over_many_at_a_time() -> None:
     other = Here()
     found = dict(each(square, list(range(1000)), Workers(other, 2)))  # type: ignore[arg-type]
     assert found == {k: k * k for k in range(1000)}
-    assert 4 < other.handed < 100
+    # Fewer items at a time towards the end.
+    assert 20 < other.handed < 100
 
 
 class Empty:

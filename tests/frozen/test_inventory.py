@@ -83,21 +83,21 @@ def words_of(row: str) -> tuple[str, list[str]]:
 
 
 @functools.cache
-def takes_all(command: str) -> bool:
-    """Whether all rows of a command are taken at once."""
+def takes_all_values(command: str) -> bool:
+    """Whether all options of a command that have a value are taken at once."""
     # The parser refuses unknown options before it shows the help, and takes the value of known.
     assert ask([*command.split(), "--no-such-option", "--help"], parse=False)["exit"] == 2
     given = [words_of(row) for row in INVENTORY["rows"]["option"] if f"option: {row}" not in LEFT]
-    words = [word for other, option in given if other == command for word in option]
+    # Flags are asked one by one: what has become an option with a value would take the next one.
+    words = [w for other, option in given if other == command and option[1:] for w in option]
     return ask([*command.split(), *words, "--help"], parse=False)["exit"] == 0
 
 
 @check("option")
 def option_is_taken(row: str) -> None:
     command, option = words_of(row)
-    assert (
-        takes_all(command) or ask([*command.split(), *option, "--help"], parse=False)["exit"] == 0
-    )
+    together = takes_all_values(command) and len(option) == 2
+    assert together or ask([*command.split(), *option, "--help"], parse=False)["exit"] == 0
 
 
 @check("name")
