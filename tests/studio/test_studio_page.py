@@ -73,8 +73,10 @@ def test_run_then_identify_then_export_and_report(page: Page) -> None:
     assert "this result" in shown["headline"].lower()
     assert [item["name"] for item in shown["joints"]] == list(page.session.robot.joint_names)
     assert json.dumps(page.look_up("curves", lambda _: "record.parquet")).count("predicted") == 1
-    do(page, "report")
-    assert (folder / "report.html").stat().st_size > 50_000
+    (folder / "report.html").write_text("mine")
+    assert "report_2.html" in str(do(page, "report"))
+    assert (folder / "report.html").read_text() == "mine"
+    assert (folder / "report_2.html").stat().st_size > 50_000
     with pytest.raises(InputError, match="nothing is replaced"):
         do(page, "identify", file="estimate.json", **fields)
     assert "written: estimate.py" in str(do(page, "export", estimate="estimate.json", to="python"))

@@ -48,10 +48,10 @@ def touched(seed: int, joint: int | None, cycles: int = 750) -> tuple[Array, Arr
     return motion.t, q, dq, current * arm.truth.gain
 
 
-@pytest.fixture(scope="module")
-def thresholds(estimate: Estimate) -> ContactThresholds:
+@pytest.fixture(scope="module", params=[6, pytest.param(12, marks=pytest.mark.long)])
+def thresholds(request: pytest.FixtureRequest, estimate: Estimate) -> ContactThresholds:
     observer = MomentumObserver(estimate=estimate)
-    free = [touched(seed, None, 1250) for seed in range(100, 106)]
+    free = [touched(seed, None, 1250) for seed in range(100, 100 + request.param)]
     return contact_thresholds(
         [observer.residuals(*run)[SETTLED:] for run in free],
         [run[2][SETTLED:] for run in free],
