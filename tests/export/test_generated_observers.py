@@ -47,7 +47,8 @@ int main(void)
 
 def motion(joints: int) -> tuple[Array, Array, Array, Array]:
     t = np.arange(150) / 125.0
-    turn = np.linspace(0.5, 2.0, joints)
+    # Each joint turns back within this time.
+    turn = np.linspace(1.5, 3.0, joints)
     q, dq = np.sin(np.outer(t, turn)), turn * np.cos(np.outer(t, turn))
     return t, q, dq, np.random.default_rng(0).normal(size=q.shape)
 

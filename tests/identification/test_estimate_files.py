@@ -9,8 +9,6 @@ from dynid.core import InputError
 from dynid.identification import Estimate, read_estimate, write_estimate
 from dynid.validation import validate
 
-DAMAGES = 150
-
 
 @pytest.fixture(scope="module")
 def estimate() -> Estimate:
@@ -57,13 +55,16 @@ def test_unwritable_and_missing_files_are_said(estimate: Estimate, tmp_path: Pat
         read_estimate(tmp_path / "other.json")
 
 
-def test_damaged_files_are_refused_in_words(estimate: Estimate, tmp_path: Path) -> None:
+@pytest.mark.parametrize("damages", [150, pytest.param(500, marks=pytest.mark.long)])
+def test_damaged_files_are_refused_in_words(
+    estimate: Estimate, damages: int, tmp_path: Path
+) -> None:
     path = tmp_path / "estimate.json"
     write_estimate(estimate, path)
     good = path.read_bytes()
     generator = np.random.default_rng(0)
     messages: list[str] = []
-    for _ in range(DAMAGES):
+    for _ in range(damages):
         data = bytearray(good)
         match generator.integers(3):
             case 0:
@@ -79,5 +80,5 @@ def test_damaged_files_are_refused_in_words(estimate: Estimate, tmp_path: Path) 
             read_estimate(path)
         except InputError as error:
             messages.append(str(error))
-    assert len(messages) > DAMAGES / 4
+    assert len(messages) > damages / 4
     assert not any("\n" in message for message in messages)

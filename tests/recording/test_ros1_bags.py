@@ -90,12 +90,13 @@ def test_a_bag_that_was_cut_off(tmp_path: Path, compression: str | None) -> None
     np.testing.assert_array_equal(record.signals["q"], motion.position(motion.t)[: record.samples])
 
 
-def test_damaged_bags_are_read_or_refused_in_words(tmp_path: Path) -> None:
+@pytest.mark.parametrize("damages", [25, pytest.param(60, marks=pytest.mark.long)])
+def test_damaged_bags_are_read_or_refused_in_words(damages: int, tmp_path: Path) -> None:
     path = write_bag(tmp_path / "run.bag")
     data = path.read_bytes()
     rng = np.random.default_rng(5)
     read = 0
-    for _ in range(25):
+    for _ in range(damages):
         broken = bytearray(data)
         for place in rng.integers(13, len(data), 30).tolist():
             broken[place] = int(rng.integers(256))

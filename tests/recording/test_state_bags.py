@@ -329,11 +329,12 @@ def test_arrays_of_messages(tmp_path: Path) -> None:
     np.testing.assert_allclose(record.signals["current"], 0.1 * tau, atol=1e-6)
 
 
-def test_damaged_state_bags_are_read_or_refused_in_words(tmp_path: Path) -> None:
+@pytest.mark.parametrize("damages", [25, pytest.param(60, marks=pytest.mark.long)])
+def test_damaged_state_bags_are_read_or_refused_in_words(damages: int, tmp_path: Path) -> None:
     data = franka_bag(tmp_path / "run.bag", Motion(samples=40, joints=7)).read_bytes()
     rng = np.random.default_rng(4)
     read = 0
-    for _ in range(25):
+    for _ in range(damages):
         broken = bytearray(data)
         for place in rng.integers(13, len(data), 30).tolist():
             broken[place] = int(rng.integers(256))

@@ -212,10 +212,13 @@ def test_errors_name_file_line_and_column(tmp_path: Path) -> None:
     assert record.metadata.dropped_rows == 1
 
 
-def test_last_line_cut_in_a_number(tmp_path: Path) -> None:
-    motion = Motion(samples=40)
+@pytest.mark.parametrize(
+    ("samples", "step"), [(40, 3), pytest.param(500, 1, marks=pytest.mark.long)]
+)
+def test_last_line_cut_in_a_number(samples: int, step: int, tmp_path: Path) -> None:
+    motion = Motion(samples=samples)
     text = write_ur_csv(motion, tmp_path / "x.csv").read_text()
-    for cut in range(2, 200, 3):
+    for cut in range(2, 200, step):
         (tmp_path / "cut.csv").write_text(text[:-cut])
         record = read_recording(tmp_path / "cut.csv")
         assert_true_to(record, motion, 1e-6)
