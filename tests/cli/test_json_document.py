@@ -86,15 +86,15 @@ def test_compare_export_and_report(run: Run, recordings: Recordings, tmp_path: P
 
 def test_demo(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     module = importlib.import_module("dynid.workflow.demo")
-    on_controller = module._simulated_robot
+    first = [module._simulated_robot]
 
-    def first_on_a_controller(robot: str, thermal: str, seed: int) -> Any:
-        once = (robot, thermal, seed) == ("ur5", "cold", 10)
-        return on_controller(robot, thermal, seed) if once else nullcontext("sim")
+    def first_on_a_controller(*words: Any) -> Any:
+        return first.pop()(*words) if first else nullcontext("sim")
 
     monkeypatch.setattr(module, "_simulated_robot", first_on_a_controller)
     folder = tmp_path / "new" / "demo"
     data = run("demo", "-o", folder, "--quick", "--json").json()
+    assert not first
     assert set(data) == keys_of("demo")
     table = {row["quantity"]: row for row in data["table"]}
     rank = table["base parameters"]
