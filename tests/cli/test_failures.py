@@ -215,15 +215,27 @@ WORDS = st.sampled_from(
 )
 
 
-@settings(
-    max_examples=40,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
+LINES = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+@settings(LINES, max_examples=40)
 @given(command=st.sampled_from(BRIEF), data=st.data())
 def test_no_command_line_makes_a_traceback(
     run: Run, recordings: Recordings, command: str, data: st.DataObject
 ) -> None:
+    random_line(run, recordings, command, data)
+
+
+@pytest.mark.long
+@settings(LINES, max_examples=150)
+@given(command=st.sampled_from(BRIEF), data=st.data())
+def test_none_of_many_command_lines_makes_a_traceback(
+    run: Run, recordings: Recordings, command: str, data: st.DataObject
+) -> None:
+    random_line(run, recordings, command, data)
+
+
+def random_line(run: Run, recordings: Recordings, command: str, data: st.DataObject) -> None:
     files = st.sampled_from([str(recordings.csv), str(recordings.estimate), str(Path(__file__))])
     words = data.draw(st.lists(WORDS | files, max_size=5))
     # Random words must not become files.

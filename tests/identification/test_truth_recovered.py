@@ -18,6 +18,7 @@ EXACT = 2e-3
 """Noise-free: what filtering and differentiating 125 Hz samples leave, relative."""
 LATE = 2e-3
 """Error of a delay that was planted [s]."""
+PRESETS = ("paper", "best")
 PAPER = IdentifySettings(preset="paper")
 
 
@@ -39,7 +40,8 @@ def z_scores(estimate: Estimate) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("preset", "seeds"), [("paper", 10), pytest.param("best", 20, marks=pytest.mark.long)]
+    ("preset", "seeds"),
+    [("paper", 10), *(pytest.param(name, 20, marks=pytest.mark.long) for name in PRESETS)],
 )
 def test_95_percent_intervals_cover_the_truth(preset: str, seeds: int) -> None:
     settings = IdentifySettings(preset=preset)
