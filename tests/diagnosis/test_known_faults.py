@@ -9,7 +9,7 @@ import pytest
 from pinocchio_arm import RATE, Wrong, arm, recording
 
 from dynid.core import Finding
-from dynid.diagnosis import diagnose, findings_of
+from dynid.diagnosis import contact_stretches, diagnose, findings_of
 from dynid.robot import load_robot
 from dynid.signals import ProcessingSettings
 
@@ -105,6 +105,21 @@ def test_a_push_is_found_where_it_was(tmp_path: Path, stop: float) -> None:
     (found,) = [f for f in every if f.kind == "contact"]
     assert found.value == pytest.approx(6.0, abs=EARLY_OR_LATE_S)
     assert len(found.joints) > 1
+
+
+@pytest.mark.parametrize(("repetitions", "found"), [((0, 1, 2), 0), ((1,), 1)])
+def test_what_each_repetition_shows_is_no_contact(
+    tmp_path: Path, repetitions: tuple[int, ...], found: int
+) -> None:
+    """Processing cuts the ends of a recording: the last repetition is incomplete."""
+    period, rows = 8.0, round(3 * 8.0 * RATE) - 20
+    t = np.arange(rows) / RATE
+    dq = np.sin(2 * np.pi * np.outer(t, [1, 2, 3]) / period) * [0.5, 1.0, 1.5]
+    error = 0.1 * np.random.default_rng(0).normal(size=dq.shape)
+    for k in repetitions:
+        error[round((k * period + 0.4) * RATE) :][: round(0.3 * RATE), 1] += 3.0
+    contacts = contact_stretches(arm(tmp_path), t, dq, error, np.ones(3))
+    assert len(contacts) == found
 
 
 def test_an_unknown_payload_is_weighed(tmp_path: Path) -> None:

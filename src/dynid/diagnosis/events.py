@@ -70,7 +70,7 @@ def contacts(rec: Recording, error: Array, held: Array, ease: float = 1.0) -> tu
     starts = np.arange(0, len(error) - width + 1, max(1, width // 2))
     if len(starts) < 20:
         return ()
-    single = np.where(_settled(rec), _without_repetitions(rec, error, 1 / step), 0.0)
+    single = _without_repetitions(rec, error, 1 / step)
     mean, whole = _means(single, starts, width), _means(error, starts, width)
     fast = np.maximum(np.percentile(np.abs(rec.dq), 98, axis=0), 1e-9)
     slow = np.abs(rec.dq) < REVERSAL * fast
@@ -206,22 +206,41 @@ def _without_holding(mean: Array, stands: Mask, held: float) -> Array:
 
 
 def _common(values: Array) -> Array:
-    """What nearly all of the first axis show: a hand may push more than once."""
-    least, most = np.percentile(values, COMMON, axis=0)
-    return np.asarray(np.maximum(least, 0.0) + np.minimum(most, 0.0), dtype=np.float64)
+    """What nearly all of the first axis show: a hand may push more than once.
+
+    NaN stands for what is not known; one value alone shows nothing that is common.
+    """
+    ordered, known = np.sort(values, axis=0), np.isfinite(values).sum(axis=0)
+    least, most = (
+        _between(ordered, percent / 100 * np.maximum(known - 1, 0)) for percent in COMMON
+    )
+    return np.where(known > 1, np.maximum(least, 0.0) + np.minimum(most, 0.0), 0.0)
+
+
+def _between(ordered: Array, place: Array) -> Array:
+    """Values at fractional places of the first axis."""
+    low = np.floor(place).astype(int)
+    below, above = (
+        np.take_along_axis(ordered, k[None], 0)[0] for k in (low, np.ceil(place).astype(int))
+    )
+    return below + (place - low) * (above - below)
 
 
 def _without_repetitions(rec: Recording, error: Array, rate_hz: float) -> Array:
-    """Errors less what other repetitions of the motion show at the same place."""
+    """Errors less what other repetitions of the motion show at the same place.
+
+    Incomplete repetitions count as far as they go. While the state of a joint's friction is
+    unknown its errors tell nothing, neither of a contact nor of other repetitions.
+    """
+    settled = _settled(rec)
     period = find_period(rec.q, rate_hz)
-    if period is None:
-        return error
-    length = round(period * rate_hz)
-    count = len(error) // length
-    if count < 3:
-        return error
-    whole = error[: count * length].reshape(count, length, -1)
-    return error - np.resize(_common(whole), error.shape)
+    left = error
+    if period is not None:
+        length = round(period * rate_hz)
+        whole = np.full((-(-len(error) // length) * length, error.shape[1]), np.nan)
+        whole[: len(error)] = np.where(settled, error, np.nan)
+        left = error - np.resize(_common(whole.reshape(-1, length, error.shape[1])), error.shape)
+    return np.where(settled, left, 0.0)
 
 
 ORDERS = (6.0, 400.0)
