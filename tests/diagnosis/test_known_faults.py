@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +84,14 @@ def test_a_common_delay_is_measured(tmp_path: Path, late: int) -> None:
     found = faults(tmp_path, Wrong(late=late, seconds=40.0))[0]
     assert (found.kind, found.joints) == ("delay", ())
     assert found.value == pytest.approx(late / RATE, abs=0.003)
+
+
+def test_torques_of_one_joint_alone_do_not_lead(tmp_path: Path) -> None:
+    record = recording(Wrong(seconds=40.0))
+    effort = record.signals["effort"].copy()
+    effort[:-5, 1] = effort[5:, 1]
+    early = replace(record, signals={**record.signals, "effort": effort})
+    assert ("delay", (1,)) not in {(f.kind, f.joints) for f in findings_of(early, arm(tmp_path))}
 
 
 @pytest.mark.long

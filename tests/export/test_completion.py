@@ -101,7 +101,7 @@ def test_impossible_base_parameters_are_said_to_be(tmp_path: Path) -> None:
         rtol=0,
         atol=1e-7,
     )
-    with pytest.raises(JobError, match="not physical: motor inertia Im4") as caught:
+    with pytest.raises(JobError, match="not physically consistent: motor inertia Im4") as caught:
         write_model(impossible, "mjcf", tmp_path / "arm.xml")
     assert "sdp" in str(caught.value)
     assert "Im4" in simulator_obstacle(impossible)

@@ -286,7 +286,7 @@ def explain(recording: Recording) -> Explained:
         sums, _ = fits(ref, np.concatenate([rival.columns for rival in rivals]))
         scored, errors = scores(sums, rivals)
         worth = [s.hypothesis for s in scored if s.score > WORTH_A_LOOK][:LOOKS]
-        admitted = [s for s in (_alone(ref, rival) for rival in worth) if _admitted(s)]
+        admitted = [s for s in (_alone(ref, rival) for rival in worth) if _admitted(s, found)]
         admitted.sort(key=lambda s: -s.score)
         if not admitted:
             break
@@ -360,9 +360,11 @@ def _fitted(
     return ref, sums, values
 
 
-def _admitted(scored: Scored) -> bool:
-    size = abs(scored.value)
-    return scored.score > LIKELY and size > CERTAIN * scored.std and size > scored.hypothesis.least
+def _admitted(scored: Scored, found: list[Explanation]) -> bool:
+    known, size = scored.hypothesis, abs(scored.value)
+    # A size that was found before may be corrected downwards.
+    physical = scored.value > known.lowest or any(_same(item, known) for item in found)
+    return physical and scored.score > LIKELY and size > max(CERTAIN * scored.std, known.least)
 
 
 def _explanation(best: Scored, others: list[Scored], before: Explanation | None) -> Explanation:

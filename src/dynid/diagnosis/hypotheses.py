@@ -39,6 +39,8 @@ class Hypothesis:
     """(m, n, T) derivative of the torques by its sizes."""
     undo: Undo | None = None
     """None where its columns stay in the reference instead."""
+    lowest: float = -np.inf
+    """Sizes at or below it are not physical."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,6 +169,8 @@ def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
         kind="delay", joints=(j,), unit="s", width=np.array([0.05]), least=0.006,
         columns=torques.columns(_only(-np.gradient(torques.smooth, step, axis=0), j)),
         undo=lambda r, x: replace(r, tau=_shifted(r, float(x[0]), (j,))),
+        # One joint's torque cannot lead its motion: what looks so is stiction before a reversal.
+        lowest=0.0,
     )  # fmt: skip
     moved = np.zeros((3, *rec.q.shape))
     moved[0, :, j] = 1e-3

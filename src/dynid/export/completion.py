@@ -240,7 +240,7 @@ def complete(estimate: Estimate) -> Completion:
     z, possible = _possible(bodies, start + nearest, unseen)
     if not possible:
         values = start + nearest + unseen @ z
-        worst = bodies.impossible(values) or "one of the links, barely,"
+        worst = bodies.impossible(values) or "one link (by a small margin)"
         values = _with_masses(bodies, values, unseen)
         return Completion(values=values, physical=False, worst=worst, origin=_IMPOSSIBLE)
     z = _minimise(bodies, start + nearest, unseen, z)

@@ -302,7 +302,7 @@ def mjcf_text(model: ExportModel, note: str = "") -> str:
     """
     if not model.physical:
         raise JobError(
-            f"not physical: {model.worst} cannot exist, and MuJoCo refuses it",
+            f"not physically consistent: {model.worst}; MuJoCo refuses such a model",
             next_step=ADVICE,
         )
     refuse_negative_friction(model)

@@ -361,7 +361,7 @@ def _merge(
             inertias[body] = np.nan_to_num(inertias[body]) + move(own, poses[link])
     for name, row in zip(trunk.joints, inertias, strict=True):
         if np.isnan(row).any():
-            notes.append(f"no inertia is given for what joint {shown(name)} moves")
+            notes.append(f"no inertia is given for the link moved by joint {shown(name)}")
         elif not is_physical(row):
-            notes.append(f"the inertia of what joint {shown(name)} moves is not physical")
+            notes.append(f"the inertia of the link moved by joint {shown(name)} is not physically consistent")
     return inertias
