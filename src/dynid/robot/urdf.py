@@ -363,5 +363,6 @@ def _merge(
         if np.isnan(row).any():
             notes.append(f"no inertia is given for the link moved by joint {shown(name)}")
         elif not is_physical(row):
-            notes.append(f"the inertia of the link moved by joint {shown(name)} is not physically consistent")
+            link = f"the link moved by joint {shown(name)}"
+            notes.append(f"the inertia of {link} is not physically consistent")
     return inertias
