@@ -6,7 +6,6 @@ BIN := $(VENV)/bin
 # What users need, and the tools of developers on top of it.
 USER := $(VENV)/.user-installed
 DEV := $(VENV)/.dev-installed
-KERNELS := $(VENV)/.kernels-compiled
 PYTHON ?= $(shell for p in python3.12 python3.11 python3.13 python3; do \
 	$$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null \
 	&& echo $$p && break; done)
@@ -23,17 +22,15 @@ $(BIN)/python:
 	@test -n "$(PYTHON)" || { echo "dynid needs Python 3.11 to 3.13; name one: make PYTHON=/path/to/python" >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
+# Numba compiles once a machine: beside the downloads, not in the middle of a demo or a test.
 $(USER): pyproject.toml urtwin/pyproject.toml | $(BIN)/python
-	$(PIP) -e '.[sim,sdp]' -e ./urtwin
+	$(PIP) -e .
+	@$(BIN)/dynid design ur5 -o $(VENV)/first.json --starts 1 --jobs 1 --force >/dev/null 2>&1 & \
+	$(PIP) 'dynid[sim,sdp]' -e ./urtwin && wait
 	@touch $@
 
 $(DEV): $(USER)
 	$(PIP) -e '.[all,dev]'
-	@touch $@
-
-# Numba compiles once a machine: better now than in the middle of a test.
-$(KERNELS): $(DEV)
-	-@$(BIN)/dynid design ur5 -o $(VENV)/first.json --starts 1 --jobs 1 --force >/dev/null 2>&1
 	@touch $@
 
 demo: install
@@ -65,10 +62,10 @@ floors: develop
 unit: parallel realtime
 
 # A file is run by one worker, which makes its fixtures once.
-parallel: develop chromium $(KERNELS)
+parallel: develop chromium
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not realtime and not long"
 
-realtime: develop chromium $(KERNELS)
+realtime: develop chromium
 	$(BIN)/python -m pytest -m "realtime and not long"
 
 bench: develop

@@ -66,14 +66,16 @@ def _least(
     turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
     centres, work, touch = np.empty((len(parts[0]), 3)), np.empty((WORK, 6)), np.empty(3)
     frame = np.empty((4, 3))
-    cells, way, (a, b) = np.empty((256, 2, n)), np.zeros(3), pairs[0]
-    cells[0, 0], cells[0, 1] = middle, half
+    cells, way, a, b = np.empty((256, 2, n)), np.zeros(3), pairs[0, 0], pairs[0, 1]
+    q, wide = np.empty(n), np.empty(n)
+    for j in range(n):
+        cells[0, 0, j], cells[0, 1, j] = middle[j], half[j]
     open_, low = 1, np.inf
     for _ in range(most):
         open_ -= 1
-        q, wide = cells[open_, 0].copy(), cells[open_, 1].copy()
         slack, widest = 0.0, 0
         for j in range(n):
+            q[j], wide[j] = cells[open_, 0, j], cells[open_, 1, j]
             slack += rates[j] * wide[j]
             if rates[j] * wide[j] > rates[widest] * wide[widest]:
                 widest = j
@@ -90,7 +92,8 @@ def _least(
             break
         wide[widest] /= 2
         for side in (-1.0, 1.0):
-            cells[open_, 0], cells[open_, 1] = q, wide
+            for j in range(n):
+                cells[open_, 0, j], cells[open_, 1, j] = q[j], wide[j]
             cells[open_, 0, widest] += side * wide[widest]
             open_ += 1
     return -np.inf

@@ -307,7 +307,7 @@ def _distances(joints: Array, parts: Any, pairs: Indices, q: Array, out: Array) 
     for k in range(len(q)):
         place_bodies(joints, parts, q[k], turn, origin, axis, centres)
         for p in range(len(pairs)):
-            a, b = pairs[p]
+            a, b = pairs[p, 0], pairs[p, 1]
             out[k, p] = gap_of(
                 parts, a, b, turn, origin, centres, np.inf, axes[p], touch, frame, work
             )
@@ -339,7 +339,7 @@ def _nearest(
             p = (last + turned) % len(pairs)
             off = slack[k, p]
             enough = max(least, low + off) - nearer[p]
-            a, b = pairs[p]
+            a, b = pairs[p, 0], pairs[p, 1]
             far = gap_of(parts, a, b, turn, origin, centres, enough, axes[p], touch, frame, work)
             far += nearer[p]
             if far < least:
@@ -387,7 +387,7 @@ def _violation(
             if not placed:
                 place_bodies(joints, parts, q[k], turn, origin, axis, centres)
                 placed = True
-            a, b = pairs[p]
+            a, b = pairs[p, 0], pairs[p, 1]
             far = gap_of(
                 parts, a, b, turn, origin, centres, clearance[p], axes[row, p], touch, frame, work
             )
@@ -395,8 +395,9 @@ def _violation(
             if far >= clearance[p]:
                 continue
             if total == before:
-                force[:] = 0.0
-                moment[:] = 0.0
+                for i in range(n + 1):
+                    for r in range(3):
+                        force[i, r] = moment[i, r] = 0.0
             short = (clearance[p] - far) / LENGTH
             total += short * short
             first = link[a] if a < len(link) else 0
@@ -435,7 +436,7 @@ def _closest(joints: Array, parts: Any, pairs: Indices, q: Array, ends: Array) -
     link, radius = parts[0], parts[3]
     centres, work, touch = np.empty((len(link), 3)), np.empty((WORK, 6)), np.empty(3)
     frame = np.empty((4, 3))
-    way, (a, b) = np.zeros(3), pairs[0]
+    way, a, b = np.zeros(3), pairs[0, 0], pairs[0, 1]
     place_bodies(joints, parts, q[0], turn, origin, axis, centres)
     far = gap_of(parts, a, b, turn, origin, centres, np.inf, way, touch, frame, work)
     plane = a >= len(link)

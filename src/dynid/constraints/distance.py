@@ -176,7 +176,8 @@ def _reduce(rows: Array, count: int, share: Array, three: Array, normal: Array) 
     left = 0
     for k in range(count):
         if share[k] > 0.0:
-            rows[left] = rows[k]
+            for r in range(6):
+                rows[left, r] = rows[k, r]
             share[left] = share[k]
             left += 1
     return left
@@ -276,8 +277,9 @@ def _depth(
         kept = loose = 0
         for f in range(count):
             if _dot(normals[f], top) <= heights[f] + 1e-12:
-                faces[kept] = faces[f]
-                normals[kept] = normals[f]
+                for r in range(3):
+                    faces[kept, r] = faces[f, r]
+                    normals[kept, r] = normals[f, r]
                 heights[kept] = heights[f]
                 kept += 1
                 continue
@@ -296,18 +298,18 @@ def _depth(
                     loose += 1
         count = kept
         for e in range(min(loose, _FACES - kept)):
-            i, j = edges[e]
+            i, j = edges[e, 0], edges[e, 1]
             count = _add_face(rows, i, j, corners, faces, normals, heights, count)
         corners += 1
     # Of faces in one plane, the one over the origin.
     height, best = heights[nearest], np.inf
     for f in range(count):
         if heights[f] <= height + 1e-9:
-            i, j, k = faces[f]
+            i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
             far = _near_face(rows[i], rows[j], rows[k], share, spare)
             if far < best:
                 best, nearest = far, f
-    i, j, k = faces[nearest]
+    i, j, k = faces[nearest, 0], faces[nearest, 1], faces[nearest, 2]
     _near_face(rows[i], rows[j], rows[k], share, spare)
     for r in range(3):
         axis[r] = normals[nearest, r]

@@ -87,13 +87,14 @@ def _norms(
             turns = 0.0 if prismatic[i] else dq[k, i]
             for r in range(3):
                 spin[i + 1, r] = spin[i, r] + turns * axis[i, r]
-        whole[:] = 0.0
+        whole[0] = whole[1] = whole[2] = 0.0
         for m in range(len(link)):
             place_point(turn[link[m]], origin[link[m]], points[m], place)
-            before[0, m] = 0.0
+            before[0, m, 0] = before[0, m, 1] = before[0, m, 2] = 0.0
             for i in range(link[m]):
                 if prismatic[i]:
-                    column[i, m] = axis[i]
+                    for r in range(3):
+                        column[i, m, r] = axis[i, r]
                 else:
                     x = place[0] - origin[i + 1, 0]
                     y = place[1] - origin[i + 1, 1]

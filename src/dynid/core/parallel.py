@@ -171,8 +171,8 @@ def each(
 
     try:
         while todo or pending:
-            # One more than they work on, so that none waits for this process.
-            while todo and len(pending) < 2 * beside.slots:
+            # One more than they work on, so that none waits for this process, which keeps one.
+            while len(todo) > 1 and len(pending) < 2 * beside.slots:
                 # Fewer towards the end, so that all are done at about the same time.
                 size = min(int(HANDED_S / max(own_s, 1e-6)), len(todo) // (4 * beside.slots))
                 numbers = [todo.popleft() for _ in range(max(size, 1))]

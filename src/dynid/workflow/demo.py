@@ -6,11 +6,12 @@ The demo's designs and recordings: through the simulated controller, in virtual 
 """
 
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Iterable
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -18,10 +19,12 @@ from dynid.core import (
     InputError,
     JobError,
     Progress,
+    each,
     require,
     require_absent,
     silent,
     told,
+    workers,
     write_json,
 )
 from dynid.excitation import ExcitationDesign
@@ -37,6 +40,8 @@ from dynid.workflow.identify import Identification, identify
 from dynid.workflow.reporting import report
 from dynid.workflow.run_settings import RunSettings, truth_path, write_truth
 from dynid.workflow.running import run_design
+
+Result = TypeVar("Result")
 
 PAPER_CONDITION = 153.0
 PAPER_WARMING = -35.0
@@ -189,6 +194,8 @@ PERIOD_S, HARMONICS, REPETITIONS = 10.0, 5, 3
 """The paper's: length and harmonics of the trajectory, and how often it is repeated."""
 PURPOSES = (("design", 1), ("validation_design", 2))
 """Name and seed of the two motions: one to identify from, one to check with."""
+RECORDED = ("identification", "validation")
+"""What each motion is recorded for."""
 THERMAL = ("cold", "warm")
 STARTS = 2
 """Starts of the search for a motion; more would find a slightly better one."""
@@ -220,53 +227,76 @@ def make_recordings(robot: str, folder: Path, quick: bool, tell: Progress) -> Re
         JobError: No feasible motion was found, or a run was stopped.
         MissingExtraError: MuJoCo is not installed.
     """
-    designs: list[ExcitationDesign] = []
-    files: list[Path] = []
-    for k, (name, seed) in enumerate(PURPOSES):
-        tell(f"design a motion ({k + 1} of {len(PURPOSES)})", k / 4)
-        settings = DesignSettings(
-            purpose="cond",
-            harmonics=HARMONICS,
-            period_s=PERIOD_S,
-            starts=1 if quick else STARTS,
-            seed=seed,
-            jobs=1 if quick else STARTS,
+    with workers(1 if quick else 2) as beside:
+        designs = _in_order(
+            each(
+                partial(_designed, robot, folder, quick),
+                PURPOSES,
+                beside,
+                tell=lambda what, share: tell(what, 0.5 * share),
+                words="design two motions",
+            )
         )
-        path = folder / f"{name}.json"
-        designs.append(design(robot, settings, output=path))
-        if designs[-1].interrupted:
-            raise KeyboardInterrupt
-        if not designs[-1].feasible:
-            raise JobError("the search found no motion within the limits", where=str(path))
-        files.append(path)
-    recorded: dict[str, dict[str, ExperimentRecord]] = {name: {} for name, _ in PURPOSES}
-    repetitions = 1 if quick else REPETITIONS
-    for k, thermal in enumerate(THERMAL):
-        # One controller a thermal state and motion: each recording starts at that temperature.
-        for name, seed in PURPOSES:
-            what = "identification" if name == "design" else "validation"
-            tell(f"run on the simulated robot: {thermal}, {what}", 0.5 + k / 4)
-            path = folder / f"{thermal}_{what}.parquet"
-            noise = 10 * seed + k
-            with _simulated_robot(robot, thermal, noise) as on:
-                run_design(
-                    folder / f"{name}.json",
-                    path,
-                    on=on,
-                    settings=RunSettings(
-                        repeat=repetitions, thermal=thermal, seed=noise, force=True
-                    ),
-                ).raise_if_aborted()
-            recorded[name][thermal] = record = read_record(path)
-            warm = np.mean(record.signals["temperature"], axis=0)
-            write_truth(path, simulated_arm(load_robot(robot), serial=SERIAL), warm)
-            files += [path, truth_path(path)]
+        for found in designs:
+            if found.interrupted:
+                raise KeyboardInterrupt
+            if not found.feasible:
+                raise JobError("the search found no motion within the limits", where=str(folder))
+        runs = [
+            (thermal, what, name, 10 * seed + k)
+            for k, thermal in enumerate(THERMAL)
+            for (name, seed), what in zip(PURPOSES, RECORDED, strict=True)
+        ]
+        paths = _in_order(
+            each(
+                partial(_recorded, robot, folder, quick),
+                runs,
+                beside,
+                tell=lambda what, share: tell(what, 0.5 + 0.5 * share),
+                words="run on the simulated robot, cold and warm",
+            )
+        )
+    records = {
+        (thermal, what): read_record(path)
+        for (thermal, what, _, _), path in zip(runs, paths, strict=True)
+    }
+    files = [folder / f"{name}.json" for name, _ in PURPOSES]
     return Recordings(
         design=designs[0],
-        identification=recorded["design"],
-        validation=recorded["validation_design"],
-        files=tuple(files),
+        identification={thermal: records[thermal, RECORDED[0]] for thermal in THERMAL},
+        validation={thermal: records[thermal, RECORDED[1]] for thermal in THERMAL},
+        files=(*files, *(file for path in paths for file in (path, truth_path(path)))),
     )
+
+
+def _in_order(found: Iterable[tuple[int, Result]]) -> list[Result]:
+    return [result for _, result in sorted(found, key=lambda item: item[0])]
+
+
+def _designed(robot: str, folder: Path, quick: bool, purpose: tuple[str, int]) -> ExcitationDesign:
+    name, seed = purpose
+    settings = DesignSettings(
+        purpose="cond",
+        harmonics=HARMONICS,
+        period_s=PERIOD_S,
+        starts=1 if quick else STARTS,
+        seed=seed,
+    )
+    return design(robot, settings, output=folder / f"{name}.json")
+
+
+def _recorded(robot: str, folder: Path, quick: bool, run: tuple[str, str, str, int]) -> Path:
+    """Record a motion on a controller of its own: each recording starts at its temperature."""
+    thermal, what, name, seed = run
+    path = folder / f"{thermal}_{what}.parquet"
+    settings = RunSettings(
+        repeat=1 if quick else REPETITIONS, thermal=thermal, seed=seed, force=True
+    )
+    with _simulated_robot(robot, thermal, seed) as on:
+        run_design(folder / f"{name}.json", path, on=on, settings=settings).raise_if_aborted()
+    warm = np.mean(read_record(path).signals["temperature"], axis=0)
+    write_truth(path, simulated_arm(load_robot(robot), serial=SERIAL), warm)
+    return path
 
 
 @contextmanager
@@ -355,11 +385,9 @@ def run_demo(
     folder = _directory(directory)
     require_absent(*(folder / name for name in _names()), force=force)
     robot = load_robot(ROBOT)
-    tell("analyze the UR5", 0.0)
+    made = make_recordings(ROBOT, folder, quick, lambda what, share: tell(what, 0.7 * share))
+    tell("analyze the UR5", 0.7)
     analysis = analyze(robot)
-    made = make_recordings(
-        ROBOT, folder, quick, lambda what, share: tell(what, 0.02 + 0.68 * share)
-    )
     files = list(made.files)
     results: dict[str, Identification] = {}
     for k, (preset, thermal, name) in enumerate(ESTIMATES):

@@ -56,6 +56,16 @@ def to_pose(matrix: Array) -> list[float]:
     return [*matrix[:3, 3].tolist(), *rotation_vector(matrix[:3, :3]).tolist()]
 
 
+@njit
+def _moved(pose: Array, by: Array, out: Array) -> None:
+    """Write the first three rows of the product of two transforms."""
+    for i in range(3):
+        for j in range(4):
+            out[i, j] = pose[i, 0] * by[0, j] + pose[i, 1] * by[1, j] + pose[i, 2] * by[2, j]
+        out[i, 3] += pose[i, 3]
+
+
+# Elements one by one: a product or an assignment of whole arrays takes Numba seconds to compile.
 @njit(cache=True)
 def chain(
     placements: Array, axes: Array, q: Array, tip: Array, tool: Array, jacobian: Array, elbow: Array
@@ -72,33 +82,34 @@ def chain(
         elbow: (n, 3) origins of the joint frames in the base frame, filled [m].
     """
     n = len(q)
-    pose = np.eye(4)
-    turns = np.empty((n, 3))
+    pose, placed, turns = np.zeros((3, 4)), np.empty((3, 4)), np.empty((n, 3))
     turn = np.empty((3, 3))
-    moved = np.empty((3, 3))
+    pose[0, 0] = pose[1, 1] = pose[2, 2] = 1.0
     for k in range(n):
-        pose = pose @ placements[k]
+        _moved(pose, placements[k], placed)
         x, y, z = axes[k, 0], axes[k, 1], axes[k, 2]
-        c, s = np.cos(q[k]), np.sin(q[k])
+        c, s = math.cos(q[k]), math.sin(q[k])
         d = 1.0 - c
         turn[0, 0], turn[0, 1], turn[0, 2] = c + d * x * x, d * x * y - s * z, d * x * z + s * y
         turn[1, 0], turn[1, 1], turn[1, 2] = d * x * y + s * z, c + d * y * y, d * y * z - s * x
         turn[2, 0], turn[2, 1], turn[2, 2] = d * x * z - s * y, d * y * z + s * x, c + d * z * z
         for i in range(3):
-            turns[k, i] = pose[i, 0] * x + pose[i, 1] * y + pose[i, 2] * z
-            elbow[k, i] = pose[i, 3]
+            turns[k, i] = placed[i, 0] * x + placed[i, 1] * y + placed[i, 2] * z
+            elbow[k, i] = pose[i, 3] = placed[i, 3]
             for j in range(3):
-                moved[i, j] = (
-                    pose[i, 0] * turn[0, j] + pose[i, 1] * turn[1, j] + pose[i, 2] * turn[2, j]
+                pose[i, j] = (
+                    placed[i, 0] * turn[0, j]
+                    + placed[i, 1] * turn[1, j]
+                    + placed[i, 2] * turn[2, j]
                 )
-        pose[:3, :3] = moved
-    pose = pose @ tip
-    tool[:, :] = pose
+    _moved(pose, tip, tool)
+    tool[3, 0] = tool[3, 1] = tool[3, 2] = 0.0
+    tool[3, 3] = 1.0
     for k in range(n):
         a, b, c = turns[k, 0], turns[k, 1], turns[k, 2]
-        u = pose[0, 3] - elbow[k, 0]
-        v = pose[1, 3] - elbow[k, 1]
-        w = pose[2, 3] - elbow[k, 2]
+        u = tool[0, 3] - elbow[k, 0]
+        v = tool[1, 3] - elbow[k, 1]
+        w = tool[2, 3] - elbow[k, 2]
         jacobian[0, k], jacobian[1, k], jacobian[2, k] = b * w - c * v, c * u - a * w, a * v - b * u
         jacobian[3, k], jacobian[4, k], jacobian[5, k] = a, b, c
 
