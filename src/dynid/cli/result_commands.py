@@ -394,6 +394,9 @@ def demo_command(
         ),
     ] = False,
     force: ForceFlag = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Print the whole table, choices, warnings and files.")
+    ] = False,
     json: JsonFlag = False,
 ) -> None:
     """The whole paper on the simulated UR5, cold and warm."""
@@ -414,6 +417,7 @@ def demo_command(
         return
     screen = console()
     screen.print(verdict(demo.best).headline, style="bold")
+    rows = [row for row in demo.table if everything or row.paper is not None]
     print_table(
         screen,
         "The paper's UR5 beside the simulated UR5",
@@ -426,13 +430,17 @@ def demo_command(
                 number(row.preset_paper),
                 number(row.preset_best),
             )
-            for row in demo.table
+            for row in rows
         ],
         words=(0, 1),
     )
-    for row in demo.table:
+    for row in rows:
         if row.note:
             screen.print(f"- {row.quantity}: {row.note}")
+    page = Path(output) / "report.html"
+    if not everything:
+        screen.print(f"\nwritten to {output} in {demo.wall_s:.0f} s; open {page}", soft_wrap=True)
+        return
     screen.print("\nChoices of preset best", style="bold")
     for choice in demo.best.estimate.choices:
         screen.print(f"- {choice}")
