@@ -164,7 +164,7 @@ class Cable:
 
 @pytest.mark.parametrize(
     ("way", "words"),
-    [("silence", "fallen silent"), ("closed", "connection")],
+    [("silence", "sends nothing any more"), ("closed", "connection")],
 )
 def test_the_network_is_cut(
     controller: RunningController, tmp_path: Path, way: str, words: str

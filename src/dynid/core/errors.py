@@ -93,17 +93,17 @@ def _suggestion(value: object, limit: object) -> str | None:
 
 
 def like_named(path: Path, *words: str) -> str | None:
-    """The file beside a missing one whose name is closest to it, as a next step.
+    """The file or folder beside a missing one with the closest name, as a next step.
 
     Args:
-        path: The file that is not there.
+        path: What is not there.
         words: What else could be meant.
     """
     import difflib
 
     files: list[str] = []
     with suppress(OSError, ValueError):
-        files = [item.name for item in path.parent.iterdir() if item.is_file()]
+        files = [item.name for item in path.parent.iterdir()]
     near = difflib.get_close_matches(path.name.lower(), words, n=1)
     near += difflib.get_close_matches(path.name, files, n=1, cutoff=0.7)
     return f"Did you mean {near[0]}?" if near else None

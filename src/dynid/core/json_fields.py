@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 
 from dynid.core.arrays import Array
-from dynid.core.errors import InputError
+from dynid.core.errors import InputError, like_named
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,13 +105,14 @@ def load_object(path: str | Path) -> JsonFields:
             )
         content = Path(path).read_bytes()
     except OSError as error:
+        step = None
+        if isinstance(error, FileNotFoundError):
+            step = like_named(Path(path)) or f"Looked in {Path.cwd()}."
         raise InputError(
-            f"the file cannot be read: {error.strerror or error}",
-            where=where,
-            next_step=f"Looked in {Path.cwd()}." if isinstance(error, FileNotFoundError) else None,
+            f"the file cannot be read: {error.strerror or error}", where=where, next_step=step
         ) from error
     except ValueError as error:
-        raise InputError("this can be no file's name", where=where) from error
+        raise InputError("this is not a valid file name", where=where) from error
     try:
         document = json.loads(
             content.decode("utf-8"), parse_constant=_refuse, object_pairs_hook=_once
@@ -134,7 +135,7 @@ def _fault(error: ValueError, content: bytes) -> str:
     if not isinstance(error, json.JSONDecodeError):
         return f"the file is not JSON: {error}"
     if not error.doc[error.pos :].strip() or error.msg.startswith("Unterminated"):
-        return f"the JSON stops in its midst, in line {error.lineno}: the file was cut short"
+        return f"the JSON ends early, in line {error.lineno}: the file was cut short"
     said = error.msg[0].lower() + error.msg[1:]
     return f"the file is not JSON: {said} in line {error.lineno}, column {error.colno}"
 

@@ -55,16 +55,15 @@ _FACTS = {
     "delay": "torques of {joints} are {ms:.1f} +- {ms_std:.1f} ms late",
     "clock_scale": "the clock of the recording runs {factor:.4g} times too slowly",
     "clock_offset": "torques were stamped {value:.2f} +- {std:.2g} s later than their motion",
-    "encoder_zero": "the position of {joints} counts from a zero that is {value:.3g} +- {std:.2g} "
-    "{unit} off",
-    "flexibility": "{joints} bends by {value:.2g} +- {std:.1g} {unit}",
+    "encoder_zero": "the encoder zero of {joints} is off by {value:.3g} +- {std:.2g} {unit}",
+    "flexibility": "{joints} has a flexibility of {value:.2g} +- {std:.1g} {unit}",
     "link_length": "the link before {joints} is {mm:.1f} +- {mm_std:.1f} mm longer than in the "
     "robot file",
-    "spring": "{joints} carries a torque of position, up to {value:.2g} {unit}, that is no gravity",
-    "mounting": "gravity stands {deg:.2f} +- {deg_std:.2f} deg off the mounting",
+    "spring": "{joints} has a torque of its position beyond gravity, up to {value:.2g} {unit}",
+    "mounting": "gravity is {deg:.2f} +- {deg_std:.2f} deg off the mounting",
     "payload": "the last link carries {value:.2f} +- {std:.2g} kg more than published",
     "friction_drift": "friction changes by {percent:+.0f} +- {percent_std:.0f} % along the record",
-    "gravity_compensated": "the torques hold no gravity",
+    "gravity_compensated": "the torques contain no gravity",
     "reversed": "the torques of {joints} fit only when reversed",
     "exchanged": "the columns of {joints} look exchanged",
     "exchanged_torques": "the torques of {joints} look exchanged",
@@ -214,7 +213,7 @@ def _kind_of_torque(explained: Explained, torque: Array, limit: Array) -> list[F
     fast = np.diff(rec.tau - explained.reference.predicted(explained.values), axis=0)
     noise = np.sqrt(np.square(fast).mean(axis=0) / 2)
     if float(np.median(noise / np.maximum(torque, 1e-300))) < NO_NOISE:
-        text = "the torques hold no noise: a model's or a controller's word, no measurement"
+        text = "the torques contain no noise: computed by a model or controller, not measured"
         return [Finding("commanded", text, next_step="record measured torques or currents")]
     values = explained.values[10 * n :].copy()
     values[n : 2 * n] = 0.0

@@ -123,7 +123,7 @@ def not_physical(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
     )
     told: list[Finding] = []
     if found:
-        text = f"below zero beyond doubt: {', '.join(found)}"
+        text = f"significantly negative: {', '.join(found)}"
         told.append(Finding("negative_friction", text, next_step=advice))
     steps = [
         k for k, name in enumerate(estimate.names) if name.startswith("Fc") and name[2:].isdigit()

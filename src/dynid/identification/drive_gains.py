@@ -152,12 +152,12 @@ def _joint(columns: Array, current: Array, rate_hz: float) -> tuple[Array, str]:
     pivots = np.abs(np.diag(upper)[:3])
     moved = float(np.abs(upper[2, 3]))
     if pivots.min() < 1e-9 or moved < LEAST_SHARE * np.linalg.norm(current):
-        return nothing, "its moment does not move the current apart from its friction"
+        return nothing, "its moment has no effect on the current beyond friction"
     inverse = inverse_upper(upper[:3, :3])
     solution = inverse @ upper[:3, 3]
     residual = current - scaled @ solution
     if moved < np.linalg.norm(residual):
-        return nothing, "its moment moves the current less than the fit leaves unexplained"
+        return nothing, "the effect of its moment on the current is below the residual"
     scores = scaled.T * residual
     lag = correlation_lag(residual[None], rate_hz) if residual.any() else 1
     bread = inverse @ inverse.T

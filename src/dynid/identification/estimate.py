@@ -301,7 +301,7 @@ class Estimate:
 
 FORMAT = "dynid-estimate"
 VERSION = 1
-MAX_BYTES = 64 << 20
+_MAKE = "Make one with: dynid identify RECORD -o ESTIMATE.json"
 
 
 def estimate_to_json(estimate: Estimate) -> dict[str, Any]:
@@ -364,23 +364,19 @@ def read_estimate(path: Path | str) -> Estimate:
     """
     where = str(path)
     try:
-        source = Path(path)
-        if source.stat().st_size > MAX_BYTES:
-            raise InputError("too large for an estimate", where=where, limit=f"{MAX_BYTES} bytes")
-    except OSError as error:
+        data = dict(load_object(path).values)
+    except InputError as error:
+        step = error.next_step or _MAKE
         raise InputError(
-            f"the file cannot be read: {error.strerror or error}", where=where
+            error.what, where=where, value=error.value, limit=error.limit, next_step=step
         ) from error
-    except ValueError as error:
-        raise InputError("this can be no file's name", where=where) from error
-    data = dict(load_object(source).values)
     if data.get("format") != FORMAT:
         found = data.get("kind") or data.get("format")
         raise InputError(
             "not a dynid estimate",
             where=where,
             value=found,
-            next_step="Make one with: dynid identify RECORD -o ESTIMATE.json",
+            next_step=_MAKE,
         )
     try:
         return _estimate(data)

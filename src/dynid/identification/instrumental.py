@@ -150,7 +150,7 @@ class ClosedLoop:
                 dq = dq + ddq / (rate * steps)
                 if not np.abs(q - aim[0]).max() < RUNAWAY:
                     raise JobError(
-                        "the simulated arm runs away: its model or its servo's is not physical",
+                        "the simulation of the arm diverges: its model or its servo's is wrong",
                         value=f"{np.abs(q - aim[0]).max():.3g} rad or m beside its reference",
                         next_step="Use --estimator sdp, or record a better motion.",
                     )

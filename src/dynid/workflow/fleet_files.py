@@ -29,6 +29,7 @@ from dynid.core import (
     each,
     file_hash,
     in_one_piece,
+    like_named,
     scipy_part,
     write_text,
 )
@@ -287,7 +288,7 @@ def _looked_into(
         ]
     root, output = Path(folder), output.resolve()
     if not root.is_dir():
-        raise InputError("there is no such folder", where=str(folder))
+        raise InputError("there is no such folder", where=str(folder), next_step=like_named(root))
     paths = sorted(
         path
         for path in root.rglob("*")

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from dynid.constraints import DISTANCES
-from dynid.core import Array, DynidError, InputError, Progress, load_object, silent
+from dynid.core import Array, DynidError, InputError, Progress, like_named, load_object, silent
 from dynid.diagnosis import contact_stretches
 from dynid.identification import FORMAT, Estimate, read_estimate, standard_posterior
 from dynid.recording import ExperimentRecord, identity, read_record
@@ -343,7 +343,9 @@ def report(
             if folder.exists()
             else "there is no such directory",
             where=str(directory),
-            next_step=f"Run: dynid report {folder.parent}" if folder.exists() else None,
+            next_step=f"Run: dynid report {folder.parent}"
+            if folder.exists()
+            else like_named(folder),
         )
     tell: Progress = progress or silent
     found = _reporting_search(folder, tell)

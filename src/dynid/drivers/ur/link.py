@@ -149,7 +149,7 @@ class RtdeLink:
                 data = self.socket.recv(_CHUNK)
             except TimeoutError as error:
                 raise Disconnected(
-                    "the controller has fallen silent: the network is cut, or it is dead",
+                    "the controller sends nothing any more: the network is cut, or it is off",
                     where=self.host,
                     limit=f"{self.socket.gettimeout()} s",
                 ) from error
@@ -280,7 +280,7 @@ class Dashboard:
             self._socket.sendall(f"{command}\n".encode())
         except OSError as error:
             raise Disconnected(
-                "the dashboard has gone", where=self.host, value=error.strerror
+                "the dashboard server is gone", where=self.host, value=error.strerror
             ) from error
         return self._read()
 
@@ -297,5 +297,5 @@ class Dashboard:
                 "the dashboard does not answer", where=self.host, value=error.strerror or str(error)
             ) from error
         if not line:
-            raise Disconnected("the dashboard has hung up", where=self.host)
+            raise Disconnected("the dashboard server has closed the connection", where=self.host)
         return line.decode(errors="replace").strip()
