@@ -105,7 +105,7 @@ def like_named(path: Path, *words: str) -> str | None:
     with suppress(OSError, ValueError):
         files = [item.name for item in path.parent.iterdir()]
     near = difflib.get_close_matches(path.name.lower(), words, n=1)
-    near += difflib.get_close_matches(path.name, files, n=1, cutoff=0.7)
+    near += difflib.get_close_matches(path.name, files, n=1, cutoff=0.75)
     return f"Did you mean {near[0]}?" if near else None
 
 
