@@ -142,3 +142,14 @@ def test_names_of_another_robot_are_put_in_order_and_told(tmp_path: Path) -> Non
         np.testing.assert_allclose(record.signals["q"], q[:, order])
         told = any("--joint-order" in problem.message for problem in record.problems)
         assert told == joints[0].startswith("a")
+
+
+def test_it_says_at_once_what_identification_needs(tmp_path: Path) -> None:
+    names = ["t", *(f"{what}{j}" for what in ("q", "current") for j in range(1, 7))]
+    table = np.column_stack([MOTION.t, MOTION.position(MOTION.t), MOTION.current(MOTION.t)])
+    path = tmp_path / "x.csv"
+    np.savetxt(path, table, delimiter=",", header=",".join(names), comments="")
+    for robot, option in ((None, "--robot"), ("ur10e", "--gains"), ("ur5", None)):
+        needs = import_recording([path], tmp_path / f"{robot}.parquet", robot=robot).needs
+        assert len(needs) == (option is not None)
+        assert option is None or option in needs[0]

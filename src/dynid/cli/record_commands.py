@@ -298,6 +298,8 @@ def _show(data: Mapping[str, Any]) -> None:
     print_notices(screen, "Problems found", data["findings"])
     if not data["problems"]:
         screen.print("no problems found")
+    for need in data["needs"]:
+        screen.print(f"dynid identify needs more: {need}", style="bold")
 
 
 def register_controller(app: typer.Typer) -> None:

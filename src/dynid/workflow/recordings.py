@@ -6,7 +6,7 @@
 import math
 import os
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -353,6 +353,8 @@ class Imported:
 
     record: ExperimentRecord
     path: Path
+    needs: tuple[str, ...] = ()
+    """What identification needs beside it, in words."""
 
     def to_json(self) -> dict[str, Any]:
         """The keys of the design, and what else was found."""
@@ -374,6 +376,7 @@ class Imported:
             "problems": told(record.problems),
             "findings": [finding.to_json() for finding in record.problems],
             "notes": metadata.extra.get("notes", ""),
+            "needs": list(self.needs),
         }
 
 
@@ -402,9 +405,10 @@ def import_recording(
     """
     how = options or ImportOptions()
     require_absent(Path(output), force=force)
+    model = None if robot is None else load_robot(robot)
     record = read_recording(
         [Path(file) for file in files],
-        robot=None if robot is None else load_robot(robot),
+        robot=model,
         format=how.format,
         columns=how.columns,
         header=how.header,
@@ -420,4 +424,15 @@ def import_recording(
         metadata = replace(record.metadata, robot=robot_reference(robot))
         record = replace(record, metadata=metadata)
     write_record(record, output, force=force)
-    return Imported(record=record, path=Path(output))
+    return Imported(record=record, path=Path(output), needs=tuple(_needs(record, model)))
+
+
+def _needs(record: ExperimentRecord, robot: RobotModel | None) -> Iterator[str]:
+    """What identification would refuse a recording for."""
+    if record.metadata.robot is None:
+        yield f"the recording does not say which robot it is of. {_NEXT}"
+    if robot is not None:
+        try:
+            known_gains(record, robot)
+        except (InputError, JobError) as error:
+            yield f"{error.what}. {error.next_step}"
