@@ -25,7 +25,14 @@ from dynid.identification import (
     write_estimate,
 )
 from dynid.identification.selection import NormalEquations, find_regions, gram_blocks
-from dynid.identification.selection.columns import WIDTHS, CandidateColumns
+from dynid.identification.selection.columns import (
+    DISPLACEMENTS,
+    LEVER,
+    WIDTHS,
+    CandidateColumns,
+    JointChoice,
+    chosen_friction,
+)
 from dynid.identification.selection.gram import left_out_values, shared_picks, signed_solutions
 from dynid.identification.selection.regions import moving_rows
 from dynid.reduction import reduce_model
@@ -72,12 +79,32 @@ def test_free_unknowns_stay_free() -> None:
 
 def test_the_columns_that_a_joint_may_take_know_their_signs() -> None:
     columns = CandidateColumns(
-        stepped=(("fc", None),), extras=("fo", "fca", "fr", "fl"), stribeck_velocity=0.1
+        stepped=(("fc", None),),
+        extras=("fo", "fca", "fr", "fl"),
+        stribeck_velocity=0.1,
+        levers=np.ones(1),
     )
     width = len(WIDTHS)
     expected = [True] * width + [False, False, True] + [True] * width
     assert columns.positive.tolist() == expected
     assert columns.places(0, 2, frozenset({1, 3})) == (2, width + 1, width + 3 + 2)
+
+
+def test_a_joint_that_slides_tries_its_own_widths_and_displacements() -> None:
+    columns = CandidateColumns(
+        stepped=(("fc", None),),
+        extras=(),
+        stribeck_velocity=0.1,
+        levers=np.array([1.0, LEVER]),
+        presliding=True,
+    )
+    dq, states = np.linspace(-1, 1, 21), np.zeros((len(DISPLACEMENTS), 21))
+    turning = columns.values(dq, dq, states, 1.0)
+    np.testing.assert_allclose(columns.values(LEVER * dq, dq, states, LEVER), turning, atol=SAME)
+    choices = (JointChoice(0, frozenset(), 1), JointChoice(2, frozenset()))
+    found = chosen_friction(choices, columns, None)
+    assert found.width == (WIDTHS[0], LEVER * WIDTHS[2])
+    assert found.presliding == (DISPLACEMENTS[1], 0.0)
 
 
 def test_blocks_leave_out_what_least_squares_on_the_other_rows_leaves_out() -> None:

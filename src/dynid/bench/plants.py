@@ -55,11 +55,13 @@ def arm(name: str) -> RobotModel:
         return load_robot(name)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"{name}.urdf"
-        path.write_text(_urdf(name, _TABLES[name]))
+        path.write_text(urdf(name))
         return load_robot(str(path))
 
 
-def _urdf(name: str, table: str) -> str:
+def urdf(name: str) -> str:
+    """The URDF of one of this module's arms."""
+    table = _TABLES[name]
     parts = [f'<robot name="{name}"><link name="link0"/>']
     for k, line in enumerate(table.split("\n")[1:-1], start=1):
         kind, axis, xyz, degrees, body, half, limits = (x.strip() for x in line.split("|"))

@@ -208,11 +208,14 @@ def choose(
         friction=chosen.friction,
         prior_weight=chosen.prior_weight,
         near_weights=chosen.near_weights,
-        words=(*averaged, *_words(chosen)),
+        words=(*averaged, *_words(chosen, any(robot.prismatic))),
     )
 
 
-def _words(chosen: Selection) -> tuple[str, ...]:
+def _words(chosen: Selection, slides: bool) -> tuple[str, ...]:
+    place, speed, torque = "rad", "rad/s", "N.m"
+    if slides:
+        place, speed, torque = "rad or m", "rad/s or m/s", "N.m or N"
     settings, width = chosen.settings, chosen.friction.width
     widths = width if isinstance(width, tuple) else (width,)
     delays = "none" if settings.delays_s is None else _row(1000 * d for d in settings.delays_s)
@@ -226,12 +229,12 @@ def _words(chosen: Selection) -> tuple[str, ...]:
         sources[settings.velocity],
         f"torque delays {delays}" + ("" if settings.delays_s is None else " ms"),
         f"friction terms {_terms(chosen.friction)}",
-        f"Coulomb widths {_row(widths)} rad/s",
-        f"held-out RMS {_row(chosen.noise)} N.m",
+        f"Coulomb widths {_row(widths)} {speed}",
+        f"held-out RMS {_row(chosen.noise)} {torque}",
     ]
     over = chosen.friction.presliding
     if over:
-        words.insert(-1, f"presliding over {_row(over)} rad")
+        words.insert(-1, f"presliding over {_row(over)} {place}")
     if settings.torque_filter is not None:
         words.insert(0, settings.torque_filter.describe())
     return tuple(words)

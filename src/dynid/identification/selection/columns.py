@@ -25,7 +25,9 @@ LOAD = "fl"
 WIDTHS = (0.001, 0.003, 0.01, 0.02, 0.04, 0.07, 0.12, 0.2)
 """Widths of the Coulomb step that are tried [rad/s]."""
 DISPLACEMENTS = (2e-4, 6e-4, 2e-3, 6e-3, 2e-2)
-"""Displacements over which presliding friction builds up that are tried [rad or m]."""
+"""Displacements over which presliding friction builds up that are tried [rad]."""
+LEVER = 0.1
+"""What one radian of the numbers above is to a joint that slides [m]."""
 EXTRA_WIDTH = 0.01
 """Width inside candidate columns that have a step, until the joint's own is known [rad/s]."""
 
@@ -43,6 +45,8 @@ class CandidateColumns:
     """Terms that a joint may take besides; load-dependent friction has the step's width."""
     stribeck_velocity: float
     """[rad/s or m/s]"""
+    levers: Array
+    """(n) 1 for joints that turn, `LEVER` for those that slide."""
     presliding: bool = False
     """Whether a joint's friction may build up over a displacement: then `fc` alone is stepped."""
 
@@ -57,24 +61,27 @@ class CandidateColumns:
         if not self.presliding:
             return np.zeros((len(q), 0, samples.count))
         periodic = samples.noise is not None
-        every = [friction_state(q, np.full(len(q), d), periodic=periodic) for d in DISPLACEMENTS]
+        every = [friction_state(q, d * self.levers, periodic=periodic) for d in DISPLACEMENTS]
         return np.stack(every, axis=1)
 
-    def values(self, dq: Array, load: Array, states: Array) -> Array:
+    def values(self, dq: Array, load: Array, states: Array, lever: float) -> Array:
         """(c, N) the columns of one joint.
 
         Args:
             dq: (N) its velocities.
             load: (N) size of its load.
             states: (d, N) its states of presliding friction.
+            lever: Of `levers`.
         """
+        widths = [lever * width for width in WIDTHS]
         stepped: list[Array] = []
         for term, _ in self.stepped:
-            stepped += [*(self._column(term, dq, width) for width in WIDTHS), *states]
-        extra = [self._column(term, dq, EXTRA_WIDTH) for term in self.extras if term != LOAD]
+            stepped += [*(self._column(term, dq, width) for width in widths), *states]
+        within = lever * EXTRA_WIDTH
+        extra = [self._column(term, dq, within) for term in self.extras if term != LOAD]
         loaded: list[Array] = []
         if LOAD in self.extras:
-            steps = (*(smooth_sign(dq, width) for width in WIDTHS), *states)
+            steps = (*(smooth_sign(dq, width) for width in widths), *states)
             loaded = [load * step for step in steps]
         return np.array([*stepped, *extra, *loaded])
 
@@ -158,22 +165,18 @@ class Moves:
 
 
 def chosen_friction(
-    choices: tuple[JointChoice, ...],
-    extras: tuple[str, ...],
-    given: FrictionTerms | None,
-    stribeck_velocity: float,
+    choices: tuple[JointChoice, ...], columns: CandidateColumns, given: FrictionTerms | None
 ) -> FrictionTerms:
     """The friction terms of the choices.
 
     Args:
         choices: One a joint.
-        extras: The words that their terms are indices of.
+        columns: What they are indices into.
         given: Terms given by the user; None for those of the paper.
-        stribeck_velocity: [rad/s or m/s]
     """
     joints_of = dict((given or FrictionTerms()).terms)
     load = None
-    for k, term in enumerate(extras):
+    for k, term in enumerate(columns.extras):
         joints = tuple(j for j, choice in enumerate(choices) if k in choice.terms)
         if joints and term == LOAD:
             # What the load is, the fit will find.
@@ -181,13 +184,16 @@ def chosen_friction(
         elif joints:
             joints_of[term] = joints if len(joints) < len(choices) else None
     over = tuple(
-        0.0 if choice.displacement is None else DISPLACEMENTS[choice.displacement]
-        for choice in choices
+        0.0 if choice.displacement is None else lever * DISPLACEMENTS[choice.displacement]
+        for choice, lever in zip(choices, columns.levers.tolist(), strict=True)
     )
     return FrictionTerms(
         terms=tuple((term, joints_of[term]) for term in TERMS if term in joints_of),
-        width=tuple(WIDTHS[choice.width] for choice in choices),
-        stribeck_velocity=stribeck_velocity,
+        width=tuple(
+            lever * WIDTHS[choice.width]
+            for choice, lever in zip(choices, columns.levers.tolist(), strict=True)
+        ),
+        stribeck_velocity=columns.stribeck_velocity,
         presliding=over if any(over) else (),
         load=load,
     )

@@ -13,6 +13,7 @@ from dynid.identification.problem import block_mean, chunk_size, recorded_rows
 from dynid.identification.selection.columns import (
     EXTRA_TERMS,
     EXTRA_WIDTH,
+    LEVER,
     LOAD,
     PLAIN_WIDTH,
     WIDTHS,
@@ -142,6 +143,7 @@ class ScoreSearch:
             stepped=tuple(term for term in fixed.terms if term[0] in stepped),
             extras=EXTRA_TERMS if terms is None else (),
             stribeck_velocity=fixed.stribeck_velocity,
+            levers=np.where(robot.prismatic, LEVER, 1.0),
             presliding=self.presliding,
         )
         self.base = reduce_model(
@@ -249,7 +251,7 @@ class ScoreSearch:
         load = np.zeros(samples.q.T.shape)
         if inertias is not None:
             load = load_size(self.base.model, samples, inertias)
-        each = zip(samples.dq.T, load, columns.states(samples), strict=True)
+        each = zip(samples.dq.T, load, columns.states(samples), columns.levers, strict=True)
         own = np.stack([columns.values(*joint) for joint in each], axis=1)
         own = samples.as_recorded(own)
         # The torques come in several versions: only what is added to them is wanted here.
@@ -393,9 +395,7 @@ class ScoreSearch:
         prior: float,
     ) -> FrictionTerms:
         """The friction terms of the choices, without those that no positive parameter explains."""
-        found = chosen_friction(
-            choices, self.columns.extras, self.given, self.columns.stribeck_velocity
-        )
+        found = chosen_friction(choices, self.columns, self.given)
         if self.given is not None:
             return found
         blocks = self.blocks(settings)
