@@ -8,6 +8,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from claim import claim
 from picture import draw
 
 from dynid.workflow import run_demo
@@ -72,6 +73,7 @@ def main() -> int:
     fill(ROOT / "docs" / "real-recordings.md", "results", whole)
     fill(ROOT / "README.md", "results", selected(whole))
     fill(ROOT / "README.md", "demo", demo())
+    fill(ROOT / "README.md", "claim", claim())
     draw()
     return 0
 
