@@ -11,8 +11,9 @@ The columns of the table are means over the seeds:
   friction   the same where the plant has Stribeck and load friction that the model lacks
   worst      largest standard deviation of a base parameter (DH frames, first-come, SI units)
 
-Needs pinocchio: pip install 'dynid[dev]'. Options: --seeds N (10), --starts N (4), --only A,B,
---no-collision, --paper, --monte-carlo.
+Needs pinocchio: pip install 'dynid[dev]'. Options: --seeds N (10), --starts N (4), --only A;B,
+--no-collision, --paper, --monte-carlo N; --motions DIR judges motions that another program planned
+(npz files of q, dq, ddq at 125 Hz) in place of designs.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import time
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -51,10 +53,16 @@ CRITERIA: dict[str, dict[str, object]] = {
 
 
 class Plant:
-    """Pinocchio's UR5 with the paper's friction columns."""
+    """Pinocchio's arm with the paper's friction columns.
 
-    def __init__(self) -> None:
-        self.robot = load_robot("ur5")
+    Args:
+        name: A UR arm.
+        noise: Standard deviation of each joint's torque [N.m].
+    """
+
+    def __init__(self, name: str = "ur5", noise: Array = NOISE) -> None:
+        self.robot = load_robot(name)
+        self.noise = noise
         n = self.robot.joints
         self.model = pin.Model()
         parent = 0
@@ -90,6 +98,11 @@ class Plant:
         out[:, own, 12 * n + own] = ddq
         return out
 
+    def over_noise(self, motion: JointMotion) -> Array:
+        """(n N, b) rows of the base parameters over the noise of their joint."""
+        w = self.rows(motion.q, motion.dq, motion.ddq)[:, :, self.base] / self.noise[:, None]
+        return w.reshape(-1, len(self.base))
+
     def more_friction(self, q: Array, dq: Array, ddq: Array) -> Array:
         """(N, n) Stribeck and load friction, which the model does not have [N.m]."""
         load = np.array([pin.rnea(self.model, self.data, *x) for x in zip(q, dq, ddq, strict=True)])
@@ -106,14 +119,18 @@ class Judge:
         self.rows = [plant.rows(m.q, m.dq, m.ddq)[:, :, plant.base] for m in motions]
         self.friction = [plant.more_friction(m.q, m.dq, m.ddq) for m in motions]
 
+    def variance(self, covariance: Array) -> Array:
+        """(n) variance of the predicted torques over that of the noise, for (b, b)."""
+        root = np.linalg.cholesky(covariance)
+        found = [np.square(rows @ root).sum(axis=2).mean(axis=0) for rows in self.rows]
+        return np.mean(found, axis=0) / np.square(self.plant.noise)
+
     def judge(self, motion: JointMotion, draws: int = 0) -> dict[str, float]:
         """The figures of a design."""
         plant = self.plant
-        w = plant.rows(motion.q, motion.dq, motion.ddq)[:, :, plant.base] / NOISE[:, None]
-        flat = w.reshape(-1, len(plant.base))
-        q, r = np.linalg.qr(flat)
+        q, r = np.linalg.qr(plant.over_noise(motion))
         root = np.linalg.inv(r)
-        friction = plant.more_friction(motion.q, motion.dq, motion.ddq) / NOISE
+        friction = plant.more_friction(motion.q, motion.dq, motion.ddq) / plant.noise
         bias = root @ (q.T @ friction.ravel())
         noise, rich = [], []
         for rows, extra in zip(self.rows, self.friction, strict=True):
@@ -121,10 +138,10 @@ class Judge:
             noise.append(variance)
             rich.append(variance + np.square(rows @ bias - extra).mean(axis=0))
         found = {
-            "held-out": float(np.mean(np.sqrt(np.mean(noise, axis=0)) / NOISE)),
-            "whole": float(np.mean(np.sqrt(np.mean(noise[:10], axis=0)) / NOISE)),
-            "task": float(np.mean(np.sqrt(np.mean(noise[10:], axis=0)) / NOISE)),
-            "friction": float(np.mean(np.sqrt(np.mean(rich, axis=0)) / NOISE)),
+            "held-out": float(np.mean(np.sqrt(np.mean(noise, axis=0)) / plant.noise)),
+            "whole": float(np.mean(np.sqrt(np.mean(noise[:10], axis=0)) / plant.noise)),
+            "task": float(np.mean(np.sqrt(np.mean(noise[10:], axis=0)) / plant.noise)),
+            "friction": float(np.mean(np.sqrt(np.mean(rich, axis=0)) / plant.noise)),
             "worst": float(np.linalg.norm(root, axis=1).max()),
         }
         if draws:
@@ -132,7 +149,7 @@ class Judge:
             for _ in range(draws):
                 error = root @ (q.T @ random.standard_normal(len(q)))
                 squares.append(np.mean([np.square(x @ error).mean(0) for x in self.rows], axis=0))
-            found["monte carlo"] = float(np.mean(np.sqrt(np.mean(squares, axis=0)) / NOISE))
+            found["monte carlo"] = float(np.mean(np.sqrt(np.mean(squares, axis=0)) / plant.noise))
         return found
 
 
@@ -199,6 +216,7 @@ def main() -> None:
     parser.add_argument("--no-collision", action="store_true")
     parser.add_argument("--paper", action="store_true")
     parser.add_argument("--monte-carlo", type=int, default=0)
+    parser.add_argument("--motions", type=Path)
     options = parser.parse_args()
     plant = Plant()
     robot = plant.robot
@@ -210,6 +228,11 @@ def main() -> None:
     judge = Judge(plant, limits)
     only = [name for name in options.only.split(";") if name]
     print(f"{'criterion':26} held-out (min .. max)      whole  task  friction  worst   cond  CPU s")
+    if options.motions is not None:
+        found = [np.load(file) for file in sorted(options.motions.glob("*.npz"))]
+        motions = [JointMotion(t=np.arange(len(x["q"])) / RATE_HZ, **x) for x in found]
+        _print(str(options.motions), [_judged(judge, motion) for motion in motions])
+        return
     best = _best_random(judge, robot, limits)
     _print("random, best cond of 40", [best])
     for name, words in CRITERIA.items():
@@ -236,12 +259,15 @@ def main() -> None:
 
 
 def _best_random(judge: Judge, robot, limits: MotionConstraints) -> dict[str, float]:
-    plant, rows = judge.plant, []
-    for motion in _whole_workspace(plant, limits, 40):
-        w = plant.rows(motion.q, motion.dq, motion.ddq)[:, :, plant.base]
-        cond = float(np.linalg.cond(w.reshape(-1, len(plant.base))))
-        rows.append(judge.judge(motion) | {"cond": cond, "cpu": 0.0})
+    rows = [_judged(judge, motion) for motion in _whole_workspace(judge.plant, limits, 40)]
     return min(rows, key=lambda row: row["cond"])
+
+
+def _judged(judge: Judge, motion: JointMotion) -> dict[str, float]:
+    plant = judge.plant
+    w = plant.rows(motion.q, motion.dq, motion.ddq)[:, :, plant.base]
+    cond = float(np.linalg.cond(w.reshape(-1, len(plant.base))))
+    return judge.judge(motion) | {"cond": cond, "cpu": 0.0}
 
 
 def _print(name: str, rows: list[dict[str, float]]) -> None:

@@ -1,12 +1,13 @@
 """Excitation by figaroh 1.0.2 on the UR5, judged by our own condition number.
 
-figaroh plans rest-to-rest cubic splines through way points with IPOPT and finite differences. It
-needs cyipopt, which has no wheels, so it lives in an environment of its own:
+figaroh plans rest-to-rest cubic splines through way points with IPOPT and finite differences, in an
+environment of its own:
 
-    apt-get install coinor-libipopt-dev libopenblas-dev liblapack-dev pkg-config
-    python3 -m venv /tmp/peer && /tmp/peer/bin/pip install figaroh==1.0.2 cyipopt
+    python3 -m venv /tmp/peer && /tmp/peer/bin/pip install figaroh==1.0.2 cyipopt-wheels
     /tmp/peer/bin/pip install -e . example-robot-data
-    /tmp/peer/bin/python benchmarks/peers/figaroh_design.py --iterations 100 --seeds 3
+    /tmp/peer/bin/python benchmarks/peers/figaroh_design.py --iterations 100 --seeds 3 --save DIR
+
+`--save DIR` keeps the motions, which `criteria.py --motions DIR` judges on its plant.
 
 Same horizon (10 s), position and velocity limits and no collisions, as the paper's problem.
 figaroh has no acceleration limit: its peak is printed beside its condition number.
@@ -72,22 +73,21 @@ class Trajectory(figaroh_trajectory.BaseOptimalTrajectory):
         return self.problem
 
 
-def judged(planned: Trajectory, path, base) -> tuple[float, float, float]:
-    """Our condition number at 125 Hz, and the peaks of velocity and acceleration."""
+def sampled(planned: Trajectory, path) -> tuple[np.ndarray, ...]:
+    """Positions, velocities and accelerations (N, n) at 125 Hz."""
     spacing = round(PLANNING_RATE * HORIZON / (WAYPOINTS - 1))
     problem = planned.problem
     _, q, dq, ddq = planned.CB.get_full_config(
         RATE, problem.tps, path[::spacing].T, problem.vel_wps, problem.acc_wps
     )
-    q, dq, ddq = (np.ascontiguousarray(x)[: round(HORIZON * RATE)] for x in (q, dq, ddq))
-    matrix = base.model.observation_matrix(q, dq, ddq)[:, base.independent]
-    return condition_number(matrix), float(np.abs(dq).max()), float(np.abs(ddq).max())
+    return tuple(np.ascontiguousarray(x)[: round(HORIZON * RATE)] for x in (q, dq, ddq))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--iterations", type=int, default=100)
     parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--save", type=Path)
     options = parser.parse_args()
     base = dynid.reduce_model(dynid.InverseDynamicModel(robot=dynid.load_robot("ur5"), frames="dh"))
     print(f"{'seed':>4} {'cond':>8} {'CPU s':>7} {'max dq':>7} {'max ddq':>8}  end")
@@ -105,7 +105,12 @@ def main() -> None:
         if not data:
             print(f"{seed:4d} {'none':>8} {spent:7.1f}   no feasible result")
             continue
-        cond, speed, acceleration = judged(planned, np.asarray(result["P_F"][0]), base)
+        q, dq, ddq = sampled(planned, np.asarray(result["P_F"][0]))
+        cond = condition_number(base.model.observation_matrix(q, dq, ddq)[:, base.independent])
+        speed, acceleration = np.abs(dq).max(), np.abs(ddq).max()
+        if options.save is not None:
+            options.save.mkdir(parents=True, exist_ok=True)
+            np.savez(options.save / f"{seed}.npz", q=q, dq=dq, ddq=ddq)
         end = "converged" if data[0]["converged"] else "iteration limit"
         print(f"{seed:4d} {cond:8.1f} {spent:7.1f} {speed:7.2f} {acceleration:8.1f}  {end}")
 
