@@ -46,6 +46,10 @@ def test_the_table_says_which_groups_moved(
     assert any(line.split()[:2] == ["viscous", "moved"] for line in lines)
     assert any(line.split()[:4] == ["inertial", "did", "not", "move"] for line in lines)
     assert max(map(len, lines)) <= 80
+    assert len(lines) <= 40
+    assert lines[3].split()[0] == "inertial"
+    assert main(["compare", *pair, "--all"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) > 52
 
 
 def test_a_file_that_is_no_estimate_is_refused(

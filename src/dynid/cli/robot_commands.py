@@ -93,6 +93,8 @@ def analyze_command(
 
 MOST_ROWS = 18
 """Combinations that are printed unasked."""
+MOST_CHANGES, MOST_LETTERS = 15, 28
+"""Changes of `dynid compare` that are printed unasked, and letters of a combination there."""
 
 
 def _show(data: Mapping[str, Any], everything: bool) -> None:
@@ -231,6 +233,9 @@ def compare_command(
     b: Annotated[
         Path, typer.Argument(metavar="B.json", help="Another, such as that of the warm robot.")
     ],
+    everything: Annotated[
+        bool, typer.Option("--all", help="Print every base parameter, in full.")
+    ] = False,
     json: JsonFlag = False,
 ) -> None:
     """Which parameters changed between two estimates (paper 3.2)."""
@@ -241,37 +246,46 @@ def compare_command(
     if json:
         print_json(comparison.to_json())
     else:
-        _print_comparison(console(), comparison)
+        _print_comparison(console(), comparison, everything)
 
 
-def _print_comparison(screen: Console, comparison: ParameterComparison) -> None:
+def _print_comparison(screen: Console, comparison: ParameterComparison, everything: bool) -> None:
     from dynid.cli.output import number, print_notices, print_table
 
-    rows = [
-        (
-            comparison.names[k],
-            comparison.units[k],
-            number(float(comparison.a[k])),
-            number(float(comparison.b[k])),
-            number(float(comparison.change_percent[k]), 3),
-            number(float(comparison.z[k]), 3),
-        )
-        for k in range(len(comparison.names))
-    ]
-    columns = ("parameter", "unit", "A", "B", "change %", "z")
-    print_table(screen, "Base parameters, z = change in sigmas", columns, rows, words=(0, 1))
+    called = [_shortened(text, MOST_LETTERS) for text in comparison.expressions]
     groups = [
         (
             group.name,
             "moved" if group.moved else "did not move",
             str(len(group.members)),
             number(group.median_change_percent, 3),
-            "-" if group.largest is None else comparison.names[group.largest],
+            "-" if group.largest is None else called[group.largest],
             number(group.largest_z, 3),
             number(group.limit_z, 3),
         )
         for group in comparison.groups
     ]
     columns = ("group", "", "number", "median %", "largest", "|z|", "limit")
-    print_table(screen, "Groups", columns, groups, words=(0, 1, 4))
+    print_table(
+        screen, "Groups, z = change in standard deviations", columns, groups, words=(0, 1, 4)
+    )
+    size = [abs(float(z)) for z in comparison.z]
+    order = range(len(size)) if everything else sorted(range(len(size)), key=lambda k: -size[k])
+    rows = [
+        (
+            comparison.expressions[k] if everything else called[k],
+            comparison.units[k],
+            number(float(comparison.a[k])),
+            number(float(comparison.b[k])),
+            number(float(comparison.change_percent[k]), 3),
+            number(float(comparison.z[k]), 3),
+        )
+        for k in order
+    ]
+    columns = ("parameter", "unit", "A", "B", "change %", "z")
+    title = "Base parameters" if everything else "Largest changes"
+    shown = rows if everything else rows[:MOST_CHANGES]
+    print_table(screen, title, columns, shown, words=(0, 1))
+    if not everything:
+        screen.print(f"--all prints all {len(rows)} base parameters in full")
     print_notices(screen, "Warnings", [notice.to_json() for notice in comparison.warnings])

@@ -257,6 +257,8 @@ class ParameterComparison:
 
     names: tuple[str, ...]
     """(r) names of the base parameters."""
+    expressions: tuple[str, ...]
+    """(r) their combinations of standard parameters."""
     units: tuple[str, ...]
     """(r) their units."""
     a: Array
@@ -330,6 +332,7 @@ def compare(a: Estimate | str | Path, b: Estimate | str | Path) -> ParameterComp
     words = (*GROUPS, "offset") if "offset" in kinds else GROUPS
     return ParameterComparison(
         names=a.names,
+        expressions=a.expressions,
         units=a.units,
         a=a.values,
         b=b.values,
