@@ -139,6 +139,45 @@ def not_negative(model: InverseDynamicModel) -> Mask:
     return np.array([symbol_of(name) in NOT_NEGATIVE for name in model.names])
 
 
+MASS_SPREAD, CENTRE_SPREAD_M, TENSOR_SPREAD = 0.08, 0.008, 0.25
+"""Standard deviations of real links about published inertias (share, m, share)."""
+
+
+def deviations(robot: RobotModel, frames: str, known: InertialPrior | None = None) -> Array:
+    """(10 n, 10 n) moves of published inertias, each by one standard deviation.
+
+    A published mass, centre and tensor are off as those of real links are. A tensor that was
+    completed, or a whole body whose mass was, is off by its unit in the pseudo-inertias' metric.
+
+    Args:
+        robot: The robot.
+        frames: Parameter frames.
+        known: Inertias in these frames; None for the robot's, completed.
+    """
+    given = known or inertial_prior(robot, frames)
+    out = np.zeros((given.parameters.size, given.parameters.size))
+    places = robot.parameter_frames[frames]
+    for i, row in enumerate(given.parameters):
+        published, mass, centre = robot.inertias[i], row[0], row[1:4] / row[0]
+        pseudo = to_pseudo_inertia(row)
+        if known is None and not (published[0] > 0 and np.isfinite(published[:4]).all()):
+            body = np.linalg.cholesky(pseudo)
+            moves = COMPLETED * (body @ ORTHONORMAL @ body.T)
+        else:
+            theirs = known is not None or np.allclose(move(row, places[i]), published)
+            shape = np.linalg.cholesky(pseudo[:3, :3] - mass * np.outer(centre, centre))
+            moves = np.zeros((10, 4, 4))
+            moves[:6, :3, :3] = shape @ ORTHONORMAL[:6, :3, :3] @ shape.T
+            moves[:6] *= TENSOR_SPREAD if theirs else COMPLETED
+            arm = np.append(centre, 1.0)
+            shifts = CENTRE_SPREAD_M * mass * np.eye(3, 4)[:, :, None] * arm
+            moves[6:9] = shifts + shifts.transpose(0, 2, 1)
+            moves[9] = MASS_SPREAD * mass * np.outer(arm, arm)
+        here = slice(10 * i, 10 * i + 10)
+        out[here, here] = from_pseudo_inertia(moves).T
+    return out
+
+
 RELATIVE = 0.3
 """Standard deviation of a published pseudo-inertia in its own metric: 30 %."""
 COMPLETED = 1.0
@@ -164,8 +203,8 @@ class PublishedPrior:
     """(r, f) what friction and motor inertias add to the base parameters."""
     published: bool
     """Whether the masses are published; False for plausible bodies."""
-    relative: float
-    """Expected deviation of the inertias in their own metric: `RELATIVE` or `COMPLETED`."""
+    pull: Array
+    """(r, 10 n) precision times base parameters of `deviations`."""
 
     @property
     def precision(self) -> Array:
@@ -202,12 +241,14 @@ def published_prior(
     # What no friction or motor inertia can change.
     rest = left[:, rank:] / scale[:, None]
     triangle = upper_triangle((rest.T @ mapping[:, :inertial] @ spread).T)
+    root = inverse_upper(triangle).T @ rest.T
+    off = deviations(model.robot, model.frames, known)
     return PublishedPrior(
         mean=mapping[:, :inertial] @ given.parameters.ravel(),
-        root=inverse_upper(triangle).T @ rest.T,
+        root=root,
         free=left[:, :rank] * scale[:, None],
         published=bool(np.nan_to_num(model.robot.inertias)[:, 0].max(initial=0.0) > 0),
-        relative=COMPLETED if given.completed else RELATIVE,
+        pull=root.T @ (root @ mapping[:, :inertial] @ off),
     )
 
 
@@ -250,14 +291,14 @@ class TowardPublished(Estimator):
                 break
         weights = 1.0 / pooled(noise, groups)
         values, information = posterior(factors, weights, known.mean, root, PRIOR_GAIN)
-        precision = root.T @ root
+        pull = strength * known.pull
         return Fit(
             values=values,
             noise=noise,
             weights=weights,
             information=information,
-            # The bodies are off by `relative`, not by what the weight would say.
-            prior_precision=strength * known.relative**2 * precision,
+            # The bodies are off by what real ones are, not by what the weight would say.
+            prior_precision=pull @ pull.T,
             choices=(f"inertias toward {known.word} with weight {self.weight:.2g}",),
         )
 

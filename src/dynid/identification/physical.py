@@ -12,10 +12,9 @@ import numpy as np
 
 from dynid.core import Array, inverse_upper, upper_triangle
 from dynid.identification.bayesian import (
-    COMPLETED,
     ORTHONORMAL,
-    RELATIVE,
     InertialPrior,
+    deviations,
     inertial_prior,
     symbol_of,
 )
@@ -45,8 +44,8 @@ DATA_ABOVE = 0.5
 def standard_posterior(estimate: Estimate, base: BaseParametrization) -> StandardParameters:
     """Standard parameters of an estimate: its own, or published ones corrected by its base values.
 
-    Base parameters b = B p with covariance C; published parameters p ~ N(p0, S), S from the
-    pseudo-inertia metric (Lee, Wensing and Park 2020). Then p = p0 + K (b - B p0) with
+    Base parameters b = B p with covariance C; published parameters p ~ N(p0, S), S from
+    `deviations`. Then p = p0 + K (b - B p0) with
     K = S B' (B S B' + C)^-1, and its covariance is S - K B S. The prior's share of a parameter is
     the share of its variance that is left.
 
@@ -59,12 +58,8 @@ def standard_posterior(estimate: Estimate, base: BaseParametrization) -> Standar
     model = estimate.model
     inertial = 10 * model.robot.joints
     known = inertial_prior(model.robot, model.frames)
-    # A body of unknown mass is a guess; one whose tensor alone is unknown is not.
-    relative = RELATIVE if np.isfinite(model.robot.inertias[:, :4]).all() else COMPLETED
     spread = np.zeros((len(model.columns), len(model.columns)))
-    for i, body in enumerate(np.linalg.cholesky(to_pseudo_inertia(known.parameters))):
-        here = slice(10 * i, 10 * i + 10)
-        spread[here, here] = relative * from_pseudo_inertia(body @ ORTHONORMAL @ body.T).T
+    spread[:inertial, :inertial] = deviations(model.robot, model.frames)
     sizes: dict[str, float] = {}
     for name, value in zip(estimate.names, np.abs(estimate.values), strict=True):
         sizes[symbol_of(name)] = max(float(value), sizes.get(symbol_of(name), 1e-6))

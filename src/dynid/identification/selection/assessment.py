@@ -270,8 +270,8 @@ def _root(
     """(r, k) root of the uncertainty of the base parameters; see `TorqueInterval.root`."""
     chosen = fitted.whole(prior.times(strength))[0]
     inverse = _inverse_root(fitted.system.matrix.sum(axis=0) + strength * prior.precision)
-    # Published inertias are off by `relative`: what the shrinkage leaves of that.
-    unsure = inverse @ inverse.T @ known.root.T * (strength * known.relative)
+    # Published inertias are off: what the shrinkage leaves of that.
+    unsure = strength * inverse @ (inverse.T @ known.pull)
     apart = [fitted.whole(prior.times(max(w, WEAKEST)))[0] - chosen for w in near]
     return np.concatenate([inverse, unsure, *(d[:, None] for d in apart)], axis=1)
 
