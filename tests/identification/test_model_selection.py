@@ -13,11 +13,14 @@ from known_robot import recording, ur5
 from scipy.optimize import nnls
 
 from dynid import identify
-from dynid.core import InputError
+from dynid.core import Array, InputError
 from dynid.identification import (
+    CENTRE_SPREAD_M,
+    MASS_SPREAD,
     IdentificationProblem,
     TowardPublished,
     WeightedLeastSquares,
+    deviations,
     inertial_prior,
     not_negative,
     published_prior,
@@ -37,6 +40,7 @@ from dynid.identification.selection.gram import left_out_values, shared_picks, s
 from dynid.identification.selection.regions import moving_rows
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel
+from dynid.robot import load_robot
 from dynid.signals import process
 from dynid.workflow import IdentifySettings
 from dynid.workflow.identify import gains_nothing
@@ -169,6 +173,31 @@ def test_published_inertias_leave_friction_and_motor_inertia_alone() -> None:
     unit = np.zeros(len(model.columns))
     unit[20] = 1.0
     assert np.linalg.norm(prior.root @ base.from_standard(unit)) > 0.1
+
+
+def test_published_links_are_off_as_real_ones_are() -> None:
+    robot = load_robot("ur10e")
+    link = 1
+    root = deviations(robot, "urdf")[10 * link : 10 * link + 10, 10 * link : 10 * link + 10]
+    row = inertial_prior(robot, "urdf").parameters[link]
+    mass, centre = row[0], row[1:4] / row[0]
+
+    def steiner(at: Array) -> Array:
+        """Ten parameters of a unit mass."""
+        x, y, z = at
+        second = [y * y + z * z, x * x + z * z, x * x + y * y, -y * z, -x * z, -x * y]
+        return np.array([1.0, x, y, z, *second])
+
+    heavier = MASS_SPREAD * mass * steiner(centre)
+    shift = np.array([0.0, 0.0, CENTRE_SPREAD_M])
+    moved = mass * (steiner(centre + shift) - steiner(centre - shift)) / 2
+    for off in (heavier, moved):
+        assert np.linalg.norm(np.linalg.solve(root, off)) == pytest.approx(1.0, abs=SAME)
+    # Without published tensors masses are known no less.
+    guessed = deviations(ur5(), "urdf")
+    known = inertial_prior(ur5(), "urdf").parameters[:, 0]
+    spread = np.linalg.norm(guessed[::10], axis=1)
+    np.testing.assert_allclose(spread, MASS_SPREAD * known)
 
 
 def test_a_strong_prior_gives_the_published_inertias_and_a_weak_one_least_squares() -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from dynid.constraints import prior_link
 from dynid.core import Array
+from dynid.identification import CENTRE_SPREAD_M, MASS_SPREAD, TENSOR_SPREAD
 from dynid.identification import inertial_prior as completed_inertias
 from dynid.regressor import CHUNK, FrictionTerms, InverseDynamicModel, friction_state
 from dynid.robot import RobotModel, from_pseudo_inertia, inverse, move, to_pseudo_inertia
@@ -25,8 +26,6 @@ WIDTHS = (0.005, 0.06)
 """Smoothing velocities of the Coulomb columns, shares of the joint's usual top speed."""
 PRESLIDING = (0.001, 0.006)
 """Displacements over which friction builds up, shares of the joint's travel."""
-MASS_SPREAD, CENTRE_SPREAD_M, TENSOR_SPREAD = 0.08, 0.008, 0.25
-"""Standard deviations of real links about published inertias (share, m, share)."""
 DRAWS = 300
 SWEEPS = 4
 UNKNOWN_MASS, UNKNOWN_CENTRE, UNKNOWN_TENSOR = 1.0, 0.3, 0.5

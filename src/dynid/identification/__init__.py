@@ -1,10 +1,14 @@
 """Estimators, their statistics, and the choice of settings."""
 
 from dynid.identification.bayesian import (
+    CENTRE_SPREAD_M,
+    MASS_SPREAD,
+    TENSOR_SPREAD,
     BayesianRegression,
     InertialPrior,
     TowardPublished,
     base_prior,
+    deviations,
     inertial_prior,
     not_negative,
     posterior,
@@ -105,14 +109,17 @@ from dynid.identification.trends import (
 )
 
 __all__ = [
+    "CENTRE_SPREAD_M",
     "CONFIDENCE",
     "ESTIMATORS",
     "FORMAT",
     "ILL_CONDITIONED",
     "LARGEST_STD",
     "LEAST_SPREAD_K",
+    "MASS_SPREAD",
     "PRIOR_GAIN",
     "PURPOSES",
+    "TENSOR_SPREAD",
     "WIDTH",
     "AllRows",
     "Assessment",
@@ -159,6 +166,7 @@ __all__ = [
     "base_prior",
     "block_mean",
     "chunk_size",
+    "deviations",
     "drive_gains",
     "essential_parameters",
     "estimate_to_json",
