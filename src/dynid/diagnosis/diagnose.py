@@ -16,8 +16,8 @@ CLOCKS_DIFFER = 0.005
 """Share by which time and velocities may disagree."""
 LEAST_RIPPLE = 0.005
 """Amplitude of a ripple over the joint's torque limit, or its largest torque."""
-NO_FRICTION = 0.008
-"""Friction over the torque limit that hardly any gear stays below."""
+NO_FRICTION = (0.03, 0.4)
+"""Braking torque over the torque limit, and over the torque, that hardly any gear stays below."""
 NO_NOISE = 2e-4
 """Noise over torque that no measurement stays below."""
 UNEXPLAINED = 0.25
@@ -218,8 +218,12 @@ def _kind_of_torque(explained: Explained, torque: Array, limit: Array) -> list[F
     values = explained.values[10 * n :].copy()
     values[n : 2 * n] = 0.0
     columns = explained.reference.columns[10 * n :]
-    friction = np.sqrt(np.square(np.tensordot(values, columns, axes=1)).mean(axis=1))
-    if float(np.median(friction / limit)) < NO_FRICTION:
+    dq = rec.average(rec.dq.T)
+    # The mean over the way: what does not brake, such as an offset, is no friction.
+    power = (np.tensordot(values, columns, axes=1) * dq).sum(axis=1)
+    friction = power / np.maximum(np.abs(dq).sum(axis=1), 1e-300)
+    shares = (friction / limit, friction / np.maximum(torque, 1e-300))
+    if all(np.median(s) < least for s, least in zip(shares, NO_FRICTION, strict=True)):
         text = "the torques contain hardly any friction: measured behind the gears, or compensated"
         return [Finding("friction_compensated", text)]
     return []
