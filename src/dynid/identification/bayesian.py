@@ -165,7 +165,8 @@ def deviations(robot: RobotModel, frames: str, known: InertialPrior | None = Non
             moves = COMPLETED * (body @ ORTHONORMAL @ body.T)
         else:
             theirs = known is not None or np.allclose(move(row, places[i]), published)
-            shape = np.linalg.cholesky(pseudo[:3, :3] - mass * np.outer(centre, centre))
+            second = pseudo[:3, :3] - mass * np.outer(centre, centre)
+            shape = np.asarray(np.linalg.cholesky(second), dtype=np.float64)
             moves = np.zeros((10, 4, 4))
             moves[:6, :3, :3] = shape @ ORTHONORMAL[:6, :3, :3] @ shape.T
             moves[:6] *= TENSOR_SPREAD if theirs else COMPLETED
