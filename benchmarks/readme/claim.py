@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import tempfile
+import textwrap
 from pathlib import Path
 
 import numpy as np
@@ -63,12 +64,14 @@ def error_percent(name: str, seed: int) -> float:
 def claim() -> str:
     """The README's sentence."""
     errors = sorted(error_percent(name, seed) for name in ARMS for seed in SEEDS)
-    return (
-        f"From one CSV file of {DURATION_S:.0f} s, its torques on another motion are within "
-        f"{np.median(errors):.1f} % of the true ones (median of {len(errors)} simulated arms with "
-        f"unknown links and friction, {errors[0]:.1f} to {errors[-1]:.1f} %; "
+    middle, least, most = np.median(errors), errors[0], errors[-1]
+    told = (
+        f"From one CSV file of {DURATION_S:.0f} s, the model's torques on another motion are "
+        f"within {middle:.1f} % of the true ones (median of {len(errors)} simulated arms with "
+        f"unknown links and friction, {least:.1f} to {most:.1f} %; "
         "[benchmarks/readme/claim.py](benchmarks/readme/claim.py))."
     )
+    return textwrap.fill(told, 118, break_on_hyphens=False)
 
 
 if __name__ == "__main__":

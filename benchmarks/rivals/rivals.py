@@ -1,4 +1,4 @@
-"""dynid and other tools on the same recordings: writes docs/benchmarks.md and a figure.
+"""dynid and other tools on the same recordings: a page, its table in the README, and a figure.
 
 Every tool runs on every case in a process of its own, the rivals in an environment of their own.
 What is there already in runs/rivals is not run again.
@@ -240,6 +240,19 @@ def why_behind(name: str, row: dict[str, dict]) -> str:
     return f"{said} {REASONS.get(name, '')}".rstrip()
 
 
+README = ("UR5 no6", "UR10 1st", "KR300 A", "TX40 1st", "Panda 1st", "simulated")
+"""Beginnings of the recordings that the README shows: one direction each."""
+
+
+def fill_readme(page: str) -> None:
+    """Copy the page's table of errors to the README, one direction of each pair of recordings."""
+    path, mark, end = ROOT / "README.md", "<!-- rivals -->\n", "\n<!-- /rivals -->"
+    before, rest = path.read_text().split(mark)
+    head, rule, *rows = page.split("\n\n")[3].splitlines()
+    kept = "\n".join([head, rule, *(row for row in rows if row[2:].startswith(README))])
+    path.write_text(before + mark + kept + end + rest.split(end)[1])
+
+
 def draw(table: dict[str, dict[str, dict]], path: Path) -> None:
     """Error of each tool over dynid's, recording by recording."""
     tools, names = [t for t in (*DYNID, *RIVALS) if t != "dynid"], list(table)
@@ -280,7 +293,9 @@ def main(words: list[str]) -> int:
         print(case.name, {tool: round(error_of(r), 3) for tool, r in found.items()}, flush=True)
     (ROOT / "docs" / "figures").mkdir(exist_ok=True)
     draw(table, ROOT / "docs" / "figures" / "rivals.svg")
-    (ROOT / "docs" / "benchmarks.md").write_text(document(table))
+    page = document(table)
+    (ROOT / "docs" / "benchmarks.md").write_text(page)
+    fill_readme(page)
     return 0
 
 
