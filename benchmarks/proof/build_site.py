@@ -8,6 +8,7 @@ of this one. `--strict`: a broken link is an error. The pages open from the file
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -159,8 +160,10 @@ def main() -> None:
     config = build / "mkdocs.yml"
     config.write_text(configuration(source, target, executed), encoding="utf-8")
     words = ["-m", "mkdocs", "build", "--quiet", "--strict", "--config-file", str(config)]
-    subprocess.run([str(python), *words], check=True)
-    print(f"{target / 'index.html'}: {len(list(target.rglob('*.html')))} pages")
+    quiet = os.environ | {"NO_MKDOCS_2_WARNING": "1"}
+    subprocess.run([str(python), *words], check=True, env=quiet)
+    pages_made = len(list(target.rglob("*.html")))
+    print(f"{os.path.relpath(target / 'index.html', ROOT)}: {pages_made} pages")
 
 
 if __name__ == "__main__":
