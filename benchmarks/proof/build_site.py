@@ -112,7 +112,8 @@ def commands() -> str:
 def notebooks(python: Path, source: Path) -> list[str]:
     """Execute the notebooks; their pages."""
     target = source / "notebooks"
-    run = [str(python), "-m", "nbconvert", "--execute", "--to", "markdown", "--output-dir"]
+    run = [str(python), "-m", "nbconvert", "--log-level", "WARN", "--execute"]
+    run += ["--to", "markdown", "--output-dir"]
     for path in sorted((ROOT / "examples" / "notebooks").glob("*.ipynb")):
         subprocess.run([*run, str(target), str(path)], check=True)
     return [f"notebooks/{path.name}" for path in sorted(target.glob("*.md"))]
