@@ -146,6 +146,8 @@ def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hy
         kind="payload", joints=(n - 1,), unit="kg", least=0.1,
         width=np.array([5.0, *[1.0] * 3, *[0.5] * 6]),
         columns=ref.columns[10 * (n - 1) : 10 * n],
+        # What is left of the last link has a mass.
+        lowest=-max(float(values[10 * (n - 1)]), 0.0),
     )  # fmt: skip
     friction = ref.columns[10 * n :].copy()
     friction[n : 2 * n] = 0.0  # motor inertia
