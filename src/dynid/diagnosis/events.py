@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, Indices, Mask, scipy_part
-from dynid.diagnosis.residual import STEPPED, Recording, Reference, fits
+from dynid.diagnosis.residual import STEPPED, Recording, Reference, correlation_length, fits
 from dynid.robot import RobotModel
 from dynid.signals import find_period
 
@@ -52,7 +52,9 @@ class Contact:
     """Largest torque that is left over [N.m or N]."""
 
 
-def contacts(rec: Recording, error: Array, held: Array, ease: float = 1.0) -> tuple[Contact, ...]:
+def contacts(
+    rec: Recording, error: Array, held: Array, ease: float = 1.0, unsure: Array | None = None
+) -> tuple[Contact, ...]:
     """Stretches that stand far above all others.
 
     Friction is least known near standstill and at the start: windows there are compared with
@@ -64,6 +66,7 @@ def contacts(rec: Recording, error: Array, held: Array, ease: float = 1.0) -> tu
         error: (N, n) torques that the model leaves [N.m or N].
         held: (n) torques that friction may hold at rest [N.m or N].
         ease: Factor by which the limits are lower: above 1 for stretches that may be contacts.
+        unsure: (N, n) standard deviations of the model's torques [N.m or N]; None for zero.
     """
     step = float(rec.t[1] - rec.t[0])
     width = max(2, round(WINDOW_S / step))
@@ -81,6 +84,7 @@ def contacts(rec: Recording, error: Array, held: Array, ease: float = 1.0) -> tu
     went = np.array([np.ptp(rec.q[a : a + width], axis=0) for a in starts])
     still = (kinds == 3) & (went < REST * np.ptp(rec.q, axis=0))
     kinds[scipy_part("ndimage").minimum_filter1d(still, 1 + 2 * ENDS, axis=0)] = 2
+    model = np.zeros_like(mean) if unsure is None else _means(unsure, starts, width)
     ratio = np.zeros_like(mean)
     for j in range(mean.shape[1]):
         kind = kinds[:, j]
@@ -94,7 +98,9 @@ def contacts(rec: Recording, error: Array, held: Array, ease: float = 1.0) -> tu
             enough = (kind == k).sum() >= FEWEST
             own = np.percentile(size[kind == k], percentile) / deviations if enough else np.inf
             own = min(max(own, everywhere), RARE * everywhere)
-            ratio[kind == k, j] = size[kind == k] / max(own, 1e-12)
+            # At rest only changes count, and errors of parameters stay the same.
+            expected = np.hypot(max(own, 1e-12), model[kind == k, j] if k < 2 else 0.0)
+            ratio[kind == k, j] = size[kind == k] / expected
     total = np.square(ratio).sum(axis=1)
     raised = np.flatnonzero(total > STRUCK / ease)
     groups = np.split(raised, np.flatnonzero(np.diff(starts[raised]) * step > NEXT_S) + 1)
@@ -171,7 +177,23 @@ def untouched(ref: Reference, values: Array) -> tuple[Array, tuple[Contact, ...]
     rest = replace(ref, columns=ref.columns * keep, torque=ref.torque * keep)
     _, values = fits(rest, np.zeros((0, *ref.torque.shape)))
     error = rec.tau - ref.predicted(values)
-    return error, contacts(rec, error, _held(ref, values))
+    return error, contacts(rec, error, _held(ref, values), unsure=_unsure(rest, ref, values))
+
+
+def _unsure(rest: Reference, ref: Reference, values: Array) -> Array:
+    """(N, n) standard deviations of the torques of a fit to the rest, from its parameters.
+
+    A motion that the recording shows once is known less well than one that it shows often.
+    """
+    rows = rest.torque - np.tensordot(values, rest.columns, axes=1)
+    noise = np.maximum(np.square(rows).mean(axis=1) * correlation_length(rows), 1e-18)
+    sums = np.matmul(rest.columns.transpose(1, 0, 2), rest.columns.transpose(1, 2, 0))
+    root = np.linalg.cholesky(np.tensordot(1 / noise, sums, axes=1) + ref.precision)
+    turned = np.linalg.solve(root, ref.columns.reshape(len(root), -1))
+    spread = np.sqrt(np.square(turned).sum(axis=0)).reshape(rows.shape)
+    whole = np.repeat(spread, ref.recording.block, axis=1).T
+    lacking = len(ref.recording.t) - len(whole)
+    return np.pad(whole, ((0, lacking), (0, 0)), mode="edge")
 
 
 def _held(ref: Reference, values: Array) -> Array:
