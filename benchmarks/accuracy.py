@@ -1,6 +1,6 @@
 """`dynid design --accuracy` on plants: is the torque error reached, and in how little time?
 
-    python benchmarks/accuracy.py [--plants 10] [--rich 0] [--percents 5 3 2] [--factors 1 3]
+    python benchmarks/accuracy.py [--plants 10] [--rich 0] [--percents 5 3 2] [--factors 3 1]
         [--arms ur5 ur10e seven]
 
 For each arm (two of Universal Robots and a URDF of seven joints), accuracy and torque noise (the
@@ -139,13 +139,13 @@ def main() -> int:
     parser.add_argument("--plants", type=int, default=10)
     parser.add_argument("--rich", type=int, default=0)
     parser.add_argument("--percents", type=float, nargs="+", default=[5.0, 3.0, 2.0])
-    parser.add_argument("--factors", type=float, nargs="+", default=[1.0, 3.0])
+    parser.add_argument("--factors", type=float, nargs="+", default=[3.0, 1.0])
     parser.add_argument("--arms", nargs="+", default=list(ARMS))
     asked = parser.parse_args()
     counts = {False: Count(), True: Count()}
     plants = {False: asked.plants, True: asked.rich}
     shares: list[float] = []
-    for name, factor in itertools.product(asked.arms, asked.factors):
+    for factor, name in itertools.product(asked.factors, asked.arms):
         arm = Arm.named(name)
         noise = factor * assumed_noise(arm.robot)
         settings = DesignSettings(noise=tuple(noise))
@@ -164,7 +164,10 @@ def main() -> int:
             line += f" {found.expected.bound_percent:.2f} %, {cpu:.0f} s CPU"
             for rich, count in counts.items():
                 errors = [count.case(arm, found, noise, k, rich) for k in range(plants[rich])]
-                line += f"; {('found', 'rich friction')[rich]}: {_range(errors)}" if errors else ""
+                if errors:
+                    good = sum(error <= percent for error in errors)
+                    line += f"; {('found', 'rich friction')[rich]}: {_range(errors)}, {good} of "
+                    line += f"{len(errors)} reached"
             print(line, flush=True)
             if percent == FIXED_PERCENT:
                 share = found.repetitions * period / FIXED_S
