@@ -91,7 +91,7 @@ def test_every_document_is_listed_in_the_readme() -> None:
 def test_every_option_that_is_written_in_words_exists(run: Run) -> None:
     known = {
         option
-        for command in (*COMMANDS, "bench estimators")
+        for command in (*COMMANDS, "bench estimators", "bench verdicts")
         for option in re.findall(r"--[a-z][\w-]*", run(*command.split(), "--help").out)
     }
     for name, text in {"README.md": README, **DOCUMENTS}.items():
