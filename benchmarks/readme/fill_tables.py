@@ -54,7 +54,9 @@ def _row(row: DemoRow) -> str:
         "-" if value is None else f"{value:.3g}" if isinstance(value, float) else str(value)
         for value in (row.paper, row.preset_paper, row.preset_best)
     )
-    return "| " + " | ".join((row.quantity, row.unit, *numbers)) + " |"
+    # A bar would end the cell.
+    quantity = row.quantity.replace("|", "\\|")
+    return "| " + " | ".join((quantity, row.unit, *numbers)) + " |"
 
 
 def fill(path: Path, name: str, table: str) -> None:

@@ -21,6 +21,8 @@ from urtwin import controller_process
 POINTS = 5.0
 """Percentage points by which a change of viscous friction may be missed."""
 SIGMAS = 3.0
+SCREEN = 40
+"""Lines that a command prints unasked."""
 TEXT = (Path(__file__).parents[2] / "docs" / "json.md").read_text()
 METRICS = set(re.findall(r"`(\w+)`", TEXT.split("**METRICS**:")[1].split("Lists")[0]))
 
@@ -93,8 +95,15 @@ def test_demo(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
 
     monkeypatch.setattr(module, "_simulated_robot", first_on_a_controller)
     folder = tmp_path / "new" / "demo"
+    made: list[Any] = []
+    whole = module.run_demo
+    monkeypatch.setattr(
+        "dynid.workflow.run_demo", lambda *a, **k: made.append(whole(*a, **k)) or made[0]
+    )
     data = run("demo", "-o", folder, "--quick", "--json").json()
     assert not first
+    monkeypatch.setattr("dynid.workflow.run_demo", lambda *_a, **_k: made[0])
+    assert len(run("demo", "-o", folder).out.splitlines()) <= SCREEN
     assert set(data) == keys_of("demo")
     table = {row["quantity"]: row for row in data["table"]}
     rank = table["base parameters"]

@@ -57,6 +57,17 @@ def test_each_item_once_wherever_it_ran() -> None:
     assert told[0][0] == "squares"
 
 
+def process_of(_item: int) -> int:
+    return os.getpid()
+
+
+def test_of_few_items_the_calling_process_takes_one() -> None:
+    with workers(2) as beside:
+        found = dict(each(process_of, [1, 2], beside))
+    assert len(set(found.values())) == 2
+    assert os.getpid() in found.values()
+
+
 def test_what_a_task_raises_is_raised_here() -> None:
     with workers() as nobody, pytest.raises(TypeError):
         list(each(square, ["a"], nobody))  # type: ignore[list-item]

@@ -171,7 +171,7 @@ def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
         kind="delay", joints=(j,), unit="s", width=np.array([0.05]), least=0.006,
         columns=torques.columns(_only(-np.gradient(torques.smooth, step, axis=0), j)),
         undo=lambda r, x: replace(r, tau=_shifted(r, float(x[0]), (j,))),
-        # One joint's torque cannot lead its motion: what looks so is stiction before a reversal.
+        # A lead cannot be told from stiction before a reversal.
         lowest=0.0,
     )  # fmt: skip
     moved = np.zeros((3, *rec.q.shape))
