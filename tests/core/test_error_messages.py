@@ -88,5 +88,7 @@ def test_a_refused_word_gets_the_closest_allowed_one(limit: object) -> None:
 def test_a_missing_file_is_compared_with_those_beside_it(tmp_path: Path) -> None:
     (tmp_path / "monday.csv").touch()
     assert like_named(tmp_path / "mondy.csv") == "Did you mean monday.csv?"
+    (tmp_path / "recordings").mkdir()
+    assert like_named(tmp_path / "recordigns") == "Did you mean recordings?"
     assert like_named(tmp_path / "UR55", "ur5", "ur10") == "Did you mean ur5?"
     assert like_named(tmp_path / "absent" / "other.csv") is None

@@ -17,6 +17,7 @@ from dynid.core import Array, InputError
 from dynid.identification import (
     CENTRE_SPREAD_M,
     MASS_SPREAD,
+    TENSOR_SPREAD,
     IdentificationProblem,
     TowardPublished,
     WeightedLeastSquares,
@@ -191,7 +192,9 @@ def test_published_links_are_off_as_real_ones_are() -> None:
     heavier = MASS_SPREAD * mass * steiner(centre)
     shift = np.array([0.0, 0.0, CENTRE_SPREAD_M])
     moved = mass * (steiner(centre + shift) - steiner(centre - shift)) / 2
-    for off in (heavier, moved):
+    tensor = row - mass * steiner(centre)
+    wider = TENSOR_SPREAD / np.sqrt(3.0) * tensor * (np.arange(10) >= 4)
+    for off in (heavier, moved, wider):
         assert np.linalg.norm(np.linalg.solve(root, off)) == pytest.approx(1.0, abs=SAME)
     # Without published tensors masses are known no less.
     guessed = deviations(ur5(), "urdf")
