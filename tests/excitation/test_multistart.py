@@ -3,6 +3,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,23 @@ class Immediate(Executor):
         return future
 
 
+class Waiting(Executor):
+    """Keeps its tasks until it is told to run them."""
+
+    def __init__(self) -> None:
+        self.tasks: list[tuple[Future[Any], Callable[[], Any]]] = []
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        self.tasks.append((future, partial(fn, *args, **kwargs)))
+        return future
+
+    def run(self) -> None:
+        for future, task in self.tasks:
+            if not future.done():
+                future.set_result(task())
+
+
 def best(search: Search) -> tuple[float, np.ndarray]:
     assert search.best is not None
     return search.best.objective, search.best.x
@@ -59,6 +77,30 @@ def test_the_answer_does_not_depend_on_who_runs_the_starts() -> None:
         np.testing.assert_array_equal(best(other)[1], best(alone)[1])
     assert beside.evaluations == alone.evaluations
     assert best(multistart(asked, effort, seed=2))[0] != best(alone)[0]
+
+
+def test_no_worker_waits_for_the_start_that_runs_here() -> None:
+    asked, waiting, handed = problem(), Waiting(), list[int]()
+
+    def tell(words: str, share: float) -> None:
+        handed.append(len(waiting.tasks))
+        waiting.run()
+
+    search = multistart(asked, Effort(starts=6), seed=1, beside=Workers(waiting, 2), tell=tell)
+    assert handed[0] == 4
+    # The last start is run here: nobody is waited for who has not begun.
+    assert handed[-1] == 4
+    assert search.starts == 6
+    assert best(search)[0] == best(multistart(asked, Effort(starts=6), seed=1))[0]
+
+
+def test_a_search_without_patience_drops_the_starts_that_have_not_begun() -> None:
+    waiting = Waiting()
+    effort = Effort(starts=50, budget_s=60.0, patience=1)
+    search = multistart(problem(), effort, seed=1, beside=Workers(waiting, 1))
+    assert search.ended_by == "stagnation"
+    assert search.wall_s < 60.0
+    assert all(future.cancelled() for future, _ in waiting.tasks)
 
 
 @pytest.mark.parametrize("at_once", [False, True])

@@ -82,7 +82,8 @@ def multistart(
     run = _StartRun(problem, effort, seed, beside or Workers(), tell)
     try:
         while run.more():
-            while len(run.pending) < run.beside.slots and run.more() and run.submit():
+            # One more than they work on, so that none waits for this process, which keeps one.
+            while len(run.pending) < 2 * run.beside.slots and run.several() and run.submit():
                 pass
             if run.more():
                 run.start_here()
@@ -161,6 +162,11 @@ class _StartRun:
             self.search.ended_by = "stagnation"
         return not self.search.ended_by
 
+    def several(self) -> bool:
+        """Whether to begin another start and one more after it."""
+        starts = self.effort.starts
+        return self.more() and (starts is None or starts - self.begun + len(self.lost) > 1)
+
     def submit(self) -> bool:
         """Whether somebody took another start."""
         budget = self.effort.budget_s
@@ -205,6 +211,9 @@ class _StartRun:
     def finish(self) -> None:
         """Take in the rest; where the time is up, what comes in a moment."""
         budget = self.effort.budget_s
+        if self.search.ended_by == "stagnation":
+            for future in [future for future in self.pending if future.cancel()]:
+                del self.pending[future]
         while self.pending:
             left = None if budget is None else budget + GRACE_S - self.search.wall_s
             if left is not None and left <= 0:
