@@ -9,7 +9,7 @@ from scipy import sparse
 
 from dynid.core import Array, InputError
 from dynid.identification import Payload
-from dynid.identification.payload import NORMAL_95, nearest_body
+from dynid.identification.payload import GAINS_OFF, NORMAL_95, nearest_body
 from dynid.recording import ExperimentRecord
 from dynid.robot import from_pseudo_inertia, is_physical, load_robot, to_pseudo_inertia
 from dynid.simulation import cylinder, link_parameters, simulate, simulated_arm, with_payload
@@ -83,6 +83,19 @@ def test_a_bias_that_both_runs_share_cancels() -> None:
     # In the loaded run alone the bias is not shared, and must show.
     alone = identify_payload(runs[0], biased(runs[1]), ROBOT)
     assert abs(alone.mass - 1.0) > 3 * abs(with_bias.mass - plain.mass)
+
+
+def test_a_gain_that_is_off_moves_the_payload_within_its_deviations() -> None:
+    runs = [recorded(4, None), recorded(4, body(2.0, (0.01, 0.02, 0.05)))]
+    off = np.ones(6)
+    off[1] += GAINS_OFF
+    wrong = [
+        ExperimentRecord(t=r.t, signals={**r.signals, "current": off * r.signals["current"]})
+        for r in runs
+    ]
+    plain, moved = (identify_payload(*pair, ROBOT) for pair in (runs, wrong))
+    away = np.abs(moved.free - plain.free) / plain.std
+    assert 0.3 < away.max() < 1.1
 
 
 def test_nothing_on_the_flange_is_told_from_nothing() -> None:

@@ -136,6 +136,8 @@ def test_unequal_noise_is_weighted_and_deviations_cover(base: BaseParametrizatio
         found = fit_shared(problem)
         for k, noise in enumerate(noises):
             np.testing.assert_allclose(found.noise[k], noise, rtol=0.25)
+        solution = np.concatenate([found.solution.own.ravel(), found.solution.shared])
+        np.testing.assert_allclose(found.shares.sum(axis=1), solution, atol=1e-6)
         error = found.solution.shared - truth[list(problem.common)]
         first = 2 * len(problem.own)
         scores.append(error / np.sqrt(np.diag(found.covariance))[first:])

@@ -79,6 +79,8 @@ def _solve(matrix: Array, right: Array) -> Array:
 
 NORMAL_95 = 1.959964
 """Half a 95 % interval, in standard deviations."""
+GAINS_OFF = 0.02
+"""Standard deviation of a joint's drive gain, alike in all recordings (share)."""
 UNITS = ("kg", *("kg.m",) * 3, *("kg.m^2",) * 6)
 
 
@@ -96,7 +98,7 @@ class Payload:
     free: Array
     """(10) the same by least squares alone."""
     covariance: Array
-    """(10, 10) of `free`; the body's own is no larger."""
+    """(10, 10) of `free`, drive gains included; the body's own is no larger."""
     noise: Array
     """(R, n) residual standard deviations of the records, unloaded first [N.m or N]."""
     samples: int
@@ -193,7 +195,8 @@ def payload_of(problem: SharedProblem, fit: SharedFit) -> Payload:
     turn = frame_map(np.asarray(link_in_flange, dtype=np.float64))
     free = turn @ fit.solution.shared[-PAYLOAD:]
     covariance = turn @ fit.covariance[-PAYLOAD:, -PAYLOAD:] @ turn.T
-    covariance = (covariance + covariance.T) / 2
+    off = GAINS_OFF * turn @ fit.shares[-PAYLOAD:]
+    covariance = (covariance + covariance.T) / 2 + off @ off.T
     # Beyond doubt below zero: the nearest body is none, and a search for it need not converge.
     taken_off = free[0] < -NORMAL_95 * float(np.sqrt(covariance[0, 0]))
     body = np.zeros(PAYLOAD) if taken_off else nearest_body(free, covariance)

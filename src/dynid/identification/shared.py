@@ -242,6 +242,8 @@ class SharedFit:
     """(R f + s, R f + s) covariance that allows for correlated residuals."""
     naive: Array
     """The same if residuals were white."""
+    shares: Array
+    """(R f + s, n) what the torques of each joint add to the solution, which is their sum."""
 
     def places(self, record: int) -> list[int]:
         """(f + s) where a record's parameters stand in the covariance."""
@@ -286,7 +288,20 @@ def fit_shared(problem: SharedProblem, *, one_noise: bool = False) -> SharedFit:
         noise=noise,
         covariance=_covariance(problem, solution, 1.0 / noise, naive),
         naive=naive,
+        shares=_shares(factors, 1.0 / noise, own, naive),
     )
+
+
+def _shares(factors: Array, weights: Array, own: int, naive: Array) -> Array:
+    """See `SharedFit.shares`: by the normal equations, which are linear in the torques."""
+    records, joints = factors.shape[:2]
+    sums = np.zeros((len(naive), joints))
+    for k in range(records):
+        torque = np.einsum("jac,ja->cj", factors[k, :, :, :-1], factors[k, :, :, -1])
+        torque = torque * np.square(weights[k])
+        sums[k * own : (k + 1) * own] = torque[:own]
+        sums[records * own :] += torque[own:]
+    return naive @ sums
 
 
 def pooled_noise(noise: Array, blocks: Array) -> Array:
