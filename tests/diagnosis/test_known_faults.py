@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pinocchio_arm import RATE, Wrong, arm, recording
+from pinocchio_arm import NOISE, RATE, Wrong, arm, recording
 
 from dynid.core import Finding
-from dynid.diagnosis import contact_stretches, diagnose, findings_of
+from dynid.diagnosis import Recording, contact_stretches, diagnose, explain, findings_of
+from dynid.diagnosis.events import torque_deviations
 from dynid.robot import load_robot
-from dynid.signals import ProcessingSettings
+from dynid.signals import ProcessingSettings, process
 
 SIGMAS = 4.0
 EARLY_OR_LATE_S = 0.25
@@ -129,6 +130,26 @@ def test_what_each_repetition_shows_is_no_contact(
         error[round((k * period + 0.4) * RATE) :][: round(0.3 * RATE), 1] += 3.0
     contacts = contact_stretches(arm(tmp_path), t, dq, error, np.ones(3))
     assert len(contacts) == found
+
+
+def test_torques_are_as_unsure_as_parameters_leave_them(tmp_path: Path) -> None:
+    robot = arm(tmp_path)
+    samples = process(recording(Wrong()), robot)
+    parts = {name: np.array(getattr(samples, name)) for name in ("t", "q", "dq", "ddq", "tau")}
+    ref = explain(Recording(robot=robot, block=1, **parts)).reference
+    generator, ratios = np.random.default_rng(0), []
+    turned = ref.columns / NOISE[:, None]
+    matrix = np.tensordot(turned, turned, axes=((1, 2), (1, 2))) + ref.precision
+    spread = np.linalg.cholesky(np.linalg.inv(ref.precision))
+    for _ in range(12):
+        truth = ref.mean + spread @ generator.normal(size=len(ref.mean))
+        noise = NOISE[:, None] * generator.normal(size=ref.torque.shape)
+        now = replace(ref, torque=np.tensordot(truth, ref.columns, axes=1) + noise)
+        right = np.tensordot(turned, now.torque / NOISE[:, None], axes=((1, 2), (0, 1)))
+        values = np.linalg.solve(matrix, right + ref.precision @ ref.mean)
+        error = np.tensordot(values - truth, ref.columns, axes=1).T
+        ratios.append(error / torque_deviations(now, now, values)[: len(error)])
+    assert 0.7 < np.sqrt(np.square(ratios).mean()) < 1.2
 
 
 def test_an_unknown_payload_is_weighed(tmp_path: Path) -> None:

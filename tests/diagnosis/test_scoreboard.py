@@ -16,6 +16,8 @@ PLANTED = (
     ("ur5", "waypoints", 125.0, 10.0, 570712269, "joint_delay", "large"),
     ("sliding", "teach", 125.0, 10.0, 514993393, "clock", "large"),
     ("sliding", "fourier", 1000.0, 15.0, 767711293, "contact", "medium"),
+    # Two thirds of all torques: no payload, which would leave the last link a negative mass.
+    ("sliding", "fourier", 125.0, 20.0, 911654613, "gains", "large"),
 )
 SLOW = (
     ("ur5", "fourier", 1000.0, 15.0, 523289140, "gain", "large"),
@@ -43,7 +45,11 @@ def test_clean_recordings_raise_nothing(case: Case) -> None:
 @pytest.mark.parametrize(
     "planted",
     [
-        pytest.param(planted, id=planted[5], marks=[pytest.mark.long] if planted in SLOW else [])
+        pytest.param(
+            planted,
+            id=f"{planted[5]}-{planted[6]}",
+            marks=[pytest.mark.long] if planted in SLOW else [],
+        )
         for planted in (*PLANTED, *SLOW)
     ],
 )

@@ -126,10 +126,14 @@ def recorded(case: Case) -> Recorded:
     told = arm(case.arm)
     n = told.joints
     turning = [j for j in range(n) if not told.prismatic[j]]
+    shown = turning
     if case.fault in ("encoder_zero", "quarter_turn"):
         # The first axis of these arms is vertical: no torque tells where it counts from.
-        turning = turning[1:]
-    joint = int(draw.choice(turning))
+        shown = shown[1:]
+    if case.fault in ("encoder_zero", "quarter_turn", "flexibility"):
+        # Nor that of the last, whose link may as well be another; and nothing bends its gear.
+        shown = [j for j in shown if j < n - 1]
+    joint = int(draw.choice(shown))
     size = FAULTS.get(case.fault or "", 0.0) * SIZES[case.size]
     built = told
     if case.fault == "tilt":
@@ -187,16 +191,19 @@ def _record(
         force[rows] = size * way / np.linalg.norm(way)
     rigid = real.torque(q, path.dq, path.ddq)
     pushed = rigid if force is None else real.torque(q, path.dq, path.ddq, force)
-    friction = real.friction(path.dq, rigid, float(t[1] - t[0]))
+    seen, dq = q.copy(), path.dq
+    if fault == "flexibility":
+        # Motors turn before the gear that bends: their inertia and friction follow them.
+        bend = np.zeros_like(q)
+        bend[:, joint] = size * (rigid - real.armature * path.ddq)[:, joint]
+        seen, dq = q + bend, dq + np.gradient(bend, t, axis=0)
+        pushed = rigid = rigid + real.armature * np.gradient(dq - path.dq, t, axis=0)
+    friction = real.friction(dq, rigid, float(t[1] - t[0]))
     clean = rigid + friction
     if fault == "friction_drift":
         friction = friction * (1 - size * (t / t[-1])[:, None])
     tau = pushed + friction
-    seen = q.copy()
-    if fault == "flexibility":
-        # Motors turn before the gear that bends.
-        seen[:, joint] += size * (rigid - real.armature * path.ddq)[:, joint]
-    elif fault == "spring":
+    if fault == "spring":
         tau[:, joint] += size * limit[joint] * np.sin(1.3 * q[:, joint] + 0.5)
     elif fault == "ripple":
         tau[:, joint] += size * limit[joint] * np.sin(2 * 40 * q[:, joint] + 1.0)
@@ -217,7 +224,6 @@ def _record(
     if fault == "saturated":
         top = 0.5 * np.abs(tau[:, joint]).max()
         tau[:, joint] = np.clip(tau[:, joint], -top, top)
-    dq = np.gradient(seen, t, axis=0) if fault == "flexibility" else path.dq
     dq = dq + 1e-3 * draw.normal(size=dq.shape)
     step = real.position_step
     seen = step * np.round((seen + 0.5 * step * draw.normal(size=q.shape)) / step)

@@ -177,10 +177,12 @@ def untouched(ref: Reference, values: Array) -> tuple[Array, tuple[Contact, ...]
     rest = replace(ref, columns=ref.columns * keep, torque=ref.torque * keep)
     _, values = fits(rest, np.zeros((0, *ref.torque.shape)))
     error = rec.tau - ref.predicted(values)
-    return error, contacts(rec, error, _held(ref, values), unsure=_unsure(rest, ref, values))
+    return error, contacts(
+        rec, error, _held(ref, values), unsure=torque_deviations(rest, ref, values)
+    )
 
 
-def _unsure(rest: Reference, ref: Reference, values: Array) -> Array:
+def torque_deviations(rest: Reference, ref: Reference, values: Array) -> Array:
     """(N, n) standard deviations of the torques of a fit to the rest, from its parameters.
 
     A motion that the recording shows once is known less well than one that it shows often.

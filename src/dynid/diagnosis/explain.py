@@ -94,7 +94,8 @@ def _friction_power(ref: Reference, values: Array) -> Array:
 
 def _rivals(rec: Recording, paired: list[int]) -> Iterator[WholeSignal]:
     robot, n = rec.robot, rec.robot.joints
-    turning = [j for j in range(n) if not robot.prismatic[j]]
+    # The last link turns with its own zero: no torque tells.
+    turning = [j for j in range(n - 1) if not robot.prismatic[j]]
     light = replace(rec, robot=replace(robot, gravity=1e-6 * robot.gravity))
     yield WholeSignal(recording=light, kind="gravity_compensated", joints=(), value=1.0, unit="")
     size = float(np.linalg.norm(robot.gravity))
@@ -214,8 +215,9 @@ def _objective(thin: Recording, prior: tuple[Array, Array], counts: Array) -> fl
 
 LIKELY = 14.0
 """Drop of the left-out negative log likelihood that an explanation needs [nats]."""
-WORTH_A_LOOK, LOOKS = 4.0, 4
-"""Score with the noise of the reference from which a rival gets its own fit, and how many do."""
+WORTH_A_LOOK, LOOKS, HOPES = 4.0, 4, 2
+"""Score with the noise of the reference from which a rival gets its own fit, and how many do; and
+how many beside them that might leave white noise."""
 WHOLE_LIKELY, OFFSET_LIKELY = 24.0, 40.0
 """... of a signal that is reversed or exchanged: there are hundreds to choose from; and of one that
 was shifted in time, which short motions without repetition bear better [nats]."""
@@ -265,9 +267,17 @@ def explain(recording: Recording) -> Explained:
     n = recording.robot.joints
     found: list[Explanation] = []
     added: list[Hypothesis] = []
-    ref, sums, values = _fitted(recording, prior, added, prior[0])
-    best_drop, start = 0.0, (ref, sums, values)
-    for whole in whole_signals(ref, sums, values, prior):
+    start = _fitted(recording, prior, added, prior[0])
+    ref, sums, values = start
+    wholes = whole_signals(ref, sums, values, prior)
+    best_drop = 0.0
+    # A signal that is put right has to explain more than a fault of some size does.
+    for rival in _ranked(ref, values, found)[0][:1] if wholes else ():
+        known = rival.hypothesis
+        undone = known.undo(recording, rival.values) if known.undo else recording
+        other = _fitted(undone, prior, [] if known.undo else [known], prior[0])
+        best_drop = max(0.0, _drop(start, other))
+    for whole in wholes:
         other = _fitted(whole.recording, prior, added, prior[0])
         drop = _drop(start, other)
         least = OFFSET_LIKELY if whole.kind == "clock_offset" else WHOLE_LIKELY
@@ -282,12 +292,7 @@ def explain(recording: Recording) -> Explained:
     rounds = 0
     while True:
         ref, _, values = _fitted(recording, prior, added, values[: 10 * n])
-        rivals = hypotheses(ref, values)
-        sums, _ = fits(ref, np.concatenate([rival.columns for rival in rivals]))
-        scored, errors = scores(sums, rivals)
-        worth = [s.hypothesis for s in scored if s.score > WORTH_A_LOOK][:LOOKS]
-        admitted = [s for s in (_alone(ref, rival) for rival in worth) if _admitted(s, found)]
-        admitted.sort(key=lambda s: -s.score)
+        admitted, left = _ranked(ref, values, found)
         if not admitted:
             break
         best = admitted[0].hypothesis
@@ -304,8 +309,23 @@ def explain(recording: Recording) -> Explained:
             added.append(best)
         else:
             recording = best.undo(recording, admitted[0].values)
-    left = np.sqrt(errors / sums.rows)
     return Explained(found=tuple(found), reference=ref, values=values, left=left)
+
+
+def _ranked(ref: Reference, values: Array, found: list[Explanation]) -> tuple[list[Scored], Array]:
+    """Explanations of some size that are likely, the best first.
+
+    Also (n) the RMS error that the reference leaves in blocks left out [N.m or N].
+    """
+    rivals = hypotheses(ref, values)
+    sums, _ = fits(ref, np.concatenate([rival.columns for rival in rivals]))
+    scored, errors = scores(sums, rivals)
+    worth = [s for s in scored if s.score > WORTH_A_LOOK][:LOOKS]
+    hoped = sorted(scored[len(worth) :], key=lambda s: -s.hope)[:HOPES]
+    tried = [*worth, *(s for s in hoped if s.hope > LIKELY)]
+    admitted = [s for s in (_alone(ref, s.hypothesis) for s in tried) if _admitted(s, found)]
+    admitted.sort(key=lambda s: -s.score)
+    return admitted, np.sqrt(errors / sums.rows)
 
 
 _Fitted = tuple[Reference, Fits, Array]

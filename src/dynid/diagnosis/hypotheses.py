@@ -55,6 +55,8 @@ class Scored:
     """(m) its sizes."""
     score: float
     """Drop of the negative log likelihood of left-out blocks and of the prior [nats]."""
+    hope: float
+    """The same if it left white noise: errors that it explains hardly count as such."""
 
 
 class _Torques:
@@ -129,6 +131,7 @@ def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hy
         kind="gain_all", joints=(), unit="1", width=np.array([0.5]), least=0.1,
         columns=torques.columns(torques.here),
         undo=lambda r, x: replace(r, tau=r.tau / (1 + x[0])),
+        lowest=-1.0,
     )  # fmt: skip
     yield Hypothesis(
         kind="clock_scale", joints=(), unit="1", width=np.array([0.1]), least=0.01,
@@ -166,6 +169,7 @@ def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
         kind="drive_gain", joints=(j,), unit="1", width=np.array([0.5]), least=0.05,
         columns=torques.columns(_only(here, j)),
         undo=lambda r, x: replace(r, tau=_scaled(r.tau, j, 1 / (1 + float(x[0])))),
+        lowest=-1.0,
     )  # fmt: skip
     yield Hypothesis(
         kind="delay", joints=(j,), unit="s", width=np.array([0.05]), least=0.006,
@@ -174,15 +178,17 @@ def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
         # A lead cannot be told from stiction before a reversal.
         lowest=0.0,
     )  # fmt: skip
-    moved = np.zeros((3, *rec.q.shape))
-    moved[0, :, j] = 1e-3
     slides = rec.robot.prismatic[j]
-    yield Hypothesis(
-        kind="encoder_zero", joints=(j,), unit="m" if slides else "rad", width=np.array([0.2]),
-        least=0.005 if slides else 0.02,
-        columns=torques.columns(-torques.slope(1e-3, torques.at(by=moved))),
-        undo=lambda r, x: replace(r, q=_moved(r.q, j, -float(x[0]))),
-    )  # fmt: skip
+    # The last link turns or slides with its own zero: as well it is another body.
+    if j < torques.joints - 1:
+        moved = np.zeros((3, *rec.q.shape))
+        moved[0, :, j] = 1e-3
+        yield Hypothesis(
+            kind="encoder_zero", joints=(j,), unit="m" if slides else "rad",
+            width=np.array([0.2]), least=0.005 if slides else 0.02,
+            columns=torques.columns(-torques.slope(1e-3, torques.at(by=moved))),
+            undo=lambda r, x: replace(r, q=_moved(r.q, j, -float(x[0]))),
+        )  # fmt: skip
     links = torques.at(parameters=torques.beyond_gears)
     carried = links[:, j]
     bent = np.zeros((3, *rec.q.shape))
@@ -314,10 +320,18 @@ def scores(found: Fits, rivals: list[Hypothesis]) -> tuple[list[Scored], Array]:
         away = each[:BLOCKS] - each[:BLOCKS].mean(axis=0)
         spread = np.sqrt((BLOCKS - 1) / BLOCKS * np.square(away).sum(axis=0))
         deviation, likely = known[h]
-        gain = 0.5 * float(found.counts @ np.log(base / np.maximum(left, 1e-300)))
+        drops = 0.5 * np.log(base / np.maximum(left, 1e-300))
+        gain, hope = float(found.counts @ drops), found.rows * float(drops.sum())
         value, std = _one_number(rival.kind, each[BLOCKS], np.hypot(spread, deviation))
         out.append(
-            Scored(hypothesis=rival, value=value, std=std, values=each[BLOCKS], score=gain + likely)
+            Scored(
+                hypothesis=rival,
+                value=value,
+                std=std,
+                values=each[BLOCKS],
+                score=gain + likely,
+                hope=hope + likely,
+            )
         )
     return sorted(out, key=lambda s: -s.score), base
 

@@ -86,7 +86,8 @@ def inertial_prior(recording: Recording) -> tuple[Array, Array]:
             centre = UNKNOWN_CENTRE * 2.0 * float(np.linalg.norm(row[1:4])) / row[0]
             spreads = (UNKNOWN_MASS, centre, UNKNOWN_TENSOR)
         else:
-            row, spreads = prior_link(robot, k), (MASS_SPREAD, CENTRE_SPREAD_M, TENSOR_SPREAD)
+            tensor = UNKNOWN_TENSOR if np.isnan(robot.inertias[k]).any() else TENSOR_SPREAD
+            row, spreads = prior_link(robot, k), (MASS_SPREAD, CENTRE_SPREAD_M, tensor)
         drawn = from_pseudo_inertia(place @ _drawn(draw, row, *spreads) @ place.T)
         mean[part] = move(row, place)
         covariance[part, part] = np.cov(drawn.T) + 1e-10 * np.eye(10)
