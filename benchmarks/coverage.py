@@ -99,7 +99,7 @@ def parameters(kind: str, seed: int) -> tuple[str, dict[str, Array]]:
     before = np.sqrt(np.square(mapping) @ np.square(known))
     groups = {"base": away, "data": away[free | (estimate.std < 0.7 * before)]}
     links = standard_posterior(estimate, base)
-    data = (links.prior_share < 0.5) & (np.arange(len(right)) < inertial)
+    data = (np.array(links.origins) == "data") & (np.arange(len(right)) < inertial)
     groups["links"] = ((links.values - right) / np.maximum(links.std, 1e-300))[data]
     return f"{told.name} {how} {path.t[-1]:.0f} s, {estimate.estimator}", groups
 

@@ -93,7 +93,6 @@ from dynid.identification.statistics import (
     essential_parameters,
     hac_covariance,
     long_run_covariance,
-    moved_by_prior,
     naive_covariance,
 )
 from dynid.identification.sums import PanelRows, PassPlan, RowSums, no_sums, sum_rows, sums_from
@@ -182,7 +181,6 @@ __all__ = [
     "long_run_covariance",
     "motion_noise",
     "motion_state",
-    "moved_by_prior",
     "naive_covariance",
     "no_sums",
     "not_negative",

@@ -19,6 +19,7 @@ from dynid.identification.least_squares import (
     HuberRegression,
     OrdinaryLeastSquares,
     RecursiveLeastSquares,
+    StandardFit,
     TotalLeastSquares,
     WeightedLeastSquares,
     autocorrelation,
@@ -41,7 +42,6 @@ from dynid.identification.statistics import (
     correlation_lag,
     essential_parameters,
     hac_covariance,
-    moved_by_prior,
     naive_covariance,
     sandwich,
 )
@@ -240,10 +240,9 @@ def fit_estimate(
         rho = autocorrelation(problem.residual(fit.values), 1)
     else:
         covariance, rho = everything.covariance(fit), everything.autocorrelation
+    standard = None
     if fit.standard is not None:
-        # What bounds and prior moved is no noise, but as unsure: half of it may be wrong.
-        moved = moved_by_prior(fit, problem)
-        covariance = covariance + np.outer(moved, moved)
+        standard, covariance = _standard(fit.standard, covariance, base_mapping(base))
     estimate = Estimate(
         model=model,
         independent=base.independent,
@@ -269,7 +268,7 @@ def fit_estimate(
         choices=(*choices, *fit.choices),
         provenance=made,
         residual_autocorrelation=rho,
-        standard=_standard(fit, covariance),
+        standard=standard,
         assessment=assess(
             part,
             fit,
@@ -282,18 +281,23 @@ def fit_estimate(
     return replace(estimate, warnings=diagnose(estimate, samples))
 
 
-def _standard(fit: Fit, covariance: Array) -> StandardParameters | None:
-    if fit.standard is None:
-        return None
-    found = fit.standard
-    variance = np.einsum("pr,rs,ps->p", found.gain, covariance, found.gain)
-    return StandardParameters(
+def _standard(
+    found: StandardFit, covariance: Array, mapping: Array
+) -> tuple[StandardParameters, Array]:
+    """Standard parameters, and the covariance (r, r) of their base parameters.
+
+    Noise and errors of the prior both reach them through the fit's response.
+    """
+    root = np.linalg.cholesky(covariance + 1e-12 * np.diag(np.diag(covariance)))
+    spread = np.concatenate([found.gain @ root, found.pulled], axis=1)
+    standard = StandardParameters(
         values=found.values,
-        std=np.sqrt(np.maximum(variance, 0.0)),
+        std=np.linalg.norm(spread, axis=1),
         prior_share=found.prior_share,
         prior=found.prior,
         origins=tuple("prior" if share > PRIOR_SPEAKS else "data" for share in found.prior_share),
     )
+    return standard, (mapping @ spread) @ (mapping @ spread).T
 
 
 def motion_range(samples: Samples, sums: RowSums | None = None) -> MotionRange:

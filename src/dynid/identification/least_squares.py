@@ -29,6 +29,8 @@ class StandardFit:
     """(p) standard parameters."""
     gain: Array
     """(p, r) how they move with the base parameters that the data alone would give."""
+    pulled: Array
+    """(p, k) how they move with errors of the prior, those of `deviations`."""
     prior_share: Array
     """(p) 0: the data's word alone, to 1: the prior's."""
     prior: Array

@@ -84,7 +84,7 @@ def standard_posterior(estimate: Estimate, base: BaseParametrization) -> Standar
 
 
 def standard_fit(
-    problem: ConsistentProblem, gamma: float, solution: ConsistentSolution, root: Array
+    problem: ConsistentProblem, gamma: float, solution: ConsistentSolution, root: Array, off: Array
 ) -> StandardFit:
     """What data and prior each say about a solution, from its first-order response.
 
@@ -99,6 +99,7 @@ def standard_fit(
         gamma: Weight of the prior.
         solution: Its solution.
         root: (m, r) columns of the base parameters.
+        off: (10 n, k) errors of the prior, from `deviations`.
     """
     values, inertial = solution.values, 10 * problem.links
     turn = np.eye(len(values))
@@ -123,7 +124,8 @@ def standard_fit(
     inner = scale[:, None] * inverse_upper(upper_triangle(rows * scale))
     half = turn @ inner
     # The prior J0 pulls with gamma J0^-1: its unit moves shift the pull by known^-T.
-    moved = gamma * np.linalg.norm(half @ (half[:inertial].T @ np.linalg.inv(known).T), axis=1)
+    shift = gamma * half @ (half[:inertial].T @ np.linalg.inv(known).T)
+    moved = np.linalg.norm(shift, axis=1)
     size = np.abs(values)
     size[:inertial] = np.linalg.norm(known, axis=1)
     share = np.divide(moved, size, out=np.ones_like(size), where=size > 0)
@@ -133,6 +135,7 @@ def standard_fit(
     return StandardFit(
         values=values,
         gain=half @ (half.T @ (problem.matrix.T @ root)),
+        pulled=shift @ np.linalg.solve(known, off),
         prior_share=np.minimum(share, 1.0),
         prior=np.concatenate([problem.prior.ravel(), np.full(len(values) - inertial, np.nan)]),
     )
@@ -189,7 +192,11 @@ class PhysicallyConsistent(Estimator):
             values=values,
             noise=residual_noise(factors, values, problem),
             standard=standard_fit(
-                consistent, gamma, solution, consistent.matrix[:, list(problem.base.independent)]
+                consistent,
+                gamma,
+                solution,
+                consistent.matrix[:, list(problem.base.independent)],
+                deviations(model.robot, model.frames, self.prior),
             ),
             choices=(*words, *_words(consistent, solution, gamma, floor, model.names, prior)),
         )

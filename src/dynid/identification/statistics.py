@@ -6,7 +6,7 @@ import numpy as np
 
 from dynid.core import Array, inverse_upper, scipy_part, solve_upper
 from dynid.identification.least_squares import Fit, autocorrelation
-from dynid.identification.problem import IdentificationProblem, joint_factors
+from dynid.identification.problem import IdentificationProblem
 
 ITERATIONS = 8
 SETTLED = 0.03
@@ -260,18 +260,6 @@ def sandwich(fit: Fit, bread: Array, long_run: Array, rows: int, lag: int, floor
     covariance[unseen, unseen] = floor[unseen]
     raise_to = np.sqrt(np.maximum(floor / np.maximum(np.diag(covariance), 1e-300), 1.0))
     return covariance * raise_to[:, None] * raise_to[None, :]
-
-
-def moved_by_prior(fit: Fit, problem: IdentificationProblem) -> Array:
-    """(r) how far a solution lies from the weighted least-squares one, which has no prior.
-
-    From the normal equations: H^-1 sum_j w_j^2 W_j' r_j, the wrong way round.
-    """
-    weighted = joint_factors(problem) * fit.weights[:, None, None]
-    residual = weighted @ np.append(-fit.values, 1.0)
-    pull = np.einsum("jkr,jk->r", weighted[:, :, :-1], residual)
-    inverse = inverse_upper(fit.information)
-    return np.asarray(-inverse @ (inverse.T @ pull), dtype=np.float64)
 
 
 def correlation_lag(residual: Array, rate_hz: float, rows: int | None = None) -> int:
