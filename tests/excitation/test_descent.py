@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from design_arms import Floats, problem
 from scipy.optimize import minimize
@@ -12,9 +14,9 @@ CLOSE = 2e-3
 
 
 def bowl(target: Floats, curved: Floats) -> Objective:
-    def objective(x: Floats) -> tuple[float, Floats]:
+    def objective(x: Floats) -> tuple[float, Callable[[], Floats]]:
         away = (x - target).ravel()
-        return float(away @ curved @ away) / 2, (curved @ away).reshape(x.shape)
+        return float(away @ curved @ away) / 2, lambda: (curved @ away).reshape(x.shape)
 
     return objective
 
@@ -52,7 +54,7 @@ def test_stops_at_the_bounds_where_the_optimum_lies_outside() -> None:
     oracle = minimize(
         lambda flat: objective(flat.reshape(start.shape))[0],
         start.ravel(),
-        jac=lambda flat: objective(flat.reshape(start.shape))[1].ravel(),
+        jac=lambda flat: objective(flat.reshape(start.shape))[1]().ravel(),
         constraints={
             "type": "ineq",
             "fun": lambda flat: region.slack(flat.reshape(start.shape)).ravel(),

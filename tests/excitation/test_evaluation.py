@@ -40,7 +40,7 @@ def test_search_has_the_gradient_of_its_value(criterion: str, safe: bool) -> Non
     def value(numbers: Floats) -> float:
         return evaluation.search(numbers, criterion=goal, penalty=10.0, tighten=0.02)[0]
 
-    _, gradient = evaluation.search(x, criterion=goal, penalty=10.0, tighten=0.02)
+    gradient = evaluation.search(x, criterion=goal, penalty=10.0, tighten=0.02)[1]()
     random = np.random.default_rng(0)
     for _ in range(4):
         way = random.normal(size=x.shape)

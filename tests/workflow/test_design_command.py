@@ -171,7 +171,7 @@ def test_the_shortest_motion_for_an_accuracy_is_found(tmp_path: Path) -> None:
     assert found.expected.bound_percent <= asked
     # The square of the factor, and no more than ramps and rounding on top.
     assert 0.7 * 1.8**2 * 6.0 < total < 1.25 * 1.8**2 * 6.0
-    loose = dynid.design(robot, replace(quick, accuracy_percent=1.2 * once.expected.bound_percent))
+    loose = dynid.design(robot, replace(quick, accuracy_percent=2.0 * once.expected.bound_percent))
     assert loose.repetitions == 1
     assert loose.trajectory.duration < 6.0
     with pytest.raises(dynid.JobError, match=r"would take \d+ s of motion"):
@@ -215,7 +215,7 @@ def test_a_sequential_design_completes_what_is_recorded(tmp_path: Path) -> None:
         dynid.design(
             robot,
             dynid.DesignSettings(
-                harmonics=3, period_s=6.0, starts=2, criterion="a-opt", previous=previous
+                harmonics=3, period_s=6.0, starts=4, criterion="a-opt", previous=previous
             ),
         )
         for previous in ((), (str(path),))

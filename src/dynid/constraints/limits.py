@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,21 +35,9 @@ class MovingPoints:
 
     def norms(self, q: Array, dq: Array) -> Array:
         """Length (N) of the sum at q, dq (N, n) [m/s or kg.m/s]."""
-        found = np.empty(len(q))
-        slopes = np.zeros((2, 1, 1))
-        _norms(*self._arrays(), samples_of(q), samples_of(dq), -1.0, found, slopes)
-        return found
-
-    def violation(self, q: Array, dq: Array, limit: float) -> tuple[float, Array, Array]:
-        """Sum over samples of (length / limit - 1)^2 where that is positive.
-
-        Returns:
-            The sum and its derivatives (N, n) with respect to q and dq.
-        """
-        found = np.empty(len(q))
-        slopes = np.zeros((2, *q.shape))
-        total = _norms(*self._arrays(), samples_of(q), samples_of(dq), limit, found, slopes)
-        return float(total), slopes[0], slopes[1]
+        found = np.empty((1, len(q)))
+        _speeds([self], np.array([-1.0]), q, dq, found, np.zeros((2, 1, 1)))
+        return found[0]
 
     def reach(self, travel: Array) -> Array:
         """(n) bounds of |d sum / d dq_k|; see `ArmGeometry.reach`."""
@@ -57,9 +46,47 @@ class MovingPoints:
             total += abs(float(weight)) * self.arm.reach(int(link), point, travel)
         return total
 
-    def _arrays(self) -> tuple[Array, Indices, Indices, Array, Array]:
-        arm = self.arm
-        return arm.joints, arm.prismatic, self.link, self.points, self.weights
+
+def speed_violation(
+    held: Sequence[tuple[MovingPoints, float]], q: Array, dq: Array, share: float
+) -> tuple[float, Array, Array]:
+    """Sum over limits and samples of (length / limit - 1)^2 where that is positive.
+
+    Args:
+        held: Points of one arm, and the limit of each sum.
+        q: (N, n) positions [rad or m].
+        dq: (N, n) velocities.
+        share: Of every limit.
+
+    Returns:
+        The sum and its derivatives (N, n) with respect to q and dq.
+    """
+    limits = share * np.array([limit for _, limit in held])
+    slopes = np.zeros((2, *q.shape))
+    found = np.empty((len(held), len(q)))
+    total = _speeds([points for points, _ in held], limits, q, dq, found, slopes)
+    return total, slopes[0], slopes[1]
+
+
+def _speeds(
+    sums: Sequence[MovingPoints], limits: Array, q: Array, dq: Array, found: Array, slopes: Array
+) -> float:
+    arm = sums[0].arm
+    return float(
+        _norms(
+            arm.joints,
+            arm.prismatic,
+            np.concatenate([points.link for points in sums]),
+            np.concatenate([points.points for points in sums]),
+            np.concatenate([points.weights for points in sums]),
+            np.cumsum([0, *(len(points.link) for points in sums)]),
+            limits,
+            samples_of(q),
+            samples_of(dq),
+            found,
+            slopes,
+        )
+    )
 
 
 @njit(cache=True, error_model="numpy")
@@ -69,12 +96,14 @@ def _norms(
     link: Indices,
     points: Array,
     weights: Array,
+    ends: Indices,
+    limits: Array,
     q: Array,
     dq: Array,
-    limit: float,
     found: Array,
     slopes: Array,
 ) -> float:
+    """Write the lengths of sums (G, N) of points ends[g] to ends[g + 1]; add the slopes."""
     n = q.shape[1]
     turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
     column, before = np.empty((n, len(link), 3)), np.empty((n + 1, len(link), 3))
@@ -87,7 +116,6 @@ def _norms(
             turns = 0.0 if prismatic[i] else dq[k, i]
             for r in range(3):
                 spin[i + 1, r] = spin[i, r] + turns * axis[i, r]
-        whole[0] = whole[1] = whole[2] = 0.0
         for m in range(len(link)):
             place_point(turn[link[m]], origin[link[m]], points[m], place)
             before[0, m, 0] = before[0, m, 1] = before[0, m, 2] = 0.0
@@ -104,33 +132,37 @@ def _norms(
                     column[i, m, 2] = axis[i, 0] * y - axis[i, 1] * x
                 for r in range(3):
                     before[i + 1, m, r] = before[i, m, r] + dq[k, i] * column[i, m, r]
-            for r in range(3):
-                whole[r] += weights[m] * before[link[m], m, r]
-        size = math.sqrt(whole[0] ** 2 + whole[1] ** 2 + whole[2] ** 2)
-        found[k] = size
-        if limit <= 0.0 or size <= limit:
-            continue
-        over = size / limit - 1.0
-        total += over * over
-        scale = 2.0 * over / limit / size
-        for m in range(len(link)):
-            by = scale * weights[m]
-            speed = before[link[m], m]
-            for i in range(link[m]):
-                c = column[i, m]
-                # The column turns with the joints before it; those after it turn with joint i.
-                d0 = spin[i, 1] * c[2] - spin[i, 2] * c[1]
-                d1 = spin[i, 2] * c[0] - spin[i, 0] * c[2]
-                d2 = spin[i, 0] * c[1] - spin[i, 1] * c[0]
-                if not prismatic[i]:
-                    v0 = speed[0] - before[i, m, 0]
-                    v1 = speed[1] - before[i, m, 1]
-                    v2 = speed[2] - before[i, m, 2]
-                    d0 += axis[i, 1] * v2 - axis[i, 2] * v1
-                    d1 += axis[i, 2] * v0 - axis[i, 0] * v2
-                    d2 += axis[i, 0] * v1 - axis[i, 1] * v0
-                slopes[0, k, i] += by * (whole[0] * d0 + whole[1] * d1 + whole[2] * d2)
-                slopes[1, k, i] += by * (whole[0] * c[0] + whole[1] * c[1] + whole[2] * c[2])
+        for g in range(len(limits)):
+            limit = limits[g]
+            whole[0] = whole[1] = whole[2] = 0.0
+            for m in range(ends[g], ends[g + 1]):
+                for r in range(3):
+                    whole[r] += weights[m] * before[link[m], m, r]
+            size = math.sqrt(whole[0] ** 2 + whole[1] ** 2 + whole[2] ** 2)
+            found[g, k] = size
+            if limit <= 0.0 or size <= limit:
+                continue
+            over = size / limit - 1.0
+            total += over * over
+            scale = 2.0 * over / limit / size
+            for m in range(ends[g], ends[g + 1]):
+                by = scale * weights[m]
+                speed = before[link[m], m]
+                for i in range(link[m]):
+                    c = column[i, m]
+                    # The column turns with the joints before it; those after it turn with joint i.
+                    d0 = spin[i, 1] * c[2] - spin[i, 2] * c[1]
+                    d1 = spin[i, 2] * c[0] - spin[i, 0] * c[2]
+                    d2 = spin[i, 0] * c[1] - spin[i, 1] * c[0]
+                    if not prismatic[i]:
+                        v0 = speed[0] - before[i, m, 0]
+                        v1 = speed[1] - before[i, m, 1]
+                        v2 = speed[2] - before[i, m, 2]
+                        d0 += axis[i, 1] * v2 - axis[i, 2] * v1
+                        d1 += axis[i, 2] * v0 - axis[i, 0] * v2
+                        d2 += axis[i, 0] * v1 - axis[i, 1] * v0
+                    slopes[0, k, i] += by * (whole[0] * d0 + whole[1] * d1 + whole[2] * d2)
+                    slopes[1, k, i] += by * (whole[0] * c[0] + whole[1] * c[1] + whole[2] * c[2])
     return total
 
 
@@ -320,7 +352,11 @@ def bound_violation(
         (dq, share * bounds.velocity),
         (ddq, share * bounds.acceleration),
     ):
-        over = np.maximum(np.abs(value) / limit - 1.0, 0.0)
+        over = np.abs(value) / limit - 1.0
+        if not (over > 0).any():
+            slopes.append(np.zeros_like(over))
+            continue
+        over = np.maximum(over, 0.0)
         total += float(np.vdot(over, over))
         slopes.append(2.0 * over * np.sign(value) / limit)
     return total, slopes[0], slopes[1], slopes[2]

@@ -25,6 +25,7 @@ from dynid.constraints.limits import (
     bound_violation,
     judged_points,
     left_over,
+    speed_violation,
     unknown_limit,
     unknown_masses,
 )
@@ -170,8 +171,8 @@ class MotionConstraints:
             more, a, b, c = self.torque.violation(q, dq, ddq, share)
             total += more
             q_bar, dq_bar, ddq_bar = q_bar + a, dq_bar + b, ddq_bar + c
-        for points, limit in self.points.values():
-            more, a, b = points.violation(q, dq, share * limit)
+        if self.points:
+            more, a, b = speed_violation(list(self.points.values()), q, dq, share)
             total += more
             q_bar, dq_bar = q_bar + a, dq_bar + b
         if self.surroundings is not None and total <= most:

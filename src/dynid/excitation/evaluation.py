@@ -11,7 +11,7 @@ smooth, bound the true ones, and meet them as p grows. p = 1 for the smallest is
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -283,8 +283,11 @@ class DesignEvaluation:
         penalty: float = 0.0,
         tighten: float = 0.0,
         fine: bool = False,
-    ) -> tuple[float, Array]:
-        """Criterion and penalty with their gradient, on the search grid with smooth steps.
+    ) -> tuple[float, Callable[[], Array]]:
+        """Criterion and penalty, on the search grid with smooth steps, and their gradient.
+
+        The gradient is a function, for motions that are worth it: to be called before the next
+        motion.
 
         Args:
             x: (n, 1 + k) numbers of the motion.
@@ -298,10 +301,9 @@ class DesignEvaluation:
         gram, pullback = self._smooth.gram_and_pullback(*motion)
         value, slope = criterion.objective_and_gradient(self._share * gram)
         if not math.isfinite(value):
-            return math.inf, np.zeros_like(x)
-        gradient = self._search.pulled_back(*pullback(slope * self._share))
+            return math.inf, partial(np.zeros_like, x)
+        grid, bars = self._search, None
         if penalty > 0.0 and self.constrained:
-            grid = self._search
             if fine:
                 grid = self._dense
                 penalty *= len(motion[0]) / len(grid.basis[0])
@@ -314,5 +316,9 @@ class DesignEvaluation:
             else:
                 broken, *bars = self._broken(motion, tighten)
             value += penalty * broken
-            gradient += penalty * grid.pulled_back(*bars)
+
+        def gradient() -> Array:
+            found = self._search.pulled_back(*pullback(slope * self._share))
+            return found if bars is None else found + penalty * grid.pulled_back(*bars)
+
         return value, gradient

@@ -20,12 +20,13 @@ from dynid.excitation.feasible import free_poses, grown_motion
 from dynid.excitation.problem import Candidate, Found, Stop
 from dynid.excitation.region import MotionRegion, random_numbers
 
-Objective = Callable[[Array], tuple[float, Array]]
-"""Value and gradient (n, 1 + k) at numbers (n, 1 + k)."""
+Objective = Callable[[Array], tuple[float, Callable[[], Array]]]
+"""Value at numbers (n, 1 + k), and its gradient (n, 1 + k) when asked before the next ones."""
 
 SUFFICIENT = 1e-4
 """Share of the promised decrease that a step must bring (Armijo)."""
-SHRINK = 0.4
+LEAST, MOST = 0.1, 0.5
+"""Of a step that was too long, what is tried next."""
 TRIALS = 8
 RIDGES = (1e-13, 1e-10, 1e-7, 1e-4)
 """Of the largest diagonal entry, tried in this order."""
@@ -68,7 +69,8 @@ def descend(
         stop: Asked before each evaluation; True ends the descent at the best point so far.
     """
     x, shape = state.x, state.x.shape
-    value, gradient = objective(x)
+    value, slope_of = objective(x)
+    gradient = slope_of()
     state.evaluations += 1
     slack = region.slack(x)
     total = value + weight * region.barrier_value(slack)
@@ -94,14 +96,18 @@ def descend(
                 return
             trial = x + length * step
             trial_slack = region.slack(trial)
-            trial_value, trial_gradient = objective(trial)
+            trial_value, slope_of = objective(trial)
             state.evaluations += 1
             reached = trial_value + weight * region.barrier_value(trial_slack)
             if math.isfinite(reached) and reached <= total + SUFFICIENT * length * promised:
                 break
-            length *= SHRINK
+            # The least of a parabola through the values and the slope at the start.
+            above = reached - total - length * promised
+            ideal = -length * promised / (2 * above) if math.isfinite(above) else 0.0
+            length *= min(max(ideal, LEAST), MOST)
         else:
             return
+        trial_gradient = slope_of()
         moved, change = (trial - x).ravel(), (trial_gradient - gradient).ravel()
         if state.first and float(moved @ change) > 0:
             state.curvature *= float(change @ change) / float(moved @ change)
@@ -130,10 +136,11 @@ def _newton(curvature: Array, blocks: Array, slope: Array, *, fixed: bool) -> Ar
     for ridge in RIDGES:
         np.fill_diagonal(matrix, diagonal + ridge * np.max(diagonal))
         try:
-            np.linalg.cholesky(matrix)
+            step = np.asarray(np.linalg.solve(matrix, -slope), dtype=np.float64)
         except np.linalg.LinAlgError:
             continue
-        return np.asarray(np.linalg.solve(matrix, -slope), dtype=np.float64)
+        if slope @ step < 0:
+            return step
     return -slope / np.maximum(diagonal, 1e-300)
 
 
@@ -179,10 +186,10 @@ class DescentStage:
 
 
 STAGES = (
-    DescentStage(barrier=1e-3, sharpness=2, penalty=1.0, tolerance=5e-4),
-    DescentStage(barrier=1e-4, sharpness=5, penalty=10.0, tolerance=5e-4),
-    DescentStage(barrier=1e-5, sharpness=20, penalty=100.0, tolerance=5e-4),
-    DescentStage(barrier=1e-6, sharpness=100, penalty=1000.0, tolerance=1e-4, fine=True),
+    DescentStage(barrier=1e-3, sharpness=2, penalty=1.0, tolerance=2e-3),
+    DescentStage(barrier=1e-4, sharpness=5, penalty=10.0, tolerance=1e-3),
+    DescentStage(barrier=1e-5, sharpness=20, penalty=100.0, tolerance=1e-3),
+    DescentStage(barrier=1e-6, sharpness=100, penalty=1000.0, tolerance=3e-4, fine=True),
 )
 
 
@@ -229,18 +236,20 @@ def one_start(
 def _drawn(
     evaluation: DesignEvaluation, region: MotionRegion, random: np.random.Generator
 ) -> Iterator[Array]:
-    """Random motions; where more than bounds is held, some that grew out of free poses too."""
+    """Random motions; where more than bounds is held, first some that grew out of free poses.
+
+    Beside those, most random motions are known to be worse before their distances are measured.
+    """
+    if evaluation.constrained:
+        poses = free_poses(evaluation.constraints, region, random)
+        for _ in range(GROWN if len(poses) else 0):
+            pose = poses[random.integers(len(poses))]
+            x = grown_motion(evaluation, region, pose, random, fill=FILLS[1], tighten=TIGHTEN)
+            if x is not None:
+                yield x
     for _ in range(BATCH):
         fill = float(random.uniform(*FILLS)) if evaluation.constrained else FILLS[1]
         yield random_numbers(region, 1, random, fill=fill)[0]
-    if not evaluation.constrained:
-        return
-    poses = free_poses(evaluation.constraints, region, random)
-    for _ in range(GROWN if len(poses) else 0):
-        pose = poses[random.integers(len(poses))]
-        x = grown_motion(evaluation, region, pose, random, fill=FILLS[1], tighten=TIGHTEN)
-        if x is not None:
-            yield x
 
 
 def improve(

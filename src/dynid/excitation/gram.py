@@ -8,7 +8,6 @@ back through the regressor with the weights 2 Omega^-1 W_B S, in one pass whatev
 from collections.abc import Callable
 
 import numpy as np
-from threadpoolctl import ThreadpoolController  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core import Array, InputError
 from dynid.reduction import BaseParametrization, fill_beside, gram_layout
@@ -32,7 +31,8 @@ Pullback = Callable[[Array], Gradient]
 class GramKernel:
     """Gram matrices of many motions of one robot, in memory that is used again.
 
-    One thread, one caller at a time: each worker makes its own.
+    One caller at a time: each worker makes its own. Callers limit the threads of BLAS to one:
+    such small products gain nothing from more, and changing their number costs as much.
 
     Args:
         model: The inverse dynamic model.
@@ -76,7 +76,6 @@ class GramKernel:
             part.reshape(size, size)
             for part, size in zip(np.split(self._sums, ends), sizes, strict=True)
         ]
-        self._threads = ThreadpoolController()
         self._samples = -1
         self._calls = 0
 
@@ -103,13 +102,12 @@ class GramKernel:
         places = self._layout.places
         inertial_rows(constants, self._turn, state[0], state[1], state[2], self._rows, places)
         fill_beside(self._model, state[1], state[2], self._beside)
-        with self._threads.limit(limits=1):  # pyright: ignore[reportUnknownMemberType]
-            for j, panel in enumerate(self._layout.panels):
-                rows = self._rows[panel.rows, : self._samples]
-                for row, column in zip(rows, panel.beside, strict=False):
-                    row[:] = self._beside[column, j, : self._samples]
-                np.matmul(rows, rows.T, out=self._products[j])
-                self._products[j] *= self._weights[j]
+        for j, panel in enumerate(self._layout.panels):
+            rows = self._rows[panel.rows, : self._samples]
+            for row, column in zip(rows, panel.beside, strict=False):
+                row[:] = self._beside[column, j, : self._samples]
+            np.matmul(rows, rows.T, out=self._products[j])
+            self._products[j] *= self._weights[j]
         entries = np.bincount(self._entries, self._sums, minlength=self.rank**2)
         return np.asarray(entries, dtype=np.float64).reshape(self.rank, self.rank)
 
@@ -141,12 +139,11 @@ class GramKernel:
         if s.shape != (self.rank, self.rank):
             raise InputError("S does not fit", value=s.shape, limit=(self.rank, self.rank))
         samples = self._samples
-        with self._threads.limit(limits=1):  # pyright: ignore[reportUnknownMemberType]
-            for j, panel in enumerate(self._layout.panels):
-                rows, bars = (a[panel.rows, :samples] for a in (self._rows, self._bars))
-                np.matmul(2.0 * self._weights[j] * panel.block(s), rows, out=bars)
-                for bar, column in zip(bars, panel.beside, strict=False):
-                    self._beside_bars[column, j, :samples] = bar
+        for j, panel in enumerate(self._layout.panels):
+            rows, bars = (a[panel.rows, :samples] for a in (self._rows, self._bars))
+            np.matmul(2.0 * self._weights[j] * panel.block(s), rows, out=bars)
+            for bar, column in zip(bars, panel.beside, strict=False):
+                self._beside_bars[column, j, :samples] = bar
         constants = self._model.constants
         regressor_pullback(
             constants.geometry,

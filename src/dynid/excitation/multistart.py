@@ -3,8 +3,11 @@
 import threading
 import time
 from concurrent.futures import Future
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from uuid import uuid4
+
+from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core import InputError, Progress, WorkerLost, Workers, result_of, told_to_stop
 from dynid.excitation.evaluation import DesignEvaluation
@@ -14,6 +17,11 @@ from dynid.excitation.region import region_of
 
 GRACE_S = 0.5
 """What workers may take after the deadline to tell what they have [s]."""
+
+
+def one_thread() -> AbstractContextManager[object]:
+    """Matrices of 50 columns gain nothing from more threads, which only wait for each other."""
+    return threadpool_limits(limits=1, user_api="blas")
 
 
 class _Built(threading.local):
@@ -112,14 +120,15 @@ def run_start(
         _built.token, _built.evaluation = token, DesignEvaluation(problem)
     evaluation = _built.evaluation
     before = evaluation.evaluations
-    best = one_start(
-        evaluation,
-        region_of(problem),
-        seed=seed,
-        number=number,
-        stop=lambda: told_to_stop() or (deadline is not None and time.time() >= deadline),
-        found=lambda candidate: None,
-    )
+    with one_thread():
+        best = one_start(
+            evaluation,
+            region_of(problem),
+            seed=seed,
+            number=number,
+            stop=lambda: told_to_stop() or (deadline is not None and time.time() >= deadline),
+            found=lambda candidate: None,
+        )
     return StartResult(number, best, evaluation.evaluations - before)
 
 

@@ -6,20 +6,18 @@ what it is worth, and the proof that it is safe.
 
 import math
 from collections.abc import Mapping
-from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.constraints import Certificate, certify
 from dynid.core import Array, Finding, InputError, JobError, Progress, Provenance, Workers
 from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.genetic import elite_count, evolve
 from dynid.excitation.gradient import STAGES, TIGHTEN, improve
-from dynid.excitation.multistart import Effort, multistart
+from dynid.excitation.multistart import Effort, multistart, one_thread
 from dynid.excitation.problem import Candidate, ExcitationProblem, HistoryEntry, Search, Stop
 from dynid.excitation.purpose import Expected
 from dynid.excitation.region import MotionRegion, region_of
@@ -325,11 +323,6 @@ def by_genetic_algorithm(
     with one_thread():
         search = _evolved(problem, seed, population, generations, budget_s, tell)
         return _finished(problem, search, budget_s)
-
-
-def one_thread() -> AbstractContextManager[object]:
-    """Matrices of 50 columns gain nothing from more threads, which only wait for each other."""
-    return threadpool_limits(limits=1, user_api="blas")
 
 
 def _evolved(

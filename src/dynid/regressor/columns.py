@@ -61,6 +61,14 @@ class ColumnBlock(ABC):
     ) -> None:
         """Add the derivative of sum(weights * columns), weights (k, n, N), to the bars (n, N)."""
 
+    def add_torque(
+        self, robot: RobotModel, dq: Array, ddq: Array, parameters: Array, out: Array
+    ) -> None:
+        """Add what the columns with parameters (k) give to out (n, N)."""
+        columns = np.zeros((len(parameters), *out.shape))
+        self.fill(robot, dq, ddq, columns)
+        out += np.tensordot(parameters, columns, axes=1)
+
 
 @dataclass(frozen=True, kw_only=True)
 class JointColumns(ColumnBlock):
@@ -90,8 +98,11 @@ class JointColumns(ColumnBlock):
 
     def fill(self, robot: RobotModel, dq: Array, ddq: Array, out: Array) -> None:
         """See `ColumnBlock`."""
-        rows = self._rows(robot)
-        out[range(len(rows)), rows] = self.values(dq, ddq)[rows, :]
+        values = self.values(dq, ddq)
+        if self.joints is None:
+            np.einsum("jjk->jk", out)[:] = values
+        else:
+            out[range(len(self.joints)), self.joints] = values[self.joints, :]
 
     def pull(
         self,
@@ -103,10 +114,20 @@ class JointColumns(ColumnBlock):
         ddq_bar: Array,
     ) -> None:
         """See `ColumnBlock`."""
-        rows = self._rows(robot)
-        slope = np.broadcast_to(self.slope(dq), dq.shape)
+        slope = self.slope(dq)
         target = ddq_bar if self.power == 2 else dq_bar
-        target[rows, :] += weights[range(len(rows)), rows] * slope[rows, :]
+        if self.joints is None:
+            target += np.einsum("jjk->jk", weights) * slope
+            return
+        own = weights[range(len(self.joints)), self.joints]
+        target[self.joints, :] += own * np.broadcast_to(slope, dq.shape)[self.joints, :]
+
+    def add_torque(
+        self, robot: RobotModel, dq: Array, ddq: Array, parameters: Array, out: Array
+    ) -> None:
+        """See `ColumnBlock`."""
+        rows = slice(None) if self.joints is None else list(self.joints)
+        out[rows] += parameters[:, None] * self.values(dq, ddq)[rows]
 
     def _rows(self, robot: RobotModel) -> tuple[int, ...]:
         return tuple(range(robot.joints)) if self.joints is None else self.joints

@@ -221,9 +221,8 @@ class InverseDynamicModel:
             values[:first].reshape(n, 10), turns(state[0]), state, out,
         )  # fmt: skip
         for block, count in zip(self.blocks, self.counts, strict=True):
-            columns = np.zeros((count, *out.shape))
-            block.fill(self.robot, state[1], state[2], columns)
-            out += np.tensordot(values[first : first + count], columns, axes=1)
+            part = values[first : first + count]
+            block.add_torque(self.robot, state[1], state[2], part, out)
             first += count
         return out[:, :samples].T
 
