@@ -223,6 +223,8 @@ WHOLE_LIKELY, OFFSET_LIKELY = 24.0, 40.0
 was shifted in time, which short motions without repetition bear better [nats]."""
 CERTAIN = 4.0
 """... and its size over the standard deviation, from leaving blocks out."""
+SURELY_HEAVY = 2.0
+"""... and that of a payload's mass."""
 EQUAL = 0.8
 """Share of the best explanation's score from which another cannot be told from it."""
 ROUNDS = 6
@@ -384,7 +386,9 @@ def _admitted(scored: Scored, found: list[Explanation]) -> bool:
     known, size = scored.hypothesis, abs(scored.value)
     # A size that was found before may be corrected downwards.
     physical = scored.value > known.lowest or any(_same(item, known) for item in found)
-    return physical and scored.score > LIKELY and size > max(CERTAIN * scored.std, known.least)
+    # Of the ten sizes of a payload the mass is one: the score says how sure they are together.
+    sure = SURELY_HEAVY if known.kind == "payload" else CERTAIN
+    return physical and scored.score > LIKELY and size > max(sure * scored.std, known.least)
 
 
 def _explanation(best: Scored, others: list[Scored], before: Explanation | None) -> Explanation:
