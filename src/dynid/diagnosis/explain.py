@@ -336,13 +336,15 @@ _Fitted = tuple[Reference, Fits, Array]
 def _drop(one: _Fitted, other: _Fitted) -> float:
     """Drop of the negative log likelihood and prior from one fit to another [nats].
 
-    All joints count alike: an exchange must not gain from joints that count differently.
+    All joints count alike: an exchange must not gain from joints that count differently; nor does
+    a gain, by torques that are smaller.
     """
     count = float(np.median(other[1].counts))
 
     def cost(ref: Reference, sums: Fits, values: Array) -> float:
         error = ref.torque - np.tensordot(values, ref.columns, axes=1)
         left = np.square(error).mean(axis=1) + 1e-18
+        left = left / (np.square(ref.recording.tau).mean(axis=0) + 1e-18)
         return 0.5 * count * float(np.log(left).sum()) + sums.penalty(values)
 
     return cost(*one) - cost(*other)
