@@ -14,7 +14,7 @@ set against three periods of a 10 s design, in the cases where that reaches 3 % 
 
 `--rich` adds plants with Stribeck, load and presliding friction, for which dynid chooses friction
 terms (--preset best). Where neither the design nor ten times its time reaches the accuracy, it
-counts how often the error on left-out data of the identification says so.
+counts how often the identification says so: its bound of the error on left-out data.
 
 Asked: reached in 90 % of the cases that ten times the time reaches, else said; 60 % of the time.
 Needs MuJoCo: pip install 'dynid[dev]'. Exits with 1 where an asked figure is missed.
@@ -91,7 +91,7 @@ class Arm:
             told = result.estimate.predict(held.q, held.dq, held.ddq)
             left += float(np.square(told - true).sum())
             size += float(np.square(true).sum())
-        said = 0.0 if result.accuracy is None else result.accuracy.found_percent
+        said = 0.0 if result.accuracy is None else result.accuracy.bound_percent
         return 100 * (left / size) ** 0.5, said
 
 

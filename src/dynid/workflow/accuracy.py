@@ -18,6 +18,10 @@ from dynid.trajectory import JointMotion
 
 PROMISED = "predicted_torque_error_percent"
 """Key of a recording's metadata: what its design promises for the periods recorded."""
+CONFIDENCE = 1.645
+"""Of the bound of the error found, one-sided 95 %, as a normal quantile."""
+UNSURE = 35 / 9 - 2
+"""Variance of a mean square less that of second differences, of white noise, times N / sigma^4."""
 LONGER = 10.0
 """A run so many times longer is the most that is thought of."""
 
@@ -30,6 +34,8 @@ class Accuracy:
     """What the designs of its recordings promise together; NaN where none does."""
     found_percent: float
     """On what was left out."""
+    bound_percent: float
+    """What it stays below with 95 % probability: noise hides errors in short recordings."""
     noise_percent: float
     """The part that falls with time, on the motions that the model is for; NaN if not asked."""
     left_out: str
@@ -50,6 +56,7 @@ class Accuracy:
         values = {
             "expected_percent": self.expected_percent,
             "found_percent": self.found_percent,
+            "found_bound_percent": self.bound_percent,
             "noise_percent": self.noise_percent,
         }
         known = {name: x if math.isfinite(x) else None for name, x in values.items()}
@@ -58,6 +65,7 @@ class Accuracy:
     def describe(self) -> str:
         """One sentence."""
         found = f"{self.found_percent:.2g} % on left-out {self.left_out}"
+        found += f", below {self.bound_percent:.2g} % with 95 % probability"
         if math.isnan(self.expected_percent):
             return f"Torque error beyond noise: {found}"
         return f"Torque error beyond noise: {found}; by the design: {self.expected_percent:.2g} %"
@@ -80,11 +88,14 @@ def accuracy(
         return None
     promises = [float(r.metadata.extra.get(PROMISED, "nan")) for r in records]
     left = np.square(told.anywhere).sum() - np.square(told.noise_floor).sum()
-    size = float(np.linalg.norm(told.torque))
+    size = max(float(np.linalg.norm(told.torque)), 1e-12)
+    spread = math.sqrt(UNSURE * float(np.power(told.noise_floor, 4).sum()) / estimate.samples)
+    most = max(float(left), 0.0) + CONFIDENCE * spread
     return Accuracy(
         # Variances of independent recordings add as their inverses.
         expected_percent=float(np.sum(np.power(promises, -2.0)) ** -0.5) if promises else math.nan,
-        found_percent=100 * math.sqrt(max(float(left), 0.0)) / max(size, 1e-12),
+        found_percent=100 * math.sqrt(max(float(left), 0.0)) / size,
+        bound_percent=100 * math.sqrt(most) / size,
         noise_percent=_noise_percent(estimate, motions),
         left_out="regions" if len(records) == 1 else "recordings",
     )

@@ -185,7 +185,7 @@ def run_until(
 
 
 def _ended(told: Accuracy, percent: float, rounds: int) -> str:
-    if told.found_percent <= percent and not told.noise_percent > percent:
+    if told.bound_percent <= percent and not told.noise_percent > percent:
         return REACHED
     # One recording cannot tell a region that it never saw from an error of the model.
     if rounds > 1 and told.after_longer_percent > percent:
