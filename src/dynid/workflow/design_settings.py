@@ -25,7 +25,7 @@ from dynid.trajectory import FAMILY_NAMES
 
 PURPOSES = {"prediction": "prediction", "parameters": "a-opt", "cond": "cond"}
 """What a model is for, and the criterion that serves it."""
-DEFAULT_STARTS = {"prediction": 4, "a-opt": 4, "d-opt": 4}
+DEFAULT_STARTS = {"prediction": 6, "a-opt": 4, "d-opt": 4}
 """Of the gradient method, where neither starts nor a budget are given: seeds of smooth criteria
 end within 2 % of each other."""
 MOST_STARTS = 12
