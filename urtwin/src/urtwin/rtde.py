@@ -26,8 +26,9 @@ from urtwin.machine import ControllerMachine
 
 LONGEST = 64
 """Packages that may wait; of a client that writes more than one a cycle the oldest act at once."""
-PATIENCE_S = 0.2
-"""How long virtual time waits for the next set point of a client that streams them [s]."""
+PATIENCE_S = 1.0
+"""How long virtual time waits for the next set point of a client that streams them [s]: longer than
+a pause of its garbage collector."""
 MEMORY_S = 2.0
 """How long what clients write keeps its order after numbers that may be set points [s]."""
 _SETPOINTS, _STREAM = "input_double_register", 3
