@@ -63,5 +63,5 @@ def test_problems_that_make_no_sense_are_refused() -> None:
         problem(rate_hz=0.5)
     with pytest.raises(InputError, match="does not start at a given pose"):
         problem(start_pose=np.zeros(3))
-    with pytest.raises(InputError, match="start pose has the wrong shape"):
+    with pytest.raises(InputError, match="start_pose has the wrong shape"):
         problem(family="modified-fourier", start_pose=np.zeros(4))

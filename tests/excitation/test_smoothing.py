@@ -5,7 +5,7 @@ import pytest
 from design_arms import Floats
 
 from dynid.excitation import CRITERIA, parse_criterion
-from dynid.excitation.evaluation import smoothed
+from dynid.excitation.criteria import smoothed
 
 EXTREME = ("cond", "e-opt", "cond+sigma")
 SLOPE = 1e-6

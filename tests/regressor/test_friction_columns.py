@@ -95,12 +95,10 @@ def test_a_vanishing_width_is_the_sign() -> None:
     np.testing.assert_array_equal(smooth_sign(dq, 1e-9), smooth_sign(dq, 0.0))
 
 
-def test_a_word_without_a_block_does_not_become_another(monkeypatch: pytest.MonkeyPatch) -> None:
-    friction = FrictionTerms()
-    object.__setattr__(friction, "terms", (("xx", None),))
-    monkeypatch.setattr(layout, "TERMS", (*TERMS, "xx"))
-    with pytest.raises(ValueError, match="xx"):
-        layout.column_blocks(friction)
+def test_every_word_has_a_block_and_no_other_becomes_one() -> None:
+    assert tuple(layout.JOINT_TERMS) == TERMS
+    with pytest.raises(KeyError, match="xx"):
+        layout.JointColumns(term="xx", shape=FrictionTerms()).columns(_chain())
 
 
 COUPLING = np.array([[30.0, 0, 0], [0, -48.0, 0], [5.0, 12.0, 40.0]])

@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from dynid.core import Array, InputError, JsonFields, frozen, load_object
+from dynid.core import Array, InputError, JsonFields, freeze, load_object
 from dynid.robot import Body, Tool, box_points, cylinder_points, from_axes, from_xyz_rpy
 from dynid.trajectory import MotionBounds
 
@@ -38,8 +38,7 @@ class Shape:
     def __post_init__(self) -> None:
         if self.kind not in range(len(KINDS)):
             raise InputError("unknown kind of shape", where=self.name, value=self.kind)
-        object.__setattr__(self, "pose", frozen(self.pose, shape=(4, 4), name="shape pose"))
-        object.__setattr__(self, "size", frozen(self.size, shape=(3,), name="shape size"))
+        freeze(self, "shape", pose=(4, 4), size=(3,))
         needed = (0, 3, 2, 1)[self.kind]
         if not all(math.isfinite(x) and x > 0 for x in self.size[:needed]):
             raise InputError("sizes must be positive", where=self.name)

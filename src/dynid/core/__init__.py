@@ -37,6 +37,7 @@ if TYPE_CHECKING:
         Array,
         Indices,
         Mask,
+        freeze,
         frozen,
         inverse_upper,
         read_only,
@@ -72,6 +73,7 @@ __all__ = [
     "file_behind",
     "file_hash",
     "finding_from_json",
+    "freeze",
     "frozen",
     "in_one_piece",
     "installed",
@@ -97,7 +99,7 @@ __all__ = [
 
 _LATER = {
     "arrays": (
-        "Array", "Indices", "Mask", "frozen", "inverse_upper", "read_only", "scipy_part",
+        "Array", "Indices", "Mask", "freeze", "frozen", "inverse_upper", "read_only", "scipy_part",
         "solve_upper", "upper_triangle",
     ),
     "json_fields": ("JsonFields", "load_object", "parse_json"),

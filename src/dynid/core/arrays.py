@@ -46,6 +46,26 @@ def frozen(
     return array
 
 
+def freeze(
+    owner: object, label: str = "", /, *, finite: bool = True, **shapes: tuple[int | None, ...]
+) -> None:
+    """Put read-only copies of arrays in the fields of a frozen dataclass.
+
+    Args:
+        owner: The dataclass, in its `__post_init__`.
+        label: What stands before the fields' names in errors.
+        finite: Refuse NaN and infinity.
+        **shapes: Field to expected shape, see `frozen`.
+
+    Raises:
+        InputError: As `frozen`.
+    """
+    for field, shape in shapes.items():
+        name = f"{label} {field}".strip()
+        value = frozen(getattr(owner, field), shape=shape, name=name, finite=finite)
+        object.__setattr__(owner, field, value)
+
+
 def read_only(array: Array) -> Array:
     """The same array, marked read-only without a copy."""
     array.setflags(write=False)

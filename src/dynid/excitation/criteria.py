@@ -11,12 +11,12 @@ How large the base parameters of a robot are, before they are known.
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
-from dynid.core import Array, InputError, frozen, read_only
+from dynid.core import Array, InputError, freeze, read_only
 from dynid.reduction import BaseParametrization
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import RobotModel
@@ -175,13 +175,11 @@ class Criterion(ABC):
 
     def __post_init__(self) -> None:
         if self.scale is not None:
-            scale = frozen(self.scale, shape=(None,), name="parameter scales")
-            if not (scale > 0).all():
-                raise InputError("parameter scales must be positive", value=float(scale.min()))
-            object.__setattr__(self, "scale", scale)
+            freeze(self, "parameter", scale=(None,))
+            if not (self.scale > 0).all():
+                raise InputError("parameter scales must be positive", value=float(self.scale.min()))
         if self.previous is not None:
-            previous = frozen(self.previous, shape=(None, None), name="the earlier Gram matrix")
-            object.__setattr__(self, "previous", previous)
+            freeze(self, "Gram matrix", previous=(None, None))
 
     @abstractmethod
     def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
@@ -225,24 +223,74 @@ class Criterion(ABC):
         return matrix if self.scale is None else matrix * np.outer(self.scale, self.scale)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Condition(Criterion):
-    """The paper's: condition number of W_B, sigma_max / sigma_min."""
+Extreme = tuple[float, Array]
+"""Logarithm of an extreme, and its derivative (b) by the logarithms of the eigenvalues."""
 
-    name: ClassVar[str] = "cond"
+
+@dataclass(frozen=True, kw_only=True)
+class OfExtremes(Criterion):
+    """A function of the largest and the smallest eigenvalue.
+
+    Where several eigenvalues share the smallest place, as they do near every optimum, the smallest
+    one has a kink and a gradient method stops there. With a sharpness p norms take the place of
+    both: (sum lambda^p)^(1/p) for the largest and (sum lambda^-p)^(-1/p) for the smallest, which
+    are smooth, bound the true ones, and meet them as p grows. p = 1 for the smallest is
+    A-optimality.
+    """
+
+    sharpness: float = math.inf
+    """p; infinite for the eigenvalues themselves."""
+
+    @abstractmethod
+    def combine(self, high: Extreme, low: Extreme) -> tuple[float, Array]:
+        """The value, and its derivative (b) by the logarithms of the eigenvalues."""
 
     def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
         """See `Criterion`."""
-        if not slope:
+        if not slope and math.isinf(self.sharpness):
             values = eigenvalues(matrix)
-            return None if values is None else (math.sqrt(values[-1] / values[0]), matrix)
+            if values is None:
+                return None
+            high, low = ((math.log(values[k]), np.zeros(0)) for k in (-1, 0))
+            return self.combine(high, low)[0], matrix
         found = eigenvectors(matrix)
         if found is None:
             return None
         values, vectors = found
-        value = math.sqrt(values[-1] / values[0])
-        spread = _square(vectors[:, -1]) / values[-1] - _square(vectors[:, 0]) / values[0]
-        return value, value / 2 * spread
+        logs = np.log(values)
+        value, slopes = self.combine(self._extreme(logs, -1), self._extreme(logs, 0))
+        return value, (vectors * (slopes / values)) @ vectors.T
+
+    def _extreme(self, logs: Array, place: int) -> Extreme:
+        """The last (-1) or the first (0) of ascending logarithms (b), softened."""
+        p = self.sharpness
+        if math.isinf(p):
+            shares = np.zeros(len(logs))
+            shares[place] = 1.0
+            return float(logs[place]), shares
+        sign = 1.0 if place else -1.0
+        powers = np.exp(sign * p * (logs - logs[place]))
+        total = powers.sum()
+        return float(logs[place] + sign * math.log(total) / p), powers / total
+
+
+def smoothed(criterion: Criterion, sharpness: float) -> Criterion:
+    """The smooth relative of a criterion; criteria that are smooth come back as they are."""
+    if isinstance(criterion, OfExtremes):
+        return replace(criterion, sharpness=sharpness)
+    return criterion
+
+
+@dataclass(frozen=True, kw_only=True)
+class Condition(OfExtremes):
+    """The paper's: condition number of W_B, sigma_max / sigma_min."""
+
+    name: ClassVar[str] = "cond"
+
+    def combine(self, high: Extreme, low: Extreme) -> tuple[float, Array]:
+        """See `OfExtremes`."""
+        value = math.exp((high[0] - low[0]) / 2)
+        return value, value / 2 * (high[1] - low[1])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -274,47 +322,28 @@ class AOptimal(Criterion):
 
 
 @dataclass(frozen=True, kw_only=True)
-class EOptimal(Criterion):
+class EOptimal(OfExtremes):
     """E-optimality, 1 / lambda_min: the longest axis of the confidence ellipsoid, squared."""
 
     name: ClassVar[str] = "e-opt"
 
-    def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
-        """See `Criterion`."""
-        if not slope:
-            values = eigenvalues(matrix)
-            return None if values is None else (float(1.0 / values[0]), matrix)
-        found = eigenvectors(matrix)
-        if found is None:
-            return None
-        values, vectors = found
-        return float(1.0 / values[0]), -_square(vectors[:, 0]) / values[0] ** 2
+    def combine(self, high: Extreme, low: Extreme) -> tuple[float, Array]:
+        """See `OfExtremes`."""
+        value = math.exp(-low[0])
+        return value, -value * low[1]
 
 
 @dataclass(frozen=True, kw_only=True)
-class ConditionAndSigma(Criterion):
+class ConditionAndSigma(OfExtremes):
     """cond + weight / sigma_min, after Presse and Gautier: small parameters count too."""
 
     name: ClassVar[str] = "cond+sigma"
-    weight: float = SIGMA_WEIGHT
 
-    def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
-        """See `Criterion`."""
-        if not slope:
-            values = eigenvalues(matrix)
-            return None if values is None else (self._value(values), matrix)
-        found = eigenvectors(matrix)
-        if found is None:
-            return None
-        values, vectors = found
-        low, high = values[0], values[-1]
-        by_high = 1 / (2 * math.sqrt(high * low))
-        by_low = -(math.sqrt(high) + self.weight) / (2 * math.sqrt(low) * low)
-        slopes = by_high * _square(vectors[:, -1]) + by_low * _square(vectors[:, 0])
-        return self._value(values), slopes
-
-    def _value(self, values: Array) -> float:
-        return (math.sqrt(values[-1]) + self.weight) / math.sqrt(values[0])
+    def combine(self, high: Extreme, low: Extreme) -> tuple[float, Array]:
+        """See `OfExtremes`."""
+        condition = math.exp((high[0] - low[0]) / 2)
+        sigma = SIGMA_WEIGHT * math.exp(-low[0] / 2)
+        return condition + sigma, condition / 2 * (high[1] - low[1]) - sigma / 2 * low[1]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -403,7 +432,3 @@ def scaled_condition_number(gram: Array) -> float:
     """Condition number of W_B with its columns scaled to unit norm; infinite if it is singular."""
     unit = normalised(gram)
     return math.inf if unit is None else Condition().value(unit[0])
-
-
-def _square(vector: Array) -> Array:
-    return np.outer(vector, vector)

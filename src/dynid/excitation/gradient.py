@@ -15,7 +15,8 @@ from functools import partial
 import numpy as np
 
 from dynid.core import Array
-from dynid.excitation.evaluation import DesignEvaluation, smoothed
+from dynid.excitation.criteria import smoothed
+from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.feasible import free_poses, grown_motion
 from dynid.excitation.problem import Candidate, Found, Stop
 from dynid.excitation.region import MotionRegion, random_numbers

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dynid.constraints import MotionConstraints
-from dynid.core import Array, InputError, frozen
+from dynid.core import Array, InputError, freeze
 from dynid.excitation.criteria import Criterion
 from dynid.reduction import BaseParametrization
 from dynid.trajectory import MotionFamily
@@ -58,10 +58,9 @@ class ExcitationProblem:
                 next_step="Take a longer period or a higher rate.",
             )
         if self.noise is not None:
-            object.__setattr__(self, "noise", frozen(self.noise, shape=(joints,), name="noise"))
+            freeze(self, noise=(joints,))
         if self.start_pose is not None:
-            pose = frozen(self.start_pose, shape=(joints,), name="start pose")
-            object.__setattr__(self, "start_pose", pose)
+            freeze(self, start_pose=(joints,))
             if np.abs(self.family.basis(np.zeros(1))[0]).max() > AT_POSE:
                 raise InputError(
                     "this kind of motion does not start at a given pose",

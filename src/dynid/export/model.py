@@ -20,7 +20,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from dynid.core import Array, InputError, frozen
+from dynid.core import Array, InputError, freeze, frozen
 from dynid.export.completion import Completion, complete
 from dynid.identification import Estimate
 from dynid.regressor import InverseDynamicModel, TorqueRipple, coupled_motors
@@ -76,15 +76,9 @@ class ExportModel:
 
     def __post_init__(self) -> None:
         n = self.robot.joints
-        for name, shape in (
-            ("inertials", (n, 10)),
-            ("width", (n,)),
-            ("shares", (len(self.motors), n)),
-        ):
-            value = frozen(getattr(self, name), shape=shape, name=name)
-            object.__setattr__(self, name, value)
+        freeze(self, inertials=(n, 10), width=(n,), shares=(len(self.motors), n))
         if self.load is not None:
-            object.__setattr__(self, "load", frozen(self.load, shape=(n, 10), name="load"))
+            freeze(self, load=(n, 10))
         unknown = sorted(set(self.terms) - set(SYMBOLS))
         if unknown:
             raise InputError(

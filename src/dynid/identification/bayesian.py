@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynid.core import Array, Mask, frozen, inverse_upper, upper_triangle
+from dynid.core import Array, Mask, freeze, inverse_upper, upper_triangle
 from dynid.identification.least_squares import (
     PRIOR_GAIN,
     Estimator,
@@ -49,8 +49,7 @@ class InertialPrior:
     """What was not published and how it was filled, in words."""
 
     def __post_init__(self) -> None:
-        value = frozen(self.parameters, shape=(None, 10), name="prior inertias")
-        object.__setattr__(self, "parameters", value)
+        freeze(self, "prior", parameters=(None, 10))
 
 
 def inertial_prior(robot: RobotModel, frames: str) -> InertialPrior:

@@ -10,7 +10,7 @@ from dynid.core import (
     Finding,
     InputError,
     JobError,
-    frozen,
+    freeze,
     inverse_upper,
     told,
     upper_triangle,
@@ -52,9 +52,7 @@ class DriveGains:
 
     def __post_init__(self) -> None:
         n = np.size(self.gain)
-        for name in ("gain", "std", "coulomb", "viscous", "r2"):
-            value = frozen(getattr(self, name), shape=(n,), name=name, finite=False)
-            object.__setattr__(self, name, value)
+        freeze(self, gain=(n,), std=(n,), coulomb=(n,), viscous=(n,), r2=(n,), finite=False)
 
     def to_json(self, names: tuple[str, ...]) -> dict[str, Any]:
         """A JSON object; null where a gain is not known.

@@ -12,7 +12,7 @@ from dynid.core import (
     InputError,
     Provenance,
     finding_from_json,
-    frozen,
+    freeze,
     load_object,
     read_only,
     write_json,
@@ -62,9 +62,8 @@ class StandardParameters:
 
     def __post_init__(self) -> None:
         p = len(self.origins)
-        for name in ("values", "std", "prior_share", "prior"):
-            value = frozen(getattr(self, name), shape=(p,), name=name, finite=name != "prior")
-            object.__setattr__(self, name, value)
+        freeze(self, values=(p,), std=(p,), prior_share=(p,))
+        freeze(self, prior=(p,), finite=False)
         if not set(self.origins) <= set(ORIGINS):
             raise InputError("unknown origin", value=set(self.origins), limit=ORIGINS)
 
@@ -151,14 +150,7 @@ class Estimate:
 
     def __post_init__(self) -> None:
         r, n = len(self.independent), self.model.robot.joints
-        shapes: dict[str, tuple[int, ...]] = {
-            "values": (r,),
-            "covariance": (r, r),
-            "naive_std": (r,),
-            "noise": (n,),
-        }
-        for name, shape in shapes.items():
-            object.__setattr__(self, name, frozen(getattr(self, name), shape=shape, name=name))
+        freeze(self, values=(r,), covariance=(r, r), naive_std=(r,), noise=(n,))
         if len(self.expressions) != r:
             raise InputError("one expression a parameter", value=len(self.expressions), limit=r)
         if self.standard is not None and len(self.standard.values) != len(self.model.columns):

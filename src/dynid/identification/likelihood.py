@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynid.core import Array, frozen, inverse_upper, scipy_part, upper_triangle
+from dynid.core import Array, freeze, inverse_upper, scipy_part, upper_triangle
 from dynid.identification.instrumental import segments, smooth_cutoff
 from dynid.identification.least_squares import Estimator, Fit, WeightedLeastSquares
 from dynid.identification.problem import IdentificationProblem
@@ -33,9 +33,7 @@ class MotionNoise:
     """Cut-off [Hz]."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(
-            self, "density", frozen(self.density, shape=(None,), name="noise density")
-        )
+        freeze(self, "noise", density=(None,))
 
     def covariance(self) -> Array:
         """(3n, 3n) of q, dq, ddq at one instant: velocities are independent of the others."""

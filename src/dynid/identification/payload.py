@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Finding, JobError, frozen, told
+from dynid.core import Array, Finding, JobError, freeze, told
 from dynid.identification.shared import PAYLOAD, SharedFit, SharedProblem
 from dynid.robot import PARAMETERS, frame_map, from_pseudo_inertia, tensor, to_pseudo_inertia
 
@@ -107,13 +107,7 @@ class Payload:
     """Findings: a payload that is not significant, or not physical."""
 
     def __post_init__(self) -> None:
-        for name, shape in (
-            ("parameters", (10,)),
-            ("free", (10,)),
-            ("covariance", (10, 10)),
-            ("noise", (None, None)),
-        ):
-            object.__setattr__(self, name, frozen(getattr(self, name), shape=shape, name=name))
+        freeze(self, parameters=(10,), free=(10,), covariance=(10, 10), noise=(None, None))
 
     @property
     def mass(self) -> float:

@@ -7,7 +7,7 @@ from dynid.regressor.adjoint import (
     regressor_pullback,
     torque_adjoint,
 )
-from dynid.regressor.columns import coupled_motors, friction_block, smooth_sign
+from dynid.regressor.columns import JointColumns, coupled_motors, smooth_sign
 from dynid.regressor.inertial import Places, inertial_rows, turns
 from dynid.regressor.model import CHUNK, INERTIAL, InverseDynamicModel
 from dynid.regressor.spatial import LANES
@@ -32,12 +32,12 @@ __all__ = [
     "Gear",
     "Gradient",
     "InverseDynamicModel",
+    "JointColumns",
     "LoadFriction",
     "Places",
     "TorqueRipple",
     "check_differentiable",
     "coupled_motors",
-    "friction_block",
     "friction_state",
     "inertial_rows",
     "parse_terms",

@@ -1,24 +1,18 @@
-"""From the choice of terms to column blocks.
+"""Column blocks: what stands beside the inertial columns of the regressor.
 
-Column blocks: what stands beside the inertial columns of the regressor.
-
-A block says which columns it adds, fills them and differentiates them. To add one: a frozen
-dataclass that extends `ColumnBlock`, one word in `terms.TERMS`, one case in
-`layout.friction_block`, one test against its formula.
-
-Columns of motors that drive several joints.
+A block says which columns it adds, fills them and differentiates them. A term of single joints is
+one word in `terms.TERMS`, one row in `JOINT_TERMS` and one test against its formula.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
 from dynid.core import Array
 from dynid.regressor.terms import (
     PAPER_WIDTH,
-    STRIBECK_VELOCITY,
     TERMS,
     FrictionTerms,
     Width,
@@ -70,31 +64,80 @@ class ColumnBlock(ABC):
         out += np.tensordot(parameters, columns, axes=1)
 
 
+def _bell(shape: FrictionTerms, dq: Array) -> Array:
+    return np.exp(-np.square(dq / shape.stribeck_velocity))
+
+
+def _bell_slope(shape: FrictionTerms, dq: Array) -> Array:
+    fall = 2.0 * dq / shape.stribeck_velocity**2 * smooth_sign(dq, shape.width)
+    return _bell(shape, dq) * (smooth_slope(dq, shape.width) - fall)
+
+
+def _root_slope(_shape: FrictionTerms, dq: Array) -> Array:
+    # Infinite at rest, where nothing can use it: zero there.
+    root = np.square(np.cbrt(dq))
+    return np.divide(1.0, 3.0 * root, out=np.zeros_like(dq), where=root > 0)
+
+
+@dataclass(frozen=True, slots=True)
+class JointTerm:
+    """What a parameter of one joint multiplies."""
+
+    symbol: str
+    power: int
+    """Which unit, see `unit`."""
+    values: Callable[[FrictionTerms, Array, Array], Array]
+    """(n, N) the entries for dq, ddq (n, N)."""
+    slope: Callable[[FrictionTerms, Array], Array | float]
+    """(n, N) derivative of the entries by dq, or by ddq for columns of `power` 2."""
+
+
+JOINT_TERMS = {
+    "fc": JointTerm(
+        "Fc", 0, lambda s, v, _: smooth_sign(v, s.width), lambda s, v: smooth_slope(v, s.width)
+    ),
+    "fv": JointTerm("Fv", 1, lambda _, v, __: v, lambda _, __: 1.0),
+    "im": JointTerm("Im", 2, lambda _, __, a: a, lambda _, __: 1.0),
+    "fo": JointTerm("Fo", 0, lambda _, v, __: np.ones_like(v), lambda _, __: 0.0),
+    "fca": JointTerm(
+        "Fca",
+        0,
+        lambda s, v, _: np.abs(smooth_sign(v, s.width)),
+        lambda s, v: np.sign(v) * smooth_slope(v, s.width),
+    ),
+    "fva": JointTerm("Fva", 1, lambda _, v, __: np.abs(v), lambda _, v: np.sign(v)),
+    "fs": JointTerm("Fs", 0, lambda s, v, _: _bell(s, v) * smooth_sign(v, s.width), _bell_slope),
+    "fr": JointTerm("Fr", -3, lambda _, v, __: np.cbrt(v), _root_slope),
+}
+"""Coulomb friction as a step of given width, viscous, reflected motor inertia, a constant,
+differences of Coulomb and viscous friction by direction, Stribeck friction
+exp(-(dq / velocity)^2) tanh(dq / width), and sign(dq) |dq|^(1/3) as strain-wave gears show."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class JointColumns(ColumnBlock):
-    """One column a joint that acts on that joint alone."""
+    """One column a joint that acts on that joint alone.
 
-    symbol: ClassVar[str] = ""
-    power: ClassVar[int] = 0
-    """Which unit, see `unit`."""
+    Raises:
+        KeyError: An unknown term.
+    """
+
+    term: str
+    """One of `JOINT_TERMS`."""
+    shape: FrictionTerms
+    """Where widths and velocities come from."""
     joints: tuple[int, ...] | None = None
     """The joints that have the column, from 0; None for all."""
 
-    @abstractmethod
     def values(self, dq: Array, ddq: Array) -> Array:
         """(n, N) the entries for dq, ddq (n, N)."""
-
-    @abstractmethod
-    def slope(self, dq: Array) -> Array | float:
-        """(n, N) derivative of the entries by dq, or by ddq for columns of `power` 2."""
+        return JOINT_TERMS[self.term].values(self.shape, dq, ddq)
 
     def columns(self, robot: RobotModel) -> tuple[Column, ...]:
         """See `ColumnBlock`."""
-        slides = robot.prismatic
-        return tuple(
-            Column(f"{self.symbol}{j + 1}", unit(self.power, slides[j]), j)
-            for j in self._rows(robot)
-        )
+        term, slides = JOINT_TERMS[self.term], robot.prismatic
+        rows = range(robot.joints) if self.joints is None else self.joints
+        return tuple(Column(f"{term.symbol}{j + 1}", unit(term.power, slides[j]), j) for j in rows)
 
     def fill(self, robot: RobotModel, dq: Array, ddq: Array, out: Array) -> None:
         """See `ColumnBlock`."""
@@ -114,8 +157,8 @@ class JointColumns(ColumnBlock):
         ddq_bar: Array,
     ) -> None:
         """See `ColumnBlock`."""
-        slope = self.slope(dq)
-        target = ddq_bar if self.power == 2 else dq_bar
+        term = JOINT_TERMS[self.term]
+        slope, target = term.slope(self.shape, dq), ddq_bar if term.power == 2 else dq_bar
         if self.joints is None:
             target += np.einsum("jjk->jk", weights) * slope
             return
@@ -129,148 +172,12 @@ class JointColumns(ColumnBlock):
         rows = slice(None) if self.joints is None else list(self.joints)
         out[rows] += parameters[:, None] * self.values(dq, ddq)[rows]
 
-    def _rows(self, robot: RobotModel) -> tuple[int, ...]:
-        return tuple(range(robot.joints)) if self.joints is None else self.joints
-
 
 def unit(power: int, prismatic: bool) -> str:
     """Unit of what multiplies 1 (0), a speed (1), an acceleration (2), a speed's cube root (-3)."""
     angular = {0: "N.m", 1: "N.m.s/rad", 2: "kg.m^2", -3: "N.m.(s/rad)^(1/3)"}
     linear = {0: "N", 1: "N.s/m", 2: "kg", -3: "N.(s/m)^(1/3)"}
     return (linear if prismatic else angular)[power]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Coulomb(JointColumns):
-    """Coulomb friction tanh(dq / width): a step with a given width."""
-
-    width: Width = PAPER_WIDTH
-    symbol: ClassVar[str] = "Fc"
-
-    def values(self, dq: Array, ddq: Array) -> Array:
-        """See `JointColumns`."""
-        return smooth_sign(dq, self.width)
-
-    def slope(self, dq: Array) -> Array | float:
-        """See `JointColumns`."""
-        return smooth_slope(dq, self.width)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Viscous(JointColumns):
-    """Viscous friction dq."""
-
-    symbol: ClassVar[str] = "Fv"
-    power: ClassVar[int] = 1
-
-    def values(self, dq: Array, ddq: Array) -> Array:
-        """See `JointColumns`."""
-        return dq
-
-    def slope(self, dq: Array) -> Array | float:
-        """See `JointColumns`."""
-        return 1.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class MotorInertia(JointColumns):
-    """Reflected motor inertia ddq."""
-
-    symbol: ClassVar[str] = "Im"
-    power: ClassVar[int] = 2
-
-    def values(self, dq: Array, ddq: Array) -> Array:
-        """See `JointColumns`."""
-        return ddq
-
-    def slope(self, dq: Array) -> Array | float:
-        """See `JointColumns`."""
-        return 1.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Offset(JointColumns):
-    """A constant: sensor zero, or friction's asymmetry."""
-
-    symbol: ClassVar[str] = "Fo"
-
-    def values(self, dq: Array, ddq: Array) -> Array:
-        """See `JointColumns`."""
-        return np.ones_like(dq)
-
-    def slope(self, dq: Array) -> Array | float:
-        """See `JointColumns`."""
-        return 0.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class CoulombAsymmetry(JointColumns):
-    """Difference of Coulomb friction by direction, |tanh(dq / width)|."""
-
-    width: Width = PAPER_WIDTH
-    symbol: ClassVar[str] = "Fca"
-
-    def values(self, dq: Array, ddq: Array) -> Array:
-        """See `JointColumns`."""
-        return np.abs(smooth_sign(dq, self.width))
-
-    def slope(self, dq: Array) -> Array | float:
-        """See `JointColumns`."""
-        return np.sign(dq) * smooth_slope(dq, self.width)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ViscousAsymmetry(JointColumns):
-    """Difference of viscous friction by direction, |dq|."""
-
-    symbol: ClassVar[str] = "Fva"
-    power: ClassVar[int] = 1
-
-    def values(self, dq: Array, ddq: Array) -> Array:
-        """See `JointColumns`."""
-        return np.abs(dq)
-
-    def slope(self, dq: Array) -> Array | float:
-        """See `JointColumns`."""
-        return np.sign(dq)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Stribeck(JointColumns):
-    """Stribeck friction exp(-(dq / velocity)^2) tanh(dq / width), velocity given."""
-
-    velocity: float = STRIBECK_VELOCITY
-    """Stribeck velocity [rad/s or m/s]."""
-    width: Width = PAPER_WIDTH
-    symbol: ClassVar[str] = "Fs"
-
-    def values(self, dq: Array, ddq: Array) -> Array:
-        """See `JointColumns`."""
-        return np.exp(-np.square(dq / self.velocity)) * smooth_sign(dq, self.width)
-
-    def slope(self, dq: Array) -> Array | float:
-        """See `JointColumns`."""
-        bell = np.exp(-np.square(dq / self.velocity))
-        fall = 2.0 * dq / self.velocity**2 * smooth_sign(dq, self.width)
-        return bell * (smooth_slope(dq, self.width) - fall)
-
-
-@dataclass(frozen=True, kw_only=True)
-class CubeRoot(JointColumns):
-    """Sub-linear friction sign(dq) |dq|^(1/3), as strain-wave gears show."""
-
-    symbol: ClassVar[str] = "Fr"
-    power: ClassVar[int] = -3
-
-    def values(self, dq: Array, ddq: Array) -> Array:
-        """See `JointColumns`."""
-        return np.cbrt(dq)
-
-    def slope(self, dq: Array) -> Array | float:
-        """See `JointColumns`."""
-        # Infinite at rest, where nothing can use it: zero there.
-        root = np.square(np.cbrt(dq))
-        return np.divide(1.0, 3.0 * root, out=np.zeros_like(dq), where=root > 0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -334,41 +241,6 @@ def coupled_motors(robot: RobotModel) -> tuple[int, ...]:
     return tuple(m for m, row in enumerate(robot.drives.coupling) if np.count_nonzero(row) > 1)
 
 
-def friction_block(
-    term: str, friction: FrictionTerms, joints: tuple[int, ...] | None = None
-) -> JointColumns:
-    """The block of one term.
-
-    Args:
-        term: One of `TERMS`.
-        friction: Where widths and velocities come from.
-        joints: The joints that have it, from 0; None for all.
-
-    Raises:
-        ValueError: A term without a block.
-    """
-    width = friction.width
-    match term:
-        case "fc":
-            return Coulomb(width=width, joints=joints)
-        case "fv":
-            return Viscous(joints=joints)
-        case "im":
-            return MotorInertia(joints=joints)
-        case "fo":
-            return Offset(joints=joints)
-        case "fca":
-            return CoulombAsymmetry(width=width, joints=joints)
-        case "fva":
-            return ViscousAsymmetry(joints=joints)
-        case "fs":
-            return Stribeck(velocity=friction.stribeck_velocity, width=width, joints=joints)
-        case "fr":
-            return CubeRoot(joints=joints)
-        case _:
-            raise ValueError(f"no column block for the term {term!r}")
-
-
 def column_blocks(friction: FrictionTerms, *, coupled: bool = False) -> tuple[ColumnBlock, ...]:
     """The blocks for a choice of terms, in the order of `TERMS`.
 
@@ -377,5 +249,9 @@ def column_blocks(friction: FrictionTerms, *, coupled: bool = False) -> tuple[Co
         coupled: Add the columns of coupled motors.
     """
     terms = dict(friction.terms)
-    blocks = tuple(friction_block(term, friction, terms[term]) for term in TERMS if term in terms)
+    blocks = tuple(
+        JointColumns(term=term, shape=friction, joints=terms[term])
+        for term in TERMS
+        if term in terms
+    )
     return (*blocks, Coupling(width=friction.width)) if coupled else blocks

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, RobotError, frozen
+from dynid.core import Array, RobotError, freeze, frozen
 from dynid.robot.body import Body
 
 
@@ -41,24 +41,21 @@ class Drives:
 
     def __post_init__(self) -> None:
         n = len(np.atleast_1d(self.gain))
+        freeze(self, "drives", finite=False, gain=(n,), gear_ratio=(n,))
         for name in ("gain", "gear_ratio"):
-            value = frozen(getattr(self, name), shape=(n,), name=f"drives {name}", finite=False)
+            value = getattr(self, name)
             if (value == 0).any() or np.isinf(value).any():
                 raise RobotError(f"drives {name} must be finite and not zero", value=value.tolist())
-            object.__setattr__(self, name, value)
         for name in ("position_side", "torque_side"):
             if getattr(self, name) not in ("joint", "motor"):
                 raise RobotError(
                     f"drives {name}", value=getattr(self, name), limit="joint or motor"
                 )
         if self.offset is not None:
-            object.__setattr__(
-                self, "offset", frozen(self.offset, shape=(n,), name="drives offset")
-            )
+            freeze(self, "drives", offset=(n,))
         if self.coupling is not None:
-            matrix = frozen(self.coupling, shape=(n, n), name="drives coupling")
-            object.__setattr__(self, "coupling", matrix)
-            if np.linalg.matrix_rank(matrix) < n or (np.diag(matrix) == 0).any():
+            freeze(self, "drives", coupling=(n, n))
+            if np.linalg.matrix_rank(self.coupling) < n or (np.diag(self.coupling) == 0).any():
                 raise RobotError("the coupling matrix cannot be inverted or has a zero diagonal")
         uses_motor_side = "motor" in (self.position_side, self.torque_side)
         if uses_motor_side and self.coupling is None and np.isnan(self.gear_ratio).any():
@@ -99,10 +96,10 @@ class JointLimits:
 
     def __post_init__(self) -> None:
         n = len(np.atleast_1d(self.lower))
-        for name in ("lower", "upper", "velocity", "acceleration", "torque"):
-            value = frozen(getattr(self, name), shape=(n,), name=f"limit {name}", finite=False)
-            object.__setattr__(self, name, value)
-            if name not in ("lower", "upper") and (value <= 0).any():
+        freeze(self, "limit", finite=False, **{item.name: (n,) for item in fields(self)})
+        for name in ("velocity", "acceleration", "torque"):
+            value = getattr(self, name)
+            if (value <= 0).any():
                 raise RobotError(f"the {name} limits must be positive", value=value.tolist())
         if (self.lower > self.upper).any():
             joint = int(np.argmax(self.lower > self.upper))
@@ -234,9 +231,8 @@ class Tool:
     body [m]."""
 
     def __post_init__(self) -> None:
-        for name in ("tcp", "com"):
-            value = frozen(getattr(self, name), shape=(3,), name=f"tool {name}")
-            object.__setattr__(self, name, value)
+        freeze(self, "tool", tcp=(3,), com=(3,))
+        for name, value in (("tcp", self.tcp), ("com", self.com)):
             if not (np.abs(value) < _FARTHEST).all():
                 raise RobotError(f"the tool's {name}", value=value.tolist(), limit="10 m")
         if not (math.isfinite(self.mass) and 0 <= self.mass < _HEAVIEST):
@@ -318,11 +314,8 @@ class RobotModel:
             raise RobotError(
                 "joint types", where=self.name, value=self.joint_types, limit="revolute, prismatic"
             )
-        _store(self, "placements", (n, 4, 4))
-        _store(self, "axes", (n, 3))
-        _store(self, "gravity", (3,))
-        _store(self, "flange", (4, 4))
-        _store(self, "inertias", (n, 10), finite=False)
+        freeze(self, placements=(n, 4, 4), axes=(n, 3), gravity=(3,), flange=(4, 4))
+        freeze(self, inertias=(n, 10), finite=False)
         frames = {
             key: frozen(value, shape=(n, 4, 4), name=f"{key} frames")
             for key, value in self.parameter_frames.items()
@@ -390,11 +383,6 @@ def with_tool(
 
 def _rebuild(values: dict[str, Any]) -> RobotModel:
     return RobotModel(**values)
-
-
-def _store(model: RobotModel, name: str, shape: tuple[int, ...], finite: bool = True) -> None:
-    value = frozen(getattr(model, name), shape=shape, name=name, finite=finite)
-    object.__setattr__(model, name, value)
 
 
 def _check_transforms(matrices: Array, where: str) -> None:

@@ -14,8 +14,8 @@ from dynid.regressor import (
     TERMS,
     FrictionTerms,
     InverseDynamicModel,
+    JointColumns,
     LoadFriction,
-    friction_block,
     friction_state,
     smooth_sign,
 )
@@ -115,7 +115,7 @@ class CandidateColumns:
     def _column(self, term: str, dq: Array, width: float) -> Array:
         shape = FrictionTerms(width=width, stribeck_velocity=self.stribeck_velocity)
         velocity = dq[None]
-        return friction_block(term, shape).values(velocity, velocity)[0]
+        return JointColumns(term=term, shape=shape).values(velocity, velocity)[0]
 
 
 EXTRA_TERMS = ("fo", "fca", "fva", "fs", "fr", LOAD)

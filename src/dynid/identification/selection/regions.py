@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Indices, InputError, Mask, frozen, scipy_part
+from dynid.core import Array, Indices, InputError, Mask, freeze, scipy_part
 from dynid.identification.bayesian import symbol_of
 from dynid.regressor import INERTIAL
 
@@ -216,14 +216,8 @@ class TorqueInterval:
 
     def __post_init__(self) -> None:
         n = len(self.sigma)
-        for name, shape in (
-            ("root", (None, None)),
-            ("sigma", (n,)),
-            ("scale", (n,)),
-            ("slowest", (n,)),
-            ("quantiles", (2, n, len(LEVELS))),
-        ):
-            object.__setattr__(self, name, frozen(getattr(self, name), shape=shape, name=name))
+        freeze(self, root=(None, None), sigma=(n,), scale=(n,), slowest=(n,))
+        freeze(self, quantiles=(2, n, len(LEVELS)))
 
     def half_width(self, columns: Array, there: Conditions, level: float) -> Array:
         """(n, N) half widths [N.m or N] of the intervals of states.
