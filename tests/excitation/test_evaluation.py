@@ -6,7 +6,7 @@ from design_arms import Floats, arm, problem
 
 from dynid.core import InputError
 from dynid.excitation import DesignEvaluation, random_numbers, region_of
-from dynid.excitation.evaluation import smoothed
+from dynid.excitation.criteria import smoothed
 
 SLOPE = 1e-6
 """Asked: relative to central differences."""
