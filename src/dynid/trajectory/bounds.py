@@ -176,19 +176,28 @@ def largest_scale(series: FourierSeries, bounds: MotionBounds, *, margin: float 
     lower, upper = inner_range(bounds, margin)
     if series.joints != bounds.joints:
         raise InputError("joints of the series", value=series.joints, limit=bounds.joints)
-    outside = (series.offset < lower) | (series.offset > upper)
-    if outside.any():
-        joint = int(np.argmax(outside))
-        raise InputError(
-            f"joint {joint + 1}: the mean position is outside the position limits",
-            value=float(series.offset[joint]),
-            limit=(float(lower[joint]), float(upper[joint])),
-        )
+    require_inside("mean position", series.offset, lower, upper)
     peak = peaks(series)
     position = np.minimum(
         _ratio(upper - series.offset, peak.above), _ratio(series.offset - lower, -peak.below)
     )
     return np.minimum(position, derivative_scale(peak, bounds, margin))
+
+
+def require_inside(what: str, pose: Array, lower: Array, upper: Array) -> None:
+    """Refuse a pose (n) outside of position limits (n).
+
+    Raises:
+        InputError: It is, in the first joint that is named.
+    """
+    outside = (pose < lower) | (pose > upper)
+    if outside.any():
+        joint = int(np.argmax(outside))
+        raise InputError(
+            f"joint {joint + 1}: the {what} is outside the position limits",
+            value=float(pose[joint]),
+            limit=(float(lower[joint]), float(upper[joint])),
+        )
 
 
 def derivative_scale(peak: Peaks, bounds: MotionBounds, margin: float) -> Array:

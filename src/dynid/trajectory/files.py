@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, cast
@@ -15,7 +15,14 @@ from dynid.trajectory.bspline import BSpline, BSplineFamily
 from dynid.trajectory.fourier import FourierFamily, FourierSeries, ModifiedFourierFamily
 from dynid.trajectory.points import MotionSequence, PointsFamily, PointToPoint, Repetition
 from dynid.trajectory.quintic import FourierQuintic, FourierQuinticFamily, Quintic
-from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory
+from dynid.trajectory.trajectory import (
+    JointMotion,
+    MotionFamily,
+    PoseFamily,
+    SeriesFamily,
+    Trajectory,
+    require_positive,
+)
 
 _DEEPEST = 8
 """Levels of sequences within sequences that a file may have."""
@@ -247,21 +254,14 @@ def _provenance(fields: JsonFields) -> Provenance:
     )
 
 
-_MAKERS: dict[str, Callable[[float, int], MotionFamily]] = {
-    FourierFamily.name: lambda duration, order: FourierFamily(period=duration, harmonics=order),
-    ModifiedFourierFamily.name: lambda duration, order: ModifiedFourierFamily(
-        period=duration, harmonics=order
-    ),
-    FourierQuinticFamily.name: lambda duration, order: FourierQuinticFamily(
-        period=duration, harmonics=order
-    ),
-    BSplineFamily.name: lambda duration, order: BSplineFamily(
-        travel_time=duration, points=2 * order
-    ),
-    PointsFamily.name: lambda duration, order: PointsFamily(travel_time=duration, points=order),
+_FAMILIES: dict[str, type[SeriesFamily] | type[PoseFamily]] = {
+    made.name: made
+    for made in (
+        *(FourierFamily, ModifiedFourierFamily, FourierQuinticFamily),
+        *(BSplineFamily, PointsFamily),
+    )
 }
-
-FAMILY_NAMES = tuple(_MAKERS)
+FAMILY_NAMES = tuple(_FAMILIES)
 """Names that `motion_family` knows."""
 
 
@@ -277,9 +277,13 @@ def motion_family(name: str, duration: float, harmonics: int) -> MotionFamily:
     Raises:
         InputError: An unknown name, or a duration or number of harmonics that is not allowed.
     """
-    if name not in _MAKERS:
+    if name not in _FAMILIES:
         raise InputError("unknown family of motions", value=name, limit=", ".join(FAMILY_NAMES))
-    return _MAKERS[name](duration, harmonics)
+    made = _FAMILIES[name]
+    if issubclass(made, SeriesFamily):
+        return made(period=duration, harmonics=harmonics)
+    points = 2 * harmonics if made is BSplineFamily else harmonics
+    return made(travel_time=duration, points=points)
 
 
 _MOST = 10_000_000
@@ -298,8 +302,7 @@ def sampled(trajectory: Trajectory, rate_hz: float) -> JointMotion:
     Raises:
         InputError: A rate that is not positive, or too many samples.
     """
-    if not (math.isfinite(rate_hz) and rate_hz > 0):
-        raise InputError("the rate must be positive", value=rate_hz)
+    require_positive("the rate", rate_hz)
     steps = math.ceil(trajectory.duration * rate_hz - _LATE)
     if steps > _MOST:
         raise InputError("samples of the motion", value=steps, limit=_MOST)
@@ -322,7 +325,9 @@ def csv_text(
         InputError: A rate that is not positive, or units for other joints.
     """
     motion = sampled(trajectory, rate_hz)
-    names = _units(trajectory, units)
+    names = list(units) if units is not None else ["rad"] * trajectory.joints
+    if len(names) != trajectory.joints or not set(names) <= {"rad", "m"}:
+        raise InputError("one unit a joint, rad or m", value=tuple(names), limit=trajectory.joints)
     header = ["t [s]"] + [
         f"{quantity}{joint} [{unit}{per}]"
         for quantity, per in (("q", ""), ("dq", "/s"), ("ddq", "/s^2"))
@@ -373,16 +378,6 @@ def _yaml_lines(motion: JointMotion, names: Sequence[str], frame: str) -> Iterat
 
 def _flow(values: Sequence[float]) -> str:
     # YAML 1.1 takes 1e-05 for a text: an exponent needs a point before it.
-    return "[" + ", ".join(_yaml_float(value) for value in values) + "]"
-
-
-def _yaml_float(value: float) -> str:
-    text = repr(value)
-    return text if "e" not in text or "." in text else text.replace("e", ".0e")
-
-
-def _units(trajectory: Trajectory, units: Sequence[str] | None) -> list[str]:
-    names = list(units) if units is not None else ["rad"] * trajectory.joints
-    if len(names) != trajectory.joints or not set(names) <= {"rad", "m"}:
-        raise InputError("one unit a joint, rad or m", value=tuple(names), limit=trajectory.joints)
-    return names
+    texts = map(repr, values)
+    pointed = (text if "." in text else text.replace("e", ".0e") for text in texts)
+    return "[" + ", ".join(pointed) + "]"

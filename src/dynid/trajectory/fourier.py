@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, frozen, read_only
-from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory
+from dynid.trajectory.trajectory import JointMotion, SeriesFamily, Trajectory, require_positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +30,7 @@ class FourierSeries(Trajectory):
     """(n, H) negated cosine coefficients, harmonics 1 to H [rad or m]."""
 
     def __post_init__(self) -> None:
-        check_period(self.period)
+        require_positive("the period", self.period)
         object.__setattr__(self, "period", float(self.period))
         offset = frozen(self.offset, shape=(None,), name="offset")
         a, b = coefficients(self.a, self.b, len(offset))
@@ -81,19 +81,6 @@ class FourierSeries(Trajectory):
         if not (math.isfinite(rate_hz) and rate_hz > 0) or periods < 1:
             raise InputError("rate and periods must be positive", value=(rate_hz, periods))
         return self.evaluate(np.arange(round(self.period * periods * rate_hz)) / rate_hz)
-
-
-def check_period(period: float) -> None:
-    """Refuse what is no period.
-
-    Args:
-        period: Period [s].
-
-    Raises:
-        InputError: A period that is not a positive finite number.
-    """
-    if not (math.isfinite(period) and period > 0):
-        raise InputError("the period must be positive", value=period)
 
 
 def coefficients(a: ArrayLike, b: ArrayLike, joints: int) -> tuple[Array, Array]:
@@ -155,36 +142,23 @@ def rest_basis(harmonics: int) -> Array:
     if harmonics < 2:
         raise InputError("a motion from rest to rest needs two harmonics", value=harmonics)
     order = np.arange(1.0, harmonics + 1)
-    basis = np.zeros((2 * harmonics, 2 * harmonics - 2))
-    basis[:harmonics, : harmonics - 1] = _orthogonal_complement(order)
-    basis[harmonics:, harmonics - 1 :] = _orthogonal_complement(order**2)
-    return read_only(basis)
+    return _sines_and_cosines(_orthogonal_complement(order), _orthogonal_complement(order**2))
 
 
-def held_basis(harmonics: int) -> Array:
-    """An orthonormal basis of the coefficients that also start and end at the offset.
-
-    To the conditions of `rest_basis`, q(0) = q0 adds sum_l b_l = 0.
-
-    Args:
-        harmonics: Number of harmonics H, at least 3.
-
-    Returns:
-        (2H, 2H - 3) basis, the a rows first.
-
-    Raises:
-        InputError: Fewer than three harmonics.
-    """
-    if harmonics < 3:
-        raise InputError("a motion held at both ends needs three harmonics", value=harmonics)
+def _held_basis(harmonics: int) -> Array:
+    """(2H, 2H - 3) that of `rest_basis` with q(0) = q0 as well: sum_l b_l = 0; H is 3 or more."""
     order = np.arange(1.0, harmonics + 1)
     cosines = _orthogonal_complement(order**2)
     # Within the cosines that have no acceleration at the ends, those that add up to zero.
     cosines = cosines @ _orthogonal_complement(cosines.sum(axis=0))
-    basis = np.zeros((2 * harmonics, 2 * harmonics - 3))
-    basis[:harmonics, : harmonics - 1] = _orthogonal_complement(order)
-    basis[harmonics:, harmonics - 1 :] = cosines
-    return read_only(basis)
+    return _sines_and_cosines(_orthogonal_complement(order), cosines)
+
+
+def _sines_and_cosines(sines: Array, cosines: Array) -> Array:
+    """The block diagonal of two bases."""
+    upper = np.hstack([sines, np.zeros((len(sines), cosines.shape[1]))])
+    lower = np.hstack([np.zeros((len(cosines), sines.shape[1])), cosines])
+    return read_only(np.vstack([upper, lower]))
 
 
 def rest_series(period: float, offset: ArrayLike, free: ArrayLike) -> FourierSeries:
@@ -202,14 +176,8 @@ def rest_series(period: float, offset: ArrayLike, free: ArrayLike) -> FourierSer
     columns = numbers.shape[1]
     if columns == 0 or columns % 2:
         raise InputError("each joint needs 2H - 2 free coefficients", value=columns)
-    harmonics = columns // 2 + 1
-    coefficients = numbers @ rest_basis(harmonics).T
-    return FourierSeries(
-        period=period,
-        offset=frozen(offset, shape=(None,), name="offset"),
-        a=coefficients[:, :harmonics],
-        b=coefficients[:, harmonics:],
-    )
+    family = FourierFamily(period=period, harmonics=columns // 2 + 1)
+    return family.member(frozen(offset, shape=(None,), name="offset"), numbers)
 
 
 def _orthogonal_complement(direction: Array) -> Array:
@@ -222,7 +190,7 @@ def _orthogonal_complement(direction: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FourierFamily(MotionFamily):
+class FourierFamily(SeriesFamily):
     """The paper's series with no velocity and acceleration at the ends; the offset is q0.
 
     Raises:
@@ -230,19 +198,7 @@ class FourierFamily(MotionFamily):
     """
 
     name: ClassVar[str] = "fourier"
-    period: float
-    """Period [s]."""
-    harmonics: int
-    """Number of harmonics H, at least 2."""
-
-    def __post_init__(self) -> None:
-        check_period(self.period)
-        self._coefficients()
-
-    @property
-    def duration(self) -> float:
-        """The period [s]."""
-        return self.period
+    least: ClassVar[int] = 2
 
     @property
     def free_count(self) -> int:
@@ -259,25 +215,11 @@ class FourierFamily(MotionFamily):
         q, dq, ddq = harmonic_basis(np.mod(t, self.period), self.period, self.harmonics)
         return q @ free, dq @ free, ddq @ free
 
-    def trajectory(self, offset: ArrayLike, free: ArrayLike) -> FourierSeries:
-        """The series with these numbers.
-
-        Args:
-            offset: (n) mean positions q0 [rad or m].
-            free: (n, k) free numbers, a row a joint [rad or m].
-
-        Raises:
-            InputError: Shapes that disagree, or numbers that are not finite.
-        """
-        middle = frozen(offset, shape=(None,), name="offset")
-        numbers = frozen(free, shape=(len(middle), self.free_count), name="free numbers")
-        coefficients = numbers @ self._coefficients().T
-        return FourierSeries(
-            period=self.period,
-            offset=middle,
-            a=coefficients[:, : self.harmonics],
-            b=coefficients[:, self.harmonics :],
-        )
+    def member(self, pose: Array, free: Array) -> FourierSeries:
+        """The series about the pose."""
+        numbers = free @ self._coefficients().T
+        a, b = numbers[:, : self.harmonics], numbers[:, self.harmonics :]
+        return FourierSeries(period=self.period, offset=pose, a=a, b=b)
 
     def _coefficients(self) -> Array:
         """(2H, k) [a; b] of one joint is this matrix times its free numbers."""
@@ -297,13 +239,7 @@ class ModifiedFourierFamily(FourierFamily):
     """
 
     name: ClassVar[str] = "modified-fourier"
-
-    def __post_init__(self) -> None:
-        if self.harmonics < 3:
-            raise InputError(
-                "a series that starts at a given pose needs three harmonics", value=self.harmonics
-            )
-        check_period(self.period)
+    least: ClassVar[int] = 3
 
     def _coefficients(self) -> Array:
-        return held_basis(self.harmonics)
+        return _held_basis(self.harmonics)

@@ -17,9 +17,8 @@ from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, frozen
 from dynid.trajectory.bounds import MotionLimits
-from dynid.trajectory.fourier import check_period
 from dynid.trajectory.quintic import StraightMove, rest_to_rest
-from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory, still_outside
+from dynid.trajectory.trajectory import PoseFamily, StandingMotion, Trajectory
 
 _JUMP = 1e-6
 """Largest jump where two parts meet: rad, rad/s and rad/s^2 (m for prismatic joints)."""
@@ -29,8 +28,8 @@ _WORDS = {"q": "position", "dq": "velocity", "ddq": "acceleration"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MotionSequence(Trajectory):
-    """Parts run one after the other; before and after, the arm stands still.
+class MotionSequence(StandingMotion):
+    """Parts run one after the other.
 
     Raises:
         InputError: No parts, parts of different joints, or a part that does not go on from where
@@ -44,9 +43,7 @@ class MotionSequence(Trajectory):
         if not self.parts:
             raise InputError("a sequence needs a part")
         object.__setattr__(self, "parts", tuple(self.parts))
-        for index, (before, after) in enumerate(
-            zip(self.parts[:-1], self.parts[1:], strict=True), start=2
-        ):
+        for index, (before, after) in enumerate(itertools.pairwise(self.parts), start=2):
             _check_meeting(before, after, f"part {index} of the sequence")
 
     @property
@@ -64,33 +61,24 @@ class MotionSequence(Trajectory):
         """The parts' durations added up [s]."""
         return float(self.starts[-1]) + self.parts[-1].duration
 
-    def evaluate(self, t: ArrayLike) -> JointMotion:
-        """The motion at any times.
-
-        Args:
-            t: (N) times [s]; outside 0 to `duration` the arm stands at the nearer end.
-
-        Raises:
-            InputError: Times that are not a list of finite numbers.
-        """
-        times = frozen(t, shape=(None,), name="t")
+    def inside(self, t: Array) -> tuple[Array, Array, Array]:
+        """See `StandingMotion`."""
         starts = self.starts
-        inside = np.clip(times, 0.0, self.duration)
-        index = np.searchsorted(starts, inside, side="right") - 1
-        q, dq, ddq = (np.empty((len(times), self.joints)) for _ in range(3))
+        index = np.searchsorted(starts, t, side="right") - 1
+        q, dq, ddq = (np.empty((len(t), self.joints)) for _ in range(3))
         for number, part in enumerate(self.parts):
             mine = index == number
             if not mine.any():
                 continue
             # A time that rounding puts after the part belongs to its end, not to a new period.
-            motion = part.evaluate(np.minimum(inside[mine] - starts[number], part.duration))
+            motion = part.evaluate(np.minimum(t[mine] - starts[number], part.duration))
             q[mine], dq[mine], ddq[mine] = motion.q, motion.dq, motion.ddq
-        return still_outside(times, inside, q, dq, ddq)
+        return q, dq, ddq
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Repetition(Trajectory):
-    """One motion several times over; before and after, the arm stands still.
+class Repetition(StandingMotion):
+    """One motion several times over.
 
     Raises:
         InputError: No repetition, more than 10 000 of them, or a motion that does not end where
@@ -118,21 +106,11 @@ class Repetition(Trajectory):
         """All periods together [s]."""
         return self.times * self.part.duration
 
-    def evaluate(self, t: ArrayLike) -> JointMotion:
-        """The motion at any times.
-
-        Args:
-            t: (N) times [s]; outside 0 to `duration` the arm stands at the nearer end.
-
-        Raises:
-            InputError: Times that are not a list of finite numbers.
-        """
-        times = frozen(t, shape=(None,), name="t")
-        inside = np.clip(times, 0.0, self.duration)
+    def inside(self, t: Array) -> tuple[Array, Array, Array]:
+        """See `StandingMotion`."""
         period = self.part.duration
-        local = np.where(inside < self.duration, np.mod(inside, period), period)
-        motion = self.part.evaluate(local)
-        return still_outside(times, inside, motion.q, motion.dq, motion.ddq)
+        motion = self.part.evaluate(np.where(t < self.duration, np.mod(t, period), period))
+        return motion.q, motion.dq, motion.ddq
 
 
 def chained(parts: Sequence[Trajectory]) -> Trajectory:
@@ -246,7 +224,7 @@ class PointToPoint(StraightMove):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PointsFamily(MotionFamily):
+class PointsFamily(PoseFamily):
     """From the offset through free points, a rest in each, and back, in equal times.
 
     Raises:
@@ -254,25 +232,6 @@ class PointsFamily(MotionFamily):
     """
 
     name: ClassVar[str] = "points"
-    travel_time: float
-    """Time from start to end [s]."""
-    points: int
-    """Free points between the ends."""
-
-    def __post_init__(self) -> None:
-        check_period(self.travel_time)
-        if self.points < 1:
-            raise InputError("a motion through points needs one", value=self.points)
-
-    @property
-    def duration(self) -> float:
-        """The travel time [s]."""
-        return self.travel_time
-
-    @property
-    def free_count(self) -> int:
-        """One free number a point, relative to the offset."""
-        return self.points
 
     def basis(self, t: Array) -> tuple[Array, Array, Array]:
         """A column rises to one towards its point and falls back to zero towards the next.
@@ -292,25 +251,12 @@ class PointsFamily(MotionFamily):
             sign * (push / leg**2)[:, None],
         )
 
-    def trajectory(self, offset: ArrayLike, free: ArrayLike) -> Trajectory:
-        """The member with these numbers.
-
-        Args:
-            offset: (n) pose at both ends [rad or m].
-            free: (n, points) the points between, relative to the offset [rad or m].
-
-        Raises:
-            InputError: Shapes that disagree, or numbers that are not finite.
-        """
-        pose = frozen(offset, shape=(None,), name="offset")
-        numbers = frozen(free, shape=(len(pose), self.points), name="free numbers")
-        places = np.vstack([pose, pose + numbers.T, pose])
+    def member(self, pose: Array, free: Array) -> Trajectory:
+        """The points are the free numbers, relative to the pose."""
         leg = self.travel_time / (self.points + 1)
+        legs = itertools.pairwise(np.vstack([pose, pose + free.T, pose]))
         return chained(
-            [
-                PointToPoint(start=start, goal=goal, travel_time=leg)
-                for start, goal in itertools.pairwise(places)
-            ]
+            [PointToPoint(start=start, goal=goal, travel_time=leg) for start, goal in legs]
         )
 
 
@@ -337,29 +283,26 @@ def points_text(trajectory: Trajectory, language: str, limits: MotionLimits) -> 
         raise InputError("unknown language", value=language, limit=", ".join(LANGUAGES))
     if language != "waypoints" and trajectory.joints != _AXES:
         raise InputError(f"{language} needs six joints", value=trajectory.joints, limit=_AXES)
-    lines = {"movej": _movej, "waypoints": _waypoints, "krl": _krl, "rapid": _rapid}
-    return "\n".join(lines[language](legs, limits)) + "\n"
+    if language == "krl":
+        lines = _krl(legs, limits)
+    else:
+        lines = {"movej": _movej, "waypoints": _waypoints, "rapid": _rapid}[language](legs)
+    return "\n".join(lines) + "\n"
 
 
-def _movej(legs: list[PointToPoint], limits: MotionLimits) -> list[str]:
-    del limits
-    body = [f"  movej({_list(legs[0].start, 1.0)}, a=0.5, v=0.5)  # to the start"]
+def _movej(legs: list[PointToPoint]) -> list[str]:
+    lines = [f"def {_NAME}():", f"  # {_SAID}"]
+    lines.append(f"  movej({_list(legs[0].start, 1.0)}, a=0.5, v=0.5)  # to the start")
     for leg in legs:
         # The leading axis, whose velocity and acceleration movej takes, is the one that goes far.
         far = max(float(np.abs(leg.goal - leg.start).max()), 1e-6)
         speed = far / ((1.0 - BLEND) * leg.travel_time)
         push = speed / (BLEND * leg.travel_time)
-        body.append(f"  movej({_list(leg.goal, 1.0)}, a={push:.9g}, v={speed:.9g}, r=0)")
-    return [
-        f"def {_NAME}():",
-        "  # untested on a controller; exact stop in every point",
-        *body,
-        "end",
-    ]
+        lines.append(f"  movej({_list(leg.goal, 1.0)}, a={push:.9g}, v={speed:.9g}, r=0)")
+    return [*lines, "end"]
 
 
-def _waypoints(legs: list[PointToPoint], limits: MotionLimits) -> list[str]:
-    del limits
+def _waypoints(legs: list[PointToPoint]) -> list[str]:
     joints = range(1, legs[0].joints + 1)
     rows = [(0.0, legs[0].start), *((leg.travel_time, leg.goal) for leg in legs)]
     header = ",".join(["travel_time [s]", *(f"q{joint}" for joint in joints)])
@@ -367,15 +310,9 @@ def _waypoints(legs: list[PointToPoint], limits: MotionLimits) -> list[str]:
 
 
 def _krl(legs: list[PointToPoint], limits: MotionLimits) -> list[str]:
-    lines = [
-        f"DEF {_NAME}()",
-        "; untested on a controller; exact stop in every point",
-        "BAS(#INITMOV,0)",
-    ]
-    lines += [f"PTP {_krl_axes(legs[0].start)}"]
+    lines = [f"DEF {_NAME}()", f"; {_SAID}", "BAS(#INITMOV,0)", f"PTP {_krl_axes(legs[0].start)}"]
     for leg in legs:
-        way = np.abs(leg.goal - leg.start)
-        speed = way / ((1.0 - BLEND) * leg.travel_time)
+        speed = np.abs(leg.goal - leg.start) / ((1.0 - BLEND) * leg.travel_time)
         share = _percent(speed / np.asarray(limits.velocity))
         push = _percent(speed / (BLEND * leg.travel_time) / np.asarray(limits.acceleration))
         for axis in range(_AXES):
@@ -385,8 +322,7 @@ def _krl(legs: list[PointToPoint], limits: MotionLimits) -> list[str]:
     return [*lines, "END"]
 
 
-def _rapid(legs: list[PointToPoint], limits: MotionLimits) -> list[str]:
-    del limits
+def _rapid(legs: list[PointToPoint]) -> list[str]:
     lines = [f"MODULE {_NAME}", f"  PROC {_NAME}_run()", f"    ! {_SAID}"]
     for time, pose in ((None, legs[0].start), *((leg.travel_time, leg.goal) for leg in legs)):
         timed = "" if time is None else f"\\T:={time:.6f}"

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, frozen, read_only
-from dynid.trajectory.bounds import MotionLimits, inner_range, usable_bounds
-from dynid.trajectory.fourier import check_period, coefficients, harmonic_basis
-from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory
+from dynid.trajectory.bounds import MotionLimits, inner_range, require_inside, usable_bounds
+from dynid.trajectory.fourier import coefficients, harmonic_basis
+from dynid.trajectory.trajectory import SeriesFamily, StandingMotion, require_positive
 
 STEP = read_only(np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]))
 """From 0 to 1 with no velocity and acceleration at either end."""
@@ -24,11 +23,13 @@ ACCELERATION = read_only(np.array([0.0, 0.0, 0.5, -1.0, 0.5, 0.0]))
 """Acceleration 1 at both ends, position and velocity 0."""
 
 
-def _three_values(coefficients: Array, s: Array) -> tuple[Array, Array, Array]:
-    """A polynomial of ascending powers and its first two derivatives, each (N), at (N) s."""
-    derivatives = (coefficients, polyder(coefficients), polyder(coefficients, 2))
-    value, first, second = (np.asarray(polyval(s, c), dtype=np.float64) for c in derivatives)
-    return value, first, second
+def step(s: Array) -> tuple[Array, Array, Array]:
+    """10 s^3 - 15 s^4 + 6 s^5 and its first two derivatives, each (N), at (N) s."""
+    return (
+        s**3 * (10.0 + s * (6.0 * s - 15.0)),
+        30.0 * s**2 * (1.0 - s) ** 2,
+        60.0 * s * (1.0 - s) * (1.0 - 2.0 * s),
+    )
 
 
 _SHORTEST = 0.1
@@ -38,10 +39,8 @@ _PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StraightMove(Trajectory):
+class StraightMove(StandingMotion):
     """From one pose to another along a straight line in joint space, at rest at both ends.
-
-    Before and after, the arm stands still.
 
     Raises:
         InputError: A travel time that is not positive, or poses that disagree or are not finite.
@@ -55,8 +54,7 @@ class StraightMove(Trajectory):
     """Time from start to goal [s]."""
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.travel_time) and self.travel_time > 0):
-            raise InputError("the travel time must be positive", value=self.travel_time)
+        require_positive("the travel time", self.travel_time)
         object.__setattr__(self, "start", frozen(self.start, shape=(None,), name="start"))
         goal = frozen(self.goal, shape=self.start.shape, name="goal")
         object.__setattr__(self, "goal", goal)
@@ -75,29 +73,14 @@ class StraightMove(Trajectory):
     def profile(self, s: Array) -> tuple[Array, Array, Array]:
         """The way from 0 to 1 and its first two derivatives at (N) shares s of the time."""
 
-    def evaluate(self, t: ArrayLike) -> JointMotion:
-        """The motion at any times.
-
-        Args:
-            t: (N) times [s]; outside 0 to `duration` the arm stands at the nearer end.
-
-        Raises:
-            InputError: Times that are not a list of finite numbers.
-        """
-        times = frozen(t, shape=(None,), name="t")
+    def inside(self, t: Array) -> tuple[Array, Array, Array]:
+        """See `StandingMotion`."""
         way = (self.goal - self.start)[None, :]
-        place, speed, push = self.profile(np.clip(times / self.duration, 0.0, 1.0))
-        return JointMotion(
-            t=times,
-            # From the middle outwards the goal is the anchor, so both ends are met exactly.
-            q=np.where(
-                place[:, None] < 0.5,
-                self.start + place[:, None] * way,
-                self.goal - (1.0 - place[:, None]) * way,
-            ),
-            dq=speed[:, None] / self.duration * way,
-            ddq=push[:, None] / self.duration**2 * way,
-        )
+        place, speed, push = (x[:, None] for x in self.profile(t / self.duration))
+        # From the middle outwards the goal is the anchor, so both ends are met exactly.
+        onwards, back = self.start + place * way, self.goal - (1.0 - place) * way
+        q = np.where(place < 0.5, onwards, back)
+        return q, speed / self.duration * way, push / self.duration**2 * way
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,7 +88,7 @@ class Quintic(StraightMove):
     """A straight line in joint space, q = start + (goal - start) (10 s^3 - 15 s^4 + 6 s^5).
 
     With s = t / duration it is the one fifth-order polynomial whose velocity and acceleration
-    vanish at both ends; before and after, the arm stands still.
+    vanish at both ends.
 
     Raises:
         InputError: A travel time that is not positive, or poses that disagree or are not finite.
@@ -113,11 +96,7 @@ class Quintic(StraightMove):
 
     def profile(self, s: Array) -> tuple[Array, Array, Array]:
         """See `StraightMove`."""
-        return (
-            s**3 * (10.0 + s * (6.0 * s - 15.0)),
-            30.0 * s**2 * (1.0 - s) ** 2,
-            60.0 * s * (1.0 - s) * (1.0 - 2.0 * s),
-        )
+        return step(s)
 
 
 def rest_to_rest(
@@ -152,14 +131,7 @@ def rest_to_rest(
     }
     inner_range(bounds, margin)
     for name, pose in poses.items():
-        outside = (pose < bounds.lower) | (pose > bounds.upper)
-        if outside.any():
-            joint = int(np.argmax(outside))
-            raise InputError(
-                f"joint {joint + 1}: the {name} pose is outside the position limits",
-                value=float(pose[joint]),
-                limit=(float(bounds.lower[joint]), float(bounds.upper[joint])),
-            )
+        require_inside(f"{name} pose", pose, bounds.lower, bounds.upper)
     way = np.abs(poses["goal"] - poses["start"])
     unbounded = np.isinf(bounds.velocity) & np.isinf(bounds.acceleration) & (way > 0)
     if unbounded.any():
@@ -174,13 +146,13 @@ def rest_to_rest(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FourierQuintic(Trajectory):
+class FourierQuintic(StandingMotion):
     """q = sum_l a_l sin(w l t) - b_l cos(w l t) + c(t), w = 2 pi / period, c of fifth order.
 
     The six coefficients of each c are those that make q(0) = start, q(period) = goal, and
-    velocity and acceleration zero at both ends, whatever a and b are. Before and after, the arm
-    stands still. Not periodic inside: averaging over periods still works, Fourier filtering of one
-    period sees the polynomial's other frequencies.
+    velocity and acceleration zero at both ends, whatever a and b are. Not periodic inside:
+    averaging over periods still works, Fourier filtering of one period sees the polynomial's other
+    frequencies.
 
     Raises:
         InputError: A period that is not positive, shapes that disagree, no harmonics, or numbers
@@ -199,16 +171,12 @@ class FourierQuintic(Trajectory):
     """(n, H) negated cosine coefficients, harmonics 1 to H [rad or m]."""
 
     def __post_init__(self) -> None:
-        check_period(self.period)
+        require_positive("the period", self.period)
         object.__setattr__(self, "period", float(self.period))
         start = frozen(self.start, shape=(None,), name="start")
         a, b = coefficients(self.a, self.b, len(start))
-        for name, value in (
-            ("start", start),
-            ("goal", frozen(self.goal, shape=start.shape, name="goal")),
-            ("a", a),
-            ("b", b),
-        ):
+        goal = frozen(self.goal, shape=start.shape, name="goal")
+        for name, value in (("start", start), ("goal", goal), ("a", a), ("b", b)):
             object.__setattr__(self, name, value)
 
     @property
@@ -233,33 +201,20 @@ class FourierQuintic(Trajectory):
         powers[:, 0] += self.start
         return powers
 
-    def evaluate(self, t: ArrayLike) -> JointMotion:
-        """The motion at any times.
-
-        Args:
-            t: (N) times [s]; outside 0 to `duration` the arm stands at the nearer end.
-
-        Raises:
-            InputError: Times that are not a list of finite numbers.
-        """
-        times = frozen(t, shape=(None,), name="t")
-        inside = np.clip(times, 0.0, self.period)
-        numbers = np.hstack([self.a, self.b]).T
-        q, dq, ddq = (
-            part @ numbers for part in _held_harmonics(inside, self.period, self.harmonics)
-        )
-        step, speed, push = _three_values(STEP, inside / self.period)
-        way = self.goal - self.start
-        return JointMotion(
-            t=times,
-            q=self.start + np.outer(step, way) + q,
-            dq=np.outer(speed / self.period, way) + dq,
-            ddq=np.outer(push / self.period**2, way) + ddq,
+    def inside(self, t: Array) -> tuple[Array, Array, Array]:
+        """See `StandingMotion`."""
+        numbers, way = np.hstack([self.a, self.b]).T, self.goal - self.start
+        q, dq, ddq = (part @ numbers for part in _held_harmonics(t, self.period, self.harmonics))
+        place, speed, push = step(t / self.period)
+        return (
+            self.start + np.outer(place, way) + q,
+            np.outer(speed / self.period, way) + dq,
+            np.outer(push / self.period**2, way) + ddq,
         )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FourierQuinticFamily(MotionFamily):
+class FourierQuinticFamily(SeriesFamily):
     """Fourier series with a fifth-order polynomial, from the offset back to the offset.
 
     Raises:
@@ -267,20 +222,7 @@ class FourierQuinticFamily(MotionFamily):
     """
 
     name: ClassVar[str] = "fourier-quintic"
-    period: float
-    """Time from start to end [s]."""
-    harmonics: int
-    """Number of harmonics H."""
-
-    def __post_init__(self) -> None:
-        check_period(self.period)
-        if self.harmonics < 1:
-            raise InputError("a Fourier series needs a harmonic", value=self.harmonics)
-
-    @property
-    def duration(self) -> float:
-        """The period [s]."""
-        return self.period
+    least: ClassVar[int] = 1
 
     @property
     def free_count(self) -> int:
@@ -295,25 +237,10 @@ class FourierQuinticFamily(MotionFamily):
         """
         return _held_harmonics(t, self.period, self.harmonics)
 
-    def trajectory(self, offset: ArrayLike, free: ArrayLike) -> FourierQuintic:
-        """The member with these numbers.
-
-        Args:
-            offset: (n) pose at both ends [rad or m].
-            free: (n, 2H) a, then b of each joint [rad or m].
-
-        Raises:
-            InputError: Shapes that disagree, or numbers that are not finite.
-        """
-        pose = frozen(offset, shape=(None,), name="offset")
-        numbers = frozen(free, shape=(len(pose), self.free_count), name="free numbers")
-        return FourierQuintic(
-            period=self.period,
-            start=pose,
-            goal=pose,
-            a=numbers[:, : self.harmonics],
-            b=numbers[:, self.harmonics :],
-        )
+    def member(self, pose: Array, free: Array) -> FourierQuintic:
+        """The motion from the pose back to it."""
+        a, b = free[:, : self.harmonics], free[:, self.harmonics :]
+        return FourierQuintic(period=self.period, start=pose, goal=pose, a=a, b=b)
 
 
 def _corrections(harmonics: int) -> tuple[Array, Array]:

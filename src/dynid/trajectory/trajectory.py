@@ -1,5 +1,6 @@
 """What every trajectory and every family of trajectories can do."""
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
@@ -7,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, frozen
+from dynid.core import Array, InputError, frozen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,18 +36,14 @@ class JointMotion:
             object.__setattr__(self, name, value)
 
 
-def still_outside(times: Array, inside: Array, q: Array, dq: Array, ddq: Array) -> JointMotion:
-    """A motion that stands at its ends before it begins and after it is over.
+def require_positive(what: str, value: float) -> None:
+    """Refuse a number that is not positive and finite.
 
-    Args:
-        times: (N) times that were asked for [s].
-        inside: (N) the same, held within the motion [s].
-        q: (N, n) positions at `inside` [rad or m].
-        dq: (N, n) velocities there.
-        ddq: (N, n) accelerations there.
+    Raises:
+        InputError: It is not.
     """
-    outside = (times != inside)[:, None]
-    return JointMotion(t=times, q=q, dq=np.where(outside, 0.0, dq), ddq=np.where(outside, 0.0, ddq))
+    if not (math.isfinite(value) and value > 0):
+        raise InputError(f"{what} must be positive", value=value)
 
 
 class Trajectory(ABC):
@@ -74,6 +71,31 @@ class Trajectory(ABC):
         Raises:
             InputError: Times that are not a list of finite numbers.
         """
+
+
+class StandingMotion(Trajectory):
+    """A motion from one pose to another; before and after, the arm stands still."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def inside(self, t: Array) -> tuple[Array, Array, Array]:
+        """Positions, velocities and accelerations (N, n) at (N) times from 0 to `duration`."""
+
+    def evaluate(self, t: ArrayLike) -> JointMotion:
+        """The motion at any times.
+
+        Args:
+            t: (N) times [s]; outside 0 to `duration` the arm stands at the nearer end.
+
+        Raises:
+            InputError: Times that are not a list of finite numbers.
+        """
+        times = frozen(t, shape=(None,), name="t")
+        held = np.clip(times, 0.0, self.duration)
+        q, dq, ddq = self.inside(held)
+        moves = (times == held)[:, None]
+        return JointMotion(t=times, q=q, dq=np.where(moves, dq, 0.0), ddq=np.where(moves, ddq, 0.0))
 
 
 class MotionFamily(ABC):
@@ -110,6 +132,9 @@ class MotionFamily(ABC):
         """
 
     @abstractmethod
+    def member(self, pose: Array, free: Array) -> Trajectory:
+        """The member with a pose (n) and free numbers (n, k), both checked; see `trajectory`."""
+
     def trajectory(self, offset: ArrayLike, free: ArrayLike) -> Trajectory:
         """The member with these numbers.
 
@@ -120,3 +145,65 @@ class MotionFamily(ABC):
         Raises:
             InputError: Shapes that disagree, or numbers that are not finite.
         """
+        pose = frozen(offset, shape=(None,), name="offset")
+        numbers = frozen(free, shape=(len(pose), self.free_count), name="free numbers")
+        return self.member(pose, numbers)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeriesFamily(MotionFamily):
+    """Families of motions with harmonics of one period.
+
+    Raises:
+        InputError: A period that is not positive, or fewer harmonics than the family needs.
+    """
+
+    least: ClassVar[int]
+    """Fewest harmonics."""
+    period: float
+    """Time from start to end [s]."""
+    harmonics: int
+    """Number of harmonics H."""
+
+    def __post_init__(self) -> None:
+        require_positive("the period", self.period)
+        if self.harmonics < self.least:
+            raise InputError(
+                f"a {self.name} motion needs more harmonics",
+                value=self.harmonics,
+                limit=f"{self.least} or more",
+            )
+
+    @property
+    def duration(self) -> float:
+        """The period [s]."""
+        return self.period
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseFamily(MotionFamily):
+    """Families of motions with free poses in equal times.
+
+    Raises:
+        InputError: A travel time that is not positive, or no free points.
+    """
+
+    travel_time: float
+    """Time from start to end [s]."""
+    points: int
+    """Free points of each joint between the ends."""
+
+    def __post_init__(self) -> None:
+        require_positive("the travel time", self.travel_time)
+        if self.points < 1:
+            raise InputError(f"a {self.name} motion needs a free point", value=self.points)
+
+    @property
+    def duration(self) -> float:
+        """The travel time [s]."""
+        return self.travel_time
+
+    @property
+    def free_count(self) -> int:
+        """One free number a point, relative to the offset."""
+        return self.points

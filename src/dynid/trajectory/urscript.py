@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from dynid.core import Array, InputError, frozen
-from dynid.trajectory.bspline import BSpline, power_coefficients
+from dynid.trajectory.bspline import BSpline
 from dynid.trajectory.fourier import FourierSeries
 from dynid.trajectory.points import MotionSequence, PointToPoint, Repetition
 from dynid.trajectory.quintic import STEP, FourierQuintic, Quintic
-from dynid.trajectory.trajectory import Trajectory
+from dynid.trajectory.trajectory import Trajectory, require_positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,39 +50,16 @@ def pieces(trajectory: Trajectory) -> tuple[Piece, ...]:
         InputError: A trajectory of another kind.
     """
     match trajectory:
-        case FourierSeries():
-            return (
-                Piece(
-                    duration=trajectory.period,
-                    polynomial=trajectory.offset[:, None],
-                    a=trajectory.a,
-                    b=trajectory.b,
-                ),
-            )
-        case FourierQuintic():
-            return (
-                Piece(
-                    duration=trajectory.period,
-                    polynomial=trajectory.polynomial(),
-                    a=trajectory.a,
-                    b=trajectory.b,
-                ),
-            )
+        case FourierSeries(period=period, offset=offset, a=a, b=b):
+            return (Piece(duration=period, polynomial=offset[:, None], a=a, b=b),)
+        case FourierQuintic(period=period, a=a, b=b):
+            return (Piece(duration=period, polynomial=trajectory.polynomial(), a=a, b=b),)
         case Quintic():
             way = np.outer(trajectory.goal - trajectory.start, STEP)
             way[:, 0] = trajectory.start
             return (_polynomial(trajectory.duration, way),)
-        case PointToPoint():
+        case PointToPoint() | BSpline():
             return tuple(_polynomial(*part) for part in trajectory.polynomials())
-        case BSpline():
-            knots, degree = trajectory.knots, trajectory.degree
-            widths = np.diff(knots[degree:-degree])
-            return tuple(
-                _polynomial(float(width), coefficients)
-                for width, coefficients in zip(
-                    widths, power_coefficients(trajectory.control, knots, degree), strict=True
-                )
-            )
         case MotionSequence():
             return tuple(piece for part in trajectory.parts for piece in pieces(part))
         case Repetition():
@@ -149,12 +126,11 @@ def formula_lines(parts: Sequence[Piece], rate_hz: float) -> list[str]:
 
 
 def _piece(part: Piece, start: float) -> Iterable[str]:
+    shift = f"(t - {decimal(start)})" if start else "t"
     if part.polynomial.shape[1] > 1:
-        shift = f"(t - {decimal(start)})" if start else "t"
         yield f"s = {shift}/{decimal(part.duration)}"
     if part.harmonics:
         base = 2.0 * math.pi / part.duration
-        shift = f"(t - {decimal(start)})" if start else "t"
         for order in range(1, part.harmonics + 1):
             yield f"s{order} = sin({decimal(order * base)}*{shift})"
             yield f"c{order} = cos({decimal(order * base)}*{shift})"
@@ -229,20 +205,24 @@ class UrProgramOptions:
     """Name of the program."""
 
     def __post_init__(self) -> None:
-        _positive("the control rate", self.rate_hz)
-        _positive("the approach speed", self.approach_speed)
-        _positive("the approach acceleration", self.approach_acceleration)
+        require_positive("the control rate", self.rate_hz)
+        require_positive("the approach speed", self.approach_speed)
+        require_positive("the approach acceleration", self.approach_acceleration)
         if self.watchdog_hz is not None:
-            _positive("the watchdog frequency", self.watchdog_hz)
+            require_positive("the watchdog frequency", self.watchdog_hz)
         if self.repeats < 1 or self.settle < 0:
             raise InputError(
                 "repetitions must be positive, settling periods not negative",
                 value=(self.repeats, self.settle),
             )
-        _inside("the share of the speed", self.speed, 0.001, 1.0)
-        _inside("lookahead_time", self.lookahead_time, 0.03, 0.2)
-        _inside("gain", self.gain, 100.0, 2000.0)
-        _inside("the rest at the start", self.dwell, 0.0, 3600.0)
+        for what, value, lowest, highest in (
+            ("the share of the speed", self.speed, 0.001, 1.0),
+            ("lookahead_time", self.lookahead_time, 0.03, 0.2),
+            ("gain", self.gain, 100.0, 2000.0),
+            ("the rest at the start", self.dwell, 0.0, 3600.0),
+        ):
+            if not lowest <= value <= highest:
+                raise InputError(what, value=value, limit=(lowest, highest))
         for register in (self.index_register, self.state_register, self.watchdog_register):
             if register not in _REGISTERS:
                 raise InputError("no such register", value=register, limit="0 to 47")
@@ -303,12 +283,9 @@ def ur_program(
         # Refuses a motion that does not end as it starts.
         Repetition(part=trajectory, times=2)
     ends = trajectory.evaluate([0.0, trajectory.duration])
-    if max(np.abs(ends.dq).max(), np.abs(ends.ddq).max()) > _AT_REST:
-        raise InputError(
-            "the motion does not start and end at rest",
-            value=float(max(np.abs(ends.dq).max(), np.abs(ends.ddq).max())),
-            limit=_AT_REST,
-        )
+    rest = float(max(np.abs(ends.dq).max(), np.abs(ends.ddq).max()))
+    if rest > _AT_REST:
+        raise InputError("the motion does not start and end at rest", value=rest, limit=_AT_REST)
     total = (how.settle + how.repeats) * cycles
     rate = how.rate_hz / how.speed
     parts = pieces(trajectory)
@@ -398,13 +375,3 @@ def _whole_cycles(trajectory: Trajectory, how: UrProgramOptions) -> int:
 def _printable(comment: str) -> list[str]:
     lines = comment.splitlines()
     return ["".join(c if c.isascii() and c.isprintable() else "?" for c in line) for line in lines]
-
-
-def _positive(what: str, value: float) -> None:
-    if not (math.isfinite(value) and value > 0):
-        raise InputError(f"{what} must be positive", value=value)
-
-
-def _inside(what: str, value: float, lowest: float, highest: float) -> None:
-    if not lowest <= value <= highest:
-        raise InputError(what, value=value, limit=(lowest, highest))
