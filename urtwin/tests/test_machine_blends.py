@@ -8,7 +8,7 @@ from dynid.simulation import SimulatedArm
 from scripts import HOME, said, ticks
 from test_machine_motion import recorded
 from urtwin import ControllerMachine
-from urtwin.motion.tool import arc_through
+from urtwin.kinematics import arc_through
 
 START = HOME.tolist()
 ON_THE_WAY = 2e-4

@@ -1,7 +1,7 @@
 """What the parts of the controller share: registers, signals, messages, payload, watchdogs."""
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 from dynid.core import Array, InputError
 from dynid.protocol import RobotMode
 from dynid.simulation import Servo
-from urtwin.arm import PROGRAM_STOP, PROTECTIVE_STOP, ControlledArm, ForceMode, Rest
+from urtwin.arm import PROTECTIVE_STOP, ControlledArm, ForceMode, Rest
 from urtwin.interpreter import Interpreter
 from urtwin.kinematics import to_matrix
 from urtwin.network import Network, on_this_machine
@@ -25,58 +25,55 @@ BITS = 128
 FLAGS = 32
 """Flags that programs set and read, nobody else."""
 _INT_MIN, _INT_MAX = -(2**31), 2**31 - 1
+_STORED: dict[str, Callable[[float], float]] = {
+    "int": lambda value: min(max(int(value), _INT_MIN), _INT_MAX),
+    "double": float,
+    "bit": bool,
+}
+"""What a register of each kind keeps of a value."""
 
 
 class Registers:
-    """Registers of one direction, as scripts and RTDE see them."""
+    """Registers of one direction, as scripts and RTDE see them: `int`, `double` and `bit`."""
 
     def __init__(self) -> None:
-        self.integers: list[int] = [0] * COUNT
-        self.doubles: list[float] = [0.0] * COUNT
-        self.bits: list[bool] = [False] * BITS
+        self.banks: dict[str, list[Any]] = {
+            "int": [0] * COUNT,
+            "double": [0.0] * COUNT,
+            "bit": [False] * BITS,
+        }
 
     def write(self, kind: str, index: int, value: float) -> None:
-        """Store a value.
-
-        Args:
-            kind: `int`, `double` or `bit`.
-            index: Which register, from zero.
-            value: Integers are cut to 32 bits.
+        """Store a value in a register, counted from zero; integers are cut to 32 bits.
 
         Raises:
             InputError: No such register.
         """
-        _check(kind, index)
-        if kind == "int":
-            self.integers[index] = min(max(int(value), _INT_MIN), _INT_MAX)
-        elif kind == "double":
-            self.doubles[index] = float(value)
-        else:
-            self.bits[index] = bool(value)
+        self._check(kind, index)
+        self.banks[kind][index] = _STORED[kind](value)
 
     def read(self, kind: str, index: int) -> int | float | bool:
-        """The value of a register.
-
-        Args:
-            kind: `int`, `double` or `bit`.
-            index: Which register, from zero.
+        """The value of a register, counted from zero.
 
         Raises:
             InputError: No such register.
         """
-        _check(kind, index)
-        if kind == "int":
-            return self.integers[index]
-        return self.doubles[index] if kind == "double" else self.bits[index]
+        self._check(kind, index)
+        return self.banks[kind][index]
+
+    def _check(self, kind: str, index: int) -> None:
+        limit = len(self.banks[kind])
+        if not 0 <= index < limit:
+            raise InputError(f"{kind} register", value=index, limit=(0, limit - 1))
 
     def word(self, first: int) -> int:
         """Thirty-two boolean registers from `first` on, as one number."""
-        return sum(1 << k for k in range(32) if self.bits[first + k])
+        return sum(1 << k for k in range(32) if self.banks["bit"][first + k])
 
-    def set_word(self, first: int, value: int) -> None:
-        """Thirty-two boolean registers from `first` on."""
+    def set_word(self, first: int, value: float) -> None:
+        """Thirty-two boolean registers from `first` on, from one whole number."""
         for k in range(32):
-            self.bits[first + k] = bool(value >> k & 1)
+            self.banks["bit"][first + k] = bool(int(value) >> k & 1)
 
 
 class Signals:
@@ -95,16 +92,6 @@ class Signals:
         self.flags = [False] * FLAGS
         """What programs remember between runs."""
 
-    def set_digital_out(self, bit: int, on: bool) -> None:
-        """Switch one of the 18 digital outputs.
-
-        Raises:
-            InputError: No such output.
-        """
-        if not 0 <= bit < 18:
-            raise InputError("digital output", value=bit, limit=(0, 17))
-        self.digital_out = self.digital_out | 1 << bit if on else self.digital_out & ~(1 << bit)
-
     def masked(self, mask: int, value: int, shift: int) -> None:
         """Set the outputs that a mask names.
 
@@ -115,12 +102,6 @@ class Signals:
         """
         keep = self.digital_out & ~(mask << shift)
         self.digital_out = keep | (value & mask) << shift
-
-
-def _check(kind: str, index: int) -> None:
-    limit = BITS if kind == "bit" else COUNT
-    if not 0 <= index < limit:
-        raise InputError(f"{kind} register", value=index, limit=(0, limit - 1))
 
 
 PROGRAM_STARTED, PROGRAM_STOPPED = "PROGRAM_XXX_STARTED", "PROGRAM_XXX_STOPPED"
@@ -221,7 +202,6 @@ class Core:
         self.tcp_matrix: Array = np.eye(4)
         self.gravity: list[float] = (-arm.plant.arm.robot.gravity).tolist()
         """(3) as in `set_gravity`: the acceleration that keeps the base from falling."""
-        self.external_wrench: Sequence[float] = [0.0] * 6
         self.speed_fraction = 1.0
         """The speed slider."""
         self.scaling = 1.0
@@ -330,10 +310,6 @@ class Core:
         self.arm.refuse()
         self.arm.braking = PROTECTIVE_STOP
         self.say(reason, "safety", 1, MessageKind.STOP)
-
-    def rest_brake(self) -> None:
-        """Brake as at the end of a program."""
-        self.arm.braking = PROGRAM_STOP
 
     def set_tcp(self, pose: Sequence[float]) -> None:
         """The tool in the flange: x, y, z, rx, ry, rz [m, rad]."""

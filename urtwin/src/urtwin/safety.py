@@ -1,12 +1,16 @@
 """The safety system: what it watches, and the state machine of a protective stop."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dynid.core import InputError
-from dynid.protocol import SafetyMode, SafetyStatus
+import numpy as np
 
+from dynid.core import Array, InputError
+from dynid.protocol import SafetyMode, SafetyStatus
+from urtwin.arm import ControlledArm
+
+_AT_REST = 1e-4
+"""Too slow to break any limit [rad/s]."""
 _EMERGENCY = SafetyStatus.EMERGENCY_STOPPED
 _BITS = {
     SafetyMode.NORMAL: SafetyStatus.NORMAL,
@@ -67,8 +71,6 @@ class Safety:
         """Why it stopped last."""
         self.since = -math.inf
         """Controller time of the last stop [s]."""
-        self.popup = False
-        """Whether the stop's message is still on the screen."""
 
     @property
     def bits(self) -> int:
@@ -90,7 +92,6 @@ class Safety:
             now: Controller time [s].
         """
         self.mode, self.reason, self.since = SafetyMode.PROTECTIVE_STOP, reason, now
-        self.popup = True
 
     def fail(self, reason: str, now: float) -> None:
         """Enter the fault, which only a restart of the safety system ends."""
@@ -101,7 +102,7 @@ class Safety:
         """End a fault; whether there was one."""
         if self.mode != SafetyMode.FAULT:
             return False
-        self.mode, self.popup = SafetyMode.NORMAL, False
+        self.mode = SafetyMode.NORMAL
         return True
 
     def unlock(self, now: float) -> bool:
@@ -110,27 +111,58 @@ class Safety:
             return False
         if now - self.since < self.limits.unlock_after - 1e-9:
             return False
-        self.mode, self.popup = SafetyMode.NORMAL, False
+        self.mode = SafetyMode.NORMAL
         return True
 
-    def judge_setpoint(
-        self,
-        new: Sequence[float],
-        old: Sequence[float],
-        lower: Sequence[float],
-        upper: Sequence[float],
-    ) -> str | None:
-        """What is wrong with a set point [rad], or None."""
-        limits = self.limits
-        for k, value in enumerate(new):
+    def judge(self, arm: ControlledArm, tcp: Array) -> str | None:
+        """What is wrong with the new set point or the state of an arm, or None.
+
+        Args:
+            arm: The arm.
+            tcp: (4, 4) the tool in the flange [m].
+        """
+        return self._setpoint(arm) or self._state(arm, tcp)
+
+    def _setpoint(self, arm: ControlledArm) -> str | None:
+        beyond = self.limits.beyond_joint_range
+        for k, value in enumerate(arm.pending or ()):
+            change = value - arm.setpoint[k]
             if not math.isfinite(value):
                 return "C204A5: Path sanity check failed: Invalid setpoint"
-            beyond = limits.beyond_joint_range
-            if value < lower[k] - beyond or value > upper[k] + beyond:
+            if value < arm.lower[k] - beyond or value > arm.upper[k] + beyond:
                 return f"Joint {k}: position limit, set point {value:.4f} rad"
-            if abs(value - old[k]) > limits.sudden_change:
+            if abs(change) > self.limits.sudden_change:
                 return (
                     "C204A1: Path sanity check failed: Sudden change in target position "
-                    f"of joint {k}: {value - old[k]:+.4f} rad in one cycle"
+                    f"of joint {k}: {change:+.4f} rad in one cycle"
                 )
+        return None
+
+    def _state(self, arm: ControlledArm, tcp: Array) -> str | None:
+        state, limits = arm.state, self.limits
+        speeds: list[float] = state.target.dq.tolist()
+        fastest = max(map(abs, speeds))
+        if fastest < _AT_REST and arm.still > 0:
+            return None
+        if fastest > limits.joint_speed:
+            joint = max(range(len(speeds)), key=lambda k: abs(speeds[k]))
+            return (
+                f"C191A{32 + joint}: Joint {joint} speed violation: {fastest:.3f} rad/s, "
+                f"limit {limits.joint_speed:.3f} rad/s"
+            )
+        deviation = float(np.max(np.abs(state.q - state.target.q)))
+        if deviation > limits.deviation:
+            return f"C153: Position deviates from path: {deviation:.3f} rad"
+        if math.isfinite(limits.tool_speed):
+            speed = arm.plant.tracker.tool_speed(arm.tool_point(tcp))
+            if speed > limits.tool_speed:
+                return f"Tool speed limit: {speed:.3f} m/s, limit {limits.tool_speed:.3f} m/s"
+        if math.isfinite(limits.momentum):
+            momentum = arm.plant.tracker.momentum()
+            if momentum > limits.momentum:
+                return f"Momentum limit: {momentum:.2f} kg.m/s, limit {limits.momentum:.2f} kg.m/s"
+        if math.isfinite(limits.power):
+            power = float(np.sum(np.abs(state.torque * state.dq)))
+            if power > limits.power:
+                return f"Power limit: {power:.0f} W, limit {limits.power:.0f} W"
         return None

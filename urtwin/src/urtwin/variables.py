@@ -6,6 +6,7 @@ have no physics here: they are constants. Nothing touches the arm, so forces at 
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -18,6 +19,11 @@ from urtwin.kinematics import to_pose
 OutputValue = bool | int | float | list[int] | list[float]
 _Reader = Callable[[Core], OutputValue]
 
+_REGISTERS = [
+    *((kind, k) for kind in ("int", "double") for k in range(COUNT)),
+    *(("bit", k) for k in range(64, BITS)),
+]
+"""Registers that RTDE names one by one."""
 _BUS, _IDLE_CURRENT = 48.0, 0.4
 _JOINT_MODE = {
     RobotMode.POWER_OFF: JointMode.POWER_OFF,
@@ -51,8 +57,10 @@ def _tool(core: Core, q: Array) -> list[float]:
     return to_pose(core.arm.kinematics.forward(q.tolist(), core.tcp_matrix))
 
 
-def _tool_speed(core: Core, q: Array, dq: Array) -> list[float]:
-    return (core.arm.kinematics.jacobian(q.tolist(), core.tcp_matrix)[1] @ dq).tolist()
+def tool_speed(core: Core, motion: PlantState | Target) -> list[float]:
+    """(6) linear [m/s] and angular [rad/s] velocity of the tool in the base frame."""
+    jacobian = core.arm.kinematics.jacobian(motion.q.tolist(), core.tcp_matrix)[1]
+    return (jacobian @ motion.dq).tolist()
 
 
 def _tool_acceleration(core: Core, motion: PlantState | Target) -> list[float]:
@@ -129,11 +137,9 @@ def _registers() -> dict[str, _Reader]:
         def bank(core: Core):
             return core.inputs if side == "input" else core.outputs
 
-        for k in range(COUNT):
-            found[f"{side}_int_register_{k}"] = lambda core, k=k: bank(core).integers[k]
-            found[f"{side}_double_register_{k}"] = lambda core, k=k: bank(core).doubles[k]
-        for k in range(64, BITS):
-            found[f"{side}_bit_register_{k}"] = lambda core, k=k: bank(core).bits[k]
+        for kind, k in _REGISTERS:
+            name = f"{side}_{kind}_register_{k}"
+            found[name] = lambda core, kind=kind, k=k: bank(core).banks[kind][k]
         found[f"{side}_bit_registers0_to_31"] = lambda core: bank(core).word(0)
         found[f"{side}_bit_registers32_to_63"] = lambda core: bank(core).word(32)
 
@@ -158,10 +164,8 @@ READERS: dict[str, _Reader] = {
     "actual_current_window": _current_window,
     "actual_TCP_pose": lambda core: _tool(core, core.arm.state.q),
     "target_TCP_pose": lambda core: _tool(core, core.arm.state.target.q),
-    "actual_TCP_speed": lambda core: _tool_speed(core, core.arm.state.q, core.arm.state.dq),
-    "target_TCP_speed": lambda core: _tool_speed(
-        core, core.arm.state.target.q, core.arm.state.target.dq
-    ),
+    "actual_TCP_speed": lambda core: tool_speed(core, core.arm.state),
+    "target_TCP_speed": lambda core: tool_speed(core, core.arm.state.target),
     "actual_TCP_acceleration": lambda core: _tool_acceleration(core, core.arm.state),
     "target_TCP_acceleration": lambda core: _tool_acceleration(core, core.arm.state.target),
     "actual_TCP_force": _constant([0.0] * 6),
@@ -232,6 +236,7 @@ READERS: dict[str, _Reader] = {
 """How each output is read; nothing is computed that nobody asks for."""
 
 
+_WRENCH = "external_force_torque"
 InputValue = bool | int | float | Sequence[float]
 _MASKED = (
     ("standard_digital_output", 0),
@@ -250,32 +255,36 @@ class Inputs:
     def __init__(self, core: Core) -> None:
         self._core = core
         self._waiting: dict[str, float] = {}
-        self._writers: dict[str, Callable[[InputValue], None]] = {}
-        inputs = core.inputs
-        for k in range(COUNT):
-            self._writers[f"input_int_register_{k}"] = _to(inputs.write, "int", k)
-            self._writers[f"input_double_register_{k}"] = _to(inputs.write, "double", k)
-        for k in range(64, BITS):
-            self._writers[f"input_bit_register_{k}"] = _to(inputs.write, "bit", k)
-        for first, name in ((0, "0_to_31"), (32, "32_to_63")):
-            self._writers[f"input_bit_registers{name}"] = _word(inputs.set_word, first)
-        held = [f"{name}{part}" for name, _ in _MASKED for part in ("", "_mask")]
+        inputs, held = (
+            core.inputs,
+            [f"{name}{part}" for name, _ in _MASKED for part in ("", "_mask")],
+        )
         held += ["speed_slider_mask", "speed_slider_fraction"]
         held += [f"standard_analog_output_{part}" for part in ("mask", "type", "0", "1")]
-        for name in held:
-            self._writers[name] = self._holder(name)
-        self._writers["external_force_torque"] = self._wrench
+        self._writers: dict[str, Callable[[float], None]] = {
+            **{name: partial(self._waiting.__setitem__, name) for name in held},
+            **{
+                f"input_{kind}_register_{k}": partial(inputs.write, kind, k)
+                for kind, k in _REGISTERS
+            },
+            "input_bit_registers0_to_31": partial(inputs.set_word, 0),
+            "input_bit_registers32_to_63": partial(inputs.set_word, 32),
+        }
 
     def write(self, name: str, value: InputValue) -> None:
         """Take an input.
 
         Raises:
-            InputError: No such input.
+            InputError: No such input, or not as many numbers as it has.
         """
-        writer = self._writers.get(name)
-        if writer is None:
+        if name not in self._writers and name != _WRENCH:
             raise InputError("unknown RTDE input", value=name)
-        writer(value)
+        size = len(value) if isinstance(value, Sequence) else 1
+        if size != (6 if name == _WRENCH else 1):
+            raise InputError("another number of values than the input has", where=name, value=value)
+        # A measured wrench has no effect: the simulated arm touches nothing.
+        if not isinstance(value, Sequence):
+            self._writers[name](value)
         self._core.feed(name)
 
     def apply(self) -> None:
@@ -299,30 +308,3 @@ class Inputs:
             kinds = int(waiting.get("standard_analog_output_type", 0)) & mask
             signals.analog_types = signals.analog_types & ~(mask << 2) | kinds << 2
         waiting.clear()
-
-    def _holder(self, name: str) -> Callable[[InputValue], None]:
-        def hold(value: InputValue) -> None:
-            self._waiting[name] = _number(value)
-
-        return hold
-
-    def _wrench(self, value: InputValue) -> None:
-        if not isinstance(value, Sequence) or len(value) != 6:
-            raise InputError("external_force_torque has six numbers", value=value)
-        self._core.external_wrench = list(value)
-
-
-def _number(value: InputValue) -> float:
-    if isinstance(value, Sequence):
-        raise InputError("this RTDE input is one number", value=value)
-    return value
-
-
-def _to(
-    write: Callable[[str, int, float], None], kind: str, index: int
-) -> Callable[[InputValue], None]:
-    return lambda value: write(kind, index, _number(value))
-
-
-def _word(set_word: Callable[[int, int], None], first: int) -> Callable[[InputValue], None]:
-    return lambda value: set_word(first, int(_number(value)))

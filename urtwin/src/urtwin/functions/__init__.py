@@ -1,7 +1,112 @@
 """Every built-in function that a script can call on the controller."""
 
-from urtwin.functions.table import BUILTINS
+from collections.abc import Callable, Generator
+from typing import Any
+
+from urtwin.core import Core
+from urtwin.functions.io import ABSENT, IO
+from urtwin.functions.sockets import SOCKETS
+from urtwin.functions.state import FORCE, MODEL, STATE
+from urtwin.motion import (
+    Motion,
+    move_circle,
+    move_joints,
+    move_tool,
+    servo_joints,
+    servo_tool,
+    speed_joints,
+    speed_tool,
+    stop_joints,
+    stop_tool,
+)
+from urtwin.urscript import (
+    MATHEMATICS,
+    MATRICES,
+    POSES,
+    Builtin,
+    Calling,
+    Routine,
+    ScriptFault,
+    Value,
+    builtins,
+    number,
+    truth,
+)
 
 __all__ = [
     "BUILTINS",
 ]
+_MOTION_WEIGHT = 200
+_LONGEST_SLEEP_S = 1e6
+
+
+def _movep(core: Core, pose: Value, a: Value = 1.2, v: Value = 0.25, r: Value = 0) -> Motion:
+    return move_tool(core, pose, a, v, 0, r)
+
+
+def _direct_torque(
+    core: Core,
+    torque: Value,
+    friction_comp: Value = True,
+    viscous_scale: Value = None,
+    coulomb_scale: Value = None,
+) -> Generator[None, None, None]:
+    # It lasts a cycle on the robot, and ur_rtde's script counts on that.
+    core.lacks("direct_torque")
+    yield
+
+
+def _sync(core: Core) -> Generator[None, None, None]:
+    yield
+
+
+def _sleep(core: Core, t: Value) -> Generator[None, None, None]:
+    seconds = number(t)
+    if not 0.0 <= seconds <= _LONGEST_SLEEP_S:
+        raise ScriptFault("time to sleep [s]", value=seconds, limit=(0, _LONGEST_SLEEP_S))
+    for _ in range(max(1, round(seconds / core.arm.cycle))):
+        yield
+
+
+def _interpreter_mode(
+    core: Core, clearQueueOnEnter: Value = True, clearOnEnd: Value = True
+) -> Routine:
+    return core.interpreter.run(truth(clearQueueOnEnter), truth(clearOnEnd))
+
+
+_INTERPRETER: dict[str, Callable[[Core], None]] = {
+    "end_interpreter": lambda core: core.interpreter.end(),
+    "clear_interpreter": lambda core: core.interpreter.clear(),
+}
+_MOTIONS: dict[str, Any] = {
+    "movej": move_joints,
+    "optimovej": move_joints,
+    "movel": move_tool,
+    "optimovel": move_tool,
+    "movep": _movep,
+    "movec": move_circle,
+    "servoj": servo_joints,
+    "servoc": servo_tool,
+    "speedj": speed_joints,
+    "speedl": speed_tool,
+    "stopj": stop_joints,
+    "stopl": stop_tool,
+    "direct_torque": _direct_torque,
+    "sync": _sync,
+    "sleep": _sleep,
+    "interpreter_mode": _interpreter_mode,
+}
+BUILTINS: dict[str, Builtin] = {
+    **MATHEMATICS,
+    **POSES,
+    **MATRICES,
+    **IO,
+    **STATE,
+    **MODEL,
+    **FORCE,
+    **SOCKETS,
+    **builtins(_MOTIONS, Calling.BLOCKING, _MOTION_WEIGHT),
+    **builtins(_INTERPRETER, Calling.INSTANT),
+    **ABSENT,
+}
+"""The functions that every script may call."""

@@ -5,7 +5,7 @@ from collections.abc import Callable, Generator
 from typing import Any
 
 from urtwin.core import FLAGS, Core, InputWatchdog, MessageKind, Registers
-from urtwin.urscript import Builtin, Calling, ScriptFault, Value, builtin, number, shown, truth
+from urtwin.urscript import Builtin, Calling, ScriptFault, Value, builtins, number, shown, truth
 
 _MESSAGE_WEIGHT = 100
 _ACTIONS = ("ignore", "pause", "stop")
@@ -17,14 +17,25 @@ def _index(address: Value) -> int:
     return address
 
 
-def _reader(kind: str, bank: Callable[[Core], Registers]) -> Any:
-    def read(core: Core, address: Value) -> Value:
-        return bank(core).read(kind, _index(address))
+def _one_of(what: str, n: Value, count: int) -> int:
+    if not 0 <= _index(n) < count:
+        raise ScriptFault(what, value=n, limit=(0, count - 1))
+    return n
 
-    return read
+
+def _pair(n: Value) -> int:
+    return _one_of("analog signal", n, 2)
 
 
-def _writer(kind: str) -> Any:
+def _flag(n: Value) -> int:
+    return _one_of("flag", n, FLAGS)
+
+
+def _reader(kind: str, bank: Callable[[Core], Registers]) -> Callable[[Core, Value], Value]:
+    return lambda core, address: bank(core).read(kind, _index(address))
+
+
+def _writer(kind: str) -> Callable[[Core, Value, Value], None]:
     def write(core: Core, address: Value, value: Value) -> None:
         stored = truth(value) if kind == "bit" else number(value)
         if kind == "int" and not math.isfinite(stored):
@@ -32,10 +43,6 @@ def _writer(kind: str) -> Any:
         core.outputs.write(kind, _index(address), stored)
 
     return write
-
-
-def _textmsg(core: Core, s1: Value, s2: Value = "") -> None:
-    core.say(shown(s1) + shown(s2))
 
 
 def _popup(
@@ -70,62 +77,26 @@ def _rtde_set_watchdog(
     core.watchdogs[name] = InputWatchdog(name, period, wanted, core.now)
 
 
-def _digital_out(shift: int, count: int) -> Any:
-    def set_out(core: Core, n: Value, b: Value) -> None:
-        bit = _index(n)
-        if not 0 <= bit < count:
-            raise ScriptFault("digital output", value=bit, limit=(0, count - 1))
-        core.signals.set_digital_out(shift + bit, truth(b))
-
-    return set_out
+def _digital_out(shift: int, count: int) -> Callable[[Core, Value, Value], None]:
+    return lambda core, n, b: core.signals.masked(
+        1, int(truth(b)), shift + _one_of("digital output", n, count)
+    )
 
 
-def _digital(shift: int, count: int, inputs: bool) -> Any:
+def _digital(shift: int, count: int, inputs: bool) -> Callable[[Core, Value], bool]:
     def get(core: Core, n: Value) -> bool:
-        bit = _index(n)
-        if not 0 <= bit < count:
-            raise ScriptFault("digital signal", value=bit, limit=(0, count - 1))
         bits = core.signals.digital_in if inputs else core.signals.digital_out
-        return bool(bits >> (shift + bit) & 1)
+        return bool(bits >> (shift + _one_of("digital signal", n, count)) & 1)
 
     return get
-
-
-def _pair(n: Value) -> int:
-    if _index(n) not in (0, 1):
-        raise ScriptFault("analog signal", value=n, limit=(0, 1))
-    return n
-
-
-def _get_analog_in(core: Core, n: Value) -> float:
-    return core.signals.analog_in[_pair(n)]
-
-
-def _get_analog_out(core: Core, n: Value) -> float:
-    return core.signals.analog_out[_pair(n)]
 
 
 def _set_analog_out(core: Core, n: Value, f: Value) -> None:
     core.signals.analog_out[_pair(n)] = min(max(float(number(f)), 0.0), 1.0)
 
 
-def _flag(n: Value) -> int:
-    if not 0 <= _index(n) < FLAGS:
-        raise ScriptFault("flag", value=n, limit=(0, FLAGS - 1))
-    return n
-
-
-def _get_flag(core: Core, n: Value) -> bool:
-    return core.signals.flags[_flag(n)]
-
-
 def _set_flag(core: Core, n: Value, b: Value) -> None:
     core.signals.flags[_flag(n)] = truth(b)
-
-
-def _get_tool_analog_in(core: Core, n: Value) -> float:
-    _pair(n)
-    return 0.0
 
 
 def _set_tool_voltage(core: Core, voltage: Value) -> None:
@@ -134,30 +105,28 @@ def _set_tool_voltage(core: Core, voltage: Value) -> None:
 
 _REGISTERS = 128
 """Modbus signals of a program, and registers of one."""
-_KINDS = {"integer": "int", "float": "double", "boolean": "bit"}
+_READ: dict[str, Callable[[Core, Value], Value]] = {
+    "get_standard_analog_in": lambda core, n: core.signals.analog_in[_pair(n)],
+    "get_standard_analog_out": lambda core, n: core.signals.analog_out[_pair(n)],
+    "get_tool_analog_in": lambda core, n: 0.0 * _pair(n),
+    "get_flag": lambda core, n: core.signals.flags[_flag(n)],
+}
 _INSTANT: dict[str, Any] = {
+    **_READ,
     "rtde_set_watchdog": _rtde_set_watchdog,
-    "get_standard_analog_in": _get_analog_in,
-    "get_analog_in": _get_analog_in,
-    "get_standard_analog_out": _get_analog_out,
-    "get_analog_out": _get_analog_out,
+    "get_analog_in": _READ["get_standard_analog_in"],
+    "get_analog_out": _READ["get_standard_analog_out"],
     "set_standard_analog_out": _set_analog_out,
     "set_analog_out": _set_analog_out,
     "set_tool_voltage": _set_tool_voltage,
-    "get_tool_analog_in": _get_tool_analog_in,
-    "get_flag": _get_flag,
     "set_flag": _set_flag,
 }
-for _word, _kind in _KINDS.items():
+for _word, _kind in (("integer", "int"), ("float", "double"), ("boolean", "bit")):
     _INSTANT[f"read_input_{_word}_register"] = _reader(_kind, lambda core: core.inputs)
     _INSTANT[f"read_output_{_word}_register"] = _reader(_kind, lambda core: core.outputs)
     _INSTANT[f"write_output_{_word}_register"] = _writer(_kind)
-for _group, _shift, _count in (
-    ("", 0, 18),
-    ("standard_", 0, 8),
-    ("configurable_", 8, 8),
-    ("tool_", 16, 2),
-):
+_GROUPS = (("", 0, 18), ("standard_", 0, 8), ("configurable_", 8, 8), ("tool_", 16, 2))
+for _group, _shift, _count in _GROUPS:
     _INSTANT[f"set_{_group}digital_out"] = _digital_out(_shift, _count)
     _INSTANT[f"get_{_group}digital_out"] = _digital(_shift, _count, inputs=False)
     _INSTANT[f"get_{_group}digital_in"] = _digital(_shift, _count, inputs=True)
@@ -200,10 +169,6 @@ def _signal(core: Core, name: Value, count: Value) -> bool:
     return True
 
 
-def _delete_signal(core: Core, signal_name: Value) -> bool:
-    return core.signals.modbus.pop(shown(signal_name), None) is not None
-
-
 def _signal_status(core: Core, signal_name: Value, is_secondary_program: Value = False) -> Value:
     value = core.signals.modbus.get(shown(signal_name), 0)
     return [*value] if value.__class__ is list else value
@@ -225,6 +190,10 @@ def _set_digital_signal(
     return _set_signal(core, signal_name, digital_value)
 
 
+def _delete_signal(core: Core, signal_name: Value) -> bool:
+    return core.signals.modbus.pop(shown(signal_name), None) is not None
+
+
 _MODBUS: dict[str, Any] = {
     "modbus_add_signal": _add_signal,
     "modbus_add_rw_signal": _add_rw_signal,
@@ -233,11 +202,14 @@ _MODBUS: dict[str, Any] = {
     "modbus_set_output_register": _set_signal,
     "modbus_set_output_signal": _set_digital_signal,
 }
-IO: list[Builtin] = [
-    *(builtin(f, Calling.INSTANT, name=name) for name, f in (_INSTANT | _MODBUS).items()),
-    builtin(_textmsg, Calling.INSTANT, name="textmsg", weight=_MESSAGE_WEIGHT),
-    builtin(_popup, Calling.BLOCKING, name="popup", weight=_MESSAGE_WEIGHT),
-]
+_TEXTMSG: dict[str, Callable[[Core, Value, Value], None]] = {
+    "textmsg": lambda core, s1, s2="": core.say(shown(s1) + shown(s2))
+}
+IO = (
+    builtins({**_INSTANT, **_MODBUS}, Calling.INSTANT)
+    | builtins(_TEXTMSG, Calling.INSTANT, _MESSAGE_WEIGHT)
+    | builtins({"popup": _popup}, Calling.BLOCKING, _MESSAGE_WEIGHT)
+)
 """Built-ins that read and write what RTDE shows."""
 
 
@@ -289,7 +261,7 @@ def _absent(name: str, answer: bool | int, names: tuple[str, ...]) -> Builtin:
     return Builtin(name, say, Calling.INSTANT, names, (0,) * len(names), _WEIGHT)
 
 
-def _all(answer: bool | int, table: dict[int, str]) -> list[Any]:
+def _all(answer: bool | int, table: dict[int, str]) -> list[Builtin]:
     return [
         _absent(name, answer, tuple(f"argument{k + 1}" for k in range(count)))
         for count, names in table.items()
@@ -297,9 +269,15 @@ def _all(answer: bool | int, table: dict[int, str]) -> list[Any]:
     ]
 
 
-ABSENT: list[Builtin] = [
-    *_all(True, _YES),
-    *_all(0, _NOUGHT),
-    *(_absent(name, answer, tuple(names.split())) for name, (answer, names) in _BY_NAME.items()),
-]
+ABSENT = {
+    item.name: item
+    for item in (
+        *_all(True, _YES),
+        *_all(0, _NOUGHT),
+        *(
+            _absent(name, answer, tuple(words.split()))
+            for name, (answer, words) in _BY_NAME.items()
+        ),
+    )
+}
 """Built-ins that do nothing."""

@@ -7,7 +7,7 @@ critical section: UR's drivers count on it (their servo thread goes on between t
 
 import math
 import struct
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from typing import Any, TypeVar
 
 from urtwin.core import Core
@@ -16,11 +16,10 @@ from urtwin.urscript import (
     BACK,
     LISTENING,
     MAX_LENGTH,
-    Builtin,
     Calling,
     ScriptFault,
     Value,
-    builtin,
+    builtins,
     number,
     shown,
 )
@@ -54,14 +53,15 @@ def _open(core: Core, address: Value, port: Value, socket_name: Value = _NAME) -
 
 
 def _until(
-    core: Core, name: str, timeout: float, take: Callable[[Link], T | None], least: int = 0
+    core: Core, socket: Value, timeout: Value, take: Callable[[Link], T | None], least: int = 0
 ) -> Waiting[T | None]:
     """What a socket gives, once it does; None when the time is over or the socket closed.
 
     The time is counted in control cycles, but for those that are caught up: nobody could have
     answered between them.
     """
-    cycles = timeout / core.arm.cycle if timeout > 0 else math.inf
+    name, wait = shown(socket), number(timeout)
+    cycles = wait / core.arm.cycle if wait > 0 else math.inf
     waited, asked = 0, False
     while True:
         link = core.network.link(name)
@@ -86,27 +86,25 @@ def _count(value: Value) -> int:
     return value
 
 
+def _found(count: int, values: Sequence[float] | None) -> Value:
+    """How many numbers there are, and they; none of them unless all are there."""
+    return [0] + [math.nan] * count if values is None else [count, *values]
+
+
 def _read_binary_integer(
     core: Core, number: Value, socket_name: Value = _NAME, timeout: Value = _TIMEOUT_S
 ) -> Waiting[Value]:
     count = _count(number)
-    raw = yield from _bytes(core, count * _INT, socket_name, timeout)
-    if raw is None:
-        return [0] + [math.nan] * count
-    return [count, *struct.unpack(f">{count}i", raw)]
+    raw = yield from _until(core, socket_name, timeout, lambda link: link.take(count * _INT))
+    return _found(count, None if raw is None else struct.unpack(f">{count}i", raw))
 
 
 def _read_byte_list(
     core: Core, number: Value, socket_name: Value = _NAME, timeout: Value = _TIMEOUT_S
 ) -> Waiting[Value]:
     count = _count(number)
-    raw = yield from _bytes(core, count, socket_name, timeout)
-    return [0] + [math.nan] * count if raw is None else [count, *raw]
-
-
-def _bytes(core: Core, count: int, name: Value, timeout: Value) -> Waiting[bytes | None]:
-    wait = number(timeout)
-    return (yield from _until(core, shown(name), wait, lambda link: link.take(count)))
+    raw = yield from _until(core, socket_name, timeout, lambda link: link.take(count))
+    return _found(count, raw)
 
 
 def _read_ascii_float(
@@ -114,24 +112,20 @@ def _read_ascii_float(
 ) -> Waiting[Value]:
     count = _count(number)
 
-    def take(link: Link) -> list[Value] | None:
+    def take(link: Link) -> Value:
         end = link.data.find(b")")
         if end < 0:
             return None
         text = bytes(link.data[:end]).rpartition(b"(")[2]
         del link.data[: end + 1]
         try:
-            found = [float(part) for part in text.split(b",")]
+            floats = [float(part) for part in text.split(b",")]
         except ValueError:
-            found = []
-        return [len(found), *found] if len(found) == count else [0] + [math.nan] * count
+            floats = []
+        return _found(count, floats if len(floats) == count else None)
 
-    found = yield from _until(core, shown(socket_name), _seconds(timeout), take)
-    return [0] + [math.nan] * count if found is None else found
-
-
-def _seconds(timeout: Value) -> float:
-    return number(timeout)
+    found = yield from _until(core, socket_name, timeout, take)
+    return _found(count, None) if found is None else found
 
 
 def _read_string(
@@ -154,7 +148,7 @@ def _read_string(
         del data[: stop + len(end)]
         return text
 
-    found = yield from _until(core, shown(socket_name), _seconds(timeout), take)
+    found = yield from _until(core, socket_name, timeout, take)
     return found or ""
 
 
@@ -166,7 +160,7 @@ def _read_line(core: Core, socket_name: Value = _NAME, timeout: Value = _TIMEOUT
         link.data[:] = rest
         return line[:MAX_LENGTH].decode("latin-1").rstrip("\r")
 
-    found = yield from _until(core, shown(socket_name), _seconds(timeout), take)
+    found = yield from _until(core, socket_name, timeout, take)
     return found or ""
 
 
@@ -180,22 +174,6 @@ def _get_var(core: Core, name: Value, socket_name: Value = _NAME) -> Waiting[int
 def _send(core: Core, data: bytes, name: Value) -> bool:
     link = core.network.link(shown(name))
     return link is not None and link.send(data)
-
-
-def _send_int(core: Core, value: Value, socket_name: Value = _NAME) -> bool:
-    return _send(core, struct.pack(">I", int(number(value)) & 0xFFFFFFFF), socket_name)
-
-
-def _send_byte(core: Core, value: Value, socket_name: Value = _NAME) -> bool:
-    return _send(core, bytes((int(number(value)) & 0xFF,)), socket_name)
-
-
-def _send_string(core: Core, str: Value, socket_name: Value = _NAME) -> bool:
-    return _send(core, shown(str).encode(), socket_name)
-
-
-def _send_line(core: Core, str: Value, socket_name: Value = _NAME) -> bool:
-    return _send(core, shown(str).encode() + b"\n", socket_name)
 
 
 def _set_var(core: Core, name: Value, value: Value, socket_name: Value = _NAME) -> None:
@@ -215,16 +193,22 @@ _WAITING: dict[str, Any] = {
     "socket_read_line": _read_line,
     "socket_get_var": _get_var,
 }
-_AT_ONCE: dict[str, Any] = {
-    "socket_send_int": _send_int,
-    "socket_send_byte": _send_byte,
-    "socket_send_string": _send_string,
-    "socket_send_line": _send_line,
-    "socket_set_var": _set_var,
-    "socket_close": _close,
+_SEND: dict[str, Callable[[Core, Value, Value], bool]] = {
+    "socket_send_int": lambda core, value, socket_name=_NAME: _send(
+        core, struct.pack(">I", int(number(value)) & 0xFFFFFFFF), socket_name
+    ),
+    "socket_send_byte": lambda core, value, socket_name=_NAME: _send(
+        core, bytes((int(number(value)) & 0xFF,)), socket_name
+    ),
+    "socket_send_string": lambda core, str, socket_name=_NAME: _send(
+        core, shown(str).encode(), socket_name
+    ),
+    "socket_send_line": lambda core, str, socket_name=_NAME: _send(
+        core, shown(str).encode() + b"\n", socket_name
+    ),
 }
-SOCKETS: list[Builtin] = [
-    *(builtin(f, Calling.BLOCKING, name=name, weight=_WEIGHT) for name, f in _WAITING.items()),
-    *(builtin(f, Calling.INSTANT, name=name, weight=_WEIGHT) for name, f in _AT_ONCE.items()),
-]
+_AT_ONCE: dict[str, Any] = {**_SEND, "socket_set_var": _set_var, "socket_close": _close}
+SOCKETS = builtins(_WAITING, Calling.BLOCKING, _WEIGHT) | builtins(
+    _AT_ONCE, Calling.INSTANT, _WEIGHT
+)
 """Built-ins that talk to other machines."""

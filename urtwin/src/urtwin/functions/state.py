@@ -9,19 +9,18 @@ from dynid.core import Array, JobError
 from urtwin.arm import ForceMode
 from urtwin.core import Core, ToolPayload
 from urtwin.urscript import (
-    Builtin,
     Calling,
     Pose,
     ScriptFault,
     Value,
-    builtin,
+    builtins,
     matrix_of,
     number,
     numbers,
     pose_of,
     shown,
 )
-from urtwin.variables import READERS
+from urtwin.variables import READERS, tool_speed
 
 _KINEMATICS_WEIGHT, _INVERSE_WEIGHT = 400, 4_000
 _STEADY_S, _STANDSTILL = 0.5, 1e-3
@@ -29,9 +28,19 @@ _MAX_PAYLOAD_KG = 50.0
 
 
 def _forward(core: Core, q: Value = None, tcp: Value = None) -> Pose:
-    joints = core.arm.state.q.tolist() if q is None else numbers(q, 6, "joint positions")
-    tool = core.tcp_matrix if tcp is None else matrix_of(tcp)
-    return pose_of(core.arm.kinematics.forward(joints, tool))
+    return pose_of(core.arm.kinematics.forward(_joints(core, q).tolist(), _tool(core, tcp)))
+
+
+def _joints(core: Core, q: Value) -> Array:
+    return core.arm.state.q if q is None else np.array(numbers(q, 6, "joint positions"))
+
+
+def _speeds(core: Core, qd: Value) -> Array:
+    return core.arm.state.dq if qd is None else np.array(numbers(qd, 6, "joint speeds"))
+
+
+def _tool(core: Core, tcp: Value) -> Array:
+    return core.tcp_matrix if tcp is None else matrix_of(tcp)
 
 
 def _inverse(
@@ -46,7 +55,7 @@ def _inverse(
     found = core.arm.kinematics.inverse(
         matrix_of(x),
         near,
-        core.tcp_matrix if tcp is None else matrix_of(tcp),
+        _tool(core, tcp),
         position_error=max(number(maxPositionError), 1e-10),
         orientation_error=max(number(maxOrientationError), 1e-10),
     )
@@ -76,10 +85,6 @@ def _within_limits(core: Core, pose: Value) -> bool:
     joints = numbers(pose, 6, "joint positions")
     arm = core.arm
     return all(low <= q <= high for low, q, high in zip(arm.lower, joints, arm.upper, strict=True))
-
-
-def _tool_speed(core: Core, q: Array, dq: Array) -> Value:
-    return (core.arm.kinematics.jacobian(q.tolist(), core.tcp_matrix)[1] @ dq).tolist()
 
 
 def _history(core: Core, steps: Value = 0) -> Value:
@@ -116,35 +121,19 @@ def _set_target_payload(
     _set_payload(core, m, cog, inertia)
 
 
-def _set_payload_mass(core: Core, m: Value) -> None:
-    _set_payload(core, m, core.payload.cog)
-
-
-def _set_payload_cog(core: Core, CoG: Value) -> None:
-    _set_payload(core, core.payload.mass, CoG)
+def _set_gravity(core: Core, d: Value) -> None:
+    core.gravity = numbers(d, 3, "gravity")
+    core.believe()
 
 
 def _set_tcp(core: Core, pose: Value, tcp_name: Value = "") -> None:
     core.set_tcp(numbers(pose, 6, "a pose"))
 
 
-def _set_gravity(core: Core, d: Value) -> None:
-    core.gravity = numbers(d, 3, "gravity")
-    core.believe()
-
-
 def _joint_temperature(core: Core, j: Value) -> float:
     if not isinstance(j, int) or not 0 <= j < 6:
         raise ScriptFault("joint", value=j, limit=(0, 5))
     return core.arm.measured("temperature")[j]
-
-
-def _random(core: Core) -> float:
-    return float(core.random.random())
-
-
-def _protective_stop(core: Core) -> None:
-    core.protective_stop("Protective stop asked for by the program")
 
 
 def _rtde_value(core: Core, variable_name: Value) -> Value:
@@ -174,33 +163,34 @@ _ASK: dict[str, Callable[[Core], Value]] = {
     "get_tcp_force": lambda core: [0.0] * 6,
     "force": lambda core: 0.0,
     "is_steady": _is_steady,
-    "random": _random,
-    "protective_stop": _protective_stop,
+    "random": lambda core: float(core.random.random()),
+    "protective_stop": lambda core: core.protective_stop(
+        "Protective stop asked for by the program"
+    ),
 }
 _KINEMATICS: dict[str, Callable[[Core], Value]] = {
     "get_actual_tcp_pose": lambda core: _forward(core),
     "get_target_tcp_pose": lambda core: _forward(core, core.arm.state.target.q.tolist()),
     # No path offset and no conveyor moves the arm beside its path.
     "get_target_tcp_pose_along_path": lambda core: _forward(core, core.arm.state.target.q.tolist()),
-    "get_target_tcp_speed_along_path": lambda core: _tool_speed(
-        core, core.arm.state.target.q, core.arm.state.target.dq
-    ),
+    "get_target_tcp_speed_along_path": lambda core: tool_speed(core, core.arm.state.target),
     "get_target_waypoint": lambda core: _forward(core, core.arm.setpoint),
     "get_actual_tool_flange_pose": lambda core: _forward(core, None, Pose([0.0] * 6)),
-    "get_actual_tcp_speed": lambda core: _tool_speed(core, core.arm.state.q, core.arm.state.dq),
-    "get_target_tcp_speed": lambda core: _tool_speed(
-        core, core.arm.state.target.q, core.arm.state.target.dq
-    ),
+    "get_actual_tcp_speed": lambda core: tool_speed(core, core.arm.state),
+    "get_target_tcp_speed": lambda core: tool_speed(core, core.arm.state.target),
+}
+_SET: dict[str, Callable[[Core, Value], Value]] = {
+    "set_payload_mass": lambda core, m: _set_payload(core, m, core.payload.cog),
+    "set_payload_cog": lambda core, CoG: _set_payload(core, core.payload.mass, CoG),
+    "set_gravity": _set_gravity,
+    "get_joint_temp": _joint_temperature,
+    "get_rtde_value": _rtde_value,
 }
 _WITH_ARGUMENTS: dict[str, Any] = {
-    "get_rtde_value": _rtde_value,
+    **_SET,
     "get_actual_joint_positions_history": _history,
-    "get_joint_temp": _joint_temperature,
     "set_payload": _set_payload,
-    "set_payload_mass": _set_payload_mass,
-    "set_payload_cog": _set_payload_cog,
     "set_target_payload": _set_target_payload,
-    "set_gravity": _set_gravity,
     "get_forward_kin": _forward,
     "set_tcp": _set_tcp,
 }
@@ -209,30 +199,15 @@ _SOLVE: dict[str, Any] = {
     "get_inverse_kin_has_solution": _has_solution,
     "is_within_safety_limits": _within_limits,
 }
-STATE: list[Builtin] = [
-    builtin(function, Calling.INSTANT, name=name, weight=weight)
-    for group, weight in (
-        (_ASK, 50),
-        (_KINEMATICS, _KINEMATICS_WEIGHT),
-        (_WITH_ARGUMENTS, _KINEMATICS_WEIGHT),
-        (_SOLVE, _INVERSE_WEIGHT),
-    )
-    for name, function in group.items()
-]
+STATE = (
+    builtins(_ASK, Calling.INSTANT, 50)
+    | builtins({**_KINEMATICS, **_WITH_ARGUMENTS}, Calling.INSTANT, _KINEMATICS_WEIGHT)
+    | builtins(_SOLVE, Calling.INSTANT, _INVERSE_WEIGHT)
+)
 """Built-ins about the arm's state."""
 
 
 _WEIGHT = 1_500
-
-
-def _joints(core: Core, q: Value) -> Array:
-    actual = core.arm.state.q
-    return actual if q is None else np.array(numbers(q, 6, "joint positions"))
-
-
-def _speeds(core: Core, qd: Value) -> Array:
-    actual = core.arm.state.dq
-    return actual if qd is None else np.array(numbers(qd, 6, "joint speeds"))
 
 
 def _mass_matrix(core: Core, q: Value = None, include_rotors_inertia: Value = False) -> Value:
@@ -244,26 +219,21 @@ def _coriolis(core: Core, q: Value = None, qd: Value = None) -> Value:
 
 
 def _jacobian(core: Core, q: Value = None, tcp: Value = None) -> Value:
-    tool = core.tcp_matrix if tcp is None else matrix_of(tcp)
-    return core.arm.kinematics.jacobian(_joints(core, q).tolist(), tool)[1].tolist()
+    return core.arm.kinematics.jacobian(_joints(core, q).tolist(), _tool(core, tcp))[1].tolist()
 
 
 def _jacobian_rate(core: Core, q: Value = None, qd: Value = None, tcp: Value = None) -> Value:
-    tool = core.tcp_matrix if tcp is None else matrix_of(tcp)
     joints, speeds = _joints(core, q).tolist(), _speeds(core, qd)
-    return core.arm.kinematics.jacobian_rate(joints, speeds, tool).tolist()
+    return core.arm.kinematics.jacobian_rate(joints, speeds, _tool(core, tcp)).tolist()
 
 
-_TABLE: dict[str, Any] = {
+_OF_MODEL: dict[str, Any] = {
     "get_mass_matrix": _mass_matrix,
     "get_coriolis_and_centrifugal_torques": _coriolis,
     "get_jacobian": _jacobian,
     "get_jacobian_time_derivative": _jacobian_rate,
 }
-MODEL: list[Builtin] = [
-    builtin(function, Calling.INSTANT, name=name, weight=_WEIGHT)
-    for name, function in _TABLE.items()
-]
+MODEL = builtins(_OF_MODEL, Calling.INSTANT, _WEIGHT)
 """Built-ins about the controller's model."""
 
 
@@ -298,10 +268,6 @@ def _end_force_mode(core: Core) -> None:
     core.force = None
 
 
-def _set_damping(core: Core, damping: Value) -> None:
-    _between("damping of force mode", damping, _MOST_DAMPING)
-
-
 def _set_gain(core: Core, scaling: Value) -> None:
     core.force_gain = _between("gain of force mode", scaling, _MOST_GAIN)
 
@@ -311,10 +277,6 @@ def _between(what: str, value: Value, most: float) -> float:
     if not 0.0 <= found <= most:
         raise ScriptFault(what, value=found, limit=(0, most))
     return found
-
-
-def _zero_sensor(core: Core) -> None:
-    """The force at the tool is zero already."""
 
 
 def _teach(core: Core) -> None:
@@ -329,31 +291,24 @@ def _freedrive(core: Core, freeAxes: Value = _ALL_FREE, feature: Value = 0) -> N
     core.teaching = True
 
 
-def _freedrive_status(core: Core) -> int:
-    """0: no joint is near its limit, as nobody pushes the arm there."""
-    return 0
-
-
-def _tool_contact(core: Core, direction: Value = 0) -> int:
-    """0: the tool touches nothing."""
-    return 0
-
-
-_FORCE_TABLE: dict[str, Any] = {
-    "force_mode": _force_mode,
+_AT_THE_TOOL: dict[str, Callable[[Core], Value]] = {
     "end_force_mode": _end_force_mode,
-    "force_mode_set_damping": _set_damping,
-    "force_mode_set_gain_scaling": _set_gain,
-    "zero_ftsensor": _zero_sensor,
+    # The force at the tool is zero already.
+    "zero_ftsensor": lambda core: None,
     "teach_mode": _teach,
     "end_teach_mode": _end_teach,
-    "freedrive_mode": _freedrive,
     "end_freedrive_mode": _end_teach,
-    "get_freedrive_status": _freedrive_status,
-    "tool_contact": _tool_contact,
+    # No joint is near its limit, as nobody pushes the arm there.
+    "get_freedrive_status": lambda core: 0,
 }
-FORCE: list[Builtin] = [
-    builtin(function, Calling.INSTANT, name=name, weight=_FORCE_WEIGHT)
-    for name, function in _FORCE_TABLE.items()
-]
+_FORCE: dict[str, Callable[[Core, Value], Value]] = {
+    "force_mode_set_damping": lambda core, damping: _between(
+        "damping of force mode", damping, _MOST_DAMPING
+    ),
+    "force_mode_set_gain_scaling": _set_gain,
+    # The tool touches nothing.
+    "tool_contact": lambda core, direction=0: 0,
+}
+_MORE: dict[str, Any] = {"force_mode": _force_mode, "freedrive_mode": _freedrive}
+FORCE = builtins({**_AT_THE_TOOL, **_FORCE, **_MORE}, Calling.INSTANT, _FORCE_WEIGHT)
 """Built-ins about the force at the tool."""

@@ -17,7 +17,7 @@ from typing import TextIO
 from dynid.protocol import rtde
 from urtwin.core import Message
 from urtwin.dashboard import obey
-from urtwin.machine import ControllerMachine
+from urtwin.machine import ControllerMachine, compile_program
 from urtwin.network import Network, on_this_machine
 from urtwin.primary import packets, realtime_state, robot_state, version_message
 from urtwin.rtde import Packer
@@ -273,7 +273,7 @@ class ControllerServer:
         self._clients: dict[int, Client] = {}
         self._rtde: list[RtdeClient] = []
         self._reception = Reception(machine, settings, self._submit)
-        self._compiler = ScriptCompiler(machine.compile, real_time=not settings.virtual)
+        self._compiler = ScriptCompiler(compile_program, real_time=not settings.virtual)
         self._broadcast = Broadcast(machine, TOGETHER_S if settings.virtual else 0.0)
         if not on_this_machine(settings.host):
             machine.core.network = Network(lambda _: True)

@@ -18,10 +18,9 @@ from urtwin.urscript.values import (
     ScriptError,
     ScriptFault,
     Value,
-    builtin,
+    builtins,
     number,
     shown,
-    table,
     truth,
 )
 
@@ -44,7 +43,7 @@ __all__ = [
     "ScriptFault",
     "ScriptRun",
     "Value",
-    "builtin",
+    "builtins",
     "compile_addition",
     "compile_script",
     "matrix_of",
@@ -52,6 +51,5 @@ __all__ = [
     "numbers",
     "pose_of",
     "shown",
-    "table",
     "truth",
 ]

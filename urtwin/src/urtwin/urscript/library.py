@@ -5,6 +5,7 @@ element by element (script manual, "Matrix and Array Expressions").
 """
 
 import math
+from collections.abc import Callable
 from typing import Any, cast
 
 import numpy as np
@@ -14,12 +15,11 @@ from dynid.robot import from_xyz_rpy, inverse
 from urtwin.kinematics import rotation_matrix, rotation_vector, to_matrix, to_pose
 from urtwin.urscript.values import (
     MAX_LENGTH,
-    Builtin,
     Calling,
     Pose,
     ScriptFault,
     Value,
-    builtin,
+    builtins,
     described,
     is_matrix,
     number,
@@ -28,37 +28,21 @@ from urtwin.urscript.values import (
 )
 
 
-def _floor(f: Value) -> int:
-    return math.floor(number(f))
-
-
-def _ceil(f: Value) -> int:
-    return math.ceil(number(f))
-
-
-def _log(b: Value, f: Value) -> float:
-    return math.log(number(f), number(b))
-
-
-def _pow(base: Value, exponent: Value) -> float:
-    return math.pow(number(base), number(exponent))
-
-
 def _norm(a: Value) -> float:
     if isinstance(a, list):
         return math.sqrt(sum(number(item) ** 2 for item in cast("list[Any]", a)))
     return abs(number(a))
 
 
+def _normalize(a: Value) -> list[float]:
+    scale = _norm(a)
+    return [number(item) / scale for item in a]
+
+
 def _length(v: Value) -> int:
     if isinstance(v, list | str):
         return len(cast("list[Any]", v))
     raise ScriptFault("length needs a list or a string")
-
-
-def _normalize(a: Value) -> list[float]:
-    scale = _norm(a)
-    return [number(item) / scale for item in a]
 
 
 def _make_list(length: Value, initial_value: Value, capacity: Value = 0) -> list[Value]:
@@ -71,10 +55,6 @@ def _whole(value: Value) -> int:
     if value.__class__ is not int:
         raise ScriptFault("a whole number expected", value=value)
     return value
-
-
-def _integer_to_binary_list(x: Value) -> Value:
-    return [bool(_whole(x) >> k & 1) for k in range(32)]
 
 
 def _binary_list_to_integer(l: Value) -> int:  # noqa: E741 - its name in URScript
@@ -107,10 +87,6 @@ def _str_at(src: Value, index: Value) -> str:
     return text[place]
 
 
-def _str_cat(op1: Value, op2: Value) -> str:
-    return _to_str(shown(op1) + shown(op2))
-
-
 def _str_find(src: Value, target: Value, start_from: Value = 0) -> int:
     return _text(src).find(_text(target), max(_whole(start_from), 0))
 
@@ -127,54 +103,34 @@ def _real(function: Any) -> Any:
     return apply
 
 
-def _atan2(x: Value, y: Value) -> float:
-    # Named as in URScript's manual, where the first argument is the ordinate.
-    return math.atan2(number(x), number(y))
-
-
-def _str_empty(str: Value) -> bool:
-    return _text(str) == ""
-
-
-def _str_len(str: Value) -> int:
-    return len(_text(str))
-
-
-_TABLE: dict[str, Any] = {
-    "acos": _real(math.acos),
-    "asin": _real(math.asin),
-    "atan": _real(math.atan),
-    "atan2": _atan2,
-    "ceil": _ceil,
-    "cos": _real(math.cos),
+_REAL = "acos asin atan ceil cos floor sin sqrt tan"
+_OF_ONE: dict[str, Callable[[Value], Value]] = {
+    **{name: _real(getattr(math, name)) for name in _REAL.split()},
     "d2r": _real(math.radians),
-    "floor": _floor,
+    "r2d": _real(math.degrees),
     "length": _length,
     "get_list_length": _length,
-    "log": _log,
-    "make_list": _make_list,
+    "size": _length,
     "norm": _norm,
     "normalize": _normalize,
-    "size": _length,
-    "pow": _pow,
-    "r2d": _real(math.degrees),
-    "sin": _real(math.sin),
-    "sqrt": _real(math.sqrt),
-    "tan": _real(math.tan),
-    "integer_to_binary_list": _integer_to_binary_list,
+    "integer_to_binary_list": lambda x: [bool(_whole(x) >> k & 1) for k in range(32)],
     "binary_list_to_integer": _binary_list_to_integer,
-    "str_at": _str_at,
-    "str_cat": _str_cat,
-    "str_empty": _str_empty,
-    "str_find": _str_find,
-    "str_len": _str_len,
-    "str_sub": _str_sub,
+    "str_empty": lambda str: _text(str) == "",
+    "str_len": lambda str: len(_text(str)),
+    "to_num": _to_num,
 }
-MATHEMATICS: list[Builtin] = [
-    *(builtin(function, Calling.PURE, name=name) for name, function in _TABLE.items()),
-    builtin(_to_str, Calling.PURE, name="to_str", weight=200),
-    builtin(_to_num, Calling.PURE, name="to_num"),
-]
+_OF_TWO: dict[str, Callable[[Value, Value], Value]] = {
+    # Named as in URScript's manual, where the first argument is the ordinate.
+    "atan2": lambda x, y: math.atan2(number(x), number(y)),
+    "log": lambda b, f: math.log(number(f), number(b)),
+    "pow": lambda base, exponent: math.pow(number(base), number(exponent)),
+    "str_at": _str_at,
+    "str_cat": lambda op1, op2: _to_str(shown(op1) + shown(op2)),
+}
+_OF_MORE: dict[str, Any] = {"make_list": _make_list, "str_find": _str_find, "str_sub": _str_sub}
+MATHEMATICS = builtins({**_OF_ONE, **_OF_TWO, **_OF_MORE}, Calling.PURE) | builtins(
+    {"to_str": _to_str}, Calling.PURE, 200
+)
 """Built-ins that only compute."""
 
 
@@ -207,10 +163,6 @@ def pose_of(matrix: Array) -> Pose:
     return Pose(to_pose(matrix))
 
 
-def _pose_trans(p_from: Value, p_from_to: Value) -> Pose:
-    return pose_of(matrix_of(p_from) @ matrix_of(p_from_to))
-
-
 def inverse_pose(p_from: Value) -> Pose:
     """The way back.
 
@@ -230,12 +182,8 @@ def _pose_sub(p_to: Value, p_from: Value) -> Pose:
     return _apart(goal[:3, 3] - start[:3, 3], goal[:3, :3] @ start[:3, :3].T)
 
 
-def _pose_dist(p_from: Value, p_to: Value) -> float:
-    return math.sqrt(sum(value * value for value in _pose_sub(p_to, p_from)))
-
-
-def _point_dist(p_from: Value, p_to: Value) -> float:
-    return math.dist(numbers(p_from, 6, "a pose")[:3], numbers(p_to, 6, "a pose")[:3])
+def _point(pose: Value) -> list[float]:
+    return numbers(pose, 6, "a pose")[:3]
 
 
 def _interpolate_pose(p_from: Value, p_to: Value, alpha: Value) -> Pose:
@@ -270,21 +218,21 @@ def _apart(place: Array, rotation: Array) -> Pose:
     return pose_of(matrix)
 
 
-_POSE_TABLE: dict[str, Any] = {
-    "pose_trans": _pose_trans,
-    "pose_inv": inverse_pose,
+_BETWEEN_POSES: dict[str, Callable[[Value, Value], Value]] = {
+    "pose_trans": lambda p_from, p_from_to: pose_of(matrix_of(p_from) @ matrix_of(p_from_to)),
     "pose_add": _pose_add,
     "pose_sub": _pose_sub,
-    "pose_dist": _pose_dist,
-    "point_dist": _point_dist,
+    "pose_dist": lambda p_from, p_to: math.sqrt(sum(d * d for d in _pose_sub(p_to, p_from))),
+    "point_dist": lambda p_from, p_to: math.dist(_point(p_from), _point(p_to)),
+}
+_OF_POSES: dict[str, Any] = {
+    **_BETWEEN_POSES,
+    "pose_inv": inverse_pose,
     "interpolate_pose": _interpolate_pose,
     "rpy2rotvec": _rpy2rotvec,
     "rotvec2rpy": _rotvec2rpy,
 }
-POSES: list[Builtin] = [
-    builtin(function, Calling.PURE, name=name, weight=_WEIGHT)
-    for name, function in _POSE_TABLE.items()
-]
+POSES = builtins(_OF_POSES, Calling.PURE, _WEIGHT)
 """Built-ins for poses."""
 
 
@@ -322,12 +270,7 @@ def _wrench_trans(T_from_to: Value, w_from: Value) -> Value:
     return [*force.tolist(), *moment.tolist()]
 
 
-MATRICES: list[Builtin] = [
-    builtin(function, Calling.PURE, name=name, weight=_WEIGHT)
-    for name, function in (
-        ("transpose", _transpose),
-        ("inv", _inv),
-        ("wrench_trans", _wrench_trans),
-    )
-]
+MATRICES = builtins(
+    {"transpose": _transpose, "inv": _inv, "wrench_trans": _wrench_trans}, Calling.PURE, _WEIGHT
+)
 """Built-ins for matrices, and for poses and wrenches as such."""

@@ -6,7 +6,7 @@ Values are numbers, truth values, strings, lists and poses (lists of six numbers
 
 import inspect
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, cast
@@ -306,30 +306,20 @@ class Builtin:
         return len(self.parameters) - len(self.defaults)
 
 
-def builtin(
-    function: Function, kind: Calling, *, name: str | None = None, weight: int = 5
-) -> Builtin:
-    """A built-in whose arguments are those of a Python function.
+def builtins(
+    functions: Mapping[str, Function], kind: Calling, weight: int = 5
+) -> dict[str, Builtin]:
+    """Built-ins whose arguments are those of Python functions.
 
     Args:
-        function: The function; instant and blocking ones take the controller first.
-        kind: How it runs.
-        name: Its name in scripts, if it is not the function's.
+        functions: By their names in scripts; instant and blocking ones take the controller first.
+        kind: How they run.
         weight: What a call costs, in operations.
     """
-    parameters = list(inspect.signature(function).parameters.values())
-    own = parameters if kind == Calling.PURE else parameters[1:]
-    empty = inspect.Parameter.empty
-    return Builtin(
-        name=name or function.__name__,
-        function=function,
-        kind=kind,
-        parameters=tuple(item.name for item in own),
-        defaults=tuple(item.default for item in own if item.default is not empty),
-        weight=weight,
-    )
-
-
-def table(*groups: Iterable[Builtin]) -> dict[str, Builtin]:
-    """Built-ins by name."""
-    return {item.name: item for group in groups for item in group}
+    found: dict[str, Builtin] = {}
+    for name, function in functions.items():
+        own = list(inspect.signature(function).parameters.values())[kind != Calling.PURE :]
+        names = tuple(item.name for item in own)
+        defaults = tuple(item.default for item in own if item.default is not item.empty)
+        found[name] = Builtin(name, function, kind, names, defaults, weight)
+    return found
