@@ -111,9 +111,8 @@ def _judge(path: Path) -> str:
         assert np.isfinite(robot.placements).all()
         poses = joint_poses(robot, np.full(robot.joints, 0.3))
         assert np.isfinite(poses).all()
-        nominal, notes = nominal_geometry(robot)
-        structural_gravity(nominal)
-        lines = [*robot.notes, *notes, robot.name, robot.source, *robot.joint_names]
+        structural_gravity(nominal_geometry(robot))
+        lines = [*robot.notes, robot.name, robot.source, *robot.joint_names]
         outcome = "robot"
     except InputError as error:
         lines, outcome = [str(error)], "error"

@@ -47,7 +47,7 @@ def test_every_number_has_a_source(name: str) -> None:
     for group in ("dh:", "urdf_frames:", "limits:", "inertia:"):
         assert group in robot.source
     assert robot.joint_names == ROS_NAMES
-    assert nominal_geometry(robot) == (robot, ())
+    assert nominal_geometry(robot) is robot
     known = ~np.isnan(robot.inertias)
     assert known[:, :4].all()
     if name in ("ur3", "ur5"):

@@ -1,9 +1,4 @@
-"""Bayesian estimation: published inertias as a prior, and a calibrated posterior.
-
-What is known of the links before any data: CAD values, completed where unpublished.
-
-Which parameters cannot be negative, whatever the data say.
-"""
+"""Bayesian estimation: published inertias as a prior, completed where unpublished."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -16,10 +11,9 @@ from dynid.identification.least_squares import (
     Estimator,
     Fit,
     WeightedLeastSquares,
-    pooled,
     residual_noise,
+    reweighted,
     solve,
-    torque_scale,
 )
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
 from dynid.identification.statistics import hac_covariance, naive_covariance
@@ -119,9 +113,20 @@ def _orthonormal() -> Array:
     return basis
 
 
-ORTHONORMAL = _orthonormal()
-"""(10, 4, 4) symmetric matrices, orthonormal by the trace of products: with J = L L', the moves
-L E L' are the units of the pseudo-inertias' own metric at J."""
+_ORTHONORMAL = _orthonormal()
+"""(10, 4, 4) symmetric matrices, orthonormal by the trace of products."""
+
+
+def metric_moves(pseudo: Array, basis: Array = _ORTHONORMAL) -> Array:
+    """(10 n, 10 n) moves of bodies: with J = L L' those by L E L', E of the basis (10, 4, 4).
+
+    Those of the orthonormal basis are the units of the pseudo-inertias' own metric at J (n, 4, 4).
+    """
+    out = np.zeros((10 * len(pseudo), 10 * len(pseudo)))
+    for i, root in enumerate(np.linalg.cholesky(pseudo)):
+        here = slice(10 * i, 10 * i + 10)
+        out[here, here] = from_pseudo_inertia(root @ basis @ root.T).T
+    return out
 
 
 NOT_NEGATIVE = ("Fc", "Fv", "Fr", "Fl", "Fw", "Im", "Fcm", "Fvm", "Imm")
@@ -162,13 +167,13 @@ def deviations(robot: RobotModel, frames: str, known: InertialPrior | None = Non
         pseudo = to_pseudo_inertia(row)
         if known is None and not (published[0] > 0 and np.isfinite(published[:4]).all()):
             body = np.linalg.cholesky(pseudo)
-            moves = COMPLETED * (body @ ORTHONORMAL @ body.T)
+            moves = COMPLETED * (body @ _ORTHONORMAL @ body.T)
         else:
             theirs = known is not None or np.allclose(move(row, places[i]), published)
             second = pseudo[:3, :3] - mass * np.outer(centre, centre)
             shape = np.asarray(np.linalg.cholesky(second), dtype=np.float64)
             moves = np.zeros((10, 4, 4))
-            moves[:6, :3, :3] = shape @ ORTHONORMAL[:6, :3, :3] @ shape.T
+            moves[:6, :3, :3] = shape @ _ORTHONORMAL[:6, :3, :3] @ shape.T
             moves[:6] *= TENSOR_SPREAD if theirs else COMPLETED
             arm = np.append(centre, 1.0)
             shifts = CENTRE_SPREAD_M * mass * np.eye(3, 4)[:, :, None] * arm
@@ -230,10 +235,7 @@ def published_prior(
     model = base.model
     given = known or inertial_prior(model.robot, model.frames)
     inertial, mapping = 10 * model.robot.joints, base_mapping(base)
-    spread = np.zeros((inertial, inertial))
-    for i, body in enumerate(np.linalg.cholesky(to_pseudo_inertia(given.parameters))):
-        here = slice(10 * i, 10 * i + 10)
-        spread[here, here] = from_pseudo_inertia(body @ ORTHONORMAL @ body.T).T
+    spread = metric_moves(to_pseudo_inertia(given.parameters))
     scale = np.linalg.norm(mapping[:, :inertial] @ spread, axis=1)
     scale = np.where(scale > 0, scale, 1.0)
     free = mapping[:, inertial:]
@@ -270,34 +272,21 @@ class TowardPublished(Estimator):
     """Inertias in the model's parameter frames; None for the robot's, completed."""
     groups: tuple[int, ...] | None = None
     """See `WeightedLeastSquares`."""
-    max_iterations: int = 20
-    tolerance: float = 1e-4
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""
         factors = joint_factors(problem)
         known = published_prior(problem.base, self.prior)
-        groups = np.arange(len(factors)) if self.groups is None else np.array(self.groups)
         strength = self.weight * problem.blocks
-        root = np.sqrt(strength) * known.root
-        noise = torque_scale(factors, problem)
-        values = information = np.zeros(0)
-        for _ in range(self.max_iterations):
-            weights = 1.0 / pooled(noise, groups)
-            values, information = posterior(factors, weights, known.mean, root, PRIOR_GAIN)
-            update = residual_noise(factors, values, problem)
-            change = np.abs(update / noise - 1).max()
-            noise = update
-            if change < self.tolerance:
-                break
-        weights = 1.0 / pooled(noise, groups)
-        values, information = posterior(factors, weights, known.mean, root, PRIOR_GAIN)
-        pull = strength * known.pull
-        return Fit(
-            values=values,
-            noise=noise,
-            weights=weights,
-            information=information,
+        root, pull = np.sqrt(strength) * known.root, strength * known.pull
+        fit = reweighted(
+            problem,
+            factors,
+            self.groups,
+            lambda weights: posterior(factors, weights, known.mean, root, PRIOR_GAIN),
+        )
+        return replace(
+            fit,
             # The bodies are off by what real ones are, not by what the weight would say.
             prior_precision=pull @ pull.T,
             choices=(f"inertias toward {known.word} with weight {self.weight:.2g}",),
@@ -356,9 +345,8 @@ def base_prior(
     model = problem.base.model
     inertial = 10 * model.robot.joints
     spread = np.zeros((len(model.columns), len(model.columns)))
-    for i, body in enumerate(np.linalg.cholesky(to_pseudo_inertia(known.parameters))):
-        here = slice(10 * i, 10 * i + 10)
-        spread[here, here] = relative * from_pseudo_inertia(body @ ORTHONORMAL @ body.T).T
+    moves = metric_moves(to_pseudo_inertia(known.parameters))
+    spread[:inertial, :inertial] = relative * moves
     mapping = base_mapping(problem.base)
     stacked = (factors * weights[:, None, None]).reshape(-1, problem.base.rank + 1)
     energy = float(np.linalg.norm(stacked[:, -1]))

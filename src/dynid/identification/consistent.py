@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, JobError, read_only, require, scipy_part, upper_triangle
-from dynid.identification.bayesian import NOT_NEGATIVE, InertialPrior, symbol_of
+from dynid.core import Array, JobError, require, scipy_part, upper_triangle
+from dynid.identification.bayesian import NOT_NEGATIVE, InertialPrior, metric_moves, symbol_of
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
 from dynid.regressor import InverseDynamicModel
-from dynid.robot import frame_map, from_pseudo_inertia, to_pseudo_inertia
+from dynid.robot import frame_map, to_pseudo_inertia
 
 BOUNDED_BY = {"Fca": "Fc", "Fva": "Fv", "Fs": "Fc"}
 """Added friction that must not outweigh its term: friction opposes motion both ways."""
@@ -236,12 +236,10 @@ def _units(problem: ConsistentProblem) -> Array:
 
     Friction in N.m beside inertias of a wrist would stop the solver short of its tolerance.
     """
-    units = np.eye(problem.matrix.shape[1])
-    for i, root in enumerate(np.linalg.cholesky(to_pseudo_inertia(problem.prior))):
-        here = slice(10 * i, 10 * i + 10)
-        units[here, here] = from_pseudo_inertia(root @ _BASIS @ root.T).T
-    norms = np.linalg.norm(problem.matrix[:, 10 * problem.links :], axis=0)
-    for k, norm in enumerate(norms, start=10 * problem.links):
+    units, inertial = np.eye(problem.matrix.shape[1]), 10 * problem.links
+    units[:inertial, :inertial] = metric_moves(to_pseudo_inertia(problem.prior), _BASIS)
+    norms = np.linalg.norm(problem.matrix[:, inertial:], axis=0)
+    for k, norm in enumerate(norms, start=inertial):
         units[k, k] = 1.0 / norm if norm > 0 else 1.0
     return units
 
@@ -287,16 +285,6 @@ WEIGHT_TOLERANCE = 1e-8
 """Of the solver while weights are compared."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HeldOutWeight:
-    """A weight, and what spoke for it."""
-
-    gamma: float
-    scores: Array
-    """(folds, weights) sum over joints of log RMS on the region left out [log N.m]."""
-    regions: int
-
-
 def pose_regions(q: Array) -> Array:
     """(k, N) marks of the rows at each end of the principal axes of poses.
 
@@ -314,8 +302,8 @@ def pose_regions(q: Array) -> Array:
 
 def held_out_weight(
     problem: IdentificationProblem, weights: Array, prior: InertialPrior
-) -> HeldOutWeight:
-    """The largest weight that predicts unseen regions as well as the best, to its own doubt.
+) -> tuple[float, int]:
+    """The largest weight that predicts unseen regions as well as the best, and how many they are.
 
     Each end of the motion's principal axes is left out in turn. Of all weights whose mean score
     lies within one standard error of the best, the largest is taken (Breiman, Friedman, Olshen
@@ -350,7 +338,7 @@ def held_out_weight(
             error = np.linalg.norm(left @ np.append(mapping @ found.values, -1.0), axis=1)
             scores[k, i] = np.log(np.maximum(error / np.sqrt(mark.sum()), 1e-12)).sum()
     chosen = one_standard_error(scores)
-    return HeldOutWeight(gamma=10.0 ** POWERS[chosen], scores=read_only(scores), regions=len(marks))
+    return 10.0 ** POWERS[chosen], len(marks)
 
 
 def one_standard_error(scores: Array) -> int:

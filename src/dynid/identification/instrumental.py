@@ -106,8 +106,6 @@ class ClosedLoop:
     model: InverseDynamicModel
     parameters: Array
     """(p) standard parameters of the arm."""
-    servo: Array | None = None
-    """(p) what the servo believes of them; None for the truth."""
 
     def simulate(self, reference: Samples) -> Samples:
         """Positions, velocities, accelerations of the simulated arm at the samples' times.
@@ -127,11 +125,11 @@ class ClosedLoop:
             for start in range(part.start, part.stop, length):
                 starts.append(start)
                 firsts.append(max(part.start, start - settle))
-        out = [np.array(x) for x in (reference.q, reference.dq, reference.ddq)]
+        motion = (reference.q, reference.dq, reference.ddq)
+        out = [np.array(x) for x in motion]
         first, begin = np.array(firsts), np.array(starts)
         end = np.minimum(begin + length, reference.count)
-        q, dq = reference.q[first].copy(), reference.dq[first].copy()
-        ddq = reference.ddq[first].copy()
+        q, dq, ddq = (x[first] for x in motion)
         for k in range(int((end - first).max())):
             at = np.minimum(first + k, reference.count - 1)
             writing = (first + k >= begin) & (first + k < end)
@@ -140,25 +138,19 @@ class ClosedLoop:
             ahead = np.minimum(at + 1, reference.count - 1)
             for s in range(steps):
                 share = s / steps
-                aim = (
-                    (1 - share) * reference.q[at] + share * reference.q[ahead],
-                    (1 - share) * reference.dq[at] + share * reference.dq[ahead],
-                    (1 - share) * reference.ddq[at] + share * reference.ddq[ahead],
-                )
+                aim = tuple((1 - share) * x[at] + share * x[ahead] for x in motion)
                 ddq = self._acceleration(aim, q, dq, 1.0 / (rate * steps))
                 q = q + dq / (rate * steps) + ddq / (2 * (rate * steps) ** 2)
                 dq = dq + ddq / (rate * steps)
                 if not np.abs(q - aim[0]).max() < RUNAWAY:
                     raise JobError(
-                        "the simulation of the arm diverges: its model or its servo's is wrong",
+                        "the simulation of the arm diverges: its model is wrong",
                         value=f"{np.abs(q - aim[0]).max():.3g} rad or m beside its reference",
                         next_step="Use --estimator sdp, or record a better motion.",
                     )
         return replace(reference, q=out[0], dq=out[1], ddq=out[2])
 
-    def _acceleration(
-        self, aim: tuple[Array, Array, Array], q: Array, dq: Array, step: float
-    ) -> Array:
+    def _acceleration(self, aim: tuple[Array, ...], q: Array, dq: Array, step: float) -> Array:
         """(B, n) accelerations of all stretches for what they aim at."""
         joints = q.shape[1]
         omega = 2 * np.pi * SERVO_HZ
@@ -175,15 +167,11 @@ class ClosedLoop:
         torque = self.model.inverse_dynamics(*states, self.parameters)
         count = len(q)
         bias, nudged, planned, gravity = (torque[k * count : (k + 1) * count] for k in range(4))
-        mass = believed = _mass(torque[3 * count :], gravity)
-        if self.servo is not None:
-            torque = self.model.inverse_dynamics(*states, self.servo)
-            planned, gravity = torque[2 * count : 3 * count], torque[3 * count : 4 * count]
-            believed = _mass(torque[3 * count :], gravity)
+        mass = _mass(torque[3 * count :], gravity)
         slope = np.maximum((nudged - bias) / NUDGE, 0.0)
         # The servo's torque is mass times wanted plus the planned bias.
         implicit = mass + step * slope[:, :, None] * np.eye(joints)
-        push = np.einsum("bij,bj->bi", believed, wanted) + planned - bias
+        push = np.einsum("bij,bj->bi", mass, wanted) + planned - bias
         found = np.asarray(np.linalg.solve(implicit, push[:, :, None]), dtype=np.float64)
         return found[:, :, 0]
 
@@ -279,9 +267,7 @@ def simulated_problem(
         inner: The samples that are kept.
         values: (r) base parameters of the arm.
     """
-    parameters = np.zeros(len(problem.base.model.columns))
-    parameters[list(problem.base.independent)] = values
-    loop = ClosedLoop(model=problem.base.model, parameters=parameters)
+    loop = ClosedLoop(model=problem.base.model, parameters=problem.base.to_standard(values))
     return replace(problem, samples=picked(loop.simulate(smooth), inner))
 
 

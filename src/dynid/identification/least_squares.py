@@ -1,6 +1,7 @@
 """Least squares: ordinary, weighted, robust, total and recursive."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -19,6 +20,9 @@ from dynid.identification.problem import IdentificationProblem, joint_factors
 
 PRIOR_GAIN = 1.0
 """Standard deviation expected of a parameter's share of the torque, over the torque itself."""
+MOST_WEIGHTINGS = 20
+SETTLED = 1e-4
+"""Iterations stop when no joint's noise, or no residual, changes by more than this share."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,30 +107,49 @@ class WeightedLeastSquares(Estimator):
     """Group of each joint; joints of a group share one noise (joint sizes). None: one each."""
     prior_gain: float | None = None
     """Weak prior that tames directions without data, see `PRIOR_GAIN`; None for none."""
-    max_iterations: int = 20
-    tolerance: float = 1e-4
-    """Stop when no joint's noise changes by more than this share."""
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""
         factors = joint_factors(problem)
-        groups = np.arange(len(factors)) if self.groups is None else np.array(self.groups)
-        if len(groups) != len(factors):
-            raise InputError("one group a joint", value=len(groups), limit=len(factors))
-        measured = problem.samples.noise
-        noise = torque_scale(factors, problem) if measured is None else measured
-        values = information = np.zeros(0)
-        for _ in range(self.max_iterations):
-            weights = 1.0 / pooled(noise, groups)
-            values, information = solve(factors, weights, self.prior_gain)
-            update = residual_noise(factors, values, problem)
-            change = np.abs(update / noise - 1).max()
-            noise = update
-            if change < self.tolerance:
-                break
-        weights = 1.0 / pooled(noise, groups)
-        values, information = solve(factors, weights, self.prior_gain)
-        return Fit(values=values, noise=noise, weights=weights, information=information)
+        return reweighted(
+            problem,
+            factors,
+            self.groups,
+            lambda weights: solve(factors, weights, self.prior_gain),
+            problem.samples.noise,
+        )
+
+
+def reweighted(
+    problem: IdentificationProblem,
+    factors: Array,
+    groups: tuple[int, ...] | None,
+    solved: Callable[[Array], tuple[Array, Array]],
+    measured: Array | None = None,
+) -> Fit:
+    """The solution whose weights are those of its own residuals.
+
+    Args:
+        problem: The problem.
+        factors: (n, r + 1, r + 1) from `joint_factors`.
+        groups: See `WeightedLeastSquares`.
+        solved: From weights (n) to values (r) and the root (r, r) of the information.
+        measured: (n) noise to begin with; None for the torques.
+    """
+    which = np.arange(len(factors)) if groups is None else np.array(groups)
+    if len(which) != len(factors):
+        raise InputError("one group a joint", value=len(which), limit=len(factors))
+    noise = torque_scale(factors, problem) if measured is None else measured
+    for _ in range(MOST_WEIGHTINGS):
+        values, _ = solved(1.0 / pooled(noise, which))
+        update = residual_noise(factors, values, problem)
+        change = np.abs(update / noise - 1).max()
+        noise = update
+        if change < SETTLED:
+            break
+    weights = 1.0 / pooled(noise, which)
+    values, information = solved(weights)
+    return Fit(values=values, noise=noise, weights=weights, information=information)
 
 
 def solve(factors: Array, weights: Array, prior_gain: float | None = None) -> tuple[Array, Array]:
@@ -202,6 +225,7 @@ def pooled(noise: Array, groups: Indices) -> Array:
 HUBER = 1.345
 """95 % efficient on Gaussian noise."""
 MAD_TO_SIGMA = 1.4826
+MOST_ROBUST = 30
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,26 +235,23 @@ class HuberRegression(Estimator):
     name: ClassVar[str] = "irls"
     prior_gain: float | None = None
     """See `WeightedLeastSquares`."""
-    threshold: float = HUBER
-    max_iterations: int = 30
-    tolerance: float = 1e-4
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""
         start = WeightedLeastSquares(prior_gain=self.prior_gain).fit(problem)
         values, noise, information = start.values, start.noise, start.information
         rows = np.ones((problem.samples.joints, problem.blocks))
-        for _ in range(self.max_iterations):
+        for _ in range(MOST_ROBUST):
             residual = problem.residual(values)
             noise = np.maximum(_spread(residual), 1e-12 * np.abs(residual).max(initial=1e-12))
-            rows = np.minimum(1.0, self.threshold * noise[:, None] / (np.abs(residual) + 1e-300))
+            rows = np.minimum(1.0, HUBER * noise[:, None] / (np.abs(residual) + 1e-300))
             # Least squares multiplies rows by the root of their weight.
             factors = joint_factors(problem, np.sqrt(rows))
             update, information = solve(factors, 1.0 / noise, self.prior_gain)
             step = np.linalg.norm(information @ (update - values))
             size = np.linalg.norm(information @ update)
             values = update
-            if step <= self.tolerance * size:
+            if step <= SETTLED * size:
                 break
         return Fit(
             values=values,

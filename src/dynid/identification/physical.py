@@ -1,8 +1,6 @@
 """Physically consistent estimation: positive pseudo-inertias, friction that dissipates energy.
 
-Where each standard parameter comes from: the data, or the prior.
-
-Masses, centres and tensors of the links behind base parameters, and how much of each is data.
+And where each standard parameter comes from: the data, or the prior.
 """
 
 from dataclasses import dataclass, replace
@@ -12,10 +10,10 @@ import numpy as np
 
 from dynid.core import Array, inverse_upper, upper_triangle
 from dynid.identification.bayesian import (
-    ORTHONORMAL,
     InertialPrior,
     deviations,
     inertial_prior,
+    metric_moves,
     symbol_of,
 )
 from dynid.identification.consistent import (
@@ -35,7 +33,7 @@ from dynid.identification.least_squares import (
 )
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
 from dynid.reduction import BaseParametrization
-from dynid.robot import from_pseudo_inertia, to_pseudo_inertia
+from dynid.robot import to_pseudo_inertia
 
 DATA_ABOVE = 0.5
 """Share of a parameter's variance that the data must have removed to be called data."""
@@ -103,13 +101,8 @@ def standard_fit(
     """
     values, inertial = solution.values, 10 * problem.links
     turn = np.eye(len(values))
-    known = np.zeros((inertial, inertial))
-    roots = np.linalg.cholesky(problem.pseudo_inertias(values))
-    priors = np.linalg.cholesky(to_pseudo_inertia(problem.prior))
-    for i, (body, before) in enumerate(zip(roots, priors, strict=True)):
-        here = slice(10 * i, 10 * i + 10)
-        turn[here, here] = from_pseudo_inertia(body @ ORTHONORMAL @ body.T).T
-        known[here, here] = from_pseudo_inertia(before @ ORTHONORMAL @ before.T).T
+    turn[:inertial, :inertial] = metric_moves(problem.pseudo_inertias(values))
+    known = metric_moves(to_pseudo_inertia(problem.prior))
     slack = np.maximum(problem.constraints @ values - problem.floor, 1e-12)
     stiff = np.sqrt(solution.multipliers / slack)
     rows = np.vstack(
@@ -180,10 +173,9 @@ class PhysicallyConsistent(Estimator):
         consistent, floor = reduced_problem(problem, factors, weights, prior)
         words: tuple[str, ...] = ()
         if self.by_regions:
-            held_out = held_out_weight(problem, weights, prior)
-            gamma = held_out.gamma
+            gamma, regions = held_out_weight(problem, weights, prior)
             solution = solve_conic(consistent, gamma)
-            words = (f"prior weight from {held_out.regions} regions of the motion left out",)
+            words = (f"prior weight from {regions} regions of the motion left out",)
         else:
             gamma, solution = largest_weight(consistent, floor, EXCESS)
         values = base_mapping(problem.base) @ solution.values

@@ -1,7 +1,4 @@
-"""Torque ripple of gears, found in what a fit leaves over.
-
-Gears, told by the waves that they leave over the positions of their joints.
-"""
+"""Torque ripple of gears, found by the waves that a fit leaves over their joints' positions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -203,10 +200,9 @@ def with_ripple(
     base = reduce_model(model)
     problem = IdentificationProblem(base=base, samples=samples)
     fit = estimator.fit(problem)
-    parameters = np.zeros(len(model.columns))
-    parameters[list(base.independent)] = fit.values
-    motion = (samples.q, samples.dq, samples.ddq)
-    predicted = model.inverse_dynamics(*motion, parameters, problem.state)
+    predicted = model.inverse_dynamics(
+        samples.q, samples.dq, samples.ddq, base.to_standard(fit.values), problem.state
+    )
     residual = samples.tau + model.known_torque(samples.q) - predicted
     step = -(-samples.count // MOST_SAMPLES)
     q, dq, left = (np.array(x.T[:, ::step]) for x in (samples.q, samples.dq, residual))
@@ -216,9 +212,7 @@ def with_ripple(
         for ripple in find_ripples(q, dq, left, samples.rate_hz, model.robot.prismatic)
         if ripple.torque(q, dq).std() > least[ripple.joint]
     )
-    return InverseDynamicModel(
-        robot=model.robot, frames=model.frames, friction=replace(model.friction, ripples=ripples)
-    )
+    return replace(model, friction=replace(model.friction, ripples=ripples))
 
 
 def find_ripples(

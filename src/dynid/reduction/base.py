@@ -209,6 +209,12 @@ class BaseParametrization:
             parameters[list(self.independent)] + self.regrouping @ parameters[list(self.dependent)]
         )
 
+    def to_standard(self, values: Array) -> Array:
+        """Standard parameters (p) with the torques of base ones (r): zero outside the base."""
+        parameters = np.zeros(len(self.model.columns))
+        parameters[list(self.independent)] = values
+        return parameters
+
     def _expression(self, row: int) -> str:
         names = self.model.names
         text = names[self.independent[row]]
@@ -274,7 +280,7 @@ def reduce_model(
 def _structural_model(
     model: InverseDynamicModel,
 ) -> tuple[InverseDynamicModel, tuple[Finding, ...]]:
-    nominal, _ = nominal_geometry(model.robot)
+    nominal = nominal_geometry(model.robot)
     gravity, tilt = structural_gravity(nominal)
     found = (_departure(model.robot, nominal, model.frames), tilt)
     robot = replace(nominal, gravity=gravity)

@@ -115,27 +115,21 @@ _SAME = 1e-12
 _GRAVITY_WITHIN = math.radians(1.0)
 
 
-def nominal_geometry(robot: RobotModel) -> tuple[RobotModel, tuple[str, ...]]:
+def nominal_geometry(robot: RobotModel) -> RobotModel:
     """A copy whose axes are exactly parallel, square or crossing where they nearly are.
 
     Angles within 0.5 degrees of a multiple of 90 degrees become it, distances below 3 mm
     become zero. The parameter frames, inertias and bodies follow. A robot that is exact
     already is returned as it is.
-
-    Returns:
-        The nominal robot, and one sentence for each change (none if nothing changed).
     """
     poses = poses_at_zero(robot.placements)
     near, far = link_frames(poses, robot.axes, robot.flange)
     in_near = inverse(near) @ poses
     joint_frames = np.array([_snap(pose) for pose in in_near])
-    notes: list[str] = []
     placements = np.empty_like(poses)
-    start = _snap(near[0])
-    _note_base(notes, near[0], start)
-    placements[0] = start @ joint_frames[0]
+    placements[0] = _snap(near[0]) @ joint_frames[0]
     for k in range(1, robot.joints):
-        step = _link(notes, k, near[k - 1], far[k - 1]) @ _joint(notes, k, far[k - 1], near[k])
+        step = _link(near[k - 1], far[k - 1]) @ _joint(far[k - 1], near[k])
         placements[k] = inverse(joint_frames[k - 1]) @ step @ joint_frames[k]
     placements = tidy(placements)
     frames = {
@@ -144,13 +138,10 @@ def nominal_geometry(robot: RobotModel) -> tuple[RobotModel, tuple[str, ...]]:
     }
     differences = [placements - robot.placements]
     differences += [frames[name] - values for name, values in robot.parameter_frames.items()]
-    largest = max(float(np.abs(values).max()) for values in differences)
-    if largest <= _SAME:
-        return robot, ()
-    if not notes and largest > _WORTH_A_NOTE:
-        notes.append(f"parameter frames moved onto the nominal axes by up to {largest:.2g}")
+    if max(float(np.abs(values).max()) for values in differences) <= _SAME:
+        return robot
     moves = inverse(joint_frames) @ in_near
-    nominal = replace(
+    return replace(
         robot,
         placements=placements,
         axes=tidy(np.einsum("kij,kj->ki", moves[:, :3, :3], robot.axes)),
@@ -167,7 +158,6 @@ def nominal_geometry(robot: RobotModel) -> tuple[RobotModel, tuple[str, ...]]:
             for body in robot.bodies
         ),
     )
-    return nominal, tuple(notes)
 
 
 def structural_gravity(robot: RobotModel) -> tuple[Array, str | None]:
@@ -195,49 +185,30 @@ def structural_gravity(robot: RobotModel) -> tuple[Array, str | None]:
     )
 
 
-def _link(notes: list[str], k: int, near: Array, far: Array) -> Array:
-    """The nominal way along link k, from the near to the far frame (axes k and k + 1)."""
+def _link(near: Array, far: Array) -> Array:
+    """The nominal way along a link, from its near to its far frame."""
     z, z_next = near[:3, 2], far[:3, 2]
     length = float((far[:3, 3] - near[:3, 3]) @ near[:3, 0])
     twist = math.atan2(float(np.cross(z, z_next) @ near[:3, 0]), float(z @ z_next))
     # Nearly parallel axes need not lean about the normal: their true angle decides.
-    angle = math.atan2(float(np.linalg.norm(np.cross(z, z_next))), float(z @ z_next))
-    exact = _right(angle)
-    name = f"axes {k} and {k + 1}"
+    exact = _right(math.atan2(float(np.linalg.norm(np.cross(z, z_next))), float(z @ z_next)))
     if exact is not None:
-        if abs(angle - exact) > _WORTH_A_NOTE:
-            off, taken = math.degrees(abs(angle - exact)), math.degrees(exact)
-            notes.append(f"{name}: {off:.2g} deg off {taken:g} deg, taken as {taken:g} deg")
         twist = math.copysign(exact, twist)
-    if 0 < abs(length) < MEET_WITHIN:
-        if abs(length) > _WORTH_A_NOTE:
-            notes.append(f"{name}: miss each other by {abs(length):.3g} m, taken as meeting")
-        length = 0.0
-    return translation(length, 0, 0) @ rotation_x(twist)
+    return translation(_met(length), 0, 0) @ rotation_x(twist)
 
 
-def _joint(notes: list[str], k: int, far: Array, near: Array) -> Array:
-    """The nominal way along axis k + 1, from link k's far frame to the next near frame."""
+def _joint(far: Array, near: Array) -> Array:
+    """The nominal way along an axis, from one link's far frame to the next near frame."""
     step = inverse(far) @ near
     angle = math.atan2(step[1, 0], step[0, 0])
-    height = float(step[2, 3])
     exact = _right(abs(angle))
     if exact is not None:
-        if abs(abs(angle) - exact) > _WORTH_A_NOTE:
-            notes.append(f"joint {k + 1}: zero turned by {abs(abs(angle) - exact):.3g} rad")
         angle = math.copysign(exact, angle)
-    if abs(height) < MEET_WITHIN:
-        if abs(height) > _WORTH_A_NOTE:
-            notes.append(f"joint {k + 1}: offset {abs(height):.3g} m along its axis taken as none")
-        height = 0.0
-    return rotation_z(angle) @ translation(0, 0, height)
+    return rotation_z(angle) @ translation(0, 0, _met(float(step[2, 3])))
 
 
-def _note_base(notes: list[str], before: Array, after: Array) -> None:
-    lean = math.acos(min(1.0, max(-1.0, float(before[:3, 2] @ after[:3, 2]))))
-    shift = float(np.linalg.norm(before[:3, 3] - after[:3, 3]))
-    if lean > 1e-7 or shift > _WORTH_A_NOTE:
-        notes.append(f"axis 1: moved by {shift:.3g} m, turned by {lean:.3g} rad in the base")
+def _met(distance: float) -> float:
+    return 0.0 if abs(distance) < MEET_WITHIN else distance
 
 
 def _moved_frames(joint_frames: Array, in_near: Array) -> Array:

@@ -3,7 +3,7 @@
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields
+from dataclasses import fields, is_dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -104,45 +104,30 @@ def builtin_names() -> list[str]:
 
 def robot_to_json(robot: RobotModel) -> dict[str, Any]:
     """Everything that evaluates the robot's dynamics; unknown numbers become null."""
-    return {
-        "name": robot.name,
-        "joint_names": list(robot.joint_names),
-        "joint_types": list(robot.joint_types),
-        "placements": _listed(robot.placements),
-        "axes": _listed(robot.axes),
-        "parameter_frames": {key: _listed(value) for key, value in robot.parameter_frames.items()},
-        "default_frames": robot.default_frames,
-        "gravity": _listed(robot.gravity),
-        "mount": robot.mount,
-        "limits": {
-            item.name: _listed(getattr(robot.limits, item.name)) for item in fields(JointLimits)
-        },
-        "drives": {
-            "gain": _listed(robot.drives.gain),
-            "gear_ratio": _listed(robot.drives.gear_ratio),
-            "coupling": None if robot.drives.coupling is None else _listed(robot.drives.coupling),
-            "offset": None if robot.drives.offset is None else _listed(robot.drives.offset),
-            "position_side": robot.drives.position_side,
-            "torque_side": robot.drives.torque_side,
-        },
-        "inertias": _listed(robot.inertias),
-        "flange": _listed(robot.flange),
-        "counterbalances": [asdict(spring) for spring in robot.counterbalances],
-        "bodies": [
-            {
-                "name": item.name,
-                "link": item.link,
-                "points": _listed(item.points),
-                "radius": item.radius,
-            }
-            for item in robot.bodies
-        ],
-        "body_notes": list(robot.body_notes),
-        "safety": {key: _null(value) for key, value in asdict(robot.safety).items()},
-        "locked": dict(robot.locked),
-        "notes": list(robot.notes),
-        "source": robot.source,
-    }
+    values = cast("dict[str, Any]", _plain(robot))
+    # What the flange carries is not part of the robot.
+    del values["tool"]
+    return values
+
+
+def _plain(value: Any) -> Any:
+    """Dataclasses, mappings, sequences, arrays and numbers as JSON has them."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, np.ndarray):
+        return _plain(cast("Array", value).tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in cast("Sequence[Any]", value)]
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in cast("Mapping[str, Any]", value).items()}
+    if is_dataclass(value):
+        return {item.name: _plain(getattr(value, item.name)) for item in fields(value)}
+    return value
+
+
+_WORDS = ("name", "default_frames", "mount", "source")
+_ARRAYS = ("placements", "axes", "gravity", "inertias", "flange")
+_TEXTS = ("joint_names", "joint_types", "body_notes", "notes")
 
 
 def robot_from_json(data: Mapping[str, Any]) -> RobotModel:
@@ -152,38 +137,22 @@ def robot_from_json(data: Mapping[str, Any]) -> RobotModel:
         RobotError: Missing keys or values that make no robot.
     """
     try:
-        limits, drives = data["limits"], data["drives"]
+        known: dict[str, Any] = {key: str(data[key]) for key in _WORDS}
+        known |= {key: _array(data[key]) for key in _ARRAYS}
+        # Files of the first versions know neither notes on bodies nor safety.
+        known |= {key: tuple(str(text) for text in data.get(key, [])) for key in _TEXTS}
+        drives: dict[str, Any] = {**data["drives"]}
+        for key in ("gain", "gear_ratio", "coupling", "offset"):
+            drives[key] = None if drives[key] is None else _array(drives[key])
         return RobotModel(
-            name=str(data["name"]),
-            joint_names=tuple(str(name) for name in data["joint_names"]),
-            joint_types=tuple(str(kind) for kind in data["joint_types"]),
-            placements=_array(data["placements"]),
-            axes=_array(data["axes"]),
-            parameter_frames={k: _array(v) for k, v in data["parameter_frames"].items()},
-            default_frames=str(data["default_frames"]),
-            gravity=_array(data["gravity"]),
-            mount=str(data["mount"]),
-            limits=JointLimits(
-                **{item.name: _array(limits[item.name]) for item in fields(JointLimits)}
-            ),
-            drives=Drives(
-                gain=_array(drives["gain"]),
-                gear_ratio=_array(drives["gear_ratio"]),
-                coupling=None if drives["coupling"] is None else _array(drives["coupling"]),
-                offset=None if drives["offset"] is None else _array(drives["offset"]),
-                position_side=str(drives["position_side"]),
-                torque_side=str(drives["torque_side"]),
-            ),
-            inertias=_array(data["inertias"]),
-            flange=_array(data["flange"]),
+            **known,
+            parameter_frames={key: _array(rows) for key, rows in data["parameter_frames"].items()},
+            limits=JointLimits(**{key: _array(row) for key, row in data["limits"].items()}),
+            drives=Drives(**drives),
             counterbalances=tuple(Counterbalance(**spring) for spring in data["counterbalances"]),
             bodies=_bodies(data),
-            # Files of the first versions know neither of these.
-            body_notes=tuple(str(note) for note in data.get("body_notes", [])),
             safety=_safety(data.get("safety", {})),
-            locked={str(k): float(v) for k, v in data["locked"].items()},
-            notes=tuple(str(note) for note in data["notes"]),
-            source=str(data["source"]),
+            locked={str(key): float(value) for key, value in data["locked"].items()},
         )
     except InputError:
         raise
@@ -222,16 +191,6 @@ def _bodies(data: Mapping[str, Any]) -> tuple[Body, ...]:
 def _safety(data: Mapping[str, Any]) -> SafetyLimits:
     numbers = {key: _number(value) for key, value in data.items() if key != "elbow"}
     return SafetyLimits(elbow=int(data.get("elbow", 0)), **numbers)
-
-
-def _listed(array: Array) -> Any:
-    return _null(cast("list[Any]", array.tolist()))
-
-
-def _null(value: Any) -> Any:
-    if isinstance(value, list):
-        return [_null(item) for item in cast("list[Any]", value)]
-    return value if math.isfinite(value) else None
 
 
 def _array(value: Sequence[Any]) -> Array:

@@ -136,7 +136,7 @@ class _Survey:
             self._above[joint.child] = joint
         self._moving: dict[str, int] = {}
         self._independent: dict[str, int] = {}
-        for joint in reversed(self._down(tree.root)):
+        for joint in reversed(tree.downward()):
             below = self._below[joint.child]
             self._moving[joint.name] = self._moves(joint) + sum(self._moving[j.name] for j in below)
             self._independent[joint.name] = self.independent(joint) + sum(
@@ -217,16 +217,6 @@ class _Survey:
 
     def _moves(self, joint: UrdfJoint) -> bool:
         return joint.kind in MOVING and joint.name not in self._frozen
-
-    def _down(self, root: str) -> list[UrdfJoint]:
-        """All joints, parents before children."""
-        order: list[UrdfJoint] = []
-        waiting = [root]
-        while waiting:
-            below = self._below[waiting.pop()]
-            order += below
-            waiting += [j.child for j in below]
-        return order
 
 
 def _listed(names: list[str], most: int = 12) -> str:
@@ -327,23 +317,16 @@ def _between(tree: UrdfTree, trunk: Trunk) -> list[str]:
 
 def place_links(tree: UrdfTree, trunk: Trunk) -> tuple[dict[str, Array], dict[str, int]]:
     """Every link's pose in the joint frame that carries it, and that joint (0 the base)."""
-    below: dict[str, list[UrdfJoint]] = {}
-    for joint in tree.joints.values():
-        below.setdefault(joint.parent, []).append(joint)
     number = {name: k + 1 for k, name in enumerate(trunk.joints)}
     poses, carriers = {tree.root: np.eye(4)}, {tree.root: 0}
-    waiting = [tree.root]
-    while waiting:
-        link = waiting.pop()
-        for joint in below.get(link, []):
-            if joint.name in number:
-                poses[joint.child], carriers[joint.child] = np.eye(4), number[joint.name]
-            else:
-                held = trunk.locked.get(joint.name, 0.0)
-                move_by = joint_motion(joint.axis, joint.kind == "prismatic", held)
-                poses[joint.child] = poses[link] @ joint.origin @ move_by
-                carriers[joint.child] = carriers[link]
-            waiting.append(joint.child)
+    for joint in tree.downward():
+        if joint.name in number:
+            poses[joint.child], carriers[joint.child] = np.eye(4), number[joint.name]
+        else:
+            held = trunk.locked.get(joint.name, 0.0)
+            move_by = joint_motion(joint.axis, joint.kind == "prismatic", held)
+            poses[joint.child] = poses[joint.parent] @ joint.origin @ move_by
+            carriers[joint.child] = carriers[joint.parent]
     return poses, carriers
 
 

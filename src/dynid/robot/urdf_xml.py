@@ -3,7 +3,7 @@
 import math
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -119,13 +119,19 @@ class UrdfTree:
     joints: dict[str, UrdfJoint]
     notes: tuple[str, ...]
 
+    def downward(self) -> list[UrdfJoint]:
+        """The joints that are reached from the root, parents before children."""
+        below: dict[str, list[UrdfJoint]] = {}
+        for joint in self.joints.values():
+            below.setdefault(joint.parent, []).append(joint)
+        found = list(below.get(self.root, []))
+        for joint in found:
+            found += below.get(joint.child, [])
+        return found
 
-def check_tree(links: dict[str, Array | None], joints: dict[str, UrdfJoint], where: str) -> str:
-    """The root of the tree that links and joints form.
 
-    Raises:
-        RobotError: They form none: two parents, several roots, or a loop.
-    """
+def _root(links: dict[str, Array | None], joints: dict[str, UrdfJoint], where: str) -> str:
+    """The one link that no joint moves."""
     above: dict[str, str] = {}
     for joint in joints.values():
         if joint.child in above:
@@ -138,23 +144,7 @@ def check_tree(links: dict[str, Array | None], joints: dict[str, UrdfJoint], whe
             where=where,
             value=[shown(name, 40) for name in roots[:6]] or "none (a loop)",
         )
-    # One root and one parent each: whatever is not reached from the root is a loop.
-    reached = set(_reached(roots[0], joints))
-    if len(reached) != len(links):
-        lost = next(name for name in links if name not in reached)
-        raise RobotError("joints form a loop", where=where, value=lost)
     return roots[0]
-
-
-def _reached(root: str, joints: dict[str, UrdfJoint]) -> Iterator[str]:
-    below: dict[str, list[str]] = {}
-    for joint in joints.values():
-        below.setdefault(joint.parent, []).append(joint.child)
-    waiting = [root]
-    while waiting:
-        link = waiting.pop()
-        yield link
-        waiting += below.get(link, [])
 
 
 _MAX_DEPTH = 100
@@ -184,8 +174,14 @@ def parse_urdf(data: bytes, where: str) -> UrdfTree:
     if not links:
         raise RobotError("the file has no links", where=where)
     title = shown(root.get("name") or "", 80).strip()
-    top = check_tree(links, joints, where)
-    return UrdfTree(name=title, root=top, links=links, joints=joints, notes=tuple(notes))
+    top = _root(links, joints, where)
+    tree = UrdfTree(name=title, root=top, links=links, joints=joints, notes=tuple(notes))
+    # One root and one parent each: whatever is not reached from the root is a loop.
+    reached = {top, *(joint.child for joint in tree.downward())}
+    lost = [name for name in links if name not in reached]
+    if lost:
+        raise RobotError("joints form a loop", where=where, value=lost[0])
+    return tree
 
 
 class _ShallowBuilder(ET.TreeBuilder):
