@@ -11,9 +11,8 @@ from typing import Any, cast
 import numpy as np
 
 from dynid.core import Array, MissingExtraError, RecordError, parse_json, require
-from dynid.recording.clocks import stamps_of
 from dynid.recording.columns import assign
-from dynid.recording.content import Budget, all_bytes
+from dynid.recording.content import Budget, all_bytes, refused
 from dynid.recording.table import RawTable, ReadOptions
 from dynid.recording.variables import numbers_of, table_of
 
@@ -23,51 +22,26 @@ _AS_CSV = "Save the sheet as CSV."
 
 
 def read_frame(files: list[Path], options: ReadOptions, budget: Budget) -> RawTable:
-    """Read a Parquet or Arrow table that dynid did not write.
+    """Read a Parquet or Arrow table that dynid did not write; see `Reader`.
 
     Columns of lists count as one column an item: `position[0]`, `position[1]`, ...
-
-    Args:
-        files: The one file.
-        options: Columns say quantity to columns; None to go by the names.
-        budget: Bounds what is read.
-
-    Raises:
-        RecordError: Damaged, or without the columns.
     """
     path = files[0]
     where = path.name
-    try:
+    with refused("the table is damaged", where):
         table = _load(path, budget)
         named = [item for name in table.column_names for item in _columns(name, table.column(name))]
-    except RecordError:
-        raise
-    # pyarrow raises many kinds on damaged bytes (ArrowInvalid, OSError, UnicodeError, ...).
-    except Exception as error:
-        text = " ".join(str(error).split())[:200] or type(error).__name__
-        raise RecordError("the table is damaged", where=where, value=text) from error
     if not named:
         raise RecordError("there are no columns of numbers", where=where)
     names = [name for name, _ in named]
-    values = [value for _, value in named]
     found = assign(names, options.columns, len(names), where, options.joints)
-    stamps = stamps_of(found.clocks, lambda k: values[k])
-    return RawTable(
+    return found.table(
+        names,
+        lambda k: named[k][1],
         source=where,
         format="parquet",
-        rows=np.arange(1, len(values[0]) + 1, dtype=np.int64),
+        rows=np.arange(1, len(named[0][1]) + 1, dtype=np.int64),
         row_word="row",
-        signals=found.signals(lambda k: values[k]),
-        t=stamps.t,
-        time_scale=stamps.scale,
-        t0=stamps.t0,
-        labels={name: tuple(names[k] for k in cols) for name, cols in found.columns.items()},
-        columns=dict(found.columns),
-        clock_columns=found.clocks[0].columns if found.clocks else (),
-        said=found.said,
-        joint_names=found.joint_names,
-        notices=found.notices,
-        notes=(*found.notes, *filter(None, (stamps.note,))),
     )
 
 
@@ -120,11 +94,10 @@ def write_sheet(path: Path, target: Path) -> None:
         MissingExtraError: Without the `excel` extra.
     """
     library = require("python_calamine", "excel")
-    try:
+    with refused("the workbook is damaged", path.name, _AS_CSV):
         book = library.CalamineWorkbook.from_path(str(path))
         names: list[str] = book.sheet_names
-        sheets = [book.get_sheet_by_name(name) for name in names]
-        full = [sheet for sheet in sheets if _has_numbers(sheet)]
+        full = [sheet for sheet in map(book.get_sheet_by_name, names) if _has_numbers(sheet)]
         if len(full) != 1:
             raise RecordError(
                 f"the workbook has {len(full) or 'no'} sheets of numbers",
@@ -135,10 +108,6 @@ def write_sheet(path: Path, target: Path) -> None:
         with target.open("w", encoding="utf-8") as sink:
             for row in full[0].iter_rows():
                 sink.write("\t".join(map(_cell, row)).rstrip("\t") + "\n")
-    except (library.CalamineError, OSError, ValueError) as error:
-        raise RecordError(
-            "the workbook is damaged", where=path.name, value=str(error)[:200], next_step=_AS_CSV
-        ) from error
 
 
 def _has_numbers(sheet: Any) -> bool:
@@ -161,53 +130,33 @@ def _cell(value: Any) -> str:
     return "" if str(value).startswith("#") else " ".join(str(value).split())
 
 
-_AGAIN = "save it again (MATLAB: save(file, '-v7'))."
+_AGAIN = "ave it again (MATLAB: save(file, '-v7'))."
 _MAX_VARIABLES = 5000
 _MAX_ELEMENTS = 200
 _MAX_DEPTH = 12
 
 
 def read_hdf5(files: list[Path], options: ReadOptions, budget: Budget) -> RawTable:
-    """Read an HDF5 file or a MATLAB file of version 7.3.
+    """Read an HDF5 file or a MATLAB file of version 7.3; see `Reader`.
 
     Groups and structs give paths (`rec.act_pos`), struct arrays and cells `run(2).q`, tables
     of named fields `table.field`.
-
-    Args:
-        files: The one file.
-        options: Columns say quantity to path, as in `q=rec.act_pos,t=rec.time`; None to go by
-            the names.
-        budget: Bounds what is read.
-
-    Raises:
-        RecordError: Damaged, or without the arrays.
-        MissingExtraError: Without the `hdf5` extra.
     """
     path = files[0]
     try:
         library = require("h5py", "hdf5")
     except MissingExtraError as error:
-        raise MissingExtraError(
-            error.what, where=path.name, next_step=f"Run: pip install 'dynid[hdf5]', or {_AGAIN}"
-        ) from error
+        step = f"Run: pip install 'dynid[hdf5]', or s{_AGAIN}"
+        raise MissingExtraError(error.what, where=path.name, next_step=step) from error
     variables: dict[str, Array] = {}
-    try:
-        with library.File(path, "r") as file:
-            for name in file:
-                # MATLAB keeps what its cells point to under #refs#.
-                if not name.startswith("#"):
-                    _collect(file, _own(file, name, name), name, variables, 0, budget)
-    except RecordError:
-        raise
-    # libhdf5 reports damage as OSError, RuntimeError, KeyError, ValueError or TypeError.
-    except Exception as error:
-        text = " ".join(str(error).split())[:200] or type(error).__name__
-        raise RecordError(
-            "the HDF5 file is damaged",
-            where=path.name,
-            value=text,
-            next_step=f"{_AGAIN[0].upper()}{_AGAIN[1:]}",
-        ) from error
+    with (
+        refused("the HDF5 file is damaged", path.name, f"S{_AGAIN}"),
+        library.File(path, "r") as file,
+    ):
+        for name in file:
+            # MATLAB keeps what its cells point to under #refs#.
+            if not name.startswith("#"):
+                _collect(file, _own(file, name, name), name, variables, 0, budget)
     return table_of(variables, options, where=path.name, format="hdf5")
 
 
@@ -280,20 +229,14 @@ _MAX_BYTES = 2 << 30
 
 
 def read_npz(files: list[Path], options: ReadOptions, budget: Budget) -> RawTable:
-    """Read a `.npz` or `.npy` file; nothing pickled is ever loaded.
-
-    Args:
-        files: The one file.
-        options: Columns say quantity to path, as in `q=rec.act_pos,t=rec.time`; None to go by
-            the names.
-        budget: Bounds what is read.
-
-    Raises:
-        RecordError: Damaged, too large, pickled, or without the arrays.
-    """
+    """Read a `.npz` or `.npy` file; nothing pickled is ever loaded; see `Reader`."""
     path = files[0]
     variables: dict[str, Array] = {}
-    try:
+    with refused(
+        "the NumPy file is damaged, or holds pickled Python objects, which are never loaded",
+        path.name,
+        "Save each array under its name: numpy.savez(file, t=t, q=q, tau=tau).",
+    ):
         if zipfile.is_zipfile(path):
             with zipfile.ZipFile(path) as archive:
                 size = sum(item.file_size for item in archive.infolist())
@@ -313,23 +256,6 @@ def read_npz(files: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
                     array = numbers_of(part)
                     if array is not None:
                         variables[own_name] = array
-    except RecordError:
-        raise
-    # A damaged archive can fail in zipfile, zlib, the header parser or the allocation.
-    except Exception as error:
-        text = " ".join(str(error).split()) or type(error).__name__
-        if "allow_pickle" in text:
-            raise RecordError(
-                "the file contains pickled Python objects, which are never loaded",
-                where=path.name,
-                next_step="Save each array under its name: numpy.savez(file, t=t, q=q, tau=tau).",
-            ) from error
-        raise RecordError(
-            "the NumPy file is damaged or not plain arrays",
-            where=path.name,
-            value=text,
-            next_step="Save it again with numpy.savez.",
-        ) from error
     return table_of(variables, options, where=path.name, format="npz")
 
 
@@ -345,17 +271,7 @@ _JSON_MAX_BYTES = 1 << 30
 
 
 def read_json(files: list[Path], options: ReadOptions, budget: Budget) -> RawTable:
-    """Read arrays of numbers from a JSON file.
-
-    Args:
-        files: The one file.
-        options: Columns say quantity to path, as in `q=rec.act_pos,t=rec.time`; None to go by
-            the names.
-        budget: Bounds what is read.
-
-    Raises:
-        RecordError: Damaged, too large, or without the arrays.
-    """
+    """Read arrays of numbers from a JSON file; see `Reader`."""
     path = files[0]
     data = all_bytes(path, _JSON_MAX_BYTES)
     try:

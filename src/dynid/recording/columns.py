@@ -1,19 +1,19 @@
 """Which columns hold what: by the header, by `--columns`, or by their numbers as a suggestion."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from dynid.core import Array, Finding, RecordError
 from dynid.recording.clocks import Clock
-from dynid.recording.headers import match_headers, spelled
+from dynid.recording.headers import Match, match_headers, spelled
 from dynid.recording.names import Name, parse_name
 from dynid.recording.record import JOINT_QUANTITIES
 from dynid.recording.repair.motion import common_slope, velocity_slopes
 from dynid.recording.table import Mask, plain
-from dynid.recording.units import factor_of
+from dynid.recording.units import factors_of
 
 QUANTITIES = ("t", *JOINT_QUANTITIES)
 _RANGE = re.compile(r"(\d{1,6}):(\d{1,6})")
@@ -128,45 +128,13 @@ def _wrong(item: str, why: str, limit: object = None) -> RecordError:
     return RecordError(f"columns: item {plain(item, 120)!r} {why}", limit=limit, next_step=_EXAMPLE)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Assignment:
-    """The columns of each quantity, and what their names say of units and joints."""
-
-    columns: Mapping[str, list[int]]
-    """Quantity to column numbers, joint by joint."""
-    clocks: tuple[Clock, ...]
-    """Columns of time, the best first."""
-    factors: Mapping[str, tuple[float, ...]]
-    """Quantity to what each column is multiplied by, to be in SI units."""
-    said: frozenset[str]
-    """Quantities whose units the names say."""
-    joint_names: tuple[str, ...] = ()
-    """Joint names in the columns' order, where the names have them."""
-    notes: tuple[str, ...] = ()
-    """Choices made, in words."""
-    notices: tuple[Finding, ...] = ()
-    """What is suspect."""
-
-    def signals(self, column: Callable[[int], Array]) -> dict[str, Array]:
-        """Quantity to (N, n) values in SI units.
-
-        Args:
-            column: Gives the (N) numbers of a column.
-        """
-        return {
-            name: np.column_stack([column(k) for k in numbers])
-            * np.array(self.factors.get(name, (1.0,)))
-            for name, numbers in self.columns.items()
-        }
-
-
 def assign(
     names: Sequence[str] | None,
-    columns: str | Mapping[str, str] | None,
+    columns: Mapping[str, str] | None,
     width: int,
     where: str,
     joints: Sequence[str] = (),
-) -> Assignment:
+) -> Match:
     """Find out what the columns of a table hold.
 
     Args:
@@ -181,52 +149,42 @@ def assign(
     """
     if columns is None:
         match = match_headers(names or (), where, joints)
-        return Assignment(
-            columns={name: cols for name, cols in match.columns.items() if name != "t"},
-            clocks=match.clocks,
-            factors=match.factors,
-            said=match.said,
-            joint_names=match.joint_names,
-            notes=(*match.notes, *_conversions(match.factors)),
-        )
-    spec = parse_columns(columns)
-    mapping = {name: select(name, value, width, names) for name, value in spec.items()}
+        signals = {name: cols for name, cols in match.columns.items() if name != "t"}
+        notes = (*match.notes, *_conversions(match.factors))
+        return replace(match, columns=signals, notes=notes)
+    mapping = {name: select(name, value, width, names) for name, value in columns.items()}
     clocks: tuple[Clock, ...] = ()
     if time := mapping.pop("t", None):
         scale = parse_name(names[time[0]]).time_scale if names and len(time) == 1 else None
         label = names[time[0]] if names else f"column {time[0]}"
         clocks = (Clock(columns=tuple(time), scale=1.0 if len(time) == 2 else scale, label=label),)
     if names is None:
-        return Assignment(columns=mapping, clocks=clocks, factors={}, said=frozenset())
+        return Match(columns=mapping, clocks=clocks)
     factors: dict[str, tuple[float, ...]] = {}
     said: set[str] = set()
     notices: list[Finding] = []
     for quantity, numbers in mapping.items():
         units = _units_of([parse_name(names[k]) for k in numbers])
-        known = [factor_of(quantity, unit) for unit in units]
-        if None in known:
-            unit = units[known.index(None)]
-            notices.append(
-                Finding(
-                    "unit_suspect",
-                    f"{quantity} is taken as it is from {plain(names[numbers[0]])!r}, though "
-                    f"{plain(unit, 20)!r} is no unit of it",
-                )
+        factors[quantity], unknown = factors_of(quantity, units)
+        if unknown is not None:
+            text = (
+                f"{quantity} is taken as it is from {plain(names[numbers[0]])!r}, though "
+                f"{plain(units[unknown], 20)!r} is no unit of it"
             )
-            known = [1.0] * len(known)
-        factors[quantity] = tuple(value for value in known if value is not None)
+            notices.append(Finding("unit_suspect", text))
         if all(units):
             said.add(quantity)
     named = {q: _joints_of([names[k] for k in cols], joints) for q, cols in mapping.items()}
     own = named.get("q", ())
-    return Assignment(
-        columns={
-            # Each quantity in the joint order of q, where both tell their joints.
-            q: [cols[named[q].index(joint)] for joint in own] if set(named[q]) == set(own) else cols
+    if own:
+        # Each quantity in the joint order of q, where both tell their joints.
+        mapping |= {
+            q: [cols[named[q].index(joint)] for joint in own]
             for q, cols in mapping.items()
+            if set(named[q]) == set(own)
         }
-        if own
-        else mapping,
+    return Match(
+        columns=mapping,
         clocks=clocks,
         factors=factors,
         said=frozenset(said),

@@ -11,13 +11,14 @@ import importlib
 import math
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from dynid.core import MissingExtraError, RecordError, require
+from dynid.core import DynidError, InputError, MissingExtraError, RecordError, require
 
 _SMALL = 20_000_000
 """Files up to this size [bytes] share one budget."""
@@ -153,6 +154,34 @@ def zstd_module() -> ModuleType:
     raise MissingExtraError(
         "this needs the package 'backports.zstd'", next_step="Run: pip install 'dynid[ros]'"
     )
+
+
+def said(error: Exception) -> str:
+    """What a library's error says, on one line."""
+    return " ".join(str(error).split())[:200] or type(error).__name__
+
+
+@contextmanager
+def refused(
+    what: str, where: str, next_step: str | None = None, kind: type[InputError] = RecordError
+) -> Generator[None]:
+    """Whatever a library raises inside as one error of ours: on damaged bytes that is many kinds.
+
+    Args:
+        what: What is wrong then.
+        where: The file.
+        next_step: What to do.
+        kind: The error of ours.
+
+    Raises:
+        InputError: Of that kind.
+    """
+    try:
+        yield
+    except (DynidError, MemoryError):
+        raise
+    except Exception as error:
+        raise kind(what, where=where, value=said(error), next_step=next_step) from error
 
 
 def unreadable(path: Path, error: OSError) -> RecordError:

@@ -1,12 +1,12 @@
 """Text tables: UR `record.py` and ur_rtde logs, any CSV, several files of one run."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from dynid.core import RecordError
-from dynid.recording.clocks import stamps_of
 from dynid.recording.columns import assign, suggest_columns
 from dynid.recording.content import Budget
 from dynid.recording.dialect import sniff
@@ -99,27 +99,21 @@ def read_csv(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     values = pasted.values
     position = {column: k for k, column in enumerate(wanted)}
     moments = sheets[0].dialect.stamps if len(sheets) == 1 else frozenset[int]()
-    stamps = stamps_of(found.clocks, lambda k: values[:, position[k]], moments)
-    return RawTable(
+    table = found.table(
+        names,
+        lambda k: values[:, position[k]],
+        moments,
         source=where,
         format=format,
         rows=pasted.rows,
-        signals=found.signals(lambda k: values[:, position[k]]),
-        t=stamps.t,
-        time_scale=stamps.scale,
-        t0=stamps.t0,
-        labels={
-            name: tuple(names[k] if names else f"column {k}" for k in cols)
-            for name, cols in found.columns.items()
-        },
-        columns=dict(found.columns),
-        clock_columns=found.clocks[0].columns if found.clocks else (),
-        said=found.said,
-        joint_names=found.joint_names or _named_in_rows(sheets, len(found.columns["q"])),
         channels={name: values[:, position[k]] for k, name in extras.items()},
         reported=pasted.reported,
-        notices=(*found.notices, *pasted.notices),
-        notes=(*notes, *found.notes, *filter(None, (stamps.note,))),
+    )
+    return replace(
+        table,
+        joint_names=table.joint_names or _named_in_rows(sheets, len(found.columns["q"])),
+        notices=(*table.notices, *pasted.notices),
+        notes=(*notes, *table.notes),
     )
 
 

@@ -1,13 +1,16 @@
 """Find the quantities in a header: columns that belong together, and which are meant."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
-from dynid.core import RecordError
-from dynid.recording.clocks import Clock, find_clocks
-from dynid.recording.names import OTHER, TARGET, Name, parse_name, split_joint
-from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, plain
-from dynid.recording.units import factor_of, refuse_unit
+import numpy as np
+
+from dynid.core import Array, Finding, RecordError
+from dynid.recording.clocks import Clock, find_clocks, stamps_of
+from dynid.recording.names import OTHER, TARGET, Name, parse_name, split_joint, words_of
+from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, RawTable, plain
+from dynid.recording.units import factor_of, factors_of, refuse_unit
 
 
 @dataclass(slots=True, kw_only=True)
@@ -135,16 +138,11 @@ def by_rows(columns: Mapping[str, Sequence[int]]) -> str:
 
 
 _TORQUE_STEMS = ("torque", "tau", "effort", "current", "cur")
-_NOT_MEASURED = frozenset(
-    word
-    for line in (
-        "ext external error err gravity grav friction coriolis residual model estimated est",
-        "predicted feedforward ff limit limits max min bias offset hat voltage cmd command",
-        "desired target position positions pos velocity velocities vel speed speeds angle angles",
-        "pose q qd dq time mode state id step index name gain enable enabled constant const rate",
-        "ratio temperature temp",
-    )
-    for word in line.split()
+_NOT_MEASURED = words_of(
+    "ext external error err gravity grav friction coriolis residual model estimated est predicted "
+    "feedforward ff limit limits max min bias offset hat voltage cmd command desired target "
+    "position positions pos velocity velocities vel speed speeds angle angles pose q qd dq time "
+    "mode state id step index name gain enable enabled constant const rate ratio temperature temp"
 )
 _MAIN_SCOPES = frozenset({"joint_states", "joint_state", "actual", "feedback", "measured", "state"})
 
@@ -267,14 +265,54 @@ class Match:
     """Quantity to column numbers, joint by joint; `t` to those of the best clock."""
     clocks: tuple[Clock, ...]
     """Columns of time, the best first."""
-    factors: Mapping[str, tuple[float, ...]]
+    factors: Mapping[str, tuple[float, ...]] = field(default_factory=dict[str, tuple[float, ...]])
     """Quantity to what each column is multiplied by, to be in SI units."""
-    said: frozenset[str]
+    said: frozenset[str] = frozenset()
     """Quantities whose units the header names."""
-    joint_names: tuple[str, ...]
-    """Joint names, where the header has them."""
-    notes: tuple[str, ...]
+    joint_names: tuple[str, ...] = ()
+    """Joint names in the columns' order, where the header has them."""
+    notes: tuple[str, ...] = ()
     """Choices made, in words."""
+    notices: tuple[Finding, ...] = ()
+    """What is suspect."""
+
+    def table(
+        self,
+        names: Sequence[str] | None,
+        column: Callable[[int], Array],
+        moments: frozenset[int] = frozenset(),
+        **facts: Any,
+    ) -> RawTable:
+        """The raw table of these columns, in SI units.
+
+        Args:
+            names: Column names.
+            column: Gives the (N) numbers of a column.
+            moments: Columns that were dates, in seconds by now.
+            **facts: More of the table.
+        """
+        stamps = stamps_of(self.clocks, column, moments)
+        return RawTable(
+            signals={
+                name: np.column_stack([column(k) for k in numbers])
+                * np.array(self.factors.get(name, (1.0,)))
+                for name, numbers in self.columns.items()
+            },
+            t=stamps.t,
+            time_scale=stamps.scale,
+            t0=stamps.t0,
+            labels={
+                name: tuple(names[k] if names else f"column {k}" for k in numbers)
+                for name, numbers in self.columns.items()
+            },
+            columns=dict(self.columns),
+            clock_columns=self.clocks[0].columns if self.clocks else (),
+            said=self.said,
+            joint_names=self.joint_names,
+            notices=self.notices,
+            notes=(*self.notes, *filter(None, (stamps.note,))),
+            **facts,
+        )
 
 
 def match_headers(names: Sequence[str], where: str, joints: Sequence[str] = ()) -> Match:
@@ -306,15 +344,14 @@ def match_headers(names: Sequence[str], where: str, joints: Sequence[str] = ()) 
             notes.append(f"{quantity} is left out: a joint's column is missing or there twice")
             continue
         units = [family.unit_of(column) for column in columns[quantity]]
-        known = [factor_of(quantity, unit) for unit in units]
-        if None in known:
-            at = known.index(None)
+        known, at = factors_of(quantity, units)
+        if at is not None:
             if quantity in ESSENTIAL:
                 raise refuse_unit(quantity, units[at], names[columns[quantity][at]], where)
             notes.append(f"{quantity} is left out: its unit {units[at]!r} is not known")
             del columns[quantity]
             continue
-        factors[quantity] = tuple(value for value in known if value is not None)
+        factors[quantity] = known
         if all(units):
             said.add(quantity)
         if named and quantity == "q":

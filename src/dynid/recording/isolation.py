@@ -16,7 +16,8 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import IO, Any
@@ -32,12 +33,7 @@ from dynid.core import (
     finding_from_json,
 )
 from dynid.recording.content import Budget
-from dynid.recording.record import (
-    ExperimentRecord,
-    metadata_from_json,
-    metadata_to_json,
-    notices_from_json,
-)
+from dynid.recording.record import ExperimentRecord, metadata_from_json, metadata_to_json
 from dynid.recording.table import RawTable, ReadOptions
 
 Read = RawTable | ExperimentRecord
@@ -96,12 +92,9 @@ class _Worker:
 
     def end(self) -> int:
         """End the process and tell how it ended."""
-        for pipe in (self.process.stdin, self.process.stdout):
-            if pipe is not None:
-                try:
-                    pipe.close()
-                except OSError:
-                    continue
+        for pipe in filter(None, (self.process.stdin, self.process.stdout)):
+            with suppress(OSError):
+                pipe.close()
         try:
             return self.process.wait(timeout=2.0)
         except subprocess.TimeoutExpired:
@@ -132,8 +125,8 @@ def _ask(files: Sequence[Path], options: ReadOptions, folder: str) -> Read:
     budget = Budget.of(files)
     request = {
         "files": [str(file.resolve()) for file in files],
-        "options": {**asdict(options), "columns": _plain(options.columns)},
-        "budget": {item.name: getattr(budget, item.name) for item in fields(Budget)},
+        "options": asdict(options),
+        "budget": asdict(budget),
         "folder": folder,
     }
     where = ", ".join(file.name for file in files)
@@ -184,16 +177,15 @@ def serve(read: Reader) -> None:
         _limit(budget)
         clock.until_s = time.process_time() + budget.cpu_s
         try:
-            found = read([Path(file) for file in request["files"]], _options(request), budget)
-            _send(found, answers)
+            given: dict[str, Any] = request["options"]
+            for name in ("joints", "joint_order"):
+                given[name] = given[name] and tuple(given[name])
+            files = [Path(file) for file in request["files"]]
+            _send(read(files, ReadOptions(**given), budget), answers)
         except DynidError as error:
             _refuse(error, answers)
         except MemoryError:
-            _relax()
-            limit = f"{budget.memory_bytes >> 20} MB"
-            text = "the file needs more memory than one of its size may"
-            where = ", ".join(Path(file).name for file in request["files"])
-            _refuse(RecordError(text, where=where, limit=limit, next_step=_SMALLER), answers)
+            # The parent tells of a process that ended without an answer.
             return
         finally:
             clock.until_s = math.inf
@@ -216,19 +208,6 @@ class _CpuLimit:
         os.kill(os.getpid(), signal.SIGXCPU)
 
 
-def _options(request: dict[str, Any]) -> ReadOptions:
-    given: dict[str, Any] = request["options"]
-    for name in ("joints", "joint_order"):
-        given[name] = None if given[name] is None else tuple(given[name])
-    return ReadOptions(**given)
-
-
-def _plain(columns: str | Mapping[str, str] | None) -> str | dict[str, str] | None:
-    if isinstance(columns, Mapping):
-        return {str(name): str(value) for name, value in columns.items()}
-    return columns
-
-
 def _limit(budget: Budget) -> None:
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
     space = pages * resource.getpagesize() + budget.memory_bytes
@@ -236,10 +215,6 @@ def _limit(budget: Budget) -> None:
     infinity = resource.RLIM_INFINITY
     resource.setrlimit(resource.RLIMIT_AS, (space, infinity))
     resource.setrlimit(resource.RLIMIT_CPU, (int(used + _TICKS * budget.cpu_s) + 1, infinity))
-
-
-def _relax() -> None:
-    resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
 
 
 def _refuse(error: DynidError, answers: IO[bytes]) -> None:
@@ -300,13 +275,9 @@ def _unpack(answer: dict[str, Any], stream: IO[bytes]) -> Read | None:
         else:
             facts[name] = value
     if answer["own"]:
-        return ExperimentRecord(
-            t=facts["t"],
-            signals=facts["signals"],
-            metadata=metadata_from_json(facts["metadata"]),
-            problems=notices_from_json(facts["problems"]),
-            channels=facts["channels"],
-        )
+        facts["metadata"] = metadata_from_json(facts["metadata"])
+        facts["problems"] = tuple(map(finding_from_json, facts["problems"]))
+        return ExperimentRecord(**facts)
     facts["said"] = frozenset(facts["said"])
     facts["notices"] = tuple(map(finding_from_json, facts["notices"]))
     facts["labels"] = {name: tuple(names) for name, names in facts["labels"].items()}

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import re
-from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dynid.core import Array, Finding, RecordError
 from dynid.recording.bagfiles import MAGIC as ROS1_MAGIC
@@ -21,12 +22,17 @@ from dynid.recording.bagfiles import (
     mcap_messages,
     ros1_messages,
 )
-from dynid.recording.clocks import clock_of
-from dynid.recording.columns import parse_columns
-from dynid.recording.content import ZSTD_MAGIC, Budget, InflateError, inflate
-from dynid.recording.messages import MessageDecoder, MessageError, read_states, stamp_of
+from dynid.recording.content import Budget
+from dynid.recording.messages import (
+    MessageDecoder,
+    MessageError,
+    Messages,
+    clock_facts,
+    read_states,
+    stamp_of,
+)
 from dynid.recording.names import TARGET, UR_JOINTS, places_of
-from dynid.recording.table import RawTable, ReadOptions, Rows, plain
+from dynid.recording.table import RawTable, ReadOptions, plain
 
 FIELDS = ("position", "velocity", "effort")
 _NAN = float("nan")
@@ -35,34 +41,9 @@ _LAST = 50
 """Messages by which two topics are compared."""
 
 
-def _ints() -> array[int]:
-    return array("q")
-
-
-def _columns() -> dict[str, array[float]]:
-    return {name: array("d") for name in FIELDS}
-
-
 @dataclass(slots=True)
-class Group:
-    """Messages that name the same joints in the same order."""
-
-    number: array[int] = field(default_factory=_ints)
-    """Message number in the topic, from 1."""
-    stamp: array[int] = field(default_factory=_ints)
-    """Header stamps [ns]."""
-    receive: array[int] = field(default_factory=_ints)
-    """Receive times [ns]."""
-    columns: dict[str, array[float]] = field(default_factory=_columns)
-    """Field to values, message after message."""
-
-
-@dataclass(slots=True)
-class Collector:
-    """The messages of one topic.
-
-    It keeps numbers only, so an hour at 500 Hz fits in memory.
-    """
+class _Collector:
+    """The JointState messages of one topic."""
 
     decoder: MessageDecoder
     count: int = 0
@@ -71,44 +52,31 @@ class Collector:
     """Messages that could not be decoded."""
     first_damaged: int = 0
     """Number of the first of them."""
-    groups: dict[tuple[str, ...], Group] = field(default_factory=dict[tuple[str, ...], Group])
-    """Joint names to messages."""
+    groups: dict[tuple[str, ...], Messages] = field(default_factory=dict[tuple[str, ...], Messages])
+    """Joint names to the messages that name them: positions, velocities, efforts."""
 
     def add(self, receive_ns: int, data: bytes) -> None:
-        """Take one message; a damaged one is counted.
-
-        Args:
-            receive_ns: Receive time [ns].
-            data: The message's bytes.
-        """
+        """Take one message; a damaged one is counted."""
         self.count += 1
         try:
-            if data.startswith(ZSTD_MAGIC):
-                data = inflate(data, "zstd")
             message = self.decoder.message(data)
             stamp = stamp_of(message.header)
-        except (MessageError, InflateError):
-            self._damage()
+            names = tuple(message.name)
+            joints = len(names)
+            if not 0 < joints <= _MOST_JOINTS or {len({*names}), len(message.position)} != {joints}:
+                raise MessageError("no joints, or not one position each")
+        except MessageError:
+            self.damaged += 1
+            self.first_damaged = self.first_damaged or self.count
             return
-        names = tuple(message.name)
-        joints = len(names)
-        if not 0 < joints <= _MOST_JOINTS or len(set(names)) != joints:
-            self._damage()
-            return
-        if len(message.position) != joints:
-            self._damage()
-            return
-        group = self.groups.setdefault(names, Group())
-        group.number.append(self.count)
-        group.stamp.append(stamp)
-        group.receive.append(min(max(receive_ns, 0), 1 << 62))
-        for name in FIELDS:
-            values = getattr(message, name)
-            group.columns[name].extend(
-                values.tolist() if len(values) == joints else [_NAN] * joints
-            )
+        values = [
+            item.tolist() if len(item) == joints else [_NAN] * joints
+            for item in (getattr(message, name) for name in FIELDS)
+        ]
+        group = self.groups.setdefault(names, Messages())
+        group.add(self.count, stamp, receive_ns, itertools.chain(*values))
 
-    def says_the_same(self, other: Collector) -> bool:
+    def says_the_same(self, other: _Collector) -> bool:
         """Whether another topic repeats this one's positions, as one that gathers topics does."""
         if not self.groups or not other.groups:
             return True
@@ -116,68 +84,39 @@ class Collector:
         shared = [name for name in one if name in two]
         if not shared:
             return False
-        recent = [
-            np.array(group.columns["position"][-len(names) * _LAST :]).reshape(-1, len(names))[
-                :, [names.index(name) for name in shared]
-            ]
-            for names, group in ((one, self.groups[one]), (two, other.groups[two]))
-        ]
-        rows = {tuple(row) for row in recent[1].tolist()}
-        return any(tuple(row) in rows for row in recent[0].tolist())
-
-    def _damage(self) -> None:
-        self.damaged += 1
-        self.first_damaged = self.first_damaged or self.count
+        recent: list[set[str]] = []
+        for names, group in ((one, self.groups[one]), (two, other.groups[two])):
+            rows = group.table()[-_LAST:, [names.index(name) for name in shared]]
+            recent.append({str(row) for row in rows.tolist() if not np.isnan(row).any()})
+        return not recent[0].isdisjoint(recent[1])
 
     def common_names(self) -> tuple[str, ...]:
         """The joint names of most messages; of equals, those with more joints."""
         return max(self.groups, key=lambda names: (len(self.groups[names].number), len(names)))
 
-    def columns(self, joints: tuple[str, ...]) -> tuple[dict[str, Array], Rows, Rows, Rows]:
-        """Values of the messages that have all of `joints`, in the order of arrival.
-
-        Args:
-            joints: Joint names in the order wanted.
-
-        Returns:
-            Field to (N, n) values, message numbers (N), header stamps and receive times
-            (N) [ns].
-        """
-        parts: list[tuple[Group, list[int], int]] = []
-        for names, group in self.groups.items():
-            place = {name: k for k, name in enumerate(names)}
-            if all(name in place for name in joints):
-                parts.append((group, [place[name] for name in joints], len(names)))
-        empty = np.zeros(0, dtype=np.int64)
-        number = np.concatenate([empty, *(np.array(g.number, np.int64) for g, _, _ in parts)])
-        order = np.argsort(number, kind="stable")
-        stamp = np.concatenate([empty, *(np.array(g.stamp, np.int64) for g, _, _ in parts)])
-        receive = np.concatenate([empty, *(np.array(g.receive, np.int64) for g, _, _ in parts)])
+    def columns(self, joints: tuple[str, ...]) -> tuple[dict[str, Array], NDArray[np.int64]]:
+        """Field to values (N, n) of the messages that have all of `joints`, and their `times`."""
+        fits = {names: group for names, group in self.groups.items() if set(joints) <= {*names}}
+        if not fits:
+            return {}, np.zeros((3, 0), dtype=np.int64)
+        times = np.concatenate([group.times for group in fits.values()], axis=1)
+        order = np.argsort(times[0], kind="stable")
         values = {
             name: np.concatenate(
                 [
-                    np.zeros((0, len(joints))),
-                    *(
-                        np.array(g.columns[name]).reshape(-1, width)[:, take]
-                        for g, take, width in parts
-                    ),
+                    group.table()[:, [k * len(names) + names.index(joint) for joint in joints]]
+                    for names, group in fits.items()
                 ]
             )[order]
-            for name in FIELDS
+            for k, name in enumerate(FIELDS)
         }
-        return values, number[order], stamp[order], receive[order]
+        return values, times[:, order]
 
 
-def choose_topic(
-    topics: Mapping[str, Collector], wanted: str | None, joints: int, where: str
+def _choose_topic(
+    topics: Mapping[str, _Collector], wanted: str | None, joints: int, where: str
 ) -> str:
-    """The topic that is asked for, or the one that must be the robot's.
-
-    Args:
-        topics: Topics of JointState and their messages.
-        wanted: The topic that is asked for, if any.
-        joints: Number of the robot's joints; 0 if it is not known.
-        where: The bag, for messages.
+    """The topic that is asked for, or the one that must be the robot's (`joints`, 0 if unknown).
 
     Raises:
         RecordError: It is not there, or several could be it, as of two arms.
@@ -214,7 +153,7 @@ def choose_topic(
     return best
 
 
-def _standing(name: str, collector: Collector, joints: int) -> tuple[bool, bool, bool, bool, int]:
+def _standing(name: str, collector: _Collector, joints: int) -> tuple[bool, bool, bool, bool, int]:
     """Enough joints, measured not asked for, the usual name, and then the most messages."""
     words = set(re.split(r"[^a-z]+", name.lower()))
     most = max((len(names) for names in collector.groups), default=0)
@@ -253,12 +192,12 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     joints, columns, topic = options.joints, options.columns, options.topic
     where = ", ".join(path.name for path in paths)
     catalog = Catalog()
-    topics: dict[str, Collector] = {}
+    topics: dict[str, _Collector] = {}
     for name, receive, data in _messages(paths, catalog):
         if name not in topics:
             # What a JointState is needs no bag to say.
             plain_topic = replace(catalog.topics[name], definition="")
-            topics[name] = Collector(MessageDecoder(plain_topic))
+            topics[name] = _Collector(MessageDecoder(plain_topic))
         topics[name].add(receive, data)
     findings = catalog.findings
     others = {name: item for name, item in catalog.topics.items() if not item.is_joint_state}
@@ -269,7 +208,7 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             options,
             where=where,
         )
-    chosen = choose_topic(topics, topic, len(joints), where)
+    chosen = _choose_topic(topics, topic, len(joints), where)
     collector = topics[chosen]
     if not collector.groups:
         raise RecordError(
@@ -280,8 +219,8 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     names, notes = _joints(collector, tuple(joints), options.joint_order, where)
     if len(topics) > 1:
         notes.append(f"topic {plain(chosen)} of {plain(', '.join(sorted(topics)), 300)}")
-    values, numbers, stamps, receive = collector.columns(names)
-    if len(numbers) == 0:
+    values, times = collector.columns(names)
+    if not values:
         raise RecordError(
             "no message has all the joints",
             where=f"{where} {chosen}",
@@ -296,15 +235,14 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
                 f"message {collector.first_damaged}",
             )
         )
-    lacking = collector.count - collector.damaged - len(numbers)
+    lacking = collector.count - collector.damaged - times.shape[1]
     if lacking:
         findings.append(
             Finding(
                 "dropped_rows", f"{lacking} of {collector.count} messages lack one of the joints"
             )
         )
-    clock, ticks = clock_of(stamps, receive)
-    mapping = parse_columns(columns) if columns is not None else _DEFAULT
+    mapping = _DEFAULT if columns is None else columns
     for quantity, name in mapping.items():
         if name not in FIELDS or quantity == "t":
             raise RecordError(
@@ -313,17 +251,12 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     return RawTable(
         source=where,
         format=options.format,
-        rows=numbers,
-        row_word="message",
+        **clock_facts(times),
         signals={
             quantity: values[field]
             for quantity, field in mapping.items()
             if quantity == "q" or not np.isnan(values[field]).all()
         },
-        t=(ticks - ticks[0]).astype(np.float64) * 1e-9,
-        time_scale=1.0,
-        t0=f"{ticks[0] // 1_000_000_000}.{ticks[0] % 1_000_000_000:09d}",
-        clock=clock,
         labels={
             quantity: tuple(f"{field} of {name}" for name in names)
             for quantity, field in mapping.items()
@@ -350,7 +283,7 @@ def _messages(paths: Sequence[Path], catalog: Catalog) -> Iterator[Message]:
 
 
 def _enough(
-    found: Mapping[str, Collector], topics: Mapping[str, Topic], wanted: str | None, joints: int
+    found: Mapping[str, _Collector], topics: Mapping[str, Topic], wanted: str | None, joints: int
 ) -> bool:
     """Whether JointState messages are asked for, or there and have the robot's joints."""
     if wanted is not None:
@@ -366,7 +299,7 @@ def bag_files(folder: Path) -> list[Path]:
 
 
 def _joints(
-    collector: Collector, robot: tuple[str, ...], order: Sequence[str] | None, where: str
+    collector: _Collector, robot: tuple[str, ...], order: Sequence[str] | None, where: str
 ) -> tuple[tuple[str, ...], list[str]]:
     """The joint names to take, base to tip."""
     common = collector.common_names()
@@ -383,7 +316,8 @@ def _joints(
     notes: list[str] = []
     for names in (common, *collector.groups):
         for wanted in (robot, UR_JOINTS):
-            matched = _matched(wanted, names)
+            # The same names, or the same behind one prefix.
+            matched = tuple(names[k] for k in places_of(wanted, names))
             # Without a robot the whole message is taken, so the order must cover all of it.
             if matched and (wanted == robot or len(names) == len(matched)):
                 if matched != names[: len(matched)]:
@@ -391,8 +325,3 @@ def _joints(
                     notes.append(f"joints taken by name, in the order {order_text}")
                 return matched, notes
     return common, notes
-
-
-def _matched(wanted: tuple[str, ...], names: tuple[str, ...]) -> tuple[str, ...]:
-    """The message's names for the wanted joints: the same, or the same behind one prefix."""
-    return tuple(names[k] for k in places_of(wanted, names))

@@ -214,17 +214,7 @@ _SAVE = "Save it again in MATLAB with: save(file, '-v7')."
 
 
 def read_mat(files: list[Path], options: ReadOptions, budget: Budget) -> RawTable:
-    """Read a MATLAB file of version 5 to 7.
-
-    Args:
-        files: The one file.
-        options: Columns say quantity to path, as in `q=rec.act_pos,t=rec.time`; None to go by
-            the names.
-        budget: Bounds what is read.
-
-    Raises:
-        RecordError: Another version, damaged, or without the variables.
-    """
+    """Read a MATLAB file of version 5 to 7; see `Reader`."""
     path = files[0]
     data = all_bytes(path, _MAX_BYTES)
     order = byte_order(data)

@@ -13,19 +13,19 @@ import functools
 import re
 import struct
 from array import array
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dynid.core import RecordError, require
+from dynid.core import Array, RecordError, require
 from dynid.recording.bagfiles import Catalog, Message, Topic
-from dynid.recording.clocks import clock_of, stamps_of
+from dynid.recording.clocks import clock_of
 from dynid.recording.columns import assign
-from dynid.recording.content import ZSTD_MAGIC, InflateError, inflate
+from dynid.recording.content import ZSTD_MAGIC, inflate
 from dynid.recording.headers import NotRecognised, match_headers
 from dynid.recording.table import TORQUE_SOURCES, RawTable, ReadOptions, plain
 
@@ -82,13 +82,15 @@ class MessageDecoder:
         """The message as an object of its fields.
 
         Args:
-            data: Its bytes; with the encapsulation header where they are CDR.
+            data: Its bytes, compressed or not; with the encapsulation header where they are CDR.
 
         Raises:
             MessageError: Bytes that do not fit the definition.
         """
         decode = self._store.deserialize_ros1 if self._ros1 else self._store.deserialize_cdr
         try:
+            if data.startswith(ZSTD_MAGIC):
+                data = inflate(data, "zstd")
             return decode(data, self._kind)
         except (
             *(ValueError, struct.error, IndexError, AssertionError, OverflowError, TypeError),
@@ -182,12 +184,8 @@ def _flatten(message: Any, path: str, into: Decoded, depth: int) -> None:
             _flatten(value, inner, into, depth + 1)
 
 
-def field_names(message: Decoded) -> list[str]:
-    """Paths of the numbers; interfaces that a message names itself go by those names.
-
-    Args:
-        message: A message of `control_msgs/DynamicJointState`, or any other.
-    """
+def _field_names(message: Decoded) -> list[str]:
+    """Paths of the numbers; interfaces that `DynamicJointState` names itself go by those names."""
     names: list[str] = []
     listed = [message.texts[key] for key in _JOINT_LISTS if key in message.texts]
     outer = listed[0] if listed else []
@@ -203,16 +201,10 @@ def field_names(message: Decoded) -> list[str]:
     return names
 
 
-def joints_beside(
+def _joints_beside(
     message: Decoded, names: Sequence[str], columns: Sequence[int]
 ) -> tuple[str, ...]:
-    """The joints' names that stand beside the positions in a message, if any.
-
-    Args:
-        message: The message.
-        names: Its fields.
-        columns: Those of the positions.
-    """
+    """The joints' names that stand beside the positions (columns) in a message, if any."""
     scope = names[columns[0]].rpartition(".")[0]
     for prefix in (f"{scope}." if scope else "", ""):
         for key in _JOINT_LISTS:
@@ -232,43 +224,49 @@ _CONVERT = (
 
 
 @dataclass(slots=True)
-class _Rows:
-    """What the messages of one topic hold."""
+class Messages:
+    """Numbers of messages that have the same fields.
 
-    decoder: MessageDecoder
-    first: Decoded | None = None
-    count: int = 0
-    damaged: int = 0
-    other: int = 0
-    """Messages with other fields than the first."""
+    It keeps numbers only, so an hour at 500 Hz fits in memory.
+    """
+
     number: array[int] = field(default_factory=lambda: array("q"))
+    """Message number in the topic, from 1."""
     stamp: array[int] = field(default_factory=lambda: array("q"))
+    """Header stamps [ns]."""
     receive: array[int] = field(default_factory=lambda: array("q"))
+    """Receive times [ns]."""
     values: array[float] = field(default_factory=lambda: array("d"))
+    """The fields of a message, message after message."""
 
-    def add(self, receive_ns: int, data: bytes, keep: Sequence[int] | None) -> None:
-        """Take one message; without `keep` only the first is decoded."""
-        self.count += 1
-        if keep is None and self.first is not None:
-            return
-        try:
-            if data.startswith(ZSTD_MAGIC):
-                data = inflate(data, "zstd")
-            message = self.decoder.decode(data)
-        except (MessageError, InflateError):
-            self.damaged += 1
-            return
-        if self.first is None:
-            self.first = message
-        if keep is None:
-            return
-        if message.names != self.first.names or message.texts != self.first.texts:
-            self.other += 1
-            return
-        self.number.append(self.count)
-        self.stamp.append(message.stamp_ns)
+    def add(self, number: int, stamp_ns: int, receive_ns: int, values: Iterable[float]) -> None:
+        """Take one message."""
+        self.number.append(number)
+        self.stamp.append(stamp_ns)
         self.receive.append(min(max(receive_ns, 0), 1 << 62))
-        self.values.extend(message.values[k] for k in keep)
+        self.values.extend(values)
+
+    @property
+    def times(self) -> NDArray[np.int64]:
+        """(3, N) number, stamp and receive time of each message."""
+        return np.array([self.number, self.stamp, self.receive], dtype=np.int64)
+
+    def table(self) -> Array:
+        """(N, k) the fields."""
+        return np.frombuffer(self.values, dtype=np.float64).reshape(len(self.number), -1)
+
+
+def clock_facts(times: NDArray[np.int64]) -> dict[str, Any]:
+    """Rows and time of a raw table, from the `times` of messages (3, N)."""
+    clock, ticks = clock_of(times[1], times[2])
+    return {
+        "rows": times[0],
+        "row_word": "message",
+        "t": (ticks - ticks[0]).astype(np.float64) * 1e-9,
+        "time_scale": 1.0,
+        "t0": f"{ticks[0] // 1_000_000_000}.{ticks[0] % 1_000_000_000:09d}",
+        "clock": clock,
+    }
 
 
 def read_states(
@@ -293,54 +291,61 @@ def read_states(
     joints, columns, topic = options.joints, options.columns, options.topic
     chosen = _choose(read, topics, topic, joints, where)
     first = _first_of(read, [chosen])[chosen.name]
-    names = field_names(first)
+    names = _field_names(first)
     found = assign(names, columns, len(names), f"{where} {chosen.name}", joints)
-    user_clock = found.clocks if columns is not None else ()
+    if columns is None:
+        # The messages' own stamps are the clock.
+        found = replace(found, clocks=())
     taken = sorted(
         {k for cols in found.columns.values() for k in cols}
-        | {k for clock in user_clock for k in clock.columns}
+        | {k for clock in found.clocks for k in clock.columns}
     )
-    rows = _Rows(MessageDecoder(chosen), first=first)
+    decoder, messages = MessageDecoder(chosen), Messages()
     catalog = Catalog(wanted=lambda item: item.name == chosen.name)
-    for _, receive, data in read(catalog):
-        rows.add(receive, data, taken)
-    if not rows.number:
+    count = damaged = other = 0
+    for count, (_, receive, data) in enumerate(read(catalog), 1):
+        try:
+            message = decoder.decode(data)
+        except MessageError:
+            damaged += 1
+            continue
+        if message.names != first.names or message.texts != first.texts:
+            other += 1
+            continue
+        messages.add(count, message.stamp_ns, receive, (message.values[k] for k in taken))
+    if not messages.number:
         raise RecordError(
             "no message can be decoded",
             where=f"{where} {chosen.name}",
-            value=f"{rows.damaged} damaged messages",
+            value=f"{damaged} damaged messages",
         )
     place = {column: k for k, column in enumerate(taken)}
-    values = np.array(rows.values).reshape(-1, len(taken))
-    clock, ticks = clock_of(np.array(rows.stamp, np.int64), np.array(rows.receive, np.int64))
-    stamps = stamps_of(user_clock, lambda k: values[:, place[k]])
-    table = RawTable(
+    values = messages.table()
+    facts = clock_facts(messages.times)
+    table = found.table(
+        names,
+        lambda k: values[:, place[k]],
         source=where,
         format=options.format,
-        rows=np.array(rows.number, dtype=np.int64),
+        rows=facts["rows"],
         row_word="message",
-        signals=found.signals(lambda k: values[:, place[k]]),
-        t=(ticks - ticks[0]).astype(np.float64) * 1e-9 if stamps.t is None else stamps.t,
-        time_scale=1.0 if stamps.t is None else stamps.scale,
-        t0=f"{ticks[0] // 1_000_000_000}.{ticks[0] % 1_000_000_000:09d}"
-        if stamps.t is None
-        else stamps.t0,
-        clock=clock if stamps.t is None else "recorded",
-        labels={q: tuple(names[k] for k in cols) for q, cols in found.columns.items()},
-        said=found.said,
-        joint_names=found.joint_names or joints_beside(first, names, found.columns["q"]),
-        notices=(*catalog.findings, *found.notices),
-        notes=(*found.notes, f"topic {plain(chosen.name)} ({plain(chosen.kind)})"),
-        dropped=rows.damaged + rows.other,
+        dropped=damaged + other,
         extra={"topic": chosen.name},
     )
-    if rows.damaged:
+    if table.t is None:
+        table = replace(table, **facts)
+    table = replace(
+        table,
+        columns={},
+        clock_columns=(),
+        joint_names=table.joint_names or _joints_beside(first, names, found.columns["q"]),
+        notices=(*catalog.findings, *table.notices),
+    ).note(f"topic {plain(chosen.name)} ({plain(chosen.kind)})")
+    if damaged:
+        table = table.report("corrupt_rows", f"{damaged} of {count} messages cannot be decoded")
+    if other:
         table = table.report(
-            "corrupt_rows", f"{rows.damaged} of {rows.count} messages cannot be decoded"
-        )
-    if rows.other:
-        table = table.report(
-            "dropped_rows", f"{rows.other} of {rows.count} messages have other fields or joints"
+            "dropped_rows", f"{other} of {count} messages have other fields or joints"
         )
     return table
 
@@ -366,7 +371,7 @@ def _choose(
         if wanted is not None:
             return item
         try:
-            match = match_headers(field_names(samples[item.name]), f"{where} {item.name}", joints)
+            match = match_headers(_field_names(samples[item.name]), f"{where} {item.name}", joints)
         except NotRecognised:
             continue
         except RecordError as error:
@@ -399,15 +404,15 @@ def _choose(
 
 def _first_of(read: Reader, topics: Sequence[Topic]) -> dict[str, Decoded]:
     """The first good message of each topic that can be decoded."""
-    rows: dict[str, _Rows] = {}
+    decoders: dict[str, MessageDecoder] = {}
     for item in topics:
         with suppress(MessageError):
-            rows[item.name] = _Rows(MessageDecoder(item))
-    missing = set(rows)
-    for name, receive, data in read(Catalog(wanted=lambda item: item.name in rows)):
-        rows[name].add(receive, data, None)
-        if rows[name].first is not None:
-            missing.discard(name)
-        if not missing:
-            break
-    return {name: item.first for name, item in rows.items() if item.first is not None}
+            decoders[item.name] = MessageDecoder(item)
+    found: dict[str, Decoded] = {}
+    for name, _, data in read(Catalog(wanted=lambda item: item.name in decoders)):
+        if name not in found:
+            with suppress(MessageError):
+                found[name] = decoders[name].decode(data)
+            if len(found) == len(decoders):
+                break
+    return found

@@ -98,77 +98,28 @@ RANK: dict[str, tuple[str, int]] = {
 }
 """Normalised name to its quantity and its rank among the names of that quantity."""
 
+
+def words_of(text: str) -> frozenset[str]:
+    """The words of a text."""
+    return frozenset(text.split())
+
+
 # Words that say nothing of their own, and words that make a target of a measured quantity.
-PLAIN = frozenset(
-    [
-        "actual",
-        "act",
-        "measured",
-        "meas",
-        "msr",
-        "joint",
-        "joints",
-        "jnt",
-        "arm",
-        "robot",
-        "state",
-        "states",
-        "link",
-        "axis",
-        "feedback",
-        "fb",
-        "sensed",
-        "real",
-        "field",
-        "log",
-        "logged",
-        "logs",
-        "data",
-        "history",
-        "recorded",
-    ]
+PLAIN = words_of(
+    "actual act measured meas msr joint joints jnt arm robot state states link axis feedback fb "
+    "sensed real field log logged logs data history recorded"
 )
 """Words around a quantity's name that do not change what it is."""
-TARGET = frozenset(
-    [
-        "target",
-        "targets",
-        "desired",
-        "des",
-        "cmd",
-        "command",
-        "commands",
-        "commanded",
-        "ref",
-        "reference",
-        "references",
-        "setpoint",
-        "setpoints",
-        "goal",
-        "planned",
-        "nominal",
-    ]
+TARGET = words_of(
+    "target targets desired des cmd command commands commanded ref reference references setpoint "
+    "setpoints goal planned nominal"
 )
 """Words that turn a measured quantity into what was asked for."""
-OTHER = frozenset(
-    [
-        "error",
-        "errors",
-        "err",
-        "output",
-        "outputs",
-        "estimated",
-        "external",
-        "ext",
-        "tcp",
-        "tool",
-        "ee",
-        "cartesian",
-        "multi_dof",
-    ]
+OTHER = words_of(
+    "error errors err output outputs estimated external ext tcp tool ee cartesian multi_dof"
 )
 """Words that make something else of a quantity."""
-CONTENT = frozenset(["data", "value", "values", "signals"])
+CONTENT = words_of("data value values signals")
 """Last words of paths that only say that here are the numbers."""
 TARGET_OF = {
     "q": "target_q",
@@ -191,25 +142,8 @@ _DEGREES = re.compile(r"(^|_)(deg|degs|degree|degrees)(_|$)")
 _SECONDS = frozenset({"sec", "secs"})
 _NANOSECONDS = frozenset({"nanosec", "nanosecs", "nsec", "nsecs"})
 _NO_JOINT = PLAIN | TARGET | OTHER | {"header", "stamp", "time", "current", "previous"}
-_QUALIFIERS = (TARGET | OTHER | CONTENT) | frozenset(
-    [
-        "raw",
-        "filtered",
-        "filt",
-        "smooth",
-        "sim",
-        "simulated",
-        "model",
-        "mean",
-        "std",
-        "var",
-        "min",
-        "max",
-        "rms",
-        "init",
-        "start",
-        "end",
-    ]
+_QUALIFIERS = (TARGET | OTHER | CONTENT) | words_of(
+    "raw filtered filt smooth sim simulated model mean std var min max rms init start end"
 )
 _SUNRISE = re.compile(r"_lbr_[a-z]+_\d+_r\d+(_\d+)?")
 """KUKA's DataRecorder writes the robot's name into each column's."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from dynid.core import RecordError, file_hash, like_named
 from dynid.recording.arrayfiles import read_frame, read_hdf5, read_json, read_npz
+from dynid.recording.columns import parse_columns
 from dynid.recording.content import Budget, unreadable
 from dynid.recording.csv import read_csv
 from dynid.recording.formats import FORMATS, content_kind, unpacked
@@ -96,7 +97,11 @@ def _in_folder(folder: Path) -> list[Path]:
 OWN = "own"
 """Of `ReadOptions.format`: a recording of ours and nothing else."""
 _TEXT = ("auto", "csv", "ur-csv", "ur-rtde-csv")
-_READERS: dict[str, Callable[[list[Path], ReadOptions, Budget], RawTable]] = {
+Reader = Callable[[list[Path], ReadOptions, Budget], RawTable]
+"""Reads the files of one recording, within a budget, as the user says. Of a format that holds
+arrays, columns say quantity to path (`q=rec.act_pos,t=rec.time`). Raises RecordError for files that
+are damaged or lack the columns, MissingExtraError without the format's extra."""
+_READERS: dict[str, Reader] = {
     **dict.fromkeys(_TEXT, read_csv),
     **dict.fromkeys(("rosbag", "mcap"), read_bag),
     "arrow": read_frame,
@@ -170,7 +175,7 @@ def read_recording(
     )
     options = ReadOptions(
         format=format,
-        columns=columns,
+        columns=None if columns is None else parse_columns(columns),
         header=header,
         delimiter=delimiter,
         joints=robot.joint_names if robot is not None else (),

@@ -2,14 +2,15 @@
 
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from dynid.core import Array, Finding, RecordError, finding_from_json, frozen
+from dynid.robot import RobotModel
 
 JOINT_QUANTITIES = (
     "q",
@@ -141,17 +142,13 @@ UNITS: dict[str, str] = {
 
 def metadata_to_json(metadata: RecordMetadata) -> dict[str, Any]:
     """Metadata as a JSON object."""
+    texts = {str(name): str(value) for name, value in metadata.extra.items()}
     gains = metadata.drive_gains
     return {
-        "robot": metadata.robot,
+        **asdict(replace(metadata, extra=texts)),
         "joint_names": list(metadata.joint_names),
-        "origin": metadata.origin,
-        "format": metadata.format,
-        "clock": metadata.clock,
         "drive_gains": None if gains is None else [float(gain) for gain in gains],
         "dropped_rows": int(metadata.dropped_rows),
-        "input_hash": metadata.input_hash,
-        "extra": {str(name): str(value) for name, value in metadata.extra.items()},
     }
 
 
@@ -159,42 +156,116 @@ def metadata_from_json(data: Mapping[str, Any]) -> RecordMetadata:
     """Metadata from a JSON object.
 
     Raises:
-        RecordError: A field of the wrong type.
+        KeyError: A field is missing.
+        TypeError: A field is of the wrong type.
+        ValueError: A number is none.
     """
-    known = {item.name for item in fields(RecordMetadata)}
-    values = {name: value for name, value in data.items() if name in known}
-    try:
-        gains = values.get("drive_gains")
-        return RecordMetadata(
-            robot=None if values["robot"] is None else str(values["robot"]),
-            joint_names=tuple(str(name) for name in values["joint_names"]),
-            origin=str(values["origin"]),
-            format=str(values["format"]),
-            clock=str(values["clock"]),
-            drive_gains=None if gains is None else tuple(float(gain) for gain in gains),
-            dropped_rows=int(values["dropped_rows"]),
-            input_hash=str(values["input_hash"]),
-            extra={str(name): str(value) for name, value in dict(values["extra"]).items()},
+    gains = data["drive_gains"]
+    texts = {name: str(data[name]) for name in ("origin", "format", "clock", "input_hash")}
+    return RecordMetadata(
+        **texts,
+        robot=None if data["robot"] is None else str(data["robot"]),
+        joint_names=tuple(map(str, data["joint_names"])),
+        drive_gains=None if gains is None else tuple(map(float, gains)),
+        dropped_rows=int(data["dropped_rows"]),
+        extra={str(name): str(value) for name, value in dict(data["extra"]).items()},
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Description:
+    """What a file says of the recording in it."""
+
+    quantities: tuple[str, ...]
+    joints: int
+    channels: tuple[str, ...]
+    metadata: RecordMetadata
+    problems: tuple[Finding, ...]
+
+    @classmethod
+    def of(cls, data: Any, problems: Iterable[Any], where: str) -> "Description":
+        """The description in a JSON object.
+
+        Args:
+            data: The object.
+            problems: JSON objects of the problems.
+            where: The file.
+
+        Raises:
+            RecordError: A field that is missing or of the wrong type.
+        """
+        try:
+            return cls(
+                quantities=check_quantities(data["quantities"]),
+                joints=int(data["joints"]),
+                channels=tuple(map(str, data["channels"])),
+                metadata=metadata_from_json(data["metadata"]),
+                problems=tuple(map(finding_from_json, problems)),
+            )
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise RecordError(
+                "the recording's description is damaged", where=where, value=str(error)
+            ) from error
+
+    @property
+    def names(self) -> list[str]:
+        """The names of time, signals and channels, in the order of the columns."""
+        return ["t", *column_names(self.quantities, self.joints), *self.channels]
+
+    def record(self, columns: Sequence[Array]) -> ExperimentRecord:
+        """The recording of these columns, each (N)."""
+        n, start = self.joints, 1 + self.joints * len(self.quantities)
+        return ExperimentRecord(
+            t=columns[0],
+            signals={
+                name: np.column_stack(columns[1 + k * n : 1 + (k + 1) * n])
+                for k, name in enumerate(self.quantities)
+            },
+            metadata=self.metadata,
+            problems=self.problems,
+            channels=dict(zip(self.channels, columns[start:], strict=True)),
         )
-    except (KeyError, TypeError, ValueError) as error:
-        raise RecordError("the recording's metadata is damaged", value=str(error)) from error
 
 
-def notices_from_json(data: Iterable[Any]) -> tuple[Finding, ...]:
-    """Notices from a list of JSON objects.
+def of_robot(
+    found: RecordMetadata,
+    joints: int,
+    robot: RobotModel | None,
+    gains: Sequence[float] | None,
+    where: str,
+) -> tuple[RecordMetadata, tuple[int, ...]]:
+    """Metadata fitted to a robot, and the columns in the order of the robot's joints.
+
+    Args:
+        found: The metadata of a recording.
+        joints: Its number of joints.
+        robot: The robot, if known; its joints must be those of the recording.
+        gains: Drive gains [N.m/A] that override those of the recording.
+        where: The file, for messages.
 
     Raises:
-        RecordError: Something that is no notice.
+        RecordError: Another number of joints or gains.
     """
-    notices: list[Finding] = []
-    for item in data:
-        try:
-            notices.append(finding_from_json(item))
-        except (KeyError, TypeError, ValueError) as error:
+    order = tuple(range(joints))
+    if robot is not None:
+        if joints != robot.joints:
             raise RecordError(
-                "the recording's list of problems is damaged", value=str(error)
-            ) from error
-    return tuple(notices)
+                f"the recording has {joints} joints but {robot.name} has {robot.joints}",
+                where=where,
+            )
+        names, own = found.joint_names, found.drive_gains
+        if set(names) == set(robot.joint_names):
+            order = tuple(names.index(name) for name in robot.joint_names)
+            own = None if own is None else tuple(own[k] for k in order)
+            found = replace(found, joint_names=robot.joint_names, drive_gains=own)
+        found = replace(found, robot=robot.name)
+    if gains is not None:
+        if len(gains) != joints:
+            raise RecordError(
+                "the number of gains is not the number of joints", value=gains, limit=joints
+            )
+        found = replace(found, drive_gains=tuple(gains))
+    return found, order
 
 
 def column_names(quantities: Iterable[str], joints: int) -> list[str]:

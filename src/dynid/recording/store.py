@@ -30,17 +30,16 @@ from dynid.core import (
     parse_json,
     require_absent,
 )
-from dynid.recording.content import unreadable
+from dynid.recording.content import refused, unreadable
 from dynid.recording.record import (
     UNITS,
     VERSION,
+    Description,
     ExperimentRecord,
-    check_quantities,
     column_names,
     digest,
-    metadata_from_json,
     metadata_to_json,
-    notices_from_json,
+    of_robot,
 )
 from dynid.robot import RobotModel
 
@@ -105,7 +104,10 @@ def recover(path: Path, *, finished: bool = False) -> ExperimentRecord:
         raise RecordError("the recording's description is damaged", where=path.name) from error
     if not isinstance(description, dict):
         raise RecordError("the recording's description is lost", where=path.name)
-    record = _record(path, description, b"".join(blocks), notices)
+    found = Description.of(description, notices, path.name)
+    with refused("the recording's rows are damaged", path.name):
+        table = np.frombuffer(b"".join(blocks), dtype="<f8").reshape(-1, len(found.names))
+    record = found.record(list(table.T))
     if finished:
         return record
     lost = f", {len(data) - used} bytes after them are lost" if len(data) > used else ""
@@ -123,30 +125,6 @@ def _segments(data: bytes) -> Iterator[tuple[bytes, bytes]]:
             return
         yield kind, payload
         offset += length
-
-
-def _record(path: Path, description: Any, rows: bytes, notices: list[Any]) -> ExperimentRecord:
-    try:
-        quantities = check_quantities(description["quantities"])
-        joints = int(description["joints"])
-        channels = [str(name) for name in description["channels"]]
-        width = 1 + joints * len(quantities) + len(channels)
-        table = np.frombuffer(rows, dtype="<f8").reshape(-1, width)
-        start = 1 + joints * len(quantities)
-        return ExperimentRecord(
-            t=table[:, 0],
-            signals={
-                name: table[:, 1 + k * joints : 1 + (k + 1) * joints]
-                for k, name in enumerate(quantities)
-            },
-            metadata=metadata_from_json(description["metadata"]),
-            problems=notices_from_json(notices),
-            channels={name: table[:, start + k] for k, name in enumerate(channels)},
-        )
-    except (KeyError, TypeError, ValueError) as error:
-        raise RecordError(
-            "the recording's description is damaged", where=path.name, value=str(error)
-        ) from error
 
 
 def create_partial(path: Path) -> int:
@@ -282,31 +260,21 @@ def read_own(file: Path) -> ExperimentRecord:
     if is_partial(file):
         return recover(file)
     parquet = importlib.import_module("pyarrow.parquet")
-    try:
-        with parquet.ParquetFile(file, page_checksum_verification=True, pre_buffer=False) as source:
-            entries: dict[bytes, bytes] = source.schema_arrow.metadata or {}
-            if KEY not in entries:
-                raise RecordError(
-                    "this Parquet file is not a dynid recording",
-                    where=file.name,
-                    next_step=_FOREIGN,
-                )
-            table = source.read(use_threads=False)
-            columns = {
-                name: np.asarray(table.column(name).to_numpy(), dtype=np.float64)
-                for name in table.column_names
-            }
-        description: dict[str, Any] = parse_json(entries[KEY].decode())
-    except (RecordError, MemoryError):
-        raise
-    # pyarrow raises many kinds on damaged bytes (ArrowInvalid, OSError, UnicodeError, ...).
-    except Exception as error:
-        raise RecordError(
-            "the Parquet file is damaged or no Parquet",
-            where=file.name,
-            value=" ".join(str(error).split())[:200] or type(error).__name__,
-        ) from error
-    record = _store_record(file, description, columns)
+    with (
+        refused("the Parquet file is damaged or no Parquet", file.name),
+        parquet.ParquetFile(file, page_checksum_verification=True, pre_buffer=False) as source,
+    ):
+        entries: dict[bytes, bytes] = source.schema_arrow.metadata or {}
+        if KEY not in entries:
+            raise RecordError(
+                "this Parquet file is not a dynid recording", where=file.name, next_step=_FOREIGN
+            )
+        table = source.read(use_threads=False)
+        columns = {
+            name: np.asarray(table.column(name).to_numpy(), dtype=np.float64)
+            for name in table.column_names
+        }
+        record = _whole(file, parse_json(entries[KEY].decode()), columns)
     waiting = partial_path(file)
     if not waiting.is_file():
         return record
@@ -328,45 +296,27 @@ def _columns(record: ExperimentRecord) -> tuple[list[str], list[Array]]:
     return names, [np.ascontiguousarray(column) for column in columns]
 
 
-def _store_record(file: Path, description: Any, columns: dict[str, Array]) -> ExperimentRecord:
-    try:
-        version = description["schema"]
-        if version != VERSION:
-            raise RecordError(
-                "the recording was written by another version of dynid",
-                where=file.name,
-                value=version,
-                limit=VERSION,
-            )
-        joints = int(description["joints"])
-        quantities = check_quantities(description["quantities"])
-        expected = str(description.pop("digest"))
-        ordered = list(columns.values())
-        names = ["t", *column_names(quantities, joints)]
-        channels = [str(name) for name in description["channels"]]
-        if list(columns)[: len(names)] != names or len(ordered) != len(names) + len(channels):
-            raise RecordError(
-                "columns are missing", where=file.name, value=list(columns)[:40], limit=names
-            )
-        if digest(description, ordered) != expected:
-            raise RecordError(
-                "the recording was changed or damaged after it was written", where=file.name
-            )
-        signals = {
-            quantity: np.column_stack(ordered[1 + k * joints : 1 + (k + 1) * joints])
-            for k, quantity in enumerate(quantities)
-        }
-        return ExperimentRecord(
-            t=columns["t"],
-            signals=signals,
-            metadata=metadata_from_json(description["metadata"]),
-            problems=notices_from_json(description["problems"]),
-            channels=dict(zip(channels, ordered[len(names) :], strict=True)),
-        )
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+def _whole(file: Path, description: dict[str, Any], columns: dict[str, Array]) -> ExperimentRecord:
+    """The recording of a whole file, none of whose numbers was changed."""
+    if (version := description.get("schema")) != VERSION:
         raise RecordError(
-            "the recording's description is damaged", where=file.name, value=str(error)
-        ) from error
+            "the recording was written by another version of dynid",
+            where=file.name,
+            value=version,
+            limit=VERSION,
+        )
+    found = Description.of(description, description.get("problems") or (), file.name)
+    ordered, start = list(columns.values()), len(found.names) - len(found.channels)
+    if len(ordered) != len(found.names) or list(columns)[:start] != found.names[:start]:
+        raise RecordError(
+            "columns are missing", where=file.name, value=list(columns)[:40], limit=found.names
+        )
+    expected = str(description.pop("digest", ""))
+    if digest(description, ordered) != expected:
+        raise RecordError(
+            "the recording was changed or damaged after it was written", where=file.name
+        )
+    return found.record(ordered)
 
 
 def fitted(
@@ -375,41 +325,7 @@ def fitted(
     gains: tuple[float, ...] | None,
     where: str,
 ) -> ExperimentRecord:
-    """A recording of ours, fitted to a robot.
-
-    Args:
-        record: The recording.
-        robot: The robot; its joints must be those of the recording.
-        gains: Drive gains [N.m/A] that override those of the recording.
-        where: The file, for messages.
-
-    Raises:
-        RecordError: Another number of joints or gains.
-    """
-    if robot is not None:
-        if record.joints != robot.joints:
-            raise RecordError(
-                f"the recording has {record.joints} joints but {robot.name} has {robot.joints}",
-                where=where,
-            )
-        names = record.metadata.joint_names
-        if set(names) == set(robot.joint_names) and names != robot.joint_names:
-            place = [names.index(name) for name in robot.joint_names]
-            own = record.metadata.drive_gains
-            record = replace(
-                record,
-                signals={name: value[:, place] for name, value in record.signals.items()},
-                metadata=replace(
-                    record.metadata,
-                    joint_names=robot.joint_names,
-                    drive_gains=None if own is None else tuple(own[k] for k in place),
-                ),
-            )
-        record = replace(record, metadata=replace(record.metadata, robot=robot.name))
-    if gains is not None:
-        if len(gains) != record.joints:
-            raise RecordError(
-                "the number of gains is not the number of joints", value=gains, limit=record.joints
-            )
-        record = replace(record, metadata=replace(record.metadata, drive_gains=gains))
-    return record
+    """A recording of ours, fitted to a robot; see `of_robot`."""
+    metadata, order = of_robot(record.metadata, record.joints, robot, gains, where)
+    signals = {name: value[:, list(order)] for name, value in record.signals.items()}
+    return replace(record, signals=signals, metadata=metadata)

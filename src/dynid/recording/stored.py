@@ -18,14 +18,14 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, Finding, InputError, RecordError, parse_json, require
+from dynid.recording.content import refused
 from dynid.recording.record import (
+    Description,
     ExperimentRecord,
     RecordMetadata,
-    check_quantities,
     column_names,
     identity,
-    metadata_from_json,
-    notices_from_json,
+    of_robot,
 )
 from dynid.recording.store import KEY, is_own
 from dynid.robot import RobotModel
@@ -60,7 +60,8 @@ def objects_below(folder: str) -> list[StoredObject]:
         MissingExtraError: fsspec is not installed.
     """
     store, root = _store(folder)
-    try:
+    # Every store has errors of its own, of its network and of its credentials.
+    with refused("the folder cannot be listed", folder, kind=InputError):
         found = [
             StoredObject(
                 name=path.removeprefix(root).lstrip("/"),
@@ -69,9 +70,6 @@ def objects_below(folder: str) -> list[StoredObject]:
             )
             for path in store.find(root)
         ]
-    # Every store has errors of its own, of its network and of its credentials.
-    except Exception as error:
-        raise InputError("the folder cannot be listed", where=folder, value=_said(error)) from error
     if not found:
         raise InputError("there is nothing below this folder", where=folder)
     return sorted(found, key=lambda one: one.name)
@@ -105,11 +103,8 @@ def _copied(url: str, folder: Path) -> Path:
     store, path = _store(url)
     target = folder / PurePosixPath(path).name
     folder.mkdir()
-    try:
+    with refused("the object cannot be read", url):
         store.get_file(path, str(target))
-    # As above.
-    except Exception as error:
-        raise RecordError("the object cannot be read", where=url, value=_said(error)) from error
     return target
 
 
@@ -118,17 +113,9 @@ def _store(url: str) -> tuple[Any, str]:
     fsspec: Any = require("fsspec", "objects")
     if "::" in url:
         raise InputError("chained URLs are not taken", where=url)
-    try:
-        return fsspec.url_to_fs(url)
     # An unknown scheme, a store whose package is missing, credentials that are none.
-    except Exception as error:
-        raise InputError(
-            "the object store cannot be opened", where=url, value=_said(error)
-        ) from error
-
-
-def _said(error: Exception) -> str:
-    return " ".join(str(error).split())[:200] or type(error).__name__
+    with refused("the object store cannot be opened", url, kind=InputError):
+        return fsspec.url_to_fs(url)
 
 
 LONG = 300_000
@@ -241,58 +228,23 @@ def open_stored(
     """
     file = Path(path)
     parquet = importlib.import_module("pyarrow.parquet")
-    try:
+    with refused("the Parquet file is damaged or no dynid recording", file.name):
         footer = parquet.read_metadata(file)
         entries: dict[bytes, bytes] = footer.metadata or {}
         description: dict[str, Any] = parse_json(entries[KEY].decode())
-        joints = int(description["joints"])
-        found = StoredRecording(
-            path=file,
-            samples=int(footer.num_rows),
-            joints=joints,
-            quantities=check_quantities(description["quantities"]),
-            metadata=metadata_from_json(description["metadata"]),
-            problems=notices_from_json(description["problems"]),
-            fingerprint=str(description["digest"]),
-            order=tuple(range(joints)),
-        )
-    except RecordError:
-        raise
-    # pyarrow raises many kinds on damaged bytes (ArrowInvalid, OSError, ...).
-    except Exception as error:
-        raise RecordError(
-            "the Parquet file is damaged or no dynid recording",
-            where=file.name,
-            value=" ".join(str(error).split())[:200] or type(error).__name__,
-        ) from error
-    if robot is not None:
-        found = _of_robot(found, robot)
-    if gains is not None:
-        if len(gains) != joints:
-            raise RecordError(
-                "the number of gains is not the number of joints", value=gains, limit=joints
-            )
-        found = replace(found, metadata=replace(found.metadata, drive_gains=tuple(gains)))
-    return found
-
-
-def _of_robot(found: StoredRecording, robot: RobotModel) -> StoredRecording:
-    if found.joints != robot.joints:
-        raise RecordError(
-            f"the recording has {found.joints} joints but {robot.name} has {robot.joints}",
-            where=found.path.name,
-        )
-    names, metadata = found.metadata.joint_names, replace(found.metadata, robot=robot.name)
-    if set(names) != set(robot.joint_names) or names == robot.joint_names:
-        return replace(found, metadata=metadata)
-    place = tuple(names.index(name) for name in robot.joint_names)
-    own = metadata.drive_gains
-    metadata = replace(
-        metadata,
-        joint_names=robot.joint_names,
-        drive_gains=None if own is None else tuple(own[k] for k in place),
+        found = Description.of(description, description["problems"], file.name)
+        digest = str(description["digest"])
+    metadata, order = of_robot(found.metadata, found.joints, robot, gains, file.name)
+    return StoredRecording(
+        path=file,
+        samples=int(footer.num_rows),
+        joints=found.joints,
+        quantities=found.quantities,
+        metadata=metadata,
+        problems=found.problems,
+        fingerprint=digest,
+        order=order,
     )
-    return replace(found, metadata=metadata, order=place)
 
 
 class _RowReader:
@@ -329,20 +281,13 @@ class _RowReader:
         while self._held and self._first + self._held[0].shape[1] <= first:
             self._first += self._held.popleft().shape[1]
         while self._last < last:
-            try:
-                batch = next(self._batches)
+            with refused("the Parquet file is damaged", self._name):
+                batch = next(self._batches, None)
+                if batch is None:
+                    raise RecordError("rows are missing", where=self._name, value=last)
                 part = np.array(
                     [batch.column(name).to_numpy() for name in self._columns], dtype=np.float64
                 )
-            except StopIteration as error:
-                raise RecordError("rows are missing", where=self._name, value=last) from error
-            # pyarrow raises many kinds on damaged bytes (ArrowInvalid, OSError, ...).
-            except Exception as error:
-                raise RecordError(
-                    "the Parquet file is damaged",
-                    where=self._name,
-                    value=" ".join(str(error).split())[:200] or type(error).__name__,
-                ) from error
             if self._last + part.shape[1] <= first:
                 self._first += part.shape[1]
             else:

@@ -36,7 +36,8 @@ class ReadOptions:
     """What a user says of a file that does not say everything itself; see `read_recording`."""
 
     format: str = "auto"
-    columns: str | Mapping[str, str] | None = None
+    columns: dict[str, str] | None = None
+    """Quantity to what the user says holds it, see `parse_columns`; None to go by the names."""
     header: bool | None = None
     delimiter: str | None = None
     joints: tuple[str, ...] = ()

@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Sequence
 
 from dynid.core import RecordError
 
@@ -76,6 +77,14 @@ def factor_of(quantity: str, unit: str) -> float | None:
     return table.get(text, table.get(bare))
 
 
+def factors_of(quantity: str, units: Sequence[str]) -> tuple[tuple[float, ...], int | None]:
+    """`factor_of` of each column of a quantity, 1 for all where one unit is none of its; which."""
+    known = [factor_of(quantity, unit) for unit in units]
+    if None in known:
+        return (1.0,) * len(known), known.index(None)
+    return tuple(value for value in known if value is not None), None
+
+
 def _per_second(text: str, dimension: str) -> float | None:
     if dimension == "rate" and text in _RATE:
         return _RATE[text]
@@ -84,9 +93,11 @@ def _per_second(text: str, dimension: str) -> float | None:
     while left < seconds and (match := _PER.search(stem)):
         left += int(match.group(3) or 1)
         stem = stem[: match.start()].strip()
-    if left == 0 and dimension == "rate" and text.replace("/", "") in ("rpm", "revmin"):
-        return _REV / 60
-    if left == 0 and re.fullmatch(r"(rev|r|u|turns?)\s*/\s*min", text) and dimension == "rate":
+    if (
+        left == 0
+        and dimension == "rate"
+        and re.fullmatch(r"(rev|r|u|turns?)\s*/\s*min|revmin", text)
+    ):
         return _REV / 60
     # `dq [rad]` is a slip of the pen: a rate in radians is meant a second.
     return _ANGLE.get(stem) if left in (0, seconds) else None

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynid.core import Array, RecordError
-from dynid.recording.columns import parse_columns, select, suggest_columns
+from dynid.recording.columns import select, suggest_columns
 from dynid.recording.headers import match_headers
 from dynid.recording.names import parse_name, says_degrees
 from dynid.recording.table import ANGLES, RawTable, ReadOptions, plain
@@ -152,7 +152,7 @@ def table_of(
     if options.columns is None:
         arrays, paths, notes = guess_variables(variables, where, options.joints)
     else:
-        paths = parse_columns(options.columns)
+        paths = dict(options.columns)
         arrays = {name: _pick(variables, name, path, where) for name, path in paths.items()}
     if clock := leading_clock(arrays, joints):
         arrays = {name: _whole(value)[:, 1:] for name, value in arrays.items() if name != "t"}
