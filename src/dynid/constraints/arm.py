@@ -30,16 +30,10 @@ class ArmGeometry:
         return len(self.prismatic)
 
     def reach(self, link: int, point: Array, travel: Array) -> Array:
-        """A bound on how fast each joint moves a point of a link.
+        """(n) a bound on how fast each joint moves a point (3) of a link [m/rad or 1].
 
-        Args:
-            link: The link, 0 for the base.
-            point: (3) in the link's joint frame [m].
-            travel: (n) largest |q| of each joint [rad or m].
-
-        Returns:
-            (n) speed of the point over speed of the joint [m/rad or 1], not below the true
-            one anywhere: the point is never farther from axis k than the way along the arm.
+        Not below the true one anywhere: the point is never farther from axis k than the way along
+        the arm, for joints that travel to `travel` (n), the largest |q| of each [rad or m].
         """
         found = np.zeros(self.count)
         way = float(np.linalg.norm(point))
@@ -83,12 +77,8 @@ def samples_of(values: Array) -> Array:
 def place_joints(joints: Array, q: Array, turn: Array, origin: Array, axis: Array) -> None:
     """Write the joint frames at q (n) in the base frame.
 
-    Args:
-        joints: `ArmGeometry.joints`.
-        q: (n) positions.
-        turn: (n + 1, 3, 3) rotations; the base first.
-        origin: (n + 1, 3) origins [m].
-        axis: (n, 3) joint axes.
+    Of `ArmGeometry.joints`: rotations (n + 1, 3, 3) and origins (n + 1, 3) [m], the base first, and
+    axes (n, 3).
     """
     for r in range(3):
         for c in range(3):
@@ -124,15 +114,10 @@ def place_point(turn: Array, origin: Array, point: Array, out: Array) -> None:
 def collect(
     origin: Array, axis: Array, prismatic: Indices, force: Array, moment: Array, out: Array
 ) -> None:
-    """Add what forces on the links do at the joints.
+    """Add what forces on the links do at the joints to `out` (n).
 
-    Args:
-        origin: (n + 1, 3) joint origins [m].
-        axis: (n, 3) joint axes.
-        prismatic: (n) 1 where the joint slides.
-        force: (n + 1, 3) sum of the forces on each link; overwritten.
-        moment: (n + 1, 3) their moments about the base's origin; overwritten.
-        out: (n) where the joint torques are added.
+    With joint origins (n + 1, 3) [m] and axes (n, 3); the sums of the forces on each link (n + 1,
+    3) and of their moments about the base's origin are overwritten.
     """
     n = len(prismatic)
     for k in range(n - 1, -1, -1):

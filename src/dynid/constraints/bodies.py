@@ -233,21 +233,14 @@ def _free_pairs(
     arm: int,
     notes: list[str],
 ) -> tuple[Indices, Array, bool]:
-    """The own pairs that are judged.
+    """The own pairs that are judged, of all candidates in `bodies`.
 
-    Bodies that can never be twice the clearance apart must keep half of the largest distance.
+    Bodies that can never be twice the clearance apart must keep half of the largest distance seen
+    at the poses (N, n). Bodies from number `arm` on are carried; `notes` is told what is left out.
 
     Returns:
-        The pairs (P, 2), how much nearer than the clearance each may be (P) [m], and whether
-        every other pair is proven not to meet.
-
-    Args:
-        bodies: All of them, and every candidate.
-        poses: (N, n) positions all over the range.
-        settings: The clearance.
-        names: Of the bodies.
-        arm: Number of bodies of the arm; those after it are carried.
-        notes: Told what is left out.
+        The pairs (P, 2), how much nearer than the clearance each may be (P) [m], and whether every
+            other pair is proven not to meet.
 
     Raises:
         InputError: What is carried meets a link in every pose, beside the neighbour of the last.

@@ -181,8 +181,21 @@ class CollisionBodies:
 
         In the base frame [m].
         """
-        pair, ends = np.array([[a, b]], dtype=np.intp), np.empty((2, 3))
-        return float(_closest(self.arm.joints, self.parts, pair, samples_of(q), ends)), ends
+        n, bodies, parts = self.arm.count, len(self.link), self.parts
+        turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
+        centres, way, touch = np.empty((bodies, 3)), np.zeros(3), np.empty(3)
+        joints, pose = self.arm.joints, np.array(q, dtype=np.float64)
+        place_bodies(joints, parts, pose, turn, origin, axis, centres)
+        far = gap_of(
+            parts, a, b, turn, origin, centres, np.inf, way, touch, np.empty((4, 3)),
+            np.empty((WORK, 6)),
+        )  # fmt: skip
+        plane = a >= bodies
+        first = 0 if plane else int(self.link[a])
+        along = turn[first] @ way
+        end = origin[first] + turn[first] @ touch
+        end = end + (-far - self.radius[b] if plane else self.radius[a]) * along
+        return float(far), np.array([end, end + far * along])
 
     def rates(self, pairs: Indices, travel: Array) -> Array:
         """(P, n) how fast each joint can change the distance of a pair [m/rad or 1]."""
@@ -426,24 +439,3 @@ def _violation(
             if total > most:
                 break
     return total
-
-
-@njit(cache=True, error_model="numpy")
-def _closest(joints: Array, parts: Any, pairs: Indices, q: Array, ends: Array) -> float:
-    """Signed distance of the first pair at the first sample; writes the nearest points (2, 3)."""
-    n = q.shape[1]
-    turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
-    link, radius = parts[0], parts[3]
-    centres, work, touch = np.empty((len(link), 3)), np.empty((WORK, 6)), np.empty(3)
-    frame = np.empty((4, 3))
-    way, a, b = np.zeros(3), pairs[0, 0], pairs[0, 1]
-    place_bodies(joints, parts, q[0], turn, origin, axis, centres)
-    far = gap_of(parts, a, b, turn, origin, centres, np.inf, way, touch, frame, work)
-    plane = a >= len(link)
-    first = 0 if plane else link[a]
-    place_point(turn[first], origin[first], touch, ends[0])
-    for r in range(3):
-        along = turn[first, r, 0] * way[0] + turn[first, r, 1] * way[1] + turn[first, r, 2] * way[2]
-        ends[0, r] += (-far - radius[b] if plane else radius[a]) * along
-        ends[1, r] = ends[0, r] + far * along
-    return far

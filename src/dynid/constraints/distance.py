@@ -30,15 +30,10 @@ WORK = _CORNERS + 4
 def gap_along(
     points: Array, a: Indices, b: Indices, turn: Array, place: Array, axis: Array
 ) -> float:
-    """How far apart two hulls are along a direction from A to B: no more than their distance.
+    """How far apart two hulls are along an axis from A to B: no more than their distance.
 
-    Args:
-        points: (3, T) points of all bodies in the frames of their links [m].
-        a: (2) where A's points start and stop.
-        b: (2) where B's points do.
-        turn: (3, 3) rotation of B's link in the frame of A's.
-        place: (3) its origin there [m].
-        axis: (3) unit direction in A's frame.
+    Of points (3, T) of all bodies in the frames of their links [m], those of A and B from start to
+    stop (2); B's link is turned (3, 3) and placed (3) in the frame of A's, as is the unit axis (3).
     """
     x, y, z = axis[0], axis[1], axis[2]
     most = -1e300
@@ -195,22 +190,11 @@ def separation(
     touch: Array,
     work: Array,
 ) -> float:
-    """Signed distance between two hulls, or a lower bound of it that is at least `enough`.
+    """Signed distance [m] between two hulls, or a lower bound of it that is at least `enough`.
 
-    Args:
-        points: (3, T) points of all bodies in the frames of their links [m].
-        a: (2) where A's points start and stop.
-        b: (2) where B's points do.
-        turn: (3, 3) rotation of B's link in the frame of A's.
-        place: (3) its origin there [m].
-        enough: A distance beyond which the pair is of no interest [m].
-        axis: (3) unit direction from A to B in A's frame: a guess, replaced by the one found. The
-            distance grows as B moves along it.
-        touch: (3) A's point nearest to B, in A's frame; written unless the pair is far apart.
-        work: (WORK, 6).
-
-    Returns:
-        The distance [m]; where the hulls overlap, less the depth.
+    Arguments as of `gap_along`. The axis is a guess, replaced by the direction found: the distance
+    grows as B moves along it. Writes A's point (3) nearest to B, in A's frame, unless the pair is
+    far apart. Where the hulls overlap, it is less the depth. `work` is (WORK, 6).
     """
     share, three, normal = np.empty(4), np.empty(3), np.empty(3)
     _corner(points, a, b, turn, place, axis, work[0])

@@ -198,14 +198,10 @@ class Least:
 def least_value(
     judge: Judge, duration: float, *, first: int, threshold: float, tolerance: float
 ) -> Least:
-    """The least value over 0 to `duration`.
+    """The least value over 0 to `duration`, with `first` intervals to begin with.
 
-    Args:
-        judge: Values and bounds.
-        duration: The end [s].
-        first: Number of intervals to begin with.
-        threshold: The limit in question: far above it the bound may be coarser.
-        tolerance: How far below the least value seen the bound may lie, at the limit.
+    The bound may lie `tolerance` below the least value seen, and more where that is far above
+    `threshold`, the limit in question.
     """
     half = duration / first / 2
     middles: Array = (2.0 * np.arange(first, dtype=np.float64) + 1.0) * half

@@ -52,14 +52,8 @@ def speed_violation(
 ) -> tuple[float, Array, Array]:
     """Sum over limits and samples of (length / limit - 1)^2 where that is positive.
 
-    Args:
-        held: Points of one arm, and the limit of each sum.
-        q: (N, n) positions [rad or m].
-        dq: (N, n) velocities.
-        share: Of every limit.
-
-    Returns:
-        The sum and its derivatives (N, n) with respect to q and dq.
+    Of points of one arm, each sum with its limit, at q and dq (N, n), for a share of every limit;
+    with the derivatives (N, n) by q and dq.
     """
     limits = share * np.array([limit for _, limit in held])
     slopes = np.zeros((2, *q.shape))
@@ -187,30 +181,23 @@ def judged_points(
 ) -> dict[str, tuple[MovingPoints, float]]:
     """Kind to its points and the limit they are held to [m/s or kg.m/s], where one is known."""
     arm, safety = arm_geometry(robot), robot.safety
-    share = 1.0 - settings.margin
     found: dict[str, tuple[MovingPoints, float]] = {}
+
+    def hold(kind: str, links: list[int], points: Array, weights: Array, limit: float) -> None:
+        moving = MovingPoints(
+            arm=arm,
+            link=np.array(links, dtype=np.intp),
+            points=read_only(np.array(points)),
+            weights=read_only(np.array(weights)),
+        )
+        found[kind] = moving, (1.0 - settings.margin) * limit
+
     if settings.tcp_speed and not math.isnan(safety.tcp_speed):
         tool = robot.flange[:3, :3] @ robot.tool.tcp + robot.flange[:3, 3]
-        found["tcp_speed"] = (
-            MovingPoints(
-                arm=arm,
-                link=np.array([robot.joints], dtype=np.intp),
-                points=read_only(tool[None].copy()),
-                weights=read_only(np.ones(1)),
-            ),
-            share * safety.tcp_speed,
-        )
+        hold("tcp_speed", [robot.joints], tool[None], np.ones(1), safety.tcp_speed)
     if settings.elbow_speed and not math.isnan(safety.elbow_speed) and safety.elbow:
         place = robot.parameter_frames["urdf"][safety.elbow - 1, :3, 3]
-        found["elbow_speed"] = (
-            MovingPoints(
-                arm=arm,
-                link=np.array([safety.elbow], dtype=np.intp),
-                points=read_only(place[None].copy()),
-                weights=read_only(np.ones(1)),
-            ),
-            share * safety.elbow_speed,
-        )
+        hold("elbow_speed", [safety.elbow], place[None], np.ones(1), safety.elbow_speed)
     if settings.momentum and not math.isnan(safety.momentum):
         known = robot.inertias[:, :4]
         if np.isnan(known).any():
@@ -218,15 +205,8 @@ def judged_points(
             return found
         heavy = np.flatnonzero(known[:, 0] > 0)
         if len(heavy):
-            found["momentum"] = (
-                MovingPoints(
-                    arm=arm,
-                    link=heavy + 1,
-                    points=read_only(known[heavy, 1:] / known[heavy, :1]),
-                    weights=read_only(known[heavy, 0].copy()),
-                ),
-                share * safety.momentum,
-            )
+            centres, masses = known[heavy, 1:] / known[heavy, :1], known[heavy, 0]
+            hold("momentum", (heavy + 1).tolist(), centres, masses, safety.momentum)
     return found
 
 
@@ -381,11 +361,8 @@ def acceleration_notes(
 ) -> list[str]:
     """How accelerations without a limit of their own are held: by the torque limits, or not.
 
-    Args:
-        robot: The robot.
-        bounds: Infinite where there is no limit.
-        torque: (n) whether a joint's torque is judged.
-        unjudged: Told of joints where nothing limits the acceleration.
+    `torque` (n) says whether a joint's torque is judged; `unjudged` is told of joints where nothing
+    limits the acceleration.
     """
     free = np.isinf(bounds.acceleration)
     if (free & ~torque).any():

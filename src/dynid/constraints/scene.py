@@ -290,13 +290,10 @@ class ConstraintSettings:
 def surrounded(
     settings: ConstraintSettings, tool: Tool, *, floor: bool = True
 ) -> ConstraintSettings:
-    """The settings with a scene that holds the floor and the tool's body too.
+    """The settings with a scene that holds the floor, if asked for, and the tool's body too.
 
-    Args:
-        settings: What was asked for.
-        tool: What the flange carries: a rod to its point, and one to its centre of mass where the
-            scene gives the payload no shape.
-        floor: Whether to add the floor.
+    That is a rod to the tool's point, and one to its centre of mass where the scene gives the
+    payload no shape.
     """
     scene = settings.scene or Scene()
     shapes, payload = list(scene.shapes), list(scene.payload)

@@ -138,12 +138,9 @@ class DesignEvaluation:
         ]
 
     def search_violation(self, x: Array, tighten: float, most: float = math.inf) -> float:
-        """How much tightened limits and larger clearances are broken on the search grid.
+        """How much limits tightened by a share and larger clearances are broken on the search grid.
 
-        Args:
-            x: (n, 1 + k) numbers of the motion.
-            tighten: Share by which limits shrink.
-            most: A sum beyond which it does not matter how much.
+        Of the numbers (n, 1 + k) of a motion; beyond `most` it does not matter how much.
         """
         if not self.constrained:
             return 0.0

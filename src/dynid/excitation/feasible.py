@@ -72,10 +72,7 @@ def free_poses(
 ) -> Array:
     """(m, n) poses at which the arm can stand, from all of its range; none if none was found.
 
-    Args:
-        constraints: The judge.
-        region: The bounds; where it has a pose, only that one is tried.
-        random: Where the numbers come from.
+    Where the region has a pose, only that one is tried.
     """
     poses = _poses(constraints, region, random, FEW)
     free = poses[_room(constraints, poses) > 0]
@@ -93,18 +90,11 @@ def grown_motion(
     fill: float,
     tighten: float = 0.0,
 ) -> Array | None:
-    """A random motion about a pose, as large as the limits let it be.
+    """Numbers (n, 1 + k) of a random motion about a pose, as large as the limits let it be.
 
-    Args:
-        evaluation: Judges motions.
-        region: The bounds.
-        pose: (n) its mean, or its start for families that begin there.
-        random: Where the numbers come from.
-        fill: Share of the bounds that it may use.
-        tighten: Share by which limits shrink.
-
-    Returns:
-        (n, 1 + k) its numbers; None where even a tiny motion breaks a limit.
+    The pose (n) is its mean, or its start for families that begin there. It may use the share
+    `fill` of the bounds, other limits shrunk by `tighten`. None where even a tiny motion breaks a
+    limit.
     """
     x = random_numbers(region, 1, random, fill=fill)[0]
     x[:, 0] = pose

@@ -59,12 +59,14 @@ def descend(
 
     The barrier's Hessian is exact and cheap (a small block a joint), so that only the objective's
     curvature has to be learnt from gradients (damped BFGS: Nocedal and Wright, procedure 18.2).
+    Small weights let the motion closer to its bounds; the start lies strictly inside, every point
+    stays there.
 
     Args:
         objective: What to minimise.
-        region: The bounds; the start lies strictly inside and every point stays there.
+        region: The bounds.
         state: Start, and where to go on.
-        weight: Weight of the barrier: small weights let the motion closer to its bounds.
+        weight: Weight of the barrier.
         iterations: Most steps.
         tolerance: Stop after two steps that bring less than this.
         stop: Asked before each evaluation; True ends the descent at the best point so far.
@@ -205,16 +207,9 @@ def one_start(
 ) -> Candidate | None:
     """Random motions, and the best of them improved; a little violation can be descended from.
 
-    Args:
-        evaluation: Judges motions.
-        region: The bounds.
-        seed: Seed of the whole search.
-        number: Which start this is; each has random numbers of its own.
-        stop: Asked before every evaluation.
-        found: Told a candidate after the batch and after every stage.
-
-    Returns:
-        The best candidate; None if there was no time for a single motion.
+    Each number of a start has random numbers of its own. `stop` is asked before every evaluation,
+    `found` told a candidate after the batch and after every stage. None if there was no time for a
+    single motion.
     """
     random = np.random.default_rng([seed, number])
     evaluation.forget()
@@ -265,14 +260,8 @@ def improve(
 ) -> Candidate:
     """Descend from a motion, stage by stage; the best candidate is kept.
 
-    Args:
-        evaluation: Judges motions.
-        region: The bounds; the start may lie outside and is then made smaller.
-        start: Where to begin.
-        stop: Asked before every evaluation.
-        found: Told the candidate of every stage.
-        stages: What to do.
-        tighten: Share by which limits beside the bounds shrink.
+    A start outside the region is made smaller first. `found` is told the candidate of every stage;
+    limits beside the bounds shrink by the share `tighten`.
     """
     x = start.x
     if not (region.slack(x) > 0).all():

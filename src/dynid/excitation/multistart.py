@@ -107,14 +107,10 @@ def multistart(
 def run_start(
     problem: ExcitationProblem, token: str, seed: int, number: int, deadline: float | None
 ) -> StartResult:
-    """One start in another process.
+    """One start in another process, of a search named by its token, until the deadline.
 
-    Args:
-        problem: What to design.
-        token: Name of the search: what its first start built serves its next ones.
-        seed: Seed of the search.
-        number: Which start.
-        deadline: When to stop, by the machine's clock (`time.time`); None for never.
+    What its first start built serves its next ones. The deadline is by the machine's clock
+    (`time.time`); None for never.
     """
     if _built.evaluation is None or _built.token != token:
         _built.token, _built.evaluation = token, DesignEvaluation(problem)

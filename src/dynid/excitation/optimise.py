@@ -46,14 +46,8 @@ def finish(
     """The best motion that passes the certificate.
 
     Candidates are taken best first. If none passes, the best one is improved again under tighter
-    limits, then made smaller until it passes. If nothing helps, the best one comes back with its
-    certificate, which says what is broken.
-
-    Args:
-        search: What was found; at least one candidate.
-        evaluation: Judges motions.
-        region: The bounds.
-        stop: True when there is no more time for improving; the rest is short.
+    limits, unless there is no more time (`stop`), then made smaller until it passes. If nothing
+    helps, the best one comes back with its certificate, which says what is broken.
     """
     tried = partial(_certified, evaluation)
     seen: list[Finished] = []
@@ -83,15 +77,9 @@ def finish(
 def without_turns(evaluation: DesignEvaluation, x: Array) -> Array:
     """The same poses, each revolute joint as near to the middle of its range as turns bring it.
 
-    A turn changes neither torques nor distances, but the robot would have to make it on its way
-    to the start. A start pose that was asked for is kept.
-
-    Args:
-        evaluation: Of the problem.
-        x: (n, 1 + k) offset and free numbers of each joint.
-
-    Returns:
-        (n, 1 + k) the same with other offsets; what kept the position bounds still does.
+    A turn changes neither torques nor distances, but the robot would have to make it on its way to
+    the start. A start pose that was asked for is kept. Numbers (n, 1 + k) whose motion kept the
+    position bounds still do.
     """
     problem = evaluation.problem
     if problem.start_pose is not None:

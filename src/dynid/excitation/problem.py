@@ -147,12 +147,7 @@ class Search:
         return time.monotonic() - self.began
 
     def add(self, candidate: Candidate, number: int) -> None:
-        """Take a candidate in, and note when it is the best.
-
-        Args:
-            candidate: The candidate.
-            number: Its start: the order of equals, whoever finished first.
-        """
+        """Take in a candidate of a start (the order of equals), and note when it is the best."""
         before = self.best
         worst = self.candidates[-1][0].key if len(self.candidates) == KEPT else None
         if worst is not None and candidate.key > worst:

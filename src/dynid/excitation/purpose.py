@@ -158,8 +158,8 @@ def safe_motions(
 def without_friction(gram: Array, base: BaseParametrization) -> Array:
     """The information of a Gram matrix (b, b) where its friction is not that of other records.
 
-    Friction of another day is another: it is estimated beside the parameters that last, which
-    keep the Schur complement; nothing is known of the new friction.
+    Friction of another day is another: it is estimated beside the parameters that last, which keep
+    the Schur complement; nothing is known of the new friction.
     """
     names = base.model.names
     own = np.array([names[c][0] == "F" for c in base.independent])

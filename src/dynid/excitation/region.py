@@ -120,15 +120,12 @@ class MotionRegion:
         return 1.0 if use <= 0.99 else 0.99 / use
 
     def onto_limits(self, free: Array, place: Array, fill: float = 1.0) -> Array:
-        """Scale shapes onto their tightest bound and put them where they fit.
+        """(..., n, 1 + k) shapes scaled onto their tightest bound and put where they fit.
 
         Args:
             free: (..., n, k) shapes; only their directions count.
             place: (..., n) where in the room left the motion lies, 0 to 1.
-            fill: The share of the largest scale, in (0, 1].
-
-        Returns:
-            (..., n, 1 + k) numbers inside the region (on its edge where `fill` is 1).
+            fill: The share of the largest scale, in (0, 1]; on the edge of the region at 1.
         """
         swing, dq, ddq = (free @ c[:, 1:].T for c in self.columns)
         above, below = np.maximum(swing.max(axis=-1), 0.0), np.minimum(swing.min(axis=-1), 0.0)
@@ -194,14 +191,7 @@ def shape_basis(region: MotionRegion) -> Array:
 def random_numbers(
     region: MotionRegion, count: int, random: np.random.Generator, *, fill: float
 ) -> Array:
-    """(count, n, 1 + k) random motions inside the region.
-
-    Args:
-        region: The bounds.
-        count: How many.
-        random: Where the numbers come from.
-        fill: Share of each joint's tightest bound that is used, in (0, 1].
-    """
+    """(count, n, 1 + k) random motions that use a share `fill` of each joint's tightest bound."""
     width = region.columns[0].shape[1]
     joints = len(region.middle)
     free = random.standard_normal((count, joints, width - 1)) @ shape_basis(region).T

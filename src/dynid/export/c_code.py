@@ -202,12 +202,7 @@ def _step(speed: str, width: float) -> str:
 
 
 def c_code(model: ExportModel, comment: str = "") -> str:
-    """The header's text.
-
-    Args:
-        model: The model.
-        comment: Where it comes from, for the file's head.
-    """
+    """The header's text; `comment` says where the model comes from."""
     lines = [
         f"/* Dynamics of {safe(model.robot.name)}, {model.joints} joints, as identified by dynid.",
         *(f"   {safe(line)}" for line in comment.splitlines()),

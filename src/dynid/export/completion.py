@@ -51,14 +51,10 @@ class PseudoInertias:
 
     @staticmethod
     def of(model: InverseDynamicModel, prior: Array) -> PseudoInertias:
-        """The bodies of a model.
+        """The bodies of a model, with inertial parameters (n, 10) of possible bodies as the prior.
 
         A motor's inertia is guessed to be that of the arm it drives, the mean over random poses:
         gears are chosen so that the two are alike.
-
-        Args:
-            model: The model.
-            prior: (n, 10) inertial parameters of possible bodies in the parameter frames.
         """
         values = np.zeros(len(model.columns))
         values[: prior.size] = prior.ravel()
@@ -222,11 +218,8 @@ class Completion:
 def complete(estimate: Estimate) -> Completion:
     """The standard parameters of an estimate that are nearest to the prior.
 
-    Physically consistent estimates carry theirs. Where no possible bodies have these torques,
-    the parameters that lack the least of the prior's bodies; `physical` says so.
-
-    Args:
-        estimate: The estimate.
+    Physically consistent estimates carry theirs. Where no possible bodies have these torques, the
+    parameters that lack the least of the prior's bodies; `physical` says so.
     """
     model = estimate.model
     bodies = PseudoInertias.of(model, inertial_prior(model.robot, model.frames).parameters)
@@ -326,15 +319,8 @@ def _minimise(
     """Coordinates (k) that minimise the divergence plus `weight` times the positive slacks.
 
     Newton's method with a line search; the divergence is self-concordant, so it converges from
-    every point where it is finite.
-
-    Args:
-        bodies: The divergence.
-        start: (p) parameters at z = 0.
-        directions: (p, k) columns, those of the slacks last.
-        z: (k) where to begin; the divergence is finite there.
-        slacks: How many of the last coordinates must stay positive.
-        weight: What they cost.
+    every point where it is finite, as it is at z (k). Parameters are start (p) + directions (p, k)
+    z; so many of the last coordinates are slacks, which must stay positive.
     """
     first = len(z) - slacks
     value, down, matrix = _objective(bodies, start, directions, z, first, weight)

@@ -205,11 +205,6 @@ def nearest_friction(
 
     The fit is over states drawn evenly from the recorded range of positions, velocities and
     accelerations, neither of the two below zero.
-
-    Args:
-        estimate: The estimate.
-        completed: Its standard parameters.
-        model: The same, as it is exported.
     """
     n, terms = model.joints, model.terms
     offset = terms["Fo"]

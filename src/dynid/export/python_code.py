@@ -276,12 +276,7 @@ def friction_arguments(model: ExportModel) -> tuple[str, str, str]:
 
 
 def python_code(model: ExportModel, comment: str = "") -> str:
-    """The file's text: constants, then functions of q, dq, ddq.
-
-    Args:
-        model: The model.
-        comment: Where it comes from, for the file's head.
-    """
+    """The file's text: constants, then functions of q, dq, ddq; `comment` says where it is from."""
     words = friction_words(model)
     now, still, why = friction_arguments(model)
     head = [

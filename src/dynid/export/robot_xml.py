@@ -181,11 +181,8 @@ def urdf_text(model: ExportModel, note: str = "") -> str:
     """The file's text. The mounting stands as a fixed joint that turns the base under `world`.
 
     Joint frames, names and signs are the robot's own. URDF has neither motor inertia nor the
-    strength of gravity; those, and limits that are not known, stand in the comment.
-
-    Args:
-        model: The model.
-        note: Where it comes from, for the file's head.
+    strength of gravity; those, and limits that are not known, stand in the comment, as does the
+    note.
 
     Raises:
         JobError: A link without mass, or negative friction, which loaders refuse.
@@ -291,11 +288,7 @@ MJCF_HELD = ("Fc", "Fv", "Im")
 
 
 def mjcf_text(model: ExportModel, note: str = "") -> str:
-    """The file's text: one body a link in its joint frame, gravity as mounted.
-
-    Args:
-        model: The model.
-        note: Where it comes from, for the file's head.
+    """The file's text: one body a link in its joint frame, gravity as mounted, the note on top.
 
     Raises:
         JobError: Bodies, friction or motor inertias that cannot exist, which MuJoCo refuses.

@@ -90,13 +90,9 @@ def our_torque(
 ) -> Array:
     """(N, n) torques by the model that was identified, not by anything in this package.
 
-    Args:
-        estimate: The estimate.
-        completed: Its standard parameters.
-        states: Where.
-        held: Terms beside the inertias that the file has a place for: the others, and
-            counterbalances, are left out. None for everything.
-        friction: Coulomb and viscous friction of such a file.
+    Of terms beside the inertias only those that the file has a place for are `held`,
+    counterbalances left out, with the Coulomb and viscous friction of such a file; None for
+    everything.
     """
     model, values = estimate.model, np.array(completed.values)
     if held is None or friction is None:
@@ -142,10 +138,6 @@ int main(void)
 def python_torque(path: Path, states: States) -> tuple[Array, str]:
     """(N, n) torques of a generated Python file, in a fresh interpreter, and its name.
 
-    Args:
-        path: The file.
-        states: Where.
-
     Raises:
         JobError: The file does not run.
     """
@@ -158,10 +150,7 @@ def python_torque(path: Path, states: States) -> tuple[Array, str]:
 def c_torque(path: Path, prefix: str, states: States) -> tuple[Array | None, str]:
     """(N, n) torques of a generated header, compiled, and the compiler; None without one.
 
-    Args:
-        path: The header.
-        prefix: What its names start with.
-        states: Where.
+    `prefix` is what its names start with.
 
     Raises:
         JobError: It does not compile without a warning, or does not run.
@@ -204,10 +193,7 @@ def _run(command: list[str], given: str, what: str) -> str:
 def urdf_torque(path: Path, gravity: float, states: States) -> tuple[Array | None, str]:
     """(N, n) torques of a URDF file by pinocchio, and its name; None if it is not installed.
 
-    Args:
-        path: The file.
-        gravity: Strength of gravity [m/s^2], which URDF does not hold.
-        states: Where.
+    `gravity` is its strength [m/s^2], which URDF does not hold.
 
     Raises:
         JobError: Pinocchio cannot read the file.
@@ -236,10 +222,6 @@ def mjcf_torque(path: Path, states: States) -> tuple[Array | None, str]:
     """(N, n) torques of an MJCF file by MuJoCo, and its name; None if it is not installed.
 
     MuJoCo softens dry friction into a constraint; here the loss it read acts against the speed.
-
-    Args:
-        path: The file.
-        states: Where.
 
     Raises:
         JobError: MuJoCo cannot read the file.

@@ -72,11 +72,8 @@ def reduced_problem(
 ) -> tuple[ConsistentProblem, float]:
     """The reduced problem, and the residual sum that no parameters can go below.
 
-    Args:
-        problem: The problem.
-        factors: (n, r + 1, r + 1) from `joint_factors`.
-        weights: (n) weight of each joint [1/(N.m)].
-        prior: Inertias in the model's parameter frames.
+    With factors (n, r + 1, r + 1) of `joint_factors`, weights (n) [1/(N.m)] and inertias in the
+    model's parameter frames.
     """
     rank = problem.base.rank
     upper = upper_triangle((factors * weights[:, None, None]).reshape(-1, rank + 1))
@@ -175,12 +172,7 @@ class ConsistentSolution:
 def solve_conic(
     problem: ConsistentProblem, gamma: float, tolerance: float = TOLERANCE
 ) -> ConsistentSolution:
-    """The minimiser by an interior-point method.
-
-    Args:
-        problem: The problem.
-        gamma: Weight of the prior, positive.
-        tolerance: Of gaps and residuals.
+    """The minimiser by an interior-point method, gamma > 0 the weight of the prior.
 
     Raises:
         MissingExtraError: Clarabel is not installed.
@@ -286,11 +278,7 @@ WEIGHT_TOLERANCE = 1e-8
 
 
 def pose_regions(q: Array) -> Array:
-    """(k, N) marks of the rows at each end of the principal axes of poses.
-
-    Args:
-        q: (N, n) positions.
-    """
+    """(k, N) marks of the rows at each end of the principal axes of poses (N, n)."""
     spread = q.std(axis=0)
     moving = spread > 1e-9
     centred = (q - q.mean(axis=0))[:, moving] / spread[moving]
@@ -306,13 +294,9 @@ def held_out_weight(
     """The largest weight that predicts unseen regions as well as the best, and how many they are.
 
     Each end of the motion's principal axes is left out in turn. Of all weights whose mean score
-    lies within one standard error of the best, the largest is taken (Breiman, Friedman, Olshen
-    and Stone 1984): what the record cannot tell, the prior says.
-
-    Args:
-        problem: The problem.
-        weights: (n) weight of each joint, in units of the plain residual sum.
-        prior: Inertias in the model's parameter frames.
+    lies within one standard error of the best, the largest is taken (Breiman, Friedman, Olshen and
+    Stone 1984): what the record cannot tell, the prior says. The weights (n) of the joints are in
+    units of the plain residual sum.
 
     Raises:
         JobError: The solver finds no solution for any weight.
@@ -342,10 +326,9 @@ def held_out_weight(
 
 
 def one_standard_error(scores: Array) -> int:
-    """The last column whose mean lies within one standard error of the best column's.
+    """The last column of (folds, candidates) within one standard error of the best one's mean.
 
-    Args:
-        scores: (folds, candidates), smaller is better, the candidates from weak to strong.
+    Smaller is better, the candidates go from weak to strong.
 
     Raises:
         JobError: No candidate has a score in all folds.

@@ -15,7 +15,7 @@ from dynid.core import (
     told,
     upper_triangle,
 )
-from dynid.identification.shared import PAYLOAD, SINGULAR, SharedProblem, repetitions
+from dynid.identification.shared import PAYLOAD, SINGULAR, SharedProblem, shared_sandwich
 from dynid.identification.statistics import correlation_lag, long_run_covariance
 
 WIDTH = 0.01
@@ -25,6 +25,7 @@ LARGEST_STD = 0.05
 LEAST_SHARE = 1e-12
 """Part of the current that the moment must move apart from friction, over the current: less is
 rounding. Whether more is enough, the residuals say."""
+_COLUMNS = ("gain", "std", "coulomb", "viscous", "r2")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,14 +64,7 @@ class DriveGains:
         return {
             "samples": self.samples,
             "gains": [
-                {
-                    "joint": name,
-                    "gain": _number(self.gain[j]),
-                    "std": _number(self.std[j]),
-                    "coulomb": _number(self.coulomb[j]),
-                    "viscous": _number(self.viscous[j]),
-                    "r2": _number(self.r2[j]),
-                }
+                {"joint": name, **{key: _number(getattr(self, key)[j]) for key in _COLUMNS}}
                 for j, name in enumerate(names)
             ],
             "warnings": told(self.warnings),
@@ -125,11 +119,7 @@ def drive_gains(
             next_step="Record a motion that loads and accelerates every joint.",
         )
     return DriveGains(
-        gain=rows[:, 0],
-        std=rows[:, 1],
-        coulomb=rows[:, 2],
-        viscous=rows[:, 3],
-        r2=rows[:, 4],
+        **dict(zip(_COLUMNS, rows.T, strict=True)),
         samples=shape[0],
         warnings=tuple(
             Finding("low_excitation", f"no drive gain for {name}: {reason}")
@@ -206,21 +196,11 @@ class WeighedSystem:
 
 
 def factored(system: WeighedSystem) -> tuple[Array, Array, Array]:
-    """Columns (R, n, h, size), known torques and currents (R, n, h), as square roots.
-
-    Args:
-        system: The problem.
-    """
-    columns: list[Array] = []
-    fixed: list[Array] = []
-    current: list[Array] = []
-    for k in range(len(system.problem.problems)):
-        factors = system.problem.factors(k)
-        wide, torque = system.spread(k, np.moveaxis(factors[:, :, :-1], -1, 0))
-        columns.append(np.moveaxis(wide, 0, -1))
-        fixed.append(torque)
-        current.append(factors[:, :, -1])
-    return np.array(columns), np.array(fixed), np.array(current)
+    """Columns (R, n, h, size), known torques and currents (R, n, h), as square roots."""
+    factors = np.array([system.problem.factors(k) for k in range(len(system.problem.problems))])
+    columns = np.moveaxis(factors[..., :-1], -1, 1)
+    wide, fixed = zip(*(system.spread(k, rows) for k, rows in enumerate(columns)), strict=True)
+    return np.moveaxis(np.array(wide), 1, -1), np.array(fixed), factors[..., -1]
 
 
 ITERATIONS = 50
@@ -312,8 +292,7 @@ def _linear_start(data: tuple[Array, Array, Array], scale: Array) -> Array:
             part[:, joints:-1] = -columns[k, j]
             part[:, -1] = fixed[k, j]
             rows.append(part / scale[k, j])
-    gain = _solved(np.vstack(rows))[0][:joints]
-    return gain
+    return _solved(np.vstack(rows))[0][:joints]
 
 
 def _check_scale(gain: Array, first: Array) -> None:
@@ -370,30 +349,22 @@ def _solved(rows: Array) -> tuple[Array, Array]:
 def _covariance(
     system: WeighedSystem, gain: Array, values: Array, noise: Array, root: Array
 ) -> Array:
-    """Sandwich of Newey-West covariances, as `shared_fit`, of log gains and parameters."""
+    """Of log gains and parameters, see `shared_sandwich`."""
     problem, joints = system.problem, len(gain)
     inverse = inverse_upper(root)
-    naive = inverse @ inverse.T
-    long_run = np.zeros_like(naive)
-    for group in repetitions(problem):
-        rows = min(problem.problems[k].blocks for k in group)
-        summed, lag = np.zeros((len(naive), rows)), 1
-        for k in group:
-            blocks = problem.problems[k].blocks
-            scores, residual = np.zeros((len(naive), blocks)), np.empty((joints, blocks))
-            for part, columns, current in problem.chunks(k):
-                wide, fixed = system.spread(k, columns)
-                predicted = (np.tensordot(values, wide, axes=1) + fixed) / gain[:, None]
-                residual[:, part] = current - predicted
-                weighted = residual[:, part] / np.square(noise[k])[:, None]
-                scores[:joints, part] = -predicted * weighted
-                scores[joints:, part] = np.einsum(
-                    "rjt,jt->rt", wide, weighted / gain[:, None], optimize=True
-                )
-            lag = max(lag, correlation_lag(residual, problem.problems[k].rate_hz))
-            summed += scores[:, :rows]
-        short = 1.0 / max(1.0 - 2.0 * lag / rows, 0.5)
-        long_run += short * long_run_covariance(summed, lag)
-    covariance = naive @ long_run @ naive
-    lift = np.sqrt(np.maximum(np.diag(naive) / np.maximum(np.diag(covariance), 1e-300), 1.0))
-    return covariance * lift[:, None] * lift[None, :]
+
+    def scored(k: int) -> tuple[Array, Array]:
+        blocks = problem.problems[k].blocks
+        scores, residual = np.zeros((len(root), blocks)), np.empty((joints, blocks))
+        for part, columns, current in problem.chunks(k):
+            wide, fixed = system.spread(k, columns)
+            predicted = (np.tensordot(values, wide, axes=1) + fixed) / gain[:, None]
+            residual[:, part] = current - predicted
+            weighted = residual[:, part] / np.square(noise[k])[:, None]
+            scores[:joints, part] = -predicted * weighted
+            scores[joints:, part] = np.einsum(
+                "rjt,jt->rt", wide, weighted / gain[:, None], optimize=True
+            )
+        return scores, residual
+
+    return shared_sandwich(problem, inverse @ inverse.T, scored, lambda rows, together: 1.0)

@@ -1,6 +1,7 @@
 """The result of an identification, and its JSON file."""
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, overload
 
@@ -317,25 +318,15 @@ def estimate_to_json(estimate: Estimate) -> dict[str, Any]:
         "covariance": estimate.covariance.tolist(),
         "noise": estimate.noise.tolist(),
         "residual_autocorrelation": estimate.residual_autocorrelation.tolist(),
-        "motion": {
-            "lower": estimate.motion.lower.tolist(),
-            "upper": estimate.motion.upper.tolist(),
-            "speed": estimate.motion.speed.tolist(),
-            "acceleration": estimate.motion.acceleration.tolist(),
-        },
+        "motion": {key: value.tolist() for key, value in asdict(estimate.motion).items()},
         "settings": estimate.settings.to_json(),
         "choices": list(estimate.choices),
         "warnings": [notice.to_json() for notice in estimate.warnings],
         "provenance": estimate.provenance.to_json(),
         "robot": robot_to_json(estimate.model.robot),
-        **_standard_to_json(estimate),
+        **({} if estimate.standard is None else {"standard": estimate.standard_table()}),
         **({} if estimate.assessment is None else {"assessment": estimate.assessment.to_json()}),
     }
-
-
-def _standard_to_json(estimate: Estimate) -> dict[str, Any]:
-    table = estimate.standard_table()
-    return {} if table is None else {"standard": table}
 
 
 def write_estimate(estimate: Estimate, path: Path | str) -> None:
@@ -364,12 +355,7 @@ def read_estimate(path: Path | str) -> Estimate:
         ) from error
     if data.get("format") != FORMAT:
         found = data.get("kind") or data.get("format")
-        raise InputError(
-            "not a dynid estimate",
-            where=where,
-            value=found,
-            next_step=_MAKE,
-        )
+        raise InputError("not a dynid estimate", where=where, value=found, next_step=_MAKE)
     try:
         return _estimate(data)
     except InputError as error:
@@ -389,8 +375,6 @@ def _estimate(data: dict[str, Any]) -> Estimate:
     if settings.get("torque_filter") is not None:
         settings["torque_filter"] = TorqueFilter(**settings["torque_filter"])
     table: list[dict[str, Any]] = data["parameters"]
-    motion = data["motion"]
-    made = data["provenance"]
     return Estimate(
         model=InverseDynamicModel(
             robot=robot_from_json(data["robot"]),
@@ -399,10 +383,10 @@ def _estimate(data: dict[str, Any]) -> Estimate:
         ),
         independent=tuple(int(i) for i in data["independent"]),
         expressions=tuple(str(row["expression"]) for row in table),
-        values=np.array([row["value"] for row in table], dtype=np.float64),
-        covariance=np.array(data["covariance"], dtype=np.float64),
-        naive_std=np.array([row["std_naive"] for row in table], dtype=np.float64),
-        noise=np.array(data["noise"], dtype=np.float64),
+        values=_array(row["value"] for row in table),
+        covariance=_array(data["covariance"]),
+        naive_std=_array(row["std_naive"] for row in table),
+        noise=_array(data["noise"]),
         condition_number=float(data["condition_number"]),
         scaled_condition_number=float(data["scaled_condition_number"]),
         motion_condition_number=float(data["motion_condition_number"]),
@@ -411,22 +395,11 @@ def _estimate(data: dict[str, Any]) -> Estimate:
         preset=str(data["preset"]),
         settings=ProcessingSettings(**settings),
         essential=tuple(k for k, row in enumerate(table) if row["essential"]),
-        motion=MotionRange(
-            lower=np.array(motion["lower"], dtype=np.float64),
-            upper=np.array(motion["upper"], dtype=np.float64),
-            speed=np.array(motion["speed"], dtype=np.float64),
-            acceleration=np.array(motion["acceleration"], dtype=np.float64),
-        ),
+        motion=MotionRange(**{key: _array(row) for key, row in data["motion"].items()}),
         choices=tuple(str(text) for text in data["choices"]),
         warnings=tuple(finding_from_json(w) for w in data["warnings"]),
-        provenance=Provenance(
-            created=str(made["created"]),
-            versions=dict(made["versions"]),
-            inputs=dict(made["inputs"]),
-            settings=dict(made["settings"]),
-            seed=made["seed"],
-        ),
-        residual_autocorrelation=np.array(data["residual_autocorrelation"], dtype=np.float64),
+        provenance=Provenance(**data["provenance"]),
+        residual_autocorrelation=_array(data["residual_autocorrelation"]),
         standard=_standard(data.get("standard")),
         assessment=assessment_from_json(data["assessment"]) if "assessment" in data else None,
     )
@@ -437,11 +410,14 @@ def _standard(rows: list[dict[str, Any]] | None) -> StandardParameters | None:
     if rows is None:
         return None
     return StandardParameters(
-        values=np.array([row["value"] for row in rows], dtype=np.float64),
-        std=np.array([row["std"] for row in rows], dtype=np.float64),
-        prior_share=np.array([row["prior_share"] for row in rows], dtype=np.float64),
-        prior=np.array(
-            [np.nan if row["prior"] is None else row["prior"] for row in rows], dtype=np.float64
-        ),
+        values=_array(row["value"] for row in rows),
+        std=_array(row["std"] for row in rows),
+        prior_share=_array(row["prior_share"] for row in rows),
+        prior=_array(row["prior"] for row in rows),
         origins=tuple(str(row["from"]) for row in rows),
     )
+
+
+def _array(values: Iterable[Any]) -> Array:
+    """Numbers, or rows of them; NaN for null."""
+    return np.array(list(values), dtype=np.float64)

@@ -1,10 +1,8 @@
-"""From samples to an estimate: fit, statistics, conditioning, findings.
-
-The estimators by their words.
-"""
+"""From samples to an estimate: fit, statistics, conditioning, findings."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -51,7 +49,19 @@ from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.signals import ProcessingSettings, Samples, uniform_signals
 
-ESTIMATORS = ("ols", "wls", "irls", "tls", "iv", "ml", "didim", "sdp", "bayes", "rls")
+_MAKERS: dict[str, Callable[[float | None], Estimator]] = {
+    "ols": lambda _: OrdinaryLeastSquares(),
+    "wls": lambda gain: WeightedLeastSquares(prior_gain=gain),
+    "irls": lambda gain: HuberRegression(prior_gain=gain),
+    "tls": lambda _: TotalLeastSquares(),
+    "iv": lambda gain: InstrumentalVariables(prior_gain=gain),
+    "ml": lambda gain: MaximumLikelihood(prior_gain=gain),
+    "didim": lambda gain: OutputError(prior_gain=gain),
+    "sdp": lambda gain: PhysicallyConsistent(prior_gain=gain),
+    "bayes": lambda _: BayesianRegression(),
+    "rls": lambda _: RecursiveLeastSquares(),
+}
+ESTIMATORS = tuple(_MAKERS)
 """The words of `--estimator`."""
 
 
@@ -65,21 +75,9 @@ def estimator_of(word: str, prior_gain: float | None = None) -> Estimator:
     Raises:
         InputError: An unknown word.
     """
-    makers: dict[str, Callable[[], Estimator]] = {
-        "ols": OrdinaryLeastSquares,
-        "wls": lambda: WeightedLeastSquares(prior_gain=prior_gain),
-        "irls": lambda: HuberRegression(prior_gain=prior_gain),
-        "tls": TotalLeastSquares,
-        "iv": lambda: InstrumentalVariables(prior_gain=prior_gain),
-        "ml": lambda: MaximumLikelihood(prior_gain=prior_gain),
-        "didim": lambda: OutputError(prior_gain=prior_gain),
-        "sdp": lambda: PhysicallyConsistent(prior_gain=prior_gain),
-        "bayes": BayesianRegression,
-        "rls": RecursiveLeastSquares,
-    }
-    if word not in makers:
+    if word not in _MAKERS:
         raise InputError("unknown", where="--estimator", value=word, limit=", ".join(ESTIMATORS))
-    return makers[word]()
+    return _MAKERS[word](prior_gain)
 
 
 COARSEST = 1e3
@@ -234,7 +232,6 @@ def fit_estimate(
     part = IdentificationProblem(base=base, samples=samples)
     problem = part if everything is None else everything.problem(part)
     fit = estimator.fit(problem)
-    root = observation_root(problem)
     if everything is None:
         covariance = hac_covariance(fit, problem)
         rho = autocorrelation(problem.residual(fit.values), 1)
@@ -243,28 +240,16 @@ def fit_estimate(
     standard = None
     if fit.standard is not None:
         standard, covariance = _standard(fit.standard, covariance, base_mapping(base))
-    estimate = Estimate(
-        model=model,
-        independent=base.independent,
-        expressions=base.expressions,
-        values=fit.values,
+    return judged(
+        problem,
+        fit,
+        records,
+        settings,
         covariance=covariance,
         naive_std=np.sqrt(np.diag(naive_covariance(fit))),
-        noise=fit.noise,
-        condition_number=condition_number(root),
-        scaled_condition_number=scaled_condition_number(root, base_mapping(base)),
-        motion_condition_number=motion_condition_number(
-            model.robot,
-            model.frames,
-            [uniform_signals(record, model.robot, settings) for record in records],
-            settings,
-        ),
-        samples=problem.blocks,
         estimator=estimator.name,
         preset=preset,
-        settings=replace(settings, cutoff_hz=samples.cutoff_hz),
-        essential=essential_parameters(fit),
-        motion=motion_range(samples, None if everything is None else everything.sums),
+        motion=_motion_range(samples, None if everything is None else everything.sums),
         choices=(*choices, *fit.choices),
         provenance=made,
         residual_autocorrelation=rho,
@@ -278,7 +263,44 @@ def fit_estimate(
             cells=None if everything is None else everything.cells,
         ),
     )
-    return replace(estimate, warnings=diagnose(estimate, samples))
+
+
+def judged(
+    problem: IdentificationProblem,
+    fit: Fit,
+    records: Sequence[ExperimentRecord],
+    settings: ProcessingSettings,
+    **known: Any,
+) -> Estimate:
+    """The estimate of a fit, with its conditioning and its findings.
+
+    Args:
+        problem: The problem.
+        fit: Its solution.
+        records: The records, whose motions are judged for conditioning.
+        settings: How they were processed.
+        **known: The fields of `Estimate` that are known already.
+    """
+    base, model, root = problem.base, problem.base.model, observation_root(problem)
+    signals = [uniform_signals(record, model.robot, settings) for record in records]
+    known.setdefault("motion", _motion_range(problem.samples))
+    estimate = Estimate(
+        model=model,
+        independent=base.independent,
+        expressions=base.expressions,
+        values=fit.values,
+        noise=fit.noise,
+        condition_number=condition_number(root),
+        scaled_condition_number=scaled_condition_number(root, base_mapping(base)),
+        motion_condition_number=motion_condition_number(
+            model.robot, model.frames, signals, settings
+        ),
+        samples=problem.blocks,
+        settings=replace(settings, cutoff_hz=problem.samples.cutoff_hz),
+        essential=essential_parameters(fit),
+        **known,
+    )
+    return replace(estimate, warnings=diagnose(estimate, problem.samples))
 
 
 def _standard(
@@ -300,7 +322,7 @@ def _standard(
     return standard, (mapping @ spread) @ (mapping @ spread).T
 
 
-def motion_range(samples: Samples, sums: RowSums | None = None) -> MotionRange:
+def _motion_range(samples: Samples, sums: RowSums | None = None) -> MotionRange:
     """What samples cover, or all rows that they are a part of."""
     return MotionRange(
         lower=samples.q.min(axis=0) if sums is None else sums.lower,

@@ -199,12 +199,8 @@ def solve_robot(statistics: Sequence[RecordStatistics]) -> RobotStates:
 def _pooled(rest: Array, noise: Array) -> tuple[Array, Array, Mask]:
     """Weighted least squares in the shared parameters.
 
-    Args:
-        rest: (R, n, s + 1, s + 1) factors without the friction, which is eliminated.
-        noise: (R, n) residual standard deviations.
-
-    Returns:
-        The parameters (s), the inverse of their information (s, s), which are resolved (s).
+    With factors (R, n, s + 1, s + 1), friction eliminated, and noise (R, n): the parameters (s),
+    the inverse of their information (s, s), which are resolved (s).
     """
     rows = rest / noise[..., None, None]
     gram = np.einsum("rjka,rjkb->ab", rows, rows, optimize=True)

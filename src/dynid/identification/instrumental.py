@@ -259,14 +259,7 @@ class OutputError(Estimator):
 def simulated_problem(
     problem: IdentificationProblem, smooth: Samples, inner: Indices, values: Array
 ) -> IdentificationProblem:
-    """The same torques with the motion of the simulated arm.
-
-    Args:
-        problem: The problem.
-        smooth: The reference of the simulated servo.
-        inner: The samples that are kept.
-        values: (r) base parameters of the arm.
-    """
+    """The same torques with the motion of the simulated arm of base parameters (r)."""
     loop = ClosedLoop(model=problem.base.model, parameters=problem.base.to_standard(values))
     return replace(problem, samples=picked(loop.simulate(smooth), inner))
 

@@ -129,12 +129,11 @@ def reweighted(
 ) -> Fit:
     """The solution whose weights are those of its own residuals.
 
-    Args:
-        problem: The problem.
-        factors: (n, r + 1, r + 1) from `joint_factors`.
-        groups: See `WeightedLeastSquares`.
-        solved: From weights (n) to values (r) and the root (r, r) of the information.
-        measured: (n) noise to begin with; None for the torques.
+    From factors (n, r + 1, r + 1), `solved` gives values (r) and the root (r, r) of the information
+    for weights (n). It begins with the noise (n) that was measured, else with that of the torques.
+
+    Raises:
+        InputError: Not one group a joint.
     """
     which = np.arange(len(factors)) if groups is None else np.array(groups)
     if len(which) != len(factors):
@@ -153,15 +152,10 @@ def reweighted(
 
 
 def solve(factors: Array, weights: Array, prior_gain: float | None = None) -> tuple[Array, Array]:
-    """Solve the weighted problem from its factors.
+    """Values (r) and the triangular root (r, r) of the information of the weighted problem.
 
-    Args:
-        factors: (n, r + 1, r + 1) from `joint_factors`.
-        weights: (n) weight of each joint.
-        prior_gain: See `PRIOR_GAIN`; None for plain least squares.
-
-    Returns:
-        (r) values and the (r, r) triangular root of the information.
+    From factors (n, r + 1, r + 1) of `joint_factors` and weights (n); `prior_gain` as `PRIOR_GAIN`,
+    None for plain least squares.
 
     Raises:
         JobError: Singular to working precision.

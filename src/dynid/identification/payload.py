@@ -30,13 +30,9 @@ _DONE = 1e-6
 def nearest_body(free: Array, covariance: Array) -> Array:
     """Minimise (p - p0)' C^-1 (p - p0) over parameters whose pseudo-inertia is not negative.
 
-    This is the constrained least-squares answer of the whole problem, with all else already
-    eliminated. Newton's method on half the misfit less mu log det J(p), mu falling to zero
-    (Boyd and Vandenberghe 2004, 11.3).
-
-    Args:
-        free: p0 (10) unconstrained estimate.
-        covariance: C (10, 10), positive definite.
+    p0 (10) is the free estimate, C (10, 10) its covariance. This is the constrained least-squares
+    answer of the whole problem, with all else already eliminated. Newton's method on half the
+    misfit less mu log det J(p), mu falling to zero (Boyd and Vandenberghe 2004, 11.3).
 
     Raises:
         JobError: Newton's method does not converge.

@@ -86,18 +86,12 @@ def standard_fit(
 ) -> StandardFit:
     """What data and prior each say about a solution, from its first-order response.
 
-    The prior's share of a parameter is how far it moves when the prior's bodies move at random
-    by one unit of their own metric, over what such a move is for the prior's parameter: 1 where
-    the data say nothing or a bound of the prior holds, near 0 where they say all. Friction and
-    motor inertia have no prior of their own, but move where they are seen only in sum with a
-    link's inertia.
-
-    Args:
-        problem: The problem.
-        gamma: Weight of the prior.
-        solution: Its solution.
-        root: (m, r) columns of the base parameters.
-        off: (10 n, k) errors of the prior, from `deviations`.
+    The prior's share of a parameter is how far it moves when the prior's bodies move at random by
+    one unit of their own metric, over what such a move is for the prior's parameter: 1 where the
+    data say nothing or a bound of the prior holds, near 0 where they say all. Friction and motor
+    inertia have no prior of their own, but move where they are seen only in sum with a link's
+    inertia. `root` (m, r) are the columns of the base parameters, `off` (10 n, k) errors of the
+    prior from `deviations`.
     """
     values, inertial = solution.values, 10 * problem.links
     turn = np.eye(len(values))
@@ -202,16 +196,11 @@ def residual_sum(factors: Array, weights: Array, values: Array) -> float:
 def largest_weight(
     problem: ConsistentProblem, floor: float, allowed: float
 ) -> tuple[float, ConsistentSolution]:
-    """The largest weight of the prior that the data allow (discrepancy principle).
+    """The largest weight of the prior that the data allow, and its solution.
 
-    Args:
-        problem: A problem whose plain residual sum is one.
-        floor: Residual sum that no parameters can go below.
-        allowed: Share by which it may grow. Where consistency alone costs more than half of
-            that, half of it comes on top of what it costs.
-
-    Returns:
-        The weight and its solution.
+    By the discrepancy principle: the plain residual sum of the problem is one, no parameters go
+    below `floor`, and it may grow by the share `allowed`; where consistency alone costs more than
+    half of that, half of it comes on top of what it costs.
     """
     tried: dict[float, tuple[float, ConsistentSolution]] = {}
 

@@ -135,17 +135,10 @@ class SummedProblem(IdentificationProblem):
 
 
 def joint_factors(problem: IdentificationProblem, row_weights: Array | None = None) -> Array:
-    """R of the QR of [W_j tau_j] for each joint.
+    """(n, r + 1, r + 1) upper triangular R of the QR of [W_j tau_j] for each joint.
 
-    Everything that least squares needs of the data: weights a joint can change afterwards
-    without touching it again.
-
-    Args:
-        problem: The problem.
-        row_weights: (n, N) factor on each row, for robust estimators.
-
-    Returns:
-        (n, r + 1, r + 1) upper triangular.
+    Everything that least squares needs of the data: weights a joint can change afterwards without
+    touching it again. `row_weights` (n, N) multiply single rows, for robust estimators.
     """
     if isinstance(problem, SummedProblem):
         return problem.factors
@@ -183,14 +176,9 @@ def scaled_condition_number(root: Array, mapping: Array) -> float:
     """Of all standard columns with unit norm, on what motion can show of them.
 
     Unlike the paper's it depends neither on units nor on which columns were chosen as base
-    parameters: a poor choice (the Panda in DH frames) costs a factor of a thousand there.
-
-    Args:
-        root: (r, r) from `observation_root`.
-        mapping: (r, p) base parameters of standard parameters, from `base_mapping`.
-
-    Returns:
-        Largest over r-th singular value; `LARGEST` if that is zero.
+    parameters: a poor choice (the Panda in DH frames) costs a factor of a thousand there. With the
+    root (r, r) from `observation_root` and the mapping (r, p) from `base_mapping`; the largest over
+    the r-th singular value, `LARGEST` if that is zero.
     """
     columns = root @ mapping
     norms = np.linalg.norm(columns, axis=0)
@@ -216,15 +204,10 @@ def motion_condition_number(
 ) -> float:
     """Scaled condition number of the motion alone, for the paper's parameters.
 
-    Differentiated noise fills the columns of a poor record and makes it look well conditioned.
-    Here the motion is smoothed down to twice its own bandwidth first, which leaves a good
-    record as it is.
-
-    Args:
-        robot: The robot.
-        frames: Parameter frames.
-        recordings: The records on uniform grids: their motions count together.
-        settings: How it is processed; cut-off, delays and velocity source do not matter.
+    Differentiated noise fills the columns of a poor record and makes it look well conditioned. Here
+    the motion is smoothed down to twice its own bandwidth first, which leaves a good record as it
+    is. Motions of several recordings count together; cut-off, delays and velocity source of the
+    settings do not matter.
     """
     base = reduce_model(InverseDynamicModel(robot=robot, frames=frames))
     roots: list[Array] = []

@@ -151,10 +151,8 @@ def wave_power(q: Array, residual: Array, waves: Array) -> Array:
 def held_out(parts: Sequence[Array], residual: Array, together: int = 1) -> tuple[float, Array]:
     """Mean square error on stretches left out, and the coefficients of all.
 
-    Args:
-        parts: Columns (k, N) of each gear.
-        residual: (N) what they shall explain.
-        together: Stretches in a row that are left out together.
+    Of columns (k, N) of each gear that shall explain a residual (N); so many stretches in a row are
+    left out `together`.
     """
     rows = np.vstack([*parts, residual])
     cuts = [k * len(residual) // STRETCHES for k in range(STRETCHES + 1)]
@@ -220,12 +218,8 @@ def find_ripples(
 ) -> tuple[TorqueRipple, ...]:
     """Ripples that lower the errors on blocks left out.
 
-    Args:
-        q: (n, N) positions [rad].
-        dq: (n, N) velocities [rad/s].
-        residual: (n, N) what a fit left over [N.m].
-        rate_hz: Rate of the recording: faster waves are not seen.
-        prismatic: (n) joints that slide have no turns.
+    In a residual (n, N) [N.m] at positions and velocities (n, N) [rad, rad/s]; waves faster than
+    the recording's rate shows are not seen, and joints that slide have no turns.
     """
     # At rest there is stiction, and a wave that stands still.
     moving = (np.abs(dq) > MOVING).any(axis=0)

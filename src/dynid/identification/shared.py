@@ -4,14 +4,10 @@ Inertias are the same in every record; friction is not (cold, warm, another day)
 by record, the observation matrix has its own columns in blocks on the diagonal and the shared
 columns beside them. QR of each record removes its own columns; what is left of all records gives
 the shared parameters; back-substitution gives the rest. No matrix is larger than one record's.
-
-Weighted least squares over several records: unequal noise, and deviations to believe.
-
-Estimates of several records at once: one a record, with the shared inertias in each.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,28 +20,14 @@ from dynid.core import (
     solve_upper,
     upper_triangle,
 )
-from dynid.identification.diagnostics import diagnose
 from dynid.identification.estimate import Estimate
-from dynid.identification.fitting import motion_range
+from dynid.identification.fitting import judged
 from dynid.identification.least_squares import Fit, autocorrelation
-from dynid.identification.problem import (
-    IdentificationProblem,
-    base_mapping,
-    block_mean,
-    condition_number,
-    motion_condition_number,
-    observation_root,
-    recorded_rows,
-    scaled_condition_number,
-)
-from dynid.identification.statistics import (
-    correlation_lag,
-    essential_parameters,
-    long_run_covariance,
-)
+from dynid.identification.problem import IdentificationProblem, block_mean, recorded_rows
+from dynid.identification.statistics import correlation_lag, long_run_covariance
 from dynid.recording import ExperimentRecord
 from dynid.reduction import BaseParametrization
-from dynid.signals import ProcessingSettings, uniform_signals
+from dynid.signals import ProcessingSettings
 
 INERTIAS = ("Im", "Imm")
 """Columns after the links' that belong to the robot, not to its friction."""
@@ -169,12 +151,9 @@ class SharedSolution:
 
 
 def solve_shared(factors: Array, weights: Array, own: int) -> SharedSolution:
-    """Solve by elimination of each record's own parameters.
+    """Solve by elimination of each record's own parameters, the first `own` columns.
 
-    Args:
-        factors: (R, n, w + 1, w + 1) of each record and joint.
-        weights: (R, n) weight of each record's joints [1/(N.m)].
-        own: f, how many columns come first and belong to a record alone.
+    With factors (R, n, w + 1, w + 1) and weights (R, n) [1/(N.m)] of each record and joint.
 
     Raises:
         JobError: A parameter that no record shows, or a singular problem.
@@ -324,27 +303,46 @@ def _noise(factors: Array, solution: SharedSolution, blocks: Array, scale: Array
 def _covariance(
     problem: SharedProblem, solution: SharedSolution, weights: Array, naive: Array
 ) -> Array:
-    """Sandwich of the Newey-West covariances of the scores.
-
-    As `statistics.hac_covariance`, and never below the naive answer. The scores of records that
-    repeat one motion are added instant by instant: what the model gets wrong there is the same
-    in all of them, and says nothing about their difference.
-    """
+    """Sandwich of the Newey-West covariances of the scores, as `statistics.hac_covariance`."""
     records, own = solution.own.shape
-    long_run = np.zeros_like(naive)
     total = sum(item.blocks for item in problem.problems)
+
+    def scored(k: int) -> tuple[Array, Array]:
+        local, residual = _scores(problem, k, solution.local(k), weights[k])
+        scores = np.zeros((len(naive), local.shape[1]))
+        scores[k * own : (k + 1) * own], scores[records * own :] = local[:own], local[own:]
+        return scores, residual
+
+    def freedom(rows: int, together: int) -> float:
+        used = own * together + len(solution.shared) * rows * together / total
+        return rows / max(rows - used / (problem.joints * together), 1.0)
+
+    return shared_sandwich(problem, naive, scored, freedom)
+
+
+def shared_sandwich(
+    problem: SharedProblem,
+    naive: Array,
+    scored: Callable[[int], tuple[Array, Array]],
+    freedom: Callable[[int, int], float],
+) -> Array:
+    """(s, s) covariance from scores of records, never below the naive one (s, s).
+
+    The scores of records that repeat one motion are added instant by instant: what the model gets
+    wrong there is the same in all of them, and says nothing about their difference. `scored` gives
+    scores (s, N) and residuals (n, N) of a record, `freedom` the factor of so many rows of so many
+    records.
+    """
+    long_run = np.zeros_like(naive)
     for group in repetitions(problem):
         rows = min(problem.problems[k].blocks for k in group)
         summed, lag = np.zeros((len(naive), rows)), 1
         for k in group:
-            scores, residual = _scores(problem, k, solution.local(k), weights[k])
+            scores, residual = scored(k)
             lag = max(lag, correlation_lag(residual, problem.problems[k].rate_hz))
-            summed[k * own : (k + 1) * own] += scores[:own, :rows]
-            summed[records * own :] += scores[own:, :rows]
-        used = own * len(group) + len(solution.shared) * rows * len(group) / total
-        freedom = rows / max(rows - used / (problem.joints * len(group)), 1.0)
+            summed += scores[:, :rows]
         short = 1.0 / max(1.0 - 2.0 * lag / rows, 0.5)
-        long_run += freedom * short * long_run_covariance(summed, lag)
+        long_run += freedom(rows, len(group)) * short * long_run_covariance(summed, lag)
     covariance = naive @ long_run @ naive
     lift = np.sqrt(np.maximum(np.diag(naive) / np.maximum(np.diag(covariance), 1e-300), 1.0))
     return covariance * lift[:, None] * lift[None, :]
@@ -401,7 +399,7 @@ def shared_estimates(
     fit: SharedFit,
     *,
     records: Sequence[ExperimentRecord],
-    settings: Sequence[ProcessingSettings],
+    settings: ProcessingSettings,
     preset: str,
     choices: tuple[str, ...],
     made: Provenance,
@@ -412,65 +410,38 @@ def shared_estimates(
         problem: The records' samples.
         fit: Their fit.
         records: The records, whose motions are judged for conditioning.
-        settings: How each was processed.
+        settings: How they were processed.
         preset: Name of the preset, for the file.
         choices: What was chosen, in words.
         made: Provenance of the result.
     """
-    return tuple(
-        _estimate(problem, fit, k, record, used, preset, choices, made)
-        for k, (record, used) in enumerate(zip(records, settings, strict=True))
-    )
-
-
-def _estimate(
-    problem: SharedProblem,
-    fit: SharedFit,
-    record: int,
-    recorded: ExperimentRecord,
-    settings: ProcessingSettings,
-    preset: str,
-    choices: tuple[str, ...],
-    made: Provenance,
-) -> Estimate:
-    item = problem.problems[record]
-    order = base_order(problem, fit, record)
     flat = np.concatenate([fit.solution.own.ravel(), fit.solution.shared])
-    values, naive = flat[order], fit.naive[np.ix_(order, order)]
-    noise = fit.noise[record]
-    scale = np.sqrt(np.diag(naive))
-    precision = np.linalg.inv(naive / np.outer(scale, scale)) / np.outer(scale, scale)
-    plain = Fit(
-        values=values,
-        noise=noise,
-        weights=1.0 / noise,
-        information=np.asarray(
-            np.linalg.cholesky((precision + precision.T) / 2).T, dtype=np.float64
-        ),
-    )
-    root = observation_root(item)
-    model = item.base.model
-    estimate = Estimate(
-        model=model,
-        independent=item.base.independent,
-        expressions=item.base.expressions,
-        values=values,
-        covariance=fit.covariance[np.ix_(order, order)],
-        naive_std=scale,
-        noise=noise,
-        condition_number=condition_number(root),
-        scaled_condition_number=scaled_condition_number(root, base_mapping(item.base)),
-        motion_condition_number=motion_condition_number(
-            model.robot, model.frames, [uniform_signals(recorded, model.robot, settings)], settings
-        ),
-        samples=item.blocks,
-        estimator=ESTIMATOR,
-        preset=preset,
-        settings=replace(settings, cutoff_hz=item.samples.cutoff_hz),
-        essential=essential_parameters(plain),
-        motion=motion_range(item.samples),
-        choices=(*choices, f"inertias shared by {len(problem.problems)} records"),
-        provenance=made,
-        residual_autocorrelation=autocorrelation(item.residual(values), 1),
-    )
-    return replace(estimate, warnings=diagnose(estimate, item.samples))
+    found: list[Estimate] = []
+    for k, (item, record) in enumerate(zip(problem.problems, records, strict=True)):
+        order = base_order(problem, fit, k)
+        values, naive = flat[order], fit.naive[np.ix_(order, order)]
+        scale = np.sqrt(np.diag(naive))
+        precision = np.linalg.inv(naive / np.outer(scale, scale)) / np.outer(scale, scale)
+        root = np.linalg.cholesky((precision + precision.T) / 2).T
+        plain = Fit(
+            values=values,
+            noise=fit.noise[k],
+            weights=1.0 / fit.noise[k],
+            information=np.asarray(root, dtype=np.float64),
+        )
+        found.append(
+            judged(
+                item,
+                plain,
+                [record],
+                settings,
+                covariance=fit.covariance[np.ix_(order, order)],
+                naive_std=scale,
+                estimator=ESTIMATOR,
+                preset=preset,
+                choices=(*choices, f"inertias shared by {len(problem.problems)} records"),
+                provenance=made,
+                residual_autocorrelation=autocorrelation(item.residual(values), 1),
+            )
+        )
+    return tuple(found)

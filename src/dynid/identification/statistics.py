@@ -21,13 +21,7 @@ NEGLIGIBLE = 0.05
 
 
 def ar_covariance(fit: Fit, problem: IdentificationProblem, residual: Array) -> Array:
-    """(r, r) covariance if each joint's noise is AR(1) plus white noise.
-
-    Args:
-        fit: The solution.
-        problem: Its problem.
-        residual: (n, N) residuals [N.m or N].
-    """
+    """(r, r) covariance if each joint's noise is AR(1) plus white noise; residuals (n, N)."""
     stride = -(-problem.blocks // MOST_ROWS)
     # In coordinates where the information of these rows is the identity, traces are plain sums.
     inverse = inverse_upper(fit.information) * np.sqrt(stride)
@@ -238,13 +232,9 @@ def hac_covariance(fit: Fit, problem: IdentificationProblem) -> Array:
 def sandwich(fit: Fit, bread: Array, long_run: Array, rows: int, lag: int, floor: Array) -> Array:
     """(r, r) covariance from the long-run covariance of the scores.
 
-    Args:
-        fit: The solution.
-        bread: (r, r) inverse information, for the weights of the scores.
-        long_run: (r, r) from `long_run_covariance`.
-        rows: Rows a joint.
-        lag: Rows over which the scores are correlated.
-        floor: (r) variances below which no answer may lie.
+    `bread` (r, r) is the inverse information for the weights of the scores, `long_run` (r, r) from
+    `long_run_covariance` over so many rows a joint and so many lags. No variance lies below `floor`
+    (r).
     """
     covariance = bread @ long_run @ bread
     # Bartlett weights and fitted residuals both shrink S; the classical corrections restore it.

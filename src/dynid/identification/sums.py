@@ -70,22 +70,13 @@ class RowSums:
         """Take in the sums of other rows."""
         self.rows += other.rows
         for key, (rows, products) in other.cells.items():
-            own = self.cells.get(key)
-            self.cells[key] = (
-                (rows, products) if own is None else (own[0] + rows, own[1] + products)
-            )
-        if other.factors is not None:
-            both = other.factors if self.factors is None else self.factors
-            self.factors = (
-                both
-                if self.factors is None
-                else np.array(
-                    [
-                        upper_triangle(np.vstack(pair))
-                        for pair in zip(both, other.factors, strict=True)
-                    ]
-                )
-            )
+            known, total = self.cells.get(key, (0, 0.0))
+            self.cells[key] = (known + rows, total + products)
+        if self.factors is None:
+            self.factors = other.factors
+        elif other.factors is not None:
+            pairs = zip(self.factors, other.factors, strict=True)
+            self.factors = np.array([upper_triangle(np.vstack(pair)) for pair in pairs])
         self.long_run = self.long_run + other.long_run
         self.moments = self.moments + other.moments
         self.lower = np.minimum(self.lower, other.lower)

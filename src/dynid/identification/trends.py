@@ -128,22 +128,19 @@ def trend(
     after = (np.arange(count)[:, None] >= steps).astype(np.float64)
     spread = np.ones(count)
     # First unweighted, for the variance between recordings; then with all variances.
-    for _ in range(3):
+    for last in (False, False, False, True):
         best, freedom = _scan(design, after, values, spread)
         full = np.column_stack([design, after[:, best]])
-        white = full / spread[:, None]
-        inverse = np.linalg.pinv(white)
+        inverse = np.linalg.pinv(full / spread[:, None])
         fitted = inverse @ (values / spread)
         error = values - full @ fitted
+        if last:
+            break
         # The spread between recordings is what their own deviations do not explain.
         between = max(float(np.square(error).sum() / freedom - np.mean(np.square(std))), 0.0)
         spread = np.sqrt(np.square(std) + between)
         spread = np.maximum(spread, 1e-9 * max(float(np.abs(values).max()), 1e-12))
-    best, freedom = _scan(design, after, values, spread)
-    full = np.column_stack([design, after[:, best]])
-    inverse = np.linalg.pinv(full / spread[:, None])
-    fitted = inverse @ (values / spread)
-    noise = np.square((values - full @ fitted) / spread).sum() / freedom
+    noise = np.square(error / spread).sum() / freedom
     covariance = noise * inverse @ inverse.T
     plain = np.linalg.pinv(design / spread[:, None]) @ (values / spread)
     line = np.column_stack([design, (time_s - time_s[0]) / (YEAR_DAYS * DAY_S)])

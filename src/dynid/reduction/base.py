@@ -110,12 +110,8 @@ def regrouping(
 ) -> tuple[tuple[int, ...], tuple[int, ...], Array]:
     """First-come base columns and how the others regroup into them (Gautier 1991).
 
-    Args:
-        w: (M, p) observation matrix.
-        tolerance: On |R_jj| of the column-normalised QR.
-
-    Returns:
-        Base columns (r), dependent columns (p - r), K (r, p - r) with W2 = W1 K.
+    Of W (M, p), by |R_jj| of the column-normalised QR: base columns (r), dependent columns (p - r)
+    and K (r, p - r) with W2 = W1 K.
     """
     scaled, scale, _ = _unit_columns(w)
     # A dependent column leaves nothing but rounding on the diagonal.
@@ -424,14 +420,7 @@ def acting_joints(model: InverseDynamicModel) -> Array:
 
 
 def fill_beside(model: InverseDynamicModel, dq: Array, ddq: Array, out: Array) -> None:
-    """Write the columns beside the inertial ones for dq, ddq (n, N) into out (p - 10 n, n, N).
-
-    Args:
-        model: The model.
-        dq: (n, N) velocities.
-        ddq: (n, N) accelerations.
-        out: (p - 10 n, n, N) to be written.
-    """
+    """Write the columns beside the inertial ones for dq, ddq (n, N) into out (p - 10 n, n, N)."""
     first = 0
     for block, count in zip(model.blocks, model.counts, strict=True):
         block.fill(model.robot, dq, ddq, out[first : first + count])

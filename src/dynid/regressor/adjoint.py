@@ -56,20 +56,11 @@ def regressor_pullback(
     places: Places,
     out: Array,
 ) -> None:
-    """Write the gradient of the weighted inertial columns.
+    """Write the gradient (3, n, N) by q, dq, ddq of the weighted inertial columns.
 
-    Shapes are trusted, N is at least `LANES`.
-
-    Args:
-        geom: (n, 39), see `ChainConstants`.
-        screw: (n, 6).
-        grav: (3).
-        turn: (2, n, N) cosine and sine of q.
-        state: (3, n, N) q, dq, ddq.
-        weights: (R, N).
-        places: (n, n, 10) the row of weights for link i, joint row k up to i, parameter c; below
-            0 where the weight is zero.
-        out: (3, n, N) gradient by q, dq, ddq, written over.
+    Shapes are trusted, N is at least `LANES`. See `ChainConstants` for the chain (n, 39), (n, 6),
+    (3), `turns` for the cosines and sines (2, n, N), `inertial_rows` for the places (n, n, 10) of
+    the weights (R, N), below 0 where a weight is zero. The state is (3, n, N).
     """
     n, samples = state.shape[1], state.shape[2]
     pose = np.empty((n, 12, LANES))
@@ -232,19 +223,9 @@ def torque_pullback(
     multipliers: Array,
     out: Array,
 ) -> None:
-    """Write the gradient of the weighted inertial torques.
+    """Write the gradient (3, n, N) by q, dq, ddq of the torques weighted by multipliers (n, N).
 
-    Shapes are trusted, N is at least `LANES`.
-
-    Args:
-        geom: (n, 39), screw: (n, 6), grav: (3), see `ChainConstants`.
-        screw: See geom.
-        grav: See geom.
-        links: (n, 10) inertial parameters.
-        turn: (2, n, N) cosine and sine of q.
-        state: (3, n, N) q, dq, ddq.
-        multipliers: (n, N).
-        out: (3, n, N) gradient by q, dq, ddq, written over.
+    Arguments as of `regressor_pullback`; the inertial parameters of the links are (n, 10).
     """
     n, samples = multipliers.shape
     pose = np.empty((n, 12, LANES))
@@ -345,21 +326,7 @@ def torque_adjoint(
 def regressor_adjoint(
     model: InverseDynamicModel, q: Array, dq: Array, ddq: Array, weights: Array
 ) -> Gradient:
-    """The gradient of sum(weights * stack(q, dq, ddq)).
-
-    Args:
-        model: The inverse dynamic model.
-        q: (N, n) positions [rad or m].
-        dq: (N, n) velocities.
-        ddq: (N, n) accelerations.
-        weights: (p, n, N) weight of each entry: column, joint row, sample.
-
-    Returns:
-        Derivatives by q, dq and ddq, each (N, n).
-
-    Raises:
-        InputError: Shapes that do not fit the model or each other, columns without a derivative.
-    """
+    """The gradient of sum(weights * stack(q, dq, ddq)), as `torque_adjoint`; weights (p, n, N)."""
     n = model.robot.joints
     samples = len(q)
     _check("weights", weights, (len(model.columns), n, samples))

@@ -213,18 +213,10 @@ def torque_kernel(
     state: Array,
     out: Array,
 ) -> None:
-    """Write the torques of rigid links, by the recursion of Newton and Euler.
+    """Write the torques (n, N) of rigid links, by the recursion of Newton and Euler.
 
-    Shapes are trusted, N is at least `LANES`.
-
-    Args:
-        geom: (n, 39), screw: (n, 6), grav: (3), see `ChainConstants`.
-        screw: See geom.
-        grav: See geom.
-        links: (n, 10) inertial parameters.
-        turn: (2, n, N) cosine and sine of q.
-        state: (3, n, N) q, dq, ddq.
-        out: (n, N) torques, written over.
+    Shapes are trusted, N is at least `LANES`. See `ChainConstants` for the chain (n, 39), (n, 6),
+    (3) and `turns` for the cosines and sines (2, n, N); the links are (n, 10), the state (3, n, N).
     """
     n, samples = out.shape
     pose = np.empty((n, 12, LANES))
@@ -294,20 +286,10 @@ def chain_constants(robot: RobotModel, frames: str) -> ChainConstants:
 def inertial_columns(
     constants: ChainConstants, q: Array, dq: Array, ddq: Array, out: Array | None = None
 ) -> Array:
-    """The inertial columns for a batch of states.
+    """The inertial columns (10 n, n, N) for q, dq, ddq (n, N): column, joint row, sample.
 
-    Shapes are not checked here and the compiled kernel trusts them; `InverseDynamicModel.stack`
-    checks.
-
-    Args:
-        constants: From `chain_constants`.
-        q: (n, N) positions [rad or m], contiguous like the next two.
-        dq: (n, N) velocities.
-        ddq: (n, N) accelerations.
-        out: (10 n, n, N) where to write; entries that are structurally zero are left alone.
-
-    Returns:
-        (10 n, n, N): column (link-major, paper order), joint row, sample.
+    Columns are link-major. Shapes are not checked here and the compiled kernel trusts them;
+    `InverseDynamicModel.stack` checks. In `out` entries that are structurally zero are left alone.
     """
     n, samples = q.shape
     if out is None:

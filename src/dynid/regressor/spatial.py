@@ -135,16 +135,9 @@ def outward(
 ) -> None:
     """Placements, velocities and accelerations of all links, from the base on.
 
-    Args:
-        geom: (n, 39), see `ChainConstants`.
-        screw: (n, 6).
-        grav: (3).
-        turn: (2, n, N) cosine and sine of q.
-        state: (3, n, N) q, dq, ddq.
-        first: The first of `LANES` samples.
-        pose: (n, 12, LANES) each link in the one before, written over.
-        vel: (n, 6, LANES) velocities in the links' frames, written over.
-        acc: (n, 6, LANES) accelerations, gravity included, written over.
+    Of `LANES` samples from `first` on, written to pose (n, 12, LANES), each link in the one before,
+    and to vel and acc (n, 6, LANES) in the links' frames, gravity included. See `ChainConstants`
+    for the chain and `turns` for the cosines and sines (2, n, N) of the state (3, n, N).
     """
     for i in range(len(geom)):
         g = geom[i]

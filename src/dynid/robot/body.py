@@ -149,9 +149,7 @@ def around_triangles(faces: Array) -> list[tuple[Array, float]]:
 def parts_of(faces: Array, worth: float = WORTH) -> list[Array]:
     """The triangles (T, 3, 3) in up to `PARTS` parts whose hulls take little room together.
 
-    Args:
-        faces: The triangles.
-        worth: Volume that one more part must leave, over that before.
+    One more part must leave at most the share `worth` of the volume before.
     """
     parts = [faces]
     while len(parts) < PARTS:
@@ -204,15 +202,10 @@ def _volume(faces: Array) -> float:
 def around_points(
     points: Array, *, corners: int = CORNERS, within: float = WITHIN
 ) -> tuple[Array, float]:
-    """A hull of few of the points (P, 3), and the radius by which it is inflated to hold all.
+    """A hull of few of the points (P, 3), and the radius by which it is inflated to hold all [m].
 
-    It reaches beyond the hull of the points by no more than the radius. The point that is
-    farthest outside is taken next.
-
-    Args:
-        points: (P, 3) [m].
-        corners: Most points of the body.
-        within: The radius that ends the search [m].
+    It reaches beyond the hull of the points by no more than the radius. The point that is farthest
+    outside is taken next, up to so many corners, until the radius is `within`.
     """
     points = points[np.unique(_hull(points).vertices % len(points))]
     outer = np.unique(np.round(points, 4), axis=0)

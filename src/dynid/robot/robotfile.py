@@ -220,14 +220,11 @@ _TYPES = ("revolute", "prismatic")
 def robot_from_toml(
     data: bytes, path: Path, *, collision: bool = False, mesh_dirs: Sequence[Path] = ()
 ) -> RobotModel:
-    """A robot from the text of a robot file.
+    """A robot from the bytes of a robot file.
 
-    Args:
-        data: The text's bytes.
-        path: Where the text is from: names the robot if it has no name, and is where a
-            relative `urdf` path starts.
-        collision: Whether to read a URDF's collision geometry where no bodies are given.
-        mesh_dirs: Further folders where meshes are looked for.
+    Its path names the robot if it has no name, and is where a relative `urdf` path starts. With
+    `collision` a URDF's geometry is read where no bodies are given, its meshes from further folders
+    too.
 
     Raises:
         RobotError: Anything that is not a sound robot file; names table and key.

@@ -141,11 +141,7 @@ _EXACT_WITHIN = 1e-12
 
 
 def cos_sin(angle: float) -> tuple[float, float]:
-    """Cosine and sine, with exact zeros and ones at multiples of 90 degrees.
-
-    Args:
-        angle: Angle [rad].
-    """
+    """Cosine and sine of an angle [rad], with exact zeros and ones at multiples of 90 degrees."""
     quarter = round(angle / (math.pi / 2))
     if abs(angle - quarter * math.pi / 2) <= _EXACT_WITHIN:
         return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarter % 4]
@@ -211,15 +207,9 @@ def inverse(matrix: Array) -> Array:
 
 
 def joint_motion(axis: Array, prismatic: bool, position: Array | float) -> Array:
-    """The transform that joints make at given positions.
+    """The transforms (..., 4, 4) that a joint makes at positions (...) [rad or m].
 
-    Args:
-        axis: (3) unit axis.
-        prismatic: Whether the joint slides along the axis instead of turning about it.
-        position: (...) positions [rad or m].
-
-    Returns:
-        (..., 4, 4) transforms.
+    It slides along the unit axis (3) if it is prismatic, else it turns about it.
     """
     position = np.asarray(position, dtype=np.float64)
     result = np.zeros((*position.shape, 4, 4))
@@ -259,15 +249,10 @@ def poses_at_zero(placements: Array) -> Array:
 
 
 def link_frames(poses: Array, axes: Array, flange: Array) -> tuple[Array, Array]:
-    """The near (`mdh`) and far (`dh`) frames of every link in the base frame at q = 0.
+    """The near (`mdh`) and far (`dh`) frames (n, 4, 4) of every link in the base frame at q = 0.
 
-    Args:
-        poses: (n, 4, 4) joint frames in the base frame at q = 0 [m].
-        axes: (n, 3) unit axes in the joint frames.
-        flange: (4, 4) the chain's end in the last joint frame [m].
-
-    Returns:
-        Two arrays (n, 4, 4).
+    Of joint frames (n, 4, 4) there [m], unit axes (n, 3) in them, and the chain's end (4, 4) in the
+    last.
     """
     points = poses[:, :3, 3]
     directions = np.einsum("kij,kj->ki", poses[:, :3, :3], axes)

@@ -33,14 +33,8 @@ def with_collision_geometry(
 ) -> RobotModel:
     """The robot with bodies that hold the `collision` elements of its URDF.
 
-    Args:
-        robot: What `load_urdf` gave; a robot with bodies is returned as it is.
-        path: The URDF file.
-        tip: The link to which the arm leads, as `load_urdf` was told.
-        mesh_dirs: Further folders where meshes are looked for.
-
-    Returns:
-        The robot, with a body note for every element that was left out.
+    A robot with bodies is returned as it is. Meshes are looked for in further folders too; there is
+    a body note for every element that was left out.
 
     Raises:
         RobotError: The file is not the robot's.

@@ -54,10 +54,7 @@ class TransferReport:
 def transfer_report(estimate: Estimate, samples: Samples, error: Array) -> TransferReport:
     """Split a prediction error by cause.
 
-    Args:
-        estimate: The estimate that predicted.
-        samples: The record.
-        error: (N, n) measured minus predicted torques of its used rows [N.m or N].
+    The error (N, n) is measured minus predicted torques of the record's used rows [N.m or N].
     """
     model, n = estimate.model, samples.joints
     parameters = np.array(estimate.standard_parameters())

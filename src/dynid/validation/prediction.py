@@ -62,16 +62,7 @@ class Metrics:
 
 
 def metrics(measured: Array, predicted: Array, mask: Mask | None = None) -> Metrics:
-    """Metrics of a prediction.
-
-    Args:
-        measured: (N, n) measured torques [N.m or N].
-        predicted: (N, n) predicted torques.
-        mask: (N, n) True where a joint's sample counts; None for all.
-
-    Returns:
-        The metrics of the samples that count.
-    """
+    """Metrics of predicted torques (N, n) [N.m or N], of the samples that a mask (N, n) marks."""
     counted = np.ones(measured.shape, dtype=bool) if mask is None else mask.astype(bool)
     joints = measured.shape[1]
     columns: list[tuple[float, float, float, float]] = []
@@ -133,13 +124,8 @@ FARTHEST_M = 0.6
 def carried_mass(estimate: Estimate, samples: Samples, error: Array) -> tuple[float, float] | None:
     """Mass [kg] that explains the errors, and its standard deviation.
 
-    Args:
-        estimate: The estimate.
-        samples: The record that it predicts.
-        error: (N, n) measured minus predicted torques of its used rows [N.m or N].
-
-    Returns:
-        None where a payload does not explain nearly all of them.
+    The error (N, n) is measured minus predicted torques of the record's used rows [N.m or N]. None
+    where a payload does not explain nearly all of it.
     """
     model, rows = estimate.model, samples.rows
     last = 10 * (model.robot.joints - 1)

@@ -136,7 +136,7 @@ def _identify(
         problem,
         fit,
         records=records,
-        settings=[processing] * len(records),
+        settings=processing,
         preset=settings.preset,
         choices=words,
         made=provenance(inputs=origins, settings=settings.to_json()),
