@@ -303,9 +303,13 @@ class JointSensors:
             true: (..., n) true values.
             generator: Where the noise comes from.
         """
-        noise: Array = getattr(self, f"{quantity}_noise")
+        return self.seen(quantity, true, generator.standard_normal(true.shape))
+
+    def seen(self, quantity: str, true: Array, noise: Array) -> Array:
+        """Measured values, as `read`, for noise (..., n) of standard deviation 1."""
+        deviation: Array = getattr(self, f"{quantity}_noise")
         step: Array = getattr(self, f"{quantity}_step")
-        noisy = true + noise * generator.standard_normal(true.shape)
+        noisy = true + deviation * noise
         grid = np.where(step > 0, step, 1.0)
         return np.where(step > 0, grid * np.round(noisy / grid), noisy)
 

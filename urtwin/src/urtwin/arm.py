@@ -19,7 +19,7 @@ import numpy as np
 
 from dynid.core import Array, InputError
 from dynid.simulation import PlantState, SimulatedArm, SimulatedPlant, Thermal
-from urtwin.kinematics import ToolKinematics, rotation_matrix, to_matrix
+from urtwin.kinematics import ToolKinematics, joint_speeds, rotation_matrix, to_matrix
 
 PROGRAM_STOP = 80.0
 """How the arm brakes when nobody moves it any more [rad/s^2]."""
@@ -64,7 +64,8 @@ class ControlledArm:
         self.setpoint: list[float] = [float(value) for value in pose]
         self.speed: list[float] = [0.0] * _AXES
         """Speed of the set point [rad/s]."""
-        self._next: list[float] | None = None
+        self.pending: list[float] | None = None
+        """The set point of this cycle (6) [rad], if there is one; without, the arm brakes."""
         self._stopping: list[float] | None = None
         self.still = 0
         """Cycles for which the set point has not moved."""
@@ -72,40 +73,18 @@ class ControlledArm:
         self.state: PlantState = self.plant.tick(self.setpoint)
         self._measure()
 
-    def command(self, q: list[float]) -> None:
-        """The set point of this cycle (6) [rad]."""
-        self._next = q
-
-    @property
-    def commanded(self) -> bool:
-        """Whether this cycle has a set point."""
-        return self._next is not None
-
-    def refuse(self) -> None:
-        """Forget the set point of this cycle: brake."""
-        self._next = None
-
-    @property
-    def pending(self) -> list[float] | None:
-        """The set point of this cycle (6) [rad], if there is one."""
-        return self._next
-
     def tick(self, *, powered: bool) -> None:
-        """One control cycle.
-
-        Args:
-            powered: Whether the brakes are open.
-        """
+        """One control cycle; the arm stands still unless it is powered, its brakes open."""
         if not powered:
             self._stand()
             return
-        if self._next is None:
+        if self.pending is None:
             self._rest()
         else:
             self._stopping = None
         last = self.setpoint
-        target = self._next if self._next is not None else self._brake()
-        self._next = None
+        target = self.pending if self.pending is not None else self._brake()
+        self.pending = None
         self.speed = [(a - b) / self.cycle for a, b in zip(target, last, strict=True)]
         self.still = self.still + 1 if target == last else 0
         self.setpoint = target
@@ -128,24 +107,14 @@ class ControlledArm:
         Args:
             quantity: `position`, `velocity`, `current` or `temperature`.
         """
-        row, true = self._true(quantity)
-        sensors = self.truth.sensors
-        noise: Array = getattr(sensors, f"{quantity}_noise")
-        step: Array = getattr(sensors, f"{quantity}_step")
-        noisy: Array = true + noise * self._noise[row]
-        grid: Array = np.where(step > 0, step, 1.0)
-        read: Array = np.where(step > 0, grid * np.round(noisy / grid), noisy)
-        return read.tolist()
-
-    def _true(self, quantity: str) -> tuple[int, Array]:
         state = self.state
-        if quantity == "position":
-            return 0, state.q
-        if quantity == "velocity":
-            return 1, state.dq
-        if quantity == "current":
-            return 2, state.torque / self.truth.gain
-        return 3, state.temperature
+        row, true = {
+            "position": (0, state.q),
+            "velocity": (1, state.dq),
+            "current": (2, state.torque / self.truth.gain),
+            "temperature": (3, state.temperature),
+        }[quantity]
+        return self.truth.sensors.seen(quantity, true, self._noise[row]).tolist()
 
     def draw_anew(self, number: int) -> None:
         """Begin the noise of a program: it does not depend on when the program was sent.
@@ -201,7 +170,7 @@ class ControlledArm:
         target = replace(
             self.state.target, q=self.state.q, dq=zero, ddq=zero, moment=zero, feedforward=zero
         )
-        self._next = None
+        self.pending = None
         self.speed = [0.0] * _AXES
         self.state = replace(
             self.state,
@@ -314,7 +283,7 @@ class Rest:
             if offset is None
             else [e + d for e, d in zip(self.end, offset, strict=True)]
         )
-        arm.command(self.last)
+        arm.pending = self.last
         return offset is not None
 
 
@@ -339,7 +308,6 @@ _RESISTANCE = np.array([200.0] * 3 + [20.0] * 3)
 """Of the free tool: force per speed [N.s/m], torque per speed [N.m.s/rad]; not published by UR."""
 _ACCELERATION = np.array([1.0] * 3 + [4.0] * 3)
 _SLOWEST = 1e-6
-_DAMPING = 1e-6
 
 
 @dataclass(slots=True)
@@ -376,8 +344,7 @@ class ForceMode:
         before = twice.T @ now
         change = _ACCELERATION * arm.cycle
         twist = twice @ (before + np.clip(wish - before, -change, change))
-        gram = jacobian @ jacobian.T + _DAMPING * np.eye(6)
-        speeds: list[float] = (jacobian.T @ np.linalg.solve(gram, twist)).tolist()
+        speeds = joint_speeds(jacobian, twist)
         return [q + arm.cycle * dq for q, dq in zip(arm.setpoint, speeds, strict=True)]
 
     def _axes(self, point: Array, velocity: Array) -> Array:

@@ -245,10 +245,10 @@ class Core:
         Raises:
             ScriptFault: Somebody else moves the arm in the same cycle.
         """
-        if self.arm.commanded and self._mover is not mover:
+        if self.arm.pending is not None and self._mover is not mover:
             raise ScriptFault("another thread moves the robot in the same cycle")
         self._mover, self.rest = mover, None
-        self.arm.command(q)
+        self.arm.pending = q
 
     def tune(self, lookahead: float, gain: float) -> None:
         """The servo's lookahead [s] and gain from now on.
@@ -307,7 +307,7 @@ class Core:
         if self.safety.stopped:
             return
         self.safety.stop(reason, self.now)
-        self.arm.refuse()
+        self.arm.pending = None
         self.arm.braking = PROTECTIVE_STOP
         self.say(reason, "safety", 1, MessageKind.STOP)
 

@@ -135,11 +135,9 @@ class DashboardSession:
     def receive(self, data: bytes) -> list[str]:
         """Take what the client sent; return one reply for each whole line."""
         *lines, self._rest = (self._rest + data).split(b"\n")
-        replies: list[str] = []
-        for line in lines:
-            if self.over:
-                break
-            replies.append(self.answer(line.decode(errors="replace").strip()))
+        replies = [
+            self.answer(line.decode(errors="replace").strip()) for line in lines if not self.over
+        ]
         if len(self._rest) > LONGEST_LINE:
             self.over = True
             replies.append(f"no command is longer than {LONGEST_LINE} bytes")
@@ -168,11 +166,8 @@ class DashboardSession:
         return words.STOPPED
 
     def _unlock(self) -> str:
-        if self._machine.unlock_protective_stop():
-            return words.UNLOCKING
-        if self._machine.core.safety.stopped:
-            return words.UNLOCK_TOO_EARLY
-        return words.UNLOCKING
+        unlocked = self._machine.unlock_protective_stop() or not self._machine.core.safety.stopped
+        return words.UNLOCKING if unlocked else words.UNLOCK_TOO_EARLY
 
     def _close_popup(self) -> str:
         self._machine.close_popup()
@@ -232,25 +227,18 @@ _SPEED = re.compile(r"set speed (\d+(?:\.\d*)?|\.\d+)")
 _LONGEST = 60
 
 
-def _unlock(machine: ControllerMachine) -> None:
-    machine.unlock_protective_stop()
-
-
-def _nothing(machine: ControllerMachine) -> None:
-    """The simulated arm is the real one here."""
-
-
 _COMMANDS: dict[str, Callable[[ControllerMachine], object]] = {
     "power on": ControllerMachine.power_on,
     "power off": ControllerMachine.power_off,
     "set robotmode run": ControllerMachine.brake_release,
-    "set unlock protective stop": _unlock,
+    "set unlock protective stop": ControllerMachine.unlock_protective_stop,
     "stop program": ControllerMachine.stop,
     "pause program": ControllerMachine.pause,
     "resume program": ControllerMachine.play,
     "run program": ControllerMachine.play,
-    "set real": _nothing,
-    "set sim": _nothing,
+    # The simulated arm is the real one here.
+    "set real": lambda _: None,
+    "set sim": lambda _: None,
 }
 
 

@@ -115,6 +115,15 @@ def chain(
         jacobian[3, k], jacobian[4, k], jacobian[5, k] = a, b, c
 
 
+_DAMPING = 1e-6
+
+
+def joint_speeds(jacobian: Array, twist: Array) -> list[float]:
+    """(n) joint speeds for a tool velocity (6), damped where the arm is singular."""
+    gram = jacobian @ jacobian.T + _DAMPING * np.eye(6)
+    return (jacobian.T @ np.linalg.solve(gram, twist)).tolist()
+
+
 _ELBOW = 2
 _ITERATIONS = 60
 _RESTARTS = 5

@@ -143,7 +143,7 @@ class Programs:
         core.rest = core.force = None
         core.network.close_all()
         core.interpreter.finish()
-        core.arm.refuse()
+        core.arm.pending = None
         if reason:
             core.say(f"program {self.program_name} stopped: {reason}", "controller", 2)
         core.say(self.program_name, "controller", 3, MessageKind.KEY, title=PROGRAM_STOPPED)
@@ -168,17 +168,16 @@ class Programs:
             # The last set point of a program that ended well still counts.
             held = self.core.arm.pending if main.fault is None else None
             self.stop()
-            if held is not None:
-                self.core.arm.command(held)
+            self.core.arm.pending = held
 
     def _move_on(self) -> None:
         """What a blend has left to do, or force mode does, while no thread moves the arm."""
         core = self.core
-        if core.arm.commanded or core.mode != RobotMode.RUNNING:
+        if core.arm.pending is not None or core.mode != RobotMode.RUNNING:
             return
         if core.force is not None:
             core.rest = None
-            core.arm.command(core.force.next(core.arm, core.tcp_matrix))
+            core.arm.pending = core.force.next(core.arm, core.tcp_matrix)
         elif core.rest is not None:
             step = core.arm.cycle * core.scaling
             core.rest = core.rest if core.rest.alone(core.arm, step) else None
@@ -382,7 +381,7 @@ class ControllerMachine(Programs):
         """Judge the new set point and the state of the arm; a violation is a protective stop."""
         core = self.core
         if core.safety.stopped or core.mode != RobotMode.RUNNING:
-            core.arm.refuse()
+            core.arm.pending = None
         elif (reason := core.safety.judge(core.arm, core.tcp_matrix)) is not None:
             core.protective_stop(reason)
         if core.safety.stopped:

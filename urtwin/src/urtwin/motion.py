@@ -12,7 +12,7 @@ import numpy as np
 from dynid.core import Array, InputError
 from urtwin.arm import Rest, Trapezoid, hands_over, trapezoid
 from urtwin.core import Core
-from urtwin.kinematics import arc_through, rotation_matrix, rotation_vector, to_matrix
+from urtwin.kinematics import arc_through, joint_speeds, rotation_matrix, rotation_vector, to_matrix
 from urtwin.urscript import Pose, Value, number, numbers
 
 Motion = Generator[None, None, None]
@@ -22,7 +22,6 @@ _Plan = Callable[[list[float]], tuple[Trapezoid, _Place]]
 """Gives, for a start (6) [rad], the profile and the path."""
 _SETTLED = 1e-5
 _PATIENCE_S = 0.5
-_DAMPING = 1e-6
 _NO_WAY = 1e-9
 
 
@@ -332,7 +331,7 @@ def speed_tool(core: Core, xd: Value, a: Value = 1.2, t: Value = 0, aRot: Value 
         change = core.scaling * wanted - now
         most = float(np.linalg.norm(change))
         share = min(1.0, a * arm.cycle / most) if most > 0.0 else 1.0
-        core.move(_ahead(core, _joint_speeds(jacobian, now + share * change)), mover)
+        core.move(_ahead(core, joint_speeds(jacobian, now + share * change)), mover)
         yield
         if cycles is not None:
             cycles -= 1
@@ -401,14 +400,8 @@ def servo_tool(core: Core, pose: Value, a: Value = 1.2, v: Value = 0.25, r: Valu
     before = float(np.linalg.norm(jacobian @ arm.speed))
     speed = min(v, before + a * arm.cycle, math.sqrt(2.0 * a * left), left / arm.cycle)
     twist = np.concatenate([way, turn]) * (speed / left if left > 0.0 else 0.0)
-    core.move(_ahead(core, _joint_speeds(jacobian, twist)), object())
+    core.move(_ahead(core, joint_speeds(jacobian, twist)), object())
     yield
-
-
-def _joint_speeds(jacobian: Array, twist: Array) -> list[float]:
-    """(n) joint speeds for a tool velocity (6), damped where the arm is singular."""
-    gram = jacobian @ jacobian.T + _DAMPING * np.eye(6)
-    return (jacobian.T @ np.linalg.solve(gram, twist)).tolist()
 
 
 def _ahead(core: Core, speed: Sequence[float]) -> list[float]:

@@ -11,7 +11,6 @@ from dynid.protocol import (
     INPUTS,
     NOT_FOUND,
     OUTPUTS,
-    DataType,
     Field,
     Framer,
     Kind,
@@ -108,9 +107,6 @@ class InputQueue:
             self._write(name, value)
 
 
-_Layout = tuple[tuple[str, ...], tuple[DataType, ...], int | None]
-
-
 class Packer:
     """Packs the machine's outputs; clients with the same recipe share the work.
 
@@ -120,7 +116,7 @@ class Packer:
 
     def __init__(self, machine: ControllerMachine) -> None:
         self._machine = machine
-        self._packed: dict[_Layout, bytes] = {}
+        self._packed: dict[Recipe, bytes] = {}
 
     def next_cycle(self) -> None:
         """Forget what was packed: the machine has moved on."""
@@ -128,10 +124,9 @@ class Packer:
 
     def package(self, recipe: Recipe) -> bytes:
         """The data package of a recipe in this cycle, with its header."""
-        key = (recipe.names, recipe.types, recipe.number)
-        packed = self._packed.get(key)
+        packed = self._packed.get(recipe)
         if packed is None:
-            packed = self._packed[key] = recipe.packet(self._numbers(recipe))
+            packed = self._packed[recipe] = recipe.packet(self._numbers(recipe))
         return packed
 
     def _numbers(self, recipe: Recipe) -> list[float | int | bool]:
@@ -316,17 +311,13 @@ class RtdeSession:
                 if value != value and "register" not in name:
                     return self._complain(f"{name} is not a number")
                 values[name] = value
-            self._take(number, values)
+            now = self._written[number] = time.monotonic()
+            self.queue.put(number, values, now)
+            if not self._orderly:
+                self.queue.apply_all()
         except DynidError as error:
             return self._complain(str(error))
         return b""
-
-    def _take(self, number: int, values: dict[str, Value]) -> None:
-        """Inputs as a client wrote them."""
-        now = self._written[number] = time.monotonic()
-        self.queue.put(number, values, now)
-        if not self._orderly:
-            self.queue.apply_all()
 
     def _complain(self, words: str) -> bytes:
         """Tell the client what is wrong; give up on one that never learns.

@@ -1,14 +1,19 @@
-"""The listening ports, who is accepted when they are full, and which client a port serves."""
+"""The settings of a controller, its ports, and which client a port serves.
+
+Where a port is full, who has been silent for longest makes room.
+"""
 
 from __future__ import annotations
 
 import socket
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
-from dynid.core import JobError
+from dynid.core import InputError, JobError
 from dynid.protocol import dashboard, rtde
-from urtwin.dashboard import DashboardSession, FindProgram, no_programs
+from dynid.simulation import Thermal
+from urtwin.dashboard import DashboardSession, no_programs, program_folder
 from urtwin.machine import ControllerMachine
 from urtwin.rtde import Owners, RtdeSession
 from urtwin.server.clients import (
@@ -37,27 +42,12 @@ PORTS = (dashboard.PORT, PRIMARY, SECONDARY, REALTIME, rtde.PORT, INTERPRETER, *
 # Where the kernel's queue is full, a client believes itself connected and nobody knows of it.
 _BACKLOG = 1024
 _SEND_BUFFER = 1 << 17
+_SERIAL = "20240001"
+"""What the dashboard says."""
+CB_HZ, E_SERIES_HZ = 125.0, 500.0
 
 
-@dataclass(frozen=True, slots=True)
-class Listener:
-    """One listening port."""
-
-    socket: socket.socket
-    """The listening socket."""
-    port: int
-    """Its number."""
-
-    def accept(self) -> tuple[socket.socket, str] | None:
-        """The next client and its address, if one waits."""
-        try:
-            sock, (host, port, *_) = self.socket.accept()
-        except OSError:
-            return None
-        return sock, f"{host}:{port}"
-
-
-def open_listeners(host: str) -> list[Listener]:
+def open_listeners(host: str) -> list[socket.socket]:
     """Listen on all ports of a controller.
 
     Args:
@@ -66,7 +56,7 @@ def open_listeners(host: str) -> list[Listener]:
     Raises:
         JobError: A port is taken or the address is not of this machine.
     """
-    listeners: list[Listener] = []
+    listeners: list[socket.socket] = []
     for port in PORTS:
         sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -79,14 +69,14 @@ def open_listeners(host: str) -> list[Listener]:
         except OSError as error:
             sock.close()
             for listener in listeners:
-                listener.socket.close()
+                listener.close()
             raise JobError(
                 f"cannot listen on port {port}: {error.strerror}",
                 where=host,
                 next_step="A controller may run there already; each needs an address of its own, "
                 "for example --host 127.0.0.2",
             ) from error
-        listeners.append(Listener(sock, port))
+        listeners.append(sock)
     return listeners
 
 
@@ -109,21 +99,45 @@ def place_for_another(clients: Iterable[Client], now: float) -> tuple[bool, Clie
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ServerSettings:
-    """How the controller shows itself."""
+class ControllerSettings:
+    """What to simulate, and where.
 
+    Raises:
+        InputError: A control rate that no UR controller has.
+    """
+
+    robot: str = "ur5"
+    """Built-in name, URDF or robot file."""
     host: str = "127.0.0.1"
     """Address to listen on."""
-    virtual: bool = False
+    thermal: Thermal = "cold"
+    """Temperatures at the start."""
+    virtual_time: bool = False
     """Whether time goes as fast as the clients read."""
     hold: bool = False
     """Whether time stands still until the first client has started RTDE."""
-    model: str = "UR5"
-    """What the dashboard says the robot is."""
-    serial: str = "20240001"
-    """Its serial number."""
-    programs: FindProgram = no_programs
-    """Finds the programs that the dashboard can load."""
+    seed: int = 0
+    """Seed of the measurement noise."""
+    rate_hz: float | None = None
+    """Control cycles a second; None: 500 for robots whose name ends in `e`, else 125."""
+    version: tuple[int, int, int] | None = None
+    """Software version; None: the one usual for the rate."""
+    truth: Path | None = None
+    """Where to write the truth behind the measurements."""
+    report: Path | None = None
+    """Where to write, at the end, how well time was kept."""
+    programs: Path | None = None
+    """Folder of the programs that the dashboard can load."""
+    parent: int | None = None
+    """The process without which the controller ends; None: it stays."""
+
+    def __post_init__(self) -> None:
+        if self.rate_hz is not None and self.rate_hz not in (CB_HZ, E_SERIES_HZ):
+            raise InputError(
+                "no UR controller has this control rate",
+                value=f"{self.rate_hz:g} Hz",
+                limit=f"{CB_HZ:g} Hz (CB-Series) or {E_SERIES_HZ:g} Hz (e-Series)",
+            )
 
 
 class Reception:
@@ -131,24 +145,30 @@ class Reception:
 
     Args:
         machine: The controller.
-        settings: How it shows itself.
+        settings: How it shows itself to clients.
         submit: Takes the programs of script ports.
     """
 
     def __init__(
-        self, machine: ControllerMachine, settings: ServerSettings, submit: Callable[[str], None]
+        self,
+        machine: ControllerMachine,
+        settings: ControllerSettings,
+        submit: Callable[[str], None],
     ) -> None:
-        self._machine, self._settings, self._submit = machine, settings, submit
+        self._machine, self._submit, self._orderly = machine, submit, settings.virtual_time
         self._owners, self._pool = Owners(), Pool()
+        self._model = machine.core.arm.plant.arm.robot.name.removesuffix("e").upper()
+        folder = settings.programs
+        self._programs = no_programs if folder is None else program_folder(folder)
 
     def client(self, connection: Connection, port: int) -> Client:
         """The client behind a connection to a port."""
-        machine, settings = self._machine, self._settings
+        machine = self._machine
         if port == rtde.PORT:
-            session = RtdeSession(machine, self._owners, orderly=settings.virtual)
+            session = RtdeSession(machine, self._owners, orderly=self._orderly)
             return RtdeClient(connection, port, session)
         if port == dashboard.PORT:
-            desk = DashboardSession(machine, settings.model, settings.serial, settings.programs)
+            desk = DashboardSession(machine, self._model, _SERIAL, self._programs)
             return DashboardClient(connection, port, desk)
         if port == INTERPRETER:
             return InterpreterClient(connection, port, machine.core.interpreter)

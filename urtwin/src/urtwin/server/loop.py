@@ -9,7 +9,6 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TextIO
@@ -28,9 +27,8 @@ from urtwin.server.listeners import (
     PRIMARY,
     READ_ONLY,
     REALTIME,
-    Listener,
+    ControllerSettings,
     Reception,
-    ServerSettings,
     open_listeners,
     place_for_another,
 )
@@ -81,16 +79,6 @@ WAITING = 8
 """Programs that may wait to be compiled."""
 
 
-@dataclass(frozen=True, slots=True)
-class Compiled:
-    """What came of a script."""
-
-    program: CompiledProgram | None
-    """The program; None when it does not compile."""
-    problem: ScriptError | None = None
-    """What is wrong with it."""
-
-
 class ScriptCompiler:
     """A thread that compiles, and a socket that becomes readable when it has.
 
@@ -104,7 +92,7 @@ class ScriptCompiler:
     def __init__(self, compile_: Callable[[str], CompiledProgram], *, real_time: bool) -> None:
         self._compile, self._real_time = compile_, real_time
         self._scripts: queue.SimpleQueue[str | None] = queue.SimpleQueue()
-        self._finished: queue.SimpleQueue[Compiled] = queue.SimpleQueue()
+        self._finished: queue.SimpleQueue[CompiledProgram | ScriptError] = queue.SimpleQueue()
         self._pending = 0
         self.signal, self._wake = socket.socketpair()
         self.signal.setblocking(False)
@@ -124,13 +112,13 @@ class ScriptCompiler:
         self._scripts.put(text)
         return True
 
-    def take(self) -> list[Compiled]:
-        """What has been compiled since the last call, oldest first."""
+    def take(self) -> list[CompiledProgram | ScriptError]:
+        """What came of scripts since the last call, oldest first: a program, or what is wrong."""
         try:
             self.signal.recv(WAITING)
         except BlockingIOError:
             return []
-        found: list[Compiled] = []
+        found: list[CompiledProgram | ScriptError] = []
         while not self._finished.empty():
             found.append(self._finished.get())
         self._pending -= len(found)
@@ -148,14 +136,11 @@ class ScriptCompiler:
         if self._real_time:
             first_in_first_out(COMPILER_PRIORITY)
         while (text := self._scripts.get()) is not None:
-            self._finished.put(self._one(text))
+            try:
+                self._finished.put(self._compile(text))
+            except ScriptError as error:
+                self._finished.put(error)
             self._wake.send(b"!")
-
-    def _one(self, text: str) -> Compiled:
-        try:
-            return Compiled(self._compile(text))
-        except ScriptError as error:
-            return Compiled(None, error)
 
 
 _STATES_HZ = 10
@@ -256,28 +241,26 @@ class ControllerServer:
 
     Args:
         machine: The controller.
-        settings: How it shows itself.
+        settings: Where to listen, and how time passes.
         log: Where to say what happens.
 
     Raises:
         JobError: A port is taken.
     """
 
-    def __init__(self, machine: ControllerMachine, settings: ServerSettings, log: Log) -> None:
+    def __init__(self, machine: ControllerMachine, settings: ControllerSettings, log: Log) -> None:
         self._machine, self._log = machine, log
         # A socket of the loop's waits in this one: its time-outs are not rounded up to 1 ms.
         self._epoll = select.epoll()
-        self._listeners = {
-            listener.socket.fileno(): listener for listener in open_listeners(settings.host)
-        }
+        self._listeners = {sock.fileno(): sock for sock in open_listeners(settings.host)}
         self._clients: dict[int, Client] = {}
         self._rtde: list[RtdeClient] = []
         self._reception = Reception(machine, settings, self._submit)
-        self._compiler = ScriptCompiler(compile_program, real_time=not settings.virtual)
-        self._broadcast = Broadcast(machine, TOGETHER_S if settings.virtual else 0.0)
+        self._compiler = ScriptCompiler(compile_program, real_time=not settings.virtual_time)
+        self._broadcast = Broadcast(machine, TOGETHER_S if settings.virtual_time else 0.0)
         if not on_this_machine(settings.host):
             machine.core.network = Network(lambda _: True)
-        self._virtual = VirtualPace(machine) if settings.virtual else None
+        self._virtual = VirtualPace(machine) if settings.virtual_time else None
         self._held = settings.hold
         for fd in (*self._listeners, self._compiler.signal.fileno()):
             self._epoll.register(fd, select.EPOLLIN)
@@ -319,7 +302,7 @@ class ControllerServer:
         for client in list(self._clients.values()):
             self._close(client)
         for listener in self._listeners.values():
-            listener.socket.close()
+            listener.close()
         self._compiler.close()
         if self._virtual is not None:
             self._virtual.close()
@@ -397,10 +380,10 @@ class ControllerServer:
 
     def _run_compiled(self) -> None:
         for compiled in self._compiler.take():
-            if compiled.program is not None:
-                self._machine.run_program(compiled.program)
-            elif compiled.problem is not None:
-                self._machine.refuse(compiled.problem)
+            if isinstance(compiled, ScriptError):
+                self._machine.refuse(compiled)
+            else:
+                self._machine.run_program(compiled)
 
     def _submit(self, text: str) -> None:
         if obey(text, self._machine):
@@ -409,26 +392,27 @@ class ControllerServer:
             words = "a program was refused: too many are waiting to be compiled"
             self._machine.core.say(words, "controller", rtde.MessageLevel.ERROR)
 
-    def _welcome(self, listener: Listener) -> None:
-        accepted = listener.accept()
-        if accepted is None:
-            return
-        now = time.monotonic()
+    def _welcome(self, listener: socket.socket) -> None:
+        port, now = listener.getsockname()[1], time.monotonic()
         try:
-            connection = Connection(*accepted)
-            client = self._reception.client(connection, listener.port)
+            accepted, (host, peer, *_) = listener.accept()
+        except OSError:
+            return
+        try:
+            connection = Connection(accepted, f"{host}:{peer}")
+            client = self._reception.client(connection, port)
         except OSError:
             # It has left while it waited to be let in.
-            accepted[0].close()
+            accepted.close()
             return
-        others = [c for c in self._clients.values() if c.port == listener.port]
+        others = [c for c in self._clients.values() if c.port == port]
         free, leaver = place_for_another(others, now)
         if leaver is not None:
             leaver.refuse("another client needs this place: you have been silent")
             self._part(leaver, now)
         if not free:
             client.refuse("too many clients on this port")
-            self._log.say(f"{connection.peer} refused: too many clients on port {listener.port}")
+            self._log.say(f"{connection.peer} refused: too many clients on port {port}")
             connection.close()
             return
         self._clients[connection.socket.fileno()] = client

@@ -4,21 +4,25 @@ import os
 import signal
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, TextIO
 
-from dynid.core import InputError, write_json
+from dynid.core import write_json
 from dynid.protocol import dashboard, rtde
 from dynid.robot import load_robot
-from dynid.simulation import SERIAL, Thermal, simulated_arm
-from urtwin.dashboard import no_programs, program_folder
+from dynid.simulation import SERIAL, simulated_arm
 from urtwin.machine import ControllerMachine
 from urtwin.server.clock import keep_time
-from urtwin.server.listeners import INTERPRETER, PRIMARY, REALTIME, SECONDARY, ServerSettings
+from urtwin.server.listeners import (
+    CB_HZ,
+    E_SERIES_HZ,
+    INTERPRETER,
+    PRIMARY,
+    REALTIME,
+    SECONDARY,
+    ControllerSettings,
+)
 from urtwin.server.loop import ControllerServer, Log
 
-CB_HZ, E_SERIES_HZ = 125.0, 500.0
 _CB, _E_SERIES = (3, 15, 8, 106339), (5, 12, 0, 1101319)
 _PORT_NAMES = {
     "dashboard": dashboard.PORT,
@@ -28,48 +32,6 @@ _PORT_NAMES = {
     "rtde": rtde.PORT,
     "interpreter": INTERPRETER,
 }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ControllerSettings:
-    """What to simulate, and where.
-
-    Raises:
-        InputError: A control rate that no UR controller has.
-    """
-
-    robot: str = "ur5"
-    """Built-in name, URDF or robot file."""
-    host: str = "127.0.0.1"
-    """Address to listen on."""
-    thermal: Thermal = "cold"
-    """Temperatures at the start."""
-    virtual_time: bool = False
-    """Whether time goes as fast as the clients read."""
-    hold: bool = False
-    """Whether time stands still until the first client has started RTDE."""
-    seed: int = 0
-    """Seed of the measurement noise."""
-    rate_hz: float | None = None
-    """Control cycles a second; None: 500 for robots whose name ends in `e`, else 125."""
-    version: tuple[int, int, int] | None = None
-    """Software version; None: the one usual for the rate."""
-    truth: Path | None = None
-    """Where to write the truth behind the measurements."""
-    report: Path | None = None
-    """Where to write, at the end, how well time was kept."""
-    programs: Path | None = None
-    """Folder of the programs that the dashboard can load."""
-    parent: int | None = None
-    """The process without which the controller ends; None: it stays."""
-
-    def __post_init__(self) -> None:
-        if self.rate_hz is not None and self.rate_hz not in (CB_HZ, E_SERIES_HZ):
-            raise InputError(
-                "no UR controller has this control rate",
-                value=f"{self.rate_hz:g} Hz",
-                limit=f"{CB_HZ:g} Hz (CB-Series) or {E_SERIES_HZ:g} Hz (e-Series)",
-            )
 
 
 def serve(
@@ -99,14 +61,7 @@ def serve(
     machine = ControllerMachine(
         arm, rate_hz=rate, thermal=settings.thermal, seed=settings.seed, version=version
     )
-    server_settings = ServerSettings(
-        host=settings.host,
-        virtual=settings.virtual_time,
-        hold=settings.hold,
-        model=robot.name.removesuffix("e").upper(),
-        programs=no_programs if settings.programs is None else program_folder(settings.programs),
-    )
-    server = ControllerServer(machine, server_settings, log)
+    server = ControllerServer(machine, settings, log)
     try:
         fast = keep_time(real_time=not settings.virtual_time)
         stopped = _Stop(settings.parent)

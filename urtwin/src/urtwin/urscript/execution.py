@@ -120,22 +120,6 @@ class ScriptRun:
         slots: Number of program variables.
     """
 
-    __slots__ = (
-        "_began",
-        "_granted",
-        "_handles",
-        "_slots",
-        "copied",
-        "fault",
-        "finished",
-        "left",
-        "port",
-        "section",
-        "shared",
-        "thread",
-        "threads",
-    )
-
     def __init__(self, port: Any, slots: int) -> None:
         self.port = port
         self.shared: Frame = [None] * slots
@@ -278,14 +262,6 @@ class ScriptRun:
     def lives(self, handle: Value) -> bool:
         """Whether a thread still runs."""
         return any(thread.alive and thread.handle == handle for thread in self.threads)
-
-    def hold(self) -> None:
-        """Keep the other threads from running."""
-        self.section.enter(self.thread)
-
-    def let_go(self) -> None:
-        """Let the other threads run again."""
-        self.section.leave()
 
     def _resume(self, thread: Thread) -> None:
         if not thread.alive or thread.routine is None:

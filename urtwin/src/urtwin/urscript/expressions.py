@@ -244,12 +244,12 @@ class Scope:
         if isinstance(tree, syntax.Index):
             code = compose(self._all([tree.base, *tree.indices]), element)
             return Code(code.run, code.slow, code.weight, fresh=False)
+        if isinstance(tree, syntax.StartThread):
+            return self._run(tree)
         if isinstance(tree, syntax.Call):
             return self._call(tree)
         if isinstance(tree, syntax.Method):
             return self._method(tree)
-        if isinstance(tree, syntax.StartThread):
-            return self._run(tree)
         if isinstance(tree, syntax.Unary):
             operation = SIGNS[tree.operator]
 
@@ -355,10 +355,10 @@ class Scope:
         return compose(operands, function.caller(), slow=function.slow, weight=_CALL_WEIGHT)
 
     def _run(self, tree: syntax.StartThread) -> Code:
-        function = self.functions.get(tree.call.name)
+        function = self.functions.get(tree.name)
         if function is None:
-            raise ScriptError(UNKNOWN_THREAD, tree.line, value=tree.call.name)
-        operands = self._own_arguments(tree.call, function)
+            raise ScriptError(UNKNOWN_THREAD, tree.line, value=tree.name)
+        operands = self._own_arguments(tree, function)
         return compose(operands, function.starter(), weight=_CALL_WEIGHT)
 
     def _own_arguments(self, tree: syntax.Call, function: Function) -> list[Code]:

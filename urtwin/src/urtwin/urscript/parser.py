@@ -6,6 +6,8 @@ tree in 0.05 s. Universal Robots' client library waits 0.5 s for that program to
 control cycles go on. A grammar and its transformer would save about 180 lines.
 """
 
+from collections.abc import Iterator
+
 from urtwin.urscript import syntax
 from urtwin.urscript.values import ScriptError
 
@@ -121,7 +123,7 @@ class ExpressionParser:
         self.expect("(")
         positional: list[syntax.Expression] = []
         named: dict[str, syntax.Expression] = {}
-        while not self.accept(")"):
+        for _ in self._items(")"):
             if self.token.kind == "name" and self.peek().text == "=" and self.peek().kind == "sign":
                 key = self.name()
                 self.expect("=")
@@ -132,19 +134,19 @@ class ExpressionParser:
                 raise self.wrong("an argument with a name expected")
             else:
                 positional.append(self.expression())
-            if not self.at(")"):
-                self.expect(",")
         return syntax.Call(line, name, positional, named)
 
     def indices(self) -> list[syntax.Expression]:
         """Read what stands between square brackets, separated by commas."""
         self.expect("[")
-        items: list[syntax.Expression] = []
-        while not self.accept("]"):
-            items.append(self.expression())
-            if not self.at("]"):
+        return [self.expression() for _ in self._items("]")]
+
+    def _items(self, end: str) -> Iterator[None]:
+        """Once for each item up to the end, which is taken; commas stand between them."""
+        while not self.accept(end):
+            yield
+            if not self.at(end):
                 self.expect(",")
-        return items
 
     def _rank(self, rank: int) -> syntax.Expression:
         if rank == len(_RANKS):
@@ -230,7 +232,8 @@ class ExpressionParser:
         if self.at("["):
             return syntax.ListOf(token.line, self.indices(), False)
         if self.accept("run"):
-            return syntax.StartThread(token.line, self.call())
+            call = self.call()
+            return syntax.StartThread(call.line, call.name, call.positional, call.named)
         if token.kind == "name":
             if self.peek().kind == "sign" and self.peek().text == "(":
                 return self.call()
@@ -271,7 +274,7 @@ class _Parser(ExpressionParser):
         self.expect("(")
         parameters: list[str] = []
         defaults: dict[str, syntax.Expression] = {}
-        while not self.accept(")"):
+        for _ in self._items(")"):
             parameter = self.name()
             if parameter in parameters:
                 raise self.wrong(f"parameter '{parameter}' repeats")
@@ -280,8 +283,6 @@ class _Parser(ExpressionParser):
                 defaults[parameter] = self.expression()
             elif defaults:
                 raise self.wrong("a default value expected")
-            if not self.at(")"):
-                self.expect(",")
         self.expect(":")
         found = syntax.Definition(head.line, head.text, name, parameters, defaults, [])
         while not self.accept("end"):
@@ -340,12 +341,9 @@ class _Parser(ExpressionParser):
         )
 
     def _if(self, line: int) -> syntax.If:
-        branches: list[tuple[syntax.Expression, list[syntax.Statement]]] = []
-        condition = self._condition()
-        branches.append((condition, self._block("elif", "else", "end")))
+        branches = [(self._condition(), self._block("elif", "else", "end"))]
         while self.accept("elif"):
-            condition = self._condition()
-            branches.append((condition, self._block("elif", "else", "end")))
+            branches.append((self._condition(), self._block("elif", "else", "end")))
         otherwise: list[syntax.Statement] = []
         if self.accept("else"):
             self.expect(":")

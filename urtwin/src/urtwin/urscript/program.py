@@ -55,12 +55,12 @@ def names_of(
     names = Names(shared=dict(before.shared))
     _collect(program, names)
     names.functions = before.functions | names.own_functions.keys()
-    for statement in walk(program.body):
-        if isinstance(statement, syntax.Assign) and statement.scope != "local":
+    for statement in assignments(program.body):
+        if statement.scope != "local":
             names.shared.setdefault(statement.name, len(names.shared))
     for definition in names.own_functions.values():
-        for statement in walk(definition.body):
-            if isinstance(statement, syntax.Assign) and statement.scope == "global":
+        for statement in assignments(definition.body):
+            if statement.scope == "global":
                 names.shared.setdefault(statement.name, len(names.shared))
     if len(names.shared) > MAX_VARIABLES:
         raise ScriptError("too many variables", program.line, limit=MAX_VARIABLES)
@@ -75,64 +75,20 @@ def own_variables(definition: syntax.Definition, names: Names) -> dict[str, int]
         ScriptError: Too many variables.
     """
     own = {name: place for place, name in enumerate(definition.parameters)}
-    for statement in walk(definition.body):
-        if isinstance(statement, syntax.Assign):
-            elsewhere = statement.scope != "local" and statement.name in names.shared
-            if statement.scope != "global" and not elsewhere:
-                own.setdefault(statement.name, len(own))
+    for statement in assignments(definition.body):
+        elsewhere = statement.scope != "local" and statement.name in names.shared
+        if statement.scope != "global" and not elsewhere:
+            own.setdefault(statement.name, len(own))
     if len(own) > MAX_VARIABLES:
         raise ScriptError("too many variables", definition.line, limit=MAX_VARIABLES)
     return own
 
 
-def walk(block: list[syntax.Statement]) -> Iterator[syntax.Statement]:
-    """All statements of a block, nested ones too."""
-    for statement in block:
-        yield statement
-        if isinstance(statement, syntax.If):
-            for _, body in statement.branches:
-                yield from walk(body)
-            yield from walk(statement.otherwise)
-        elif isinstance(statement, syntax.While):
-            yield from walk(statement.body)
-
-
-def calls(expression: syntax.Expression) -> Iterator[syntax.Call]:
-    """All calls in an expression; starting a thread is none."""
-    if isinstance(expression, syntax.Call):
-        yield expression
-        parts = [*expression.positional, *expression.named.values()]
-    elif isinstance(expression, syntax.StartThread):
-        parts = [*expression.call.positional, *expression.call.named.values()]
-    elif isinstance(expression, syntax.Chain):
-        parts = [expression.first, *(part for _, part in expression.rest)]
-    elif isinstance(expression, syntax.Method):
-        parts = [expression.base, *expression.arguments]
-    elif isinstance(expression, syntax.Unary):
-        parts = [expression.operand]
-    elif isinstance(expression, syntax.ListOf):
-        parts = expression.items
-    elif isinstance(expression, syntax.Index):
-        parts = [expression.base, *expression.indices]
-    else:
-        return
-    for part in parts:
-        yield from calls(part)
-
-
-def expressions(statement: syntax.Statement) -> list[syntax.Expression]:
-    """The expressions of a statement itself, without those of its blocks."""
-    if isinstance(statement, syntax.Do):
-        return [statement.expression]
-    if isinstance(statement, syntax.Assign):
-        return [*statement.indices, statement.value]
-    if isinstance(statement, syntax.If):
-        return [condition for condition, _ in statement.branches]
-    if isinstance(statement, syntax.While):
-        return [statement.condition]
-    if isinstance(statement, syntax.Return):
-        return [] if statement.value is None else [statement.value]
-    return [statement.handle] if isinstance(statement, syntax.OnThread) else []
+def assignments(block: list[syntax.Statement]) -> Iterator[syntax.Assign]:
+    """All assignments of a block, nested ones too."""
+    return (
+        node for node in syntax.nodes(block, syntax.Statement) if isinstance(node, syntax.Assign)
+    )
 
 
 def _collect(definition: syntax.Definition, names: Names) -> None:
@@ -143,20 +99,23 @@ def _collect(definition: syntax.Definition, names: Names) -> None:
         _collect(inner, names)
 
 
+_WAITING = ("join", "enter_critical")
+
+
 def _slow(names: Names, builtins: Mapping[str, Builtin], known_slow: set[str]) -> set[str]:
     callers: dict[str, set[str]] = {}
     found = list(known_slow)
     for name, definition in names.own_functions.items():
-        for statement in walk(definition.body):
-            waits = (isinstance(statement, syntax.OnThread) and statement.word == "join") or (
-                isinstance(statement, syntax.Simple) and statement.word == "enter_critical"
-            )
-            for call in (call for part in expressions(statement) for call in calls(part)):
-                callers.setdefault(call.name, set()).add(name)
-                known = None if call.name in names.functions else builtins.get(call.name)
+        waits = False
+        for node in syntax.nodes(definition.body):
+            if isinstance(node, syntax.OnThread | syntax.Simple):
+                waits = waits or node.word in _WAITING
+            elif isinstance(node, syntax.Call) and not isinstance(node, syntax.StartThread):
+                callers.setdefault(node.name, set()).add(name)
+                known = None if node.name in names.functions else builtins.get(node.name)
                 waits = waits or (known is not None and known.kind == Calling.BLOCKING)
-            if waits:
-                found.append(name)
+        if waits:
+            found.append(name)
     slow: set[str] = set()
     while found:
         name = found.pop()
@@ -333,23 +292,13 @@ def compile_addition(text: str, context: Context) -> Addition:
     if len(wider.functions) > MAX_FUNCTIONS:
         raise ScriptError("too many functions; clear_interpreter() forgets them", 1)
     body, slots = wider.body_of(main)
-    called = frozenset(
-        call.name
-        for statement in walk(main.body)
-        for part in expressions(statement)
-        for call in calls(part)
-    )
+    called = frozenset(node.name for node in syntax.nodes(main.body) if type(node) is syntax.Call)
     return Addition(wider, body, slots, called)
 
 
 def _refuse_new_globals(main: syntax.Definition, context: Context) -> None:
-    bodies: list[list[syntax.Statement]] = [main.body, *(inner.body for inner in main.inner)]
-    for statement in (each for body in bodies for each in walk(body)):
-        if (
-            isinstance(statement, syntax.Assign)
-            and statement.scope == "global"
-            and statement.name not in context.names.shared
-        ):
+    for statement in assignments([*main.body, *(part for x in main.inner for part in x.body)]):
+        if statement.scope == "global" and statement.name not in context.names.shared:
             raise ScriptError(
                 "no new global variable can be declared here", statement.line, value=statement.name
             )

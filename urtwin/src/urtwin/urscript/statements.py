@@ -1,7 +1,7 @@
 """From the syntax tree of statements to code."""
 
 from itertools import accumulate
-from typing import Any
+from typing import Any, NoReturn
 
 from dynid.core import DynidError
 from urtwin.urscript.code import Code, Runner, compose
@@ -10,19 +10,7 @@ from urtwin.urscript.expressions import Scope, store
 from urtwin.urscript.syntax import Assign, Do, If, OnThread, Return, Simple, Statement, While
 from urtwin.urscript.values import ScriptError, ScriptFault, ScriptHalt, Value, truth
 
-_RAW = (ArithmeticError, TypeError, ValueError, IndexError)
-
-
-def sequence(codes: list[Code], lines: list[int], weight: int) -> Code:
-    """Code that runs statements in order, until one answers with a signal.
-
-    Args:
-        codes: The statements.
-        lines: Their lines.
-        weight: Operations that one pass costs.
-    """
-    slow = any(code.slow for code in codes)
-    return Code((_waiting if slow else _at_once)(codes, lines, weight), slow, 0)
+_FAULTS = (DynidError, ArithmeticError, TypeError, ValueError, IndexError)
 
 
 def _at_once(codes: list[Code], lines: list[int], weight: int) -> Runner:
@@ -39,12 +27,8 @@ def _at_once(codes: list[Code], lines: list[int], weight: int) -> Runner:
                 if signal is not None:
                     return signal
                 done += 1
-        except _RAW as error:
-            raise _located(error, lines[done]) from error
-        except DynidError as error:
-            if _is_located(error):
-                raise
-            raise _located(error, lines[done]) from error
+        except _FAULTS as error:
+            _locate(error, lines[done])
         return None
 
     return run
@@ -64,32 +48,25 @@ def _waiting(codes: list[Code], lines: list[int], weight: int) -> Runner:
                 if signal is not None:
                     return signal
                 done += 1
-        except _RAW as error:
-            raise _located(error, lines[done]) from error
-        except DynidError as error:
-            if _is_located(error):
-                raise
-            raise _located(error, lines[done]) from error
+        except _FAULTS as error:
+            _locate(error, lines[done])
         return None
 
     return run
 
 
-def _is_located(error: DynidError) -> bool:
-    return isinstance(error, ScriptFault) and error.where is not None
-
-
-def _located(error: Exception, line: int) -> ScriptFault:
+def _locate(error: Exception, line: int) -> NoReturn:
+    """Raise an error again as a fault of its line; one that names its place stays as it is."""
+    if isinstance(error, ScriptFault) and error.where is not None:
+        raise error
+    where = f"line {line}"
     if isinstance(error, DynidError):
-        return ScriptFault(
-            error.what,
-            where=f"line {line}",
-            value=error.value,
-            limit=error.limit,
-            next_step=error.next_step,
-        )
+        step = error.next_step
+        raise ScriptFault(
+            error.what, where=where, value=error.value, limit=error.limit, next_step=step
+        ) from error
     text = "division by zero" if isinstance(error, ZeroDivisionError) else str(error)
-    return ScriptFault(text, where=f"line {line}")
+    raise ScriptFault(text, where=where) from error
 
 
 BREAK, CONTINUE = "break", "continue"
@@ -97,7 +74,7 @@ BREAK, CONTINUE = "break", "continue"
 
 
 def block(scope: Scope, statements: list[Statement], *, in_loop: bool, extra: int = 0) -> Code:
-    """Compile a block.
+    """Compile a block: it runs in order, until a statement answers with a signal.
 
     Args:
         scope: What it can see.
@@ -111,7 +88,8 @@ def block(scope: Scope, statements: list[Statement], *, in_loop: bool, extra: in
     codes = [_statement(scope, statement, in_loop) for statement in statements]
     lines = [statement.line for statement in statements]
     weight = 1 + extra + sum(code.weight for code in codes)
-    return sequence(codes, lines, weight)
+    slow = any(code.slow for code in codes)
+    return Code((_waiting if slow else _at_once)(codes, lines, weight), slow, 0)
 
 
 def _statement(scope: Scope, statement: Statement, in_loop: bool) -> Code:
@@ -287,13 +265,17 @@ def _simple(scope: Scope, statement: Simple, in_loop: bool) -> Code:
     if word == "halt":
         return Code(_halt, False, 1)
     if word == "enter_critical":
-        return Code(_enter, True, 1) if scope.may_wait else Code(lambda x, v: x.hold(), False, 1)
-    return Code(lambda x, v: x.let_go(), False, 1)
+        return (
+            Code(_enter, True, 1)
+            if scope.may_wait
+            else Code(lambda x, v: x.section.enter(x.thread), False, 1)
+        )
+    return Code(lambda x, v: x.section.leave(), False, 1)
 
 
 def _enter(x: ScriptRun, v: Frame) -> Routine:
     if x.section.open_to(x.thread):
-        x.hold()
+        x.section.enter(x.thread)
     else:
         yield ENTERING
 

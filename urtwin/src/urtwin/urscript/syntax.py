@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import cast
 
 from urtwin.urscript.values import ScriptError
 
@@ -13,6 +15,20 @@ class Node:
     """Any part of a script."""
 
     line: int
+
+
+def nodes(tree: object, kind: type[Node] = Node) -> Iterator[Node]:
+    """The parts of a kind in a tree or a list of trees and below them, in the order of the text."""
+    left = [tree]
+    while left:
+        part = left.pop()
+        if isinstance(part, kind):
+            yield part
+            left += [getattr(part, name) for name in part.__match_args__[:0:-1]]
+        elif isinstance(part, list | tuple):
+            left += cast("list[object]", part)[::-1]
+        elif isinstance(part, dict):
+            left += reversed(cast("dict[str, object]", part).values())
 
 
 @dataclass(slots=True)
@@ -74,10 +90,8 @@ class Method(Expression):
 
 
 @dataclass(slots=True)
-class StartThread(Expression):
+class StartThread(Call):
     """A thread that starts; its value is the handle."""
-
-    call: Call
 
 
 @dataclass(slots=True)
