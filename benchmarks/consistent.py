@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from real_recordings import ROOT, Case, cases
+from real_recordings import ROOT, Case, cases, identified
 
 import dynid
 from dynid.core import Array
@@ -95,21 +95,10 @@ def mass_ratio(case: Case, values: Array) -> float:
 
 def row(case: Case, preset: str) -> str:
     """Identify both ways and give a row of the table."""
-    results: list[dynid.Identification] = []
-    for word in ("wls", "sdp"):
-        settings = dynid.IdentifySettings(
-            preset=preset, estimator=word, start_s=case.window[0], stop_s=case.window[1]
-        )
-        results.append(
-            dynid.identify(
-                [case.record],
-                case.robot,
-                settings,
-                validation=case.other,
-                validation_start_s=case.check[0],
-                validation_stop_s=case.check[1],
-            )
-        )
+    results = [
+        identified(case, dynid.IdentifySettings(preset=preset, estimator=word))
+        for word in ("wls", "sdp")
+    ]
     plain, consistent = results
     assert plain.validation is not None
     assert consistent.validation is not None

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -115,6 +115,19 @@ def _halves(
     ]
 
 
+def identified(case: Case, settings: dynid.IdentifySettings) -> dynid.Identification:
+    """Identify a case by these settings, and validate on its other part."""
+    start, stop = case.window
+    return dynid.identify(
+        [case.record],
+        case.robot,
+        replace(settings, start_s=start, stop_s=stop),
+        validation=case.other,
+        validation_start_s=case.check[0],
+        validation_stop_s=case.check[1],
+    )
+
+
 def plain(value: float) -> str:
     """Three digits, without an exponent up to ten thousand."""
     return f"{value:.0f}" if 1000 <= value < 10_000 else f"{value:.3g}"
@@ -122,18 +135,8 @@ def plain(value: float) -> str:
 
 def row(case: Case, preset: str, purpose: str) -> str:
     """Identify, check, and give a row of the table."""
-    settings = dynid.IdentifySettings(
-        preset=preset, purpose=purpose, start_s=case.window[0], stop_s=case.window[1]
-    )
     started = time.process_time()
-    result = dynid.identify(
-        [case.record],
-        case.robot,
-        settings,
-        validation=case.other,
-        validation_start_s=case.check[0],
-        validation_stop_s=case.check[1],
-    )
+    result = identified(case, dynid.IdentifySettings(preset=preset, purpose=purpose))
     cpu = time.process_time() - started
     assert result.validation is not None
     told = result.estimate.assessment

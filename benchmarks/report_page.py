@@ -39,10 +39,13 @@ def opened(browser: Any, address: str, size: tuple[int, int], scheme: str) -> tu
 
 
 def serious(page: Any) -> list[str]:
-    """Serious and critical faults that axe-core finds."""
-    page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+    """Serious and critical faults that axe-core finds, and the first place of each."""
     found = Axe().run(page).response["violations"]
-    return [fault["id"] for fault in found if fault["impact"] in ("serious", "critical")]
+    return [
+        f"{fault['id']}: {fault['nodes'][0]['html'][:120]}"
+        for fault in found
+        if fault["impact"] in ("serious", "critical")
+    ]
 
 
 def main() -> int:
@@ -84,6 +87,7 @@ def main() -> int:
                     asked.pictures.mkdir(parents=True, exist_ok=True)
                     path = asked.pictures / f"{name}-{scheme}.png"
                     page.screenshot(path=path, full_page=True)
+                page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
                 faults = serious(page)
                 told(f"axe-core, {name}, {scheme}", len(faults), 0, " ".join(faults) or "faults")
                 page.close()

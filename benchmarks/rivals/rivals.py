@@ -66,14 +66,7 @@ def dynid_on(name: str, purpose: str, result: Path) -> None:
     case = next(c for c in cases.all_cases(DATA) if c.name == name)
     base = peak_mb()
     started = time.process_time()
-    found = dynid.identify(
-        [case.record],
-        case.robot,
-        dynid.IdentifySettings(purpose=purpose, start_s=case.window[0], stop_s=case.window[1]),
-        validation=case.other,
-        validation_start_s=case.check[0],
-        validation_stop_s=case.check[1],
-    )
+    found = cases.real_recordings.identified(case, dynid.IdentifySettings(purpose=purpose))
     cpu = time.process_time() - started
     assert found.validation is not None
     rms = found.validation.metrics.rmse

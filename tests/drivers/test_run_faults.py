@@ -15,6 +15,7 @@ import socket
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -114,7 +115,7 @@ def fault(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Fault:
 
 def test_the_speed_slider_moves(controller: RunningController, fault: Fault) -> None:
     def move(to: float) -> None:
-        with RtdeLink(controller.host) as link:
+        with closing(RtdeLink(controller.host)) as link:
             slider = link.ask_inputs(["speed_slider_mask", "speed_slider_fraction"])
             link.write(slider.packet([1, to]))
             # Answered after the slider was set: the connection must not end before.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -220,7 +221,7 @@ def test_set_points_can_be_streamed_by_ur_rtde(controller: RunningController) ->
 
 
 def test_another_client_on_our_register_is_named(controller: RunningController) -> None:
-    with RtdeLink(controller.host) as other:
+    with closing(RtdeLink(controller.host)) as other:
         other.ask_inputs(["input_int_register_24"])
         with pytest.raises(JobError, match="IN_USE"):
             UrDriver(inspect(controller.host)).execute(gentle_execution(), None)

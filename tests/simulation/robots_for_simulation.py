@@ -1,5 +1,7 @@
 """Robots for the tests of the simulation, and pinocchio's view of them."""
 
+from dataclasses import fields
+
 import numpy as np
 import pinocchio as pin
 
@@ -8,11 +10,10 @@ from dynid.robot import Drives, JointLimits, RobotModel
 from dynid.simulation import (
     GroundTruth,
     JointFriction,
+    JointSensors,
     JointThermal,
     RunTruth,
     SimulatedArm,
-    constant_temperature,
-    perfect_sensors,
     point_masses,
 )
 from dynid.trajectory import JointMotion
@@ -114,6 +115,61 @@ def build_chain(seed: int = 0, joints: int = 5) -> RobotModel:
     )
 
 
+def ideal_friction(coulomb: Array, viscous: Array, width: float) -> JointFriction:
+    """Fc tanh(dq / width) + Fv dq at any load and temperature."""
+    zero, one = np.zeros(len(coulomb)), np.ones(len(coulomb))
+    return JointFriction(
+        coulomb=coulomb,
+        viscous=viscous,
+        breakaway=zero,
+        stribeck_velocity=one,
+        load_factor=zero,
+        stiffness=one,
+        damping=zero,
+        viscous_decay=zero,
+        coulomb_drift=zero,
+        width=width,
+    )
+
+
+def constant_temperature(joints: int, temperature_degC: float = 24.0) -> JointThermal:
+    """Joints that never warm up."""
+    one = np.ones(joints)
+    return JointThermal(
+        resistance=one,
+        capacity=np.inf * one,
+        winding=0 * one,
+        warm_degC=temperature_degC * one,
+        ambient_degC=temperature_degC,
+    )
+
+
+def chosen_sensors(joints: int, **noise: float) -> JointSensors:
+    """Sensors with white noise alone, of a standard deviation for some quantities."""
+    names = [item.name for item in fields(JointSensors)]
+    return JointSensors(
+        **{name: np.full(joints, noise.get(name.removesuffix("_noise"), 0.0)) for name in names}
+    )
+
+
+def ideal_arm(
+    robot: RobotModel, parameters: Array, width: float = 1e-3, sensors: JointSensors | None = None
+) -> SimulatedArm:
+    """An arm that obeys the identified model exactly: (n, 13) ten inertial ones, Fc, Fv, Im."""
+    n, rows = robot.joints, np.asarray(parameters)
+    truth = GroundTruth(
+        inertials=rows[:, :10],
+        motor_inertia=rows[:, 12],
+        friction=ideal_friction(rows[:, 10], rows[:, 11], width),
+        thermal=constant_temperature(n),
+        sensors=sensors or chosen_sensors(n),
+        gain=np.where(np.isnan(robot.drives.gain), 1.0, robot.drives.gain),
+        label="ideal",
+    )
+    controller = point_masses(truth.inertials, 0.8 * rows[:, 10], 0.9 * rows[:, 11])
+    return SimulatedArm(robot=robot, truth=truth, controller=controller)
+
+
 def one_joint(
     friction: JointFriction, *, gravity: float = 0.0, thermal: JointThermal | None = None
 ) -> SimulatedArm:
@@ -139,7 +195,7 @@ def one_joint(
         motor_inertia=np.array([0.3]),
         friction=friction,
         thermal=thermal or constant_temperature(1),
-        sensors=perfect_sensors(1),
+        sensors=chosen_sensors(1),
         gain=one,
         label="test",
     )

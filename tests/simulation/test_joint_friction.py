@@ -2,10 +2,10 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 import pytest
-from robots_for_simulation import one_joint
+from robots_for_simulation import ideal_friction, one_joint
 
 from dynid.core import InputError
-from dynid.simulation import JointFriction, PlantState, SimulatedArm, SimulatedPlant, ideal_friction
+from dynid.simulation import JointFriction, PlantState, SimulatedArm, SimulatedPlant
 
 
 def friction(**change: object) -> JointFriction:

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from robots_for_simulation import build_chain, build_ur5, pinocchio_model
+from robots_for_simulation import build_chain, build_ur5, ideal_arm, pinocchio_model
 
 from dynid.core import Array
 from dynid.robot import RobotModel
@@ -12,7 +12,6 @@ from dynid.simulation import (
     RunTruth,
     SimulatedArm,
     SimulatedRun,
-    ideal_arm,
     mujoco_model,
     simulate,
     simulated_arm,

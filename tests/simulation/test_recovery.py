@@ -2,15 +2,20 @@
 
 import numpy as np
 import pytest
-from robots_for_simulation import HOME, build_ur5, pinocchio_model, regressor
+from robots_for_simulation import (
+    HOME,
+    build_ur5,
+    chosen_sensors,
+    ideal_arm,
+    pinocchio_model,
+    regressor,
+)
 
 from dynid.core import Array
 from dynid.robot import RobotModel
 from dynid.simulation import (
     SimulatedArm,
     SimulatedRun,
-    chosen_sensors,
-    ideal_arm,
     simulate,
     simulated_arm,
 )
@@ -41,7 +46,7 @@ def test_without_noise(gravity: tuple[float, float, float], width: float) -> Non
     robot = build_ur5(gravity)
     true = simulated_arm(robot).truth.standard_parameters
     motion = random_excitation(robot.limits, seed=4, margin=0.8, acceleration=17.0, offset=HOME)
-    run = simulate(ideal_arm(robot, true, friction_width=width), motion)
+    run = simulate(ideal_arm(robot, true, width=width), motion)
     found = fitted(robot, run, true, width)
     rows = fresh_rows(robot, true, width)
     error, size = rows @ (found - true.ravel()), rows @ true.ravel()

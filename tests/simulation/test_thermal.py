@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from robots_for_simulation import constant_temperature
 
 from dynid.core import InputError
 from dynid.simulation import (
     JointThermal,
     SimulatedArm,
     SimulatedPlant,
-    constant_temperature,
     simulate,
     warm_up,
 )

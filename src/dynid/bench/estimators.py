@@ -10,6 +10,7 @@ Recordings of a simulated UR5 that obeys the paper's model exactly, with chosen 
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -192,20 +193,14 @@ def to_json(trials: Sequence[Trial]) -> dict[str, Any]:
 def _trial(
     arm: KnownArm, problem: IdentificationProblem, word: str, scenario: str, seed: int
 ) -> Trial:
+    trial = partial(Trial, estimator=word, scenario=scenario, seed=seed)
     started = time.process_time()
     try:
         fit = estimator_of(word).fit(problem)
     except DynidError as error:
-        nan = float("nan")
-        return Trial(
-            estimator=word,
-            scenario=scenario,
-            seed=seed,
-            d_beta=nan,
-            d_tau_percent=nan,
-            d_q_percent=nan,
-            seconds=time.process_time() - started,
-            failure=str(error),
+        nan, seconds = float("nan"), time.process_time() - started
+        return trial(
+            d_beta=nan, d_tau_percent=nan, d_q_percent=nan, seconds=seconds, failure=str(error)
         )
     seconds = time.process_time() - started
     truth = problem.base.from_standard(arm.parameters)
@@ -217,10 +212,7 @@ def _trial(
         arm.model.inverse_dynamics(other.q, other.dq, other.ddq, p)
         for p in (arm.parameters, parameters)
     )
-    return Trial(
-        estimator=word,
-        scenario=scenario,
-        seed=seed,
+    return trial(
         d_beta=parameter_distance(fit.values, truth),
         d_tau_percent=relative_error(predicted, exact),
         d_q_percent=tracking_error(arm, parameters),

@@ -16,6 +16,7 @@ import numpy as np
 
 from dynid.core import Array, require
 from dynid.robot import RobotModel, load_robot
+from dynid.trajectory import JointMotion
 
 MOTIONS = ("fourier", "waypoints", "teach")
 _WATER = 1000.0
@@ -227,18 +228,8 @@ def plant(robot: RobotModel, seed: int) -> Plant:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Motion:
-    """A motion, its derivatives exact."""
-
-    t: Array
-    """(N) [s]"""
-    q: Array
-    """(N, n) [rad or m]"""
-    dq: Array
-    """(N, n)"""
-    ddq: Array
-    """(N, n)"""
+Motion = JointMotion
+"""A motion, its derivatives exact."""
 
 
 def motion(robot: RobotModel, kind: str, seed: int, rate_hz: float, duration_s: float) -> Motion:

@@ -289,6 +289,13 @@ class Execution:
         return self.trajectory.evaluate(np.arange(self.cycles) / self.rate_hz).q
 
 
+QUANTITIES = (
+    *("q", "qd", "current", "target_q", "target_qd", "target_qdd", "target_current"),
+    *("target_moment", "temperature"),
+)
+"""The signals that drivers record."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Source:
     """What a driver's samples are made of."""

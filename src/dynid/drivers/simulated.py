@@ -8,6 +8,7 @@ import numpy as np
 from dynid.core import Array, DynidError, InputError, Progress
 from dynid.drivers.driver import (
     INTERRUPTED,
+    QUANTITIES,
     Abort,
     Cycle,
     Driver,
@@ -19,18 +20,6 @@ from dynid.drivers.driver import (
 )
 from dynid.simulation import PlantState, SimulatedArm, SimulatedPlant, Thermal
 
-QUANTITIES = (
-    "q",
-    "qd",
-    "current",
-    "target_q",
-    "target_qd",
-    "target_qdd",
-    "target_current",
-    "target_moment",
-    "temperature",
-)
-_SENSED = (("q", "position"), ("qd", "velocity"), ("current", "current"))
 _BLOCK = 8
 """Cycles that are measured and recorded together: less than the 0.1 s in which a stop is due."""
 STOP_S = 0.08
@@ -124,21 +113,20 @@ class SimulatedDriver(Driver):
         """Measure and record some states; how many there are now, and whether it failed."""
         if not block:
             return samples, None
-        gain = self.arm.truth.gain
+        gain, read = self.arm.truth.gain, self.arm.truth.sensors.read
         true = {
-            "position": np.stack([state.q for state in block]),
-            "velocity": np.stack([state.dq for state in block]),
-            "current": np.stack([state.torque for state in block]) / gain,
-            "temperature": np.stack([state.temperature for state in block]),
+            "q": ("position", [state.q for state in block]),
+            "qd": ("velocity", [state.dq for state in block]),
+            "current": ("current", [state.torque / gain for state in block]),
+            "temperature": ("temperature", [state.temperature for state in block]),
         }
-        seen: dict[str, Array] = {
-            name: self.arm.truth.sensors.read(name, value, self._noise)
-            for name, value in true.items()
+        seen = {
+            name: read(quantity, np.stack(values), self._noise)
+            for name, (quantity, values) in true.items()
         }
         try:
             for k, state in enumerate(block):
-                signals = {name: seen[quantity][k] for name, quantity in _SENSED}
-                signals["temperature"] = seen["temperature"][k]
+                signals = {name: values[k] for name, values in seen.items()}
                 signals |= _targets(state, gain)
                 recorder.append(samples / rate_hz, signals, {"index": float(samples)})
                 self.states.append(state)

@@ -286,7 +286,10 @@ class Recipe:
         Raises:
             ProtocolError: A payload of another size or another recipe.
         """
-        numbers = self.numbers(payload)
+        return self.by_name(self.numbers(payload))
+
+    def by_name(self, numbers: Numbers) -> dict[str, Value]:
+        """The values of a payload's numbers by name; vectors are tuples."""
         values: dict[str, Value] = {}
         start = 0
         for name, kind in zip(self.names, self.types, strict=True):

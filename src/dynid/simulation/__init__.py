@@ -8,13 +8,9 @@ from dynid.simulation.joints import (
     Servo,
     Target,
     Thermal,
-    chosen_sensors,
-    constant_temperature,
-    ideal_friction,
-    perfect_sensors,
 )
 from dynid.simulation.kernel import mujoco_model
-from dynid.simulation.library import SERIAL, ideal_arm, simulated_arm, ur5_truth
+from dynid.simulation.library import SERIAL, simulated_arm, ur5_truth
 from dynid.simulation.plant import RunTruth, SimulatedPlant, SimulatedRun, simulate, warm_up
 from dynid.simulation.truth import (
     GroundTruth,
@@ -40,15 +36,10 @@ __all__ = [
     "SimulatedRun",
     "Target",
     "Thermal",
-    "chosen_sensors",
-    "constant_temperature",
     "cylinder",
-    "ideal_arm",
-    "ideal_friction",
     "link_body",
     "link_parameters",
     "mujoco_model",
-    "perfect_sensors",
     "point_masses",
     "simulate",
     "simulated_arm",

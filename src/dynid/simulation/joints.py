@@ -1,7 +1,7 @@
 """The simulated joints: friction and its warming up, servo, sensors and exact state."""
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -74,32 +74,6 @@ class JointFriction:
         return self.viscous * np.exp(-self.viscous_decay * (temperature_degC - self.reference_degC))
 
 
-def ideal_friction(coulomb: Array, viscous: Array, width: float) -> JointFriction:
-    """Friction that is exactly Fc tanh(dq / width) + Fv dq at any load and temperature.
-
-    Args:
-        coulomb: (n) Fc [N.m].
-        viscous: (n) Fv [N.m.s/rad].
-        width: Speed over which the sign changes [rad/s].
-
-    Raises:
-        InputError: Shapes that disagree, negative friction or a width that is not positive.
-    """
-    zero, one = np.zeros(np.size(coulomb)), np.ones(np.size(coulomb))
-    return JointFriction(
-        coulomb=coulomb,
-        viscous=viscous,
-        breakaway=zero,
-        stribeck_velocity=one,
-        load_factor=zero,
-        stiffness=one,
-        damping=zero,
-        viscous_decay=zero,
-        coulomb_drift=zero,
-        width=width,
-    )
-
-
 Thermal = str | ArrayLike
 """`cold`, `warm`, one temperature or one a joint [degC]."""
 
@@ -169,18 +143,6 @@ class JointThermal:
         settled = self.ambient_degC + self.resistance * heat / seconds
         decay = -np.expm1(-seconds / (self.resistance * self.capacity))
         return temperature_degC + (settled - temperature_degC) * decay
-
-
-def constant_temperature(joints: int, temperature_degC: float = 24.0) -> JointThermal:
-    """Joints that never warm up."""
-    one = np.ones(joints)
-    return JointThermal(
-        resistance=one,
-        capacity=np.inf * one,
-        winding=0 * one,
-        warm_degC=temperature_degC * one,
-        ambient_degC=temperature_degC,
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -312,35 +274,6 @@ class JointSensors:
         noisy = true + deviation * noise
         grid = np.where(step > 0, step, 1.0)
         return np.where(step > 0, grid * np.round(noisy / grid), noisy)
-
-
-def perfect_sensors(joints: int) -> JointSensors:
-    """Sensors that measure the truth."""
-    zero = np.zeros(joints)
-    return JointSensors(**{item.name: zero for item in fields(JointSensors)})
-
-
-def chosen_sensors(
-    joints: int, *, position: float = 0.0, velocity: float = 0.0, current: float = 0.0
-) -> JointSensors:
-    """Sensors with white noise alone, the same for all joints.
-
-    Args:
-        joints: Number of joints n.
-        position: Standard deviation [rad or m].
-        velocity: Standard deviation [rad/s or m/s].
-        current: Standard deviation [A].
-
-    Raises:
-        InputError: A negative standard deviation.
-    """
-    one = np.ones(joints)
-    return replace(
-        perfect_sensors(joints),
-        position_noise=position * one,
-        velocity_noise=velocity * one,
-        current_noise=current * one,
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

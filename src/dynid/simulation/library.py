@@ -3,19 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, RobotError, frozen, read_only
+from dynid.core import Array, InputError, RobotError, read_only
 from dynid.robot import RobotModel
-from dynid.simulation.joints import (
-    JointFriction,
-    JointSensors,
-    JointThermal,
-    Servo,
-    constant_temperature,
-    ideal_friction,
-    perfect_sensors,
-)
+from dynid.simulation.joints import JointFriction, JointSensors, JointThermal, Servo
 from dynid.simulation.truth import (
     GroundTruth,
     SimulatedArm,
@@ -69,21 +60,16 @@ def ur5_truth(robot: RobotModel) -> GroundTruth:
     if robot.joints != 6 or "dh" not in robot.parameter_frames:
         raise RobotError("the simulated UR5 needs six joints and dh frames", where=robot.name)
     gain = np.where(np.isnan(robot.drives.gain), _PAPER_GAIN, robot.drives.gain)
-    coulomb, viscous = np.array(_COULOMB), np.array(_VISCOUS)
     return GroundTruth(
         inertials=_inertials(robot.parameter_frames["dh"]),
         motor_inertia=np.array(_MOTOR_INERTIA),
-        friction=JointFriction(
-            coulomb=coulomb,
-            viscous=viscous,
-            breakaway=0.15 * coulomb,
-            stribeck_velocity=np.full(6, 0.06),
+        friction=_friction(
+            np.array(_COULOMB),
+            np.array(_VISCOUS),
             load_factor=_each(0.02, 0.03),
             stiffness=_each(4.0e4, 5.0e3),
             damping=_each(20.0, 2.0),
             viscous_decay=np.array(_VISCOUS_DECAY),
-            coulomb_drift=np.full(6, 0.002),
-            reference_degC=24.0,
         ),
         thermal=JointThermal(
             resistance=np.array([0.52, 0.42, 0.68, 2.9, 3.3, 4.2]),
@@ -92,16 +78,7 @@ def ur5_truth(robot: RobotModel) -> GroundTruth:
             warm_degC=np.full(6, 34.0),
             ambient_degC=24.0,
         ),
-        sensors=JointSensors(
-            position_noise=np.zeros(6),
-            position_step=np.full(6, 5e-6),
-            velocity_noise=np.full(6, 1e-3),
-            velocity_step=np.zeros(6),
-            current_noise=_each(0.02, 0.01),
-            current_step=_each(0.00224, 0.00152),
-            temperature_noise=np.full(6, 0.05),
-            temperature_step=np.full(6, 0.01),
-        ),
+        sensors=_sensors(noise=_each(0.02, 0.01), step=_each(0.00224, 0.00152)),
         gain=gain,
         label=LABEL,
     )
@@ -116,6 +93,44 @@ def _inertials(frames: Array) -> Array:
         link = link_parameters(mass, np.array(com), cylinder(mass, radius, length, axis))
         rows.append(in_parent_frame(link, frame))
     return np.array(rows)
+
+
+def _friction(
+    coulomb: Array,
+    viscous: Array,
+    *,
+    load_factor: Array,
+    stiffness: Array,
+    damping: Array,
+    viscous_decay: Array,
+) -> JointFriction:
+    n = len(coulomb)
+    return JointFriction(
+        coulomb=coulomb,
+        viscous=viscous,
+        breakaway=0.15 * coulomb,
+        stribeck_velocity=np.full(n, 0.06),
+        load_factor=load_factor,
+        stiffness=stiffness,
+        damping=damping,
+        viscous_decay=viscous_decay,
+        coulomb_drift=np.full(n, 0.002),
+    )
+
+
+def _sensors(noise: Array, step: Array) -> JointSensors:
+    """Of currents [A], beside sensors that all arms have."""
+    n = len(noise)
+    return JointSensors(
+        position_noise=np.zeros(n),
+        position_step=np.full(n, 5e-6),
+        velocity_noise=np.full(n, 1e-3),
+        velocity_step=np.zeros(n),
+        current_noise=noise,
+        current_step=step,
+        temperature_noise=np.full(n, 0.05),
+        temperature_step=np.full(n, 0.01),
+    )
 
 
 def _each(big: float, small: float) -> Array:
@@ -208,16 +223,13 @@ def stand_in_truth(robot: RobotModel) -> GroundTruth:
     return GroundTruth(
         inertials=_completed(robot),
         motor_inertia=0.006 * torque,
-        friction=JointFriction(
-            coulomb=coulomb,
-            viscous=coulomb,
-            breakaway=0.15 * coulomb,
-            stribeck_velocity=np.full(n, 0.06),
+        friction=_friction(
+            coulomb,
+            coulomb,
             load_factor=np.full(n, 0.02),
             stiffness=4000.0 * coulomb,
             damping=2.0 * coulomb,
             viscous_decay=np.full(n, 0.03),
-            coulomb_drift=np.full(n, 0.002),
         ),
         thermal=JointThermal(
             resistance=75.0 / torque,
@@ -225,16 +237,7 @@ def stand_in_truth(robot: RobotModel) -> GroundTruth:
             winding=0.28 * torque / rated_current**2,
             warm_degC=np.full(n, 34.0),
         ),
-        sensors=JointSensors(
-            position_noise=np.zeros(n),
-            position_step=np.full(n, 5e-6),
-            velocity_noise=np.full(n, 1e-3),
-            velocity_step=np.zeros(n),
-            current_noise=0.002 * rated_current,
-            current_step=0.0002 * rated_current,
-            temperature_noise=np.full(n, 0.05),
-            temperature_step=np.full(n, 0.01),
-        ),
+        sensors=_sensors(noise=0.002 * rated_current, step=0.0002 * rated_current),
         gain=gain,
         label="published inertias of the robot; all else is made up in proportion to torque limits",
     )
@@ -255,47 +258,3 @@ def _completed(robot: RobotModel) -> Array:
             radius = (3.0 * mass / (4.0 * np.pi * _WATER)) ** (1.0 / 3.0)
             rows[i] = link_parameters(mass, row[1:4] / mass, 0.4 * mass * radius**2 * np.eye(3))
     return rows
-
-
-def ideal_arm(
-    robot: RobotModel,
-    parameters: ArrayLike,
-    *,
-    friction_width: float = 1e-3,
-    gain: ArrayLike | None = None,
-    sensors: JointSensors | None = None,
-    servo: Servo | None = None,
-) -> SimulatedArm:
-    """An arm that obeys the identified model exactly, so that its parameters can be recovered.
-
-    Friction is Fc tanh(dq / width) + Fv dq, temperatures stay, and sensors are perfect unless
-    others are given (`chosen_sensors`).
-
-    Args:
-        robot: The robot, mounted as it stands.
-        parameters: (n, 13) the ten inertial parameters about the joint frames, Fc, Fv, Im
-            [SI units].
-        friction_width: Speed over which the dry friction changes sign [rad/s].
-        gain: (n) joint torque per motor current [N.m/A]; the robot's, or one, if not given.
-        sensors: Noise and resolution.
-        servo: The servo.
-
-    Raises:
-        InputError: Shapes that disagree, masses, friction or motor inertias that cannot be.
-    """
-    n = robot.joints
-    rows = frozen(parameters, shape=(n, 13), name="standard parameters")
-    own_gain = np.where(np.isnan(robot.drives.gain), 1.0, robot.drives.gain)
-    truth = GroundTruth(
-        inertials=rows[:, :10],
-        motor_inertia=rows[:, 12],
-        friction=ideal_friction(rows[:, 10], rows[:, 11], friction_width),
-        thermal=constant_temperature(n),
-        sensors=sensors or perfect_sensors(n),
-        gain=own_gain if gain is None else frozen(gain, shape=(n,), name="gain"),
-        label="ideal: exactly the model that is identified",
-    )
-    controller = point_masses(
-        truth.inertials, _COULOMB_SHARE * rows[:, 10], _VISCOUS_SHARE * rows[:, 11]
-    )
-    return SimulatedArm(robot=robot, truth=truth, controller=controller, servo=servo or Servo())

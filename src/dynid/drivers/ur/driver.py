@@ -1,9 +1,9 @@
 """UR robots: the controller evaluates the motion, or follows streamed set points."""
 
 import threading
-from collections.abc import Sequence
-from contextlib import suppress
-from typing import Any
+from collections.abc import Callable, Sequence
+from contextlib import closing, suppress
+from typing import Any, ClassVar
 
 from dynid.core import Array, InputError, JobError, Progress, require
 from dynid.drivers.driver import (
@@ -18,7 +18,7 @@ from dynid.drivers.driver import (
     Watchdog,
 )
 from dynid.drivers.ur.link import STOP_DECELERATION, STOP_PROGRAM, Dashboard, RtdeLink, ScriptPort
-from dynid.drivers.ur.pump import Intake, Pump, Refused
+from dynid.drivers.ur.pump import Conversation, Intake, Pump, Refused
 from dynid.drivers.ur.state import (
     APPROACHING,
     DONE,
@@ -40,12 +40,17 @@ _DRAIN_EVERY = 25
 """Cycles after which the states that the script port sends are thrown away."""
 
 
-class UrDriver(Driver):
-    """Uploads a program that evaluates the motion, feeds it, records and watches every cycle.
+class RtdeDriver(Driver):
+    """Records and watches every cycle of a UR controller; what moves it is a driver's own.
 
     Args:
         state: The controller, as `inspect` found it.
     """
+
+    index: ClassVar[str]
+    """The variable with the number of the sample."""
+    slack: ClassVar[int] = 0
+    """Cycles by which the set points may be late before the robot is stopped."""
 
     def __init__(self, state: ControllerState) -> None:
         self.state = state
@@ -53,7 +58,66 @@ class UrDriver(Driver):
     @property
     def source(self) -> Source:
         """See `Driver.source`."""
-        return source_of(self.state, INDEX)
+        state, version = self.state, ".".join(map(str, self.state.version))
+        return Source(
+            quantities=tuple(SIGNALS),
+            channels=tuple(name for name, _ in recorded(state.version[:3], self.index).channels),
+            format="rtde",
+            origin=f"{state.model or 'UR'} at {state.host}, software {version}",
+            extra={
+                "controller": version,
+                "model": state.model,
+                "start_degC": str([round(float(value), 2) for value in state.temperature]),
+            },
+        )
+
+    def record(
+        self,
+        execution: Execution,
+        recorder: Recorder | None,
+        cancel: threading.Event,
+        progress: Progress | None,
+        converse: Callable[[Layout, Recipe, ScriptPort], Conversation],
+    ) -> Outcome:
+        """Record and watch the controller while a conversation, begun last, moves it."""
+        with closing(RtdeLink(self.state.host)) as link:
+            names = recorded_names(link.version[:3], self.index)
+            layout, feed = Layout.of(link.ask_outputs(names)), link.ask_inputs([FEED])
+            with closing(ScriptPort(self.state.host)) as port:
+                link.write(feed.packet([-1]))
+                link.start()
+                pump = Pump(
+                    link,
+                    layout,
+                    Watchdog(
+                        execution.limits, execution.rate_hz, execution.total, slack=self.slack
+                    ),
+                    converse(layout, feed, port),
+                    halt=lambda: halt(port),
+                    cancel=cancel,
+                )
+                pump.start()
+                return Intake(execution, layout, recorder, progress).take(pump)
+
+    def check_rate(self, execution: Execution) -> None:
+        """Refuse a motion for another control rate.
+
+        Raises:
+            InputError: It is for another rate.
+        """
+        if execution.rate_hz != self.state.rate_hz:
+            raise InputError(
+                "the controller has another rate",
+                where=self.state.host,
+                value=execution.rate_hz,
+                limit=f"{self.state.rate_hz} Hz",
+            )
+
+
+class UrDriver(RtdeDriver):
+    """Uploads a program that evaluates the motion, feeds it, records and watches every cycle."""
+
+    index = INDEX
 
     def execute(
         self,
@@ -64,7 +128,7 @@ class UrDriver(Driver):
         progress: Progress | None = None,
     ) -> Outcome:
         """See `Driver.execute`."""
-        check_rate(execution, self.state)
+        self.check_rate(execution)
         wish = cancel or threading.Event()
         options = UrProgramOptions(
             rate_hz=execution.rate_hz,
@@ -73,26 +137,13 @@ class UrDriver(Driver):
             watchdog_hz=WATCHDOG_HZ,
         )
         program = ur_program(execution.trajectory, options, via=execution.via)
-        with RtdeLink(self.state.host) as link:
-            layout = Layout.of(link.ask_outputs(recorded_names(link.version[:3])))
-            feed = link.ask_inputs([FEED])
-            port = ScriptPort(self.state.host)
-            try:
-                link.start()
-                pump = Pump(
-                    link,
-                    layout,
-                    Watchdog(execution.limits, execution.rate_hz, execution.total),
-                    _Program(layout, feed, port),
-                    halt=lambda: halt(port),
-                    cancel=wish,
-                )
-                if not wish.is_set():
-                    port.send(program.text)
-                pump.start()
-                return Intake(execution, layout, recorder, progress).take(pump)
-            finally:
-                port.close()
+
+        def converse(layout: Layout, feed: Recipe, port: ScriptPort) -> Conversation:
+            if not wish.is_set():
+                port.send(program.text)
+            return _Program(layout, feed, port)
+
+        return self.record(execution, recorder, wish, progress, converse)
 
 
 class _Program:
@@ -124,53 +175,13 @@ class _Program:
         return stopped or self._layout.number(numbers, STATE) == DONE
 
 
-def source_of(state: ControllerState, index: str) -> Source:
-    """What the samples of a controller are made of.
-
-    Args:
-        state: The controller.
-        index: The variable with the number of the sample.
-    """
-    version = ".".join(str(part) for part in state.version)
-    return Source(
-        quantities=tuple(SIGNALS),
-        channels=tuple(name for name, _ in recorded(state.version[:3], index).channels),
-        format="rtde",
-        origin=f"{state.model or 'UR'} at {state.host}, software {version}",
-        extra={
-            "controller": version,
-            "model": state.model,
-            "start_degC": str([round(float(value), 2) for value in state.temperature]),
-        },
-    )
-
-
-def check_rate(execution: Execution, state: ControllerState) -> None:
-    """Refuse a motion for another control rate.
-
-    Raises:
-        InputError: It is for another rate.
-    """
-    if execution.rate_hz != state.rate_hz:
-        raise InputError(
-            "the controller has another rate",
-            where=state.host,
-            value=execution.rate_hz,
-            limit=f"{state.rate_hz} Hz",
-        )
-
-
 def halt(port: ScriptPort) -> None:
     """Stop by a program; if that port is gone, by the dashboard. Starving it stops it anyway."""
     try:
         port.send(STOP_PROGRAM)
     except JobError:
-        with suppress(JobError):
-            board = Dashboard(port.host)
-            try:
-                board.ask("stop")
-            finally:
-                board.close()
+        with suppress(JobError), closing(Dashboard(port.host)) as board:
+            board.ask("stop")
 
 
 LOOKAHEAD_S, GAIN = 0.03, 500.0
@@ -185,7 +196,7 @@ _LOOK_S = 0.01
 """How often the way to the start is looked at [s]."""
 
 
-class ServojDriver(Driver):
+class ServojDriver(RtdeDriver):
     """Streams set points with ur_rtde; records and watches every cycle as the other way does.
 
     Args:
@@ -195,14 +206,11 @@ class ServojDriver(Driver):
         MissingExtraError: ur_rtde is not installed.
     """
 
-    def __init__(self, state: ControllerState) -> None:
-        self.state = state
-        self._rtde: Any = require("rtde_control", "ur")
+    index, slack = FEED, SLACK
 
-    @property
-    def source(self) -> Source:
-        """See `Driver.source`."""
-        return source_of(self.state, FEED)
+    def __init__(self, state: ControllerState) -> None:
+        super().__init__(state)
+        self._rtde: Any = require("rtde_control", "ur")
 
     def execute(
         self,
@@ -213,52 +221,30 @@ class ServojDriver(Driver):
         progress: Progress | None = None,
     ) -> Outcome:
         """See `Driver.execute`."""
-        check_rate(execution, self.state)
-        setpoints, wish = execution.setpoints(), cancel or threading.Event()
+        self.check_rate(execution)
+        wish = cancel or threading.Event()
+        poses = (*execution.via, execution.setpoints()[0])
         if wish.is_set():
             return Outcome(samples=0, periods=0, gaps=0, abort=INTERRUPTED)
         control = self._control(self.state.host)
         try:
-            abort = approach(control, (*execution.via, setpoints[0]), wish)
+            abort = approach(control, poses, wish)
             if abort is not None:
                 return Outcome(samples=0, periods=0, gaps=0, abort=abort)
             control.setWatchdog(WATCHDOG_HZ)
-            outcome = self._stream(execution, control, recorder, wish, progress)
+            outcome = self.record(
+                execution,
+                recorder,
+                wish,
+                progress,
+                lambda _, feed, __: _Stream(control, feed, execution),
+            )
             if outcome.abort is None:
                 control.servoStop()
                 control.stopScript()
             return outcome
         finally:
             control.disconnect()
-
-    def _stream(
-        self,
-        execution: Execution,
-        control: Any,
-        recorder: Recorder | None,
-        cancel: threading.Event,
-        progress: Progress | None,
-    ) -> Outcome:
-        host = self.state.host
-        with RtdeLink(host) as link:
-            layout = Layout.of(link.ask_outputs(recorded_names(link.version[:3], FEED)))
-            feed = link.ask_inputs([FEED])
-            port = ScriptPort(host)
-            try:
-                link.write(feed.packet([-1]))
-                link.start()
-                pump = Pump(
-                    link,
-                    layout,
-                    Watchdog(execution.limits, execution.rate_hz, execution.total, slack=SLACK),
-                    _Stream(control, feed, execution),
-                    halt=lambda: halt(port),
-                    cancel=cancel,
-                )
-                pump.start()
-                return Intake(execution, layout, recorder, progress).take(pump)
-            finally:
-                port.close()
 
     def _control(self, host: str) -> Any:
         try:

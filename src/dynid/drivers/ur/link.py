@@ -5,8 +5,6 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import suppress
-from types import TracebackType
-from typing import Self
 
 from dynid.core import JobError
 from dynid.protocol import Framer, Kind, Numbers, Packet, ProtocolError, Recipe, dashboard, rtde
@@ -120,17 +118,6 @@ class RtdeLink:
     def close(self) -> None:
         """Hang up."""
         self.socket.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _ask(self, kind: Kind, request: bytes) -> bytes:
         """Send a request and wait for its answer; what else arrives stays for later."""

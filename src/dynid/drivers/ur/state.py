@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
 
 from dynid.core import Array, JobError, frozen
-from dynid.drivers.driver import Cycle
+from dynid.drivers.driver import QUANTITIES, Cycle
 from dynid.drivers.ur.link import Dashboard, RtdeLink
 from dynid.protocol import OUTPUTS, Numbers, Recipe, Version, value
 
@@ -17,17 +18,13 @@ FEED = "input_int_register_24"
 """What keeps our program alive."""
 APPROACHING, MOVING, DONE = 0, 1, 2
 """Values of `STATE`."""
-SIGNALS = {
+_OTHERWISE = {
     "q": "actual_q",
     "qd": "actual_qd",
     "current": "actual_current",
-    "target_q": "target_q",
-    "target_qd": "target_qd",
-    "target_qdd": "target_qdd",
-    "target_current": "target_current",
-    "target_moment": "target_moment",
     "temperature": "joint_temperatures",
 }
+SIGNALS = {name: _OTHERWISE.get(name, name) for name in QUANTITIES}
 """Signals of a recording and the variables that they are."""
 _CHANNELS = (
     "timestamp",
@@ -180,7 +177,7 @@ def inspect(host: str) -> ControllerState:
     Raises:
         JobError: Nobody answers there, or what answers is no UR controller.
     """
-    with RtdeLink(host) as link:
+    with closing(RtdeLink(host)) as link:
         names = [name for name in _ASKED if OUTPUTS[name].exists_in(link.version[:3])]
         recipe = link.ask_outputs(names)
         link.start()
@@ -188,12 +185,7 @@ def inspect(host: str) -> ControllerState:
         while not packages:
             packages = link.packages()
         version, rate_hz = link.version, link.rate_hz
-    values = dict[str, object]()
-    start = 0
-    for name, kind in zip(recipe.names, recipe.types, strict=True):
-        numbers = packages[-1][start : start + kind.count]
-        values[name] = numbers if kind.count > 1 else numbers[0]
-        start += kind.count
+    values = recipe.by_name(packages[-1])
     model, remote = _dashboard(host, version)
 
     def vector(name: str, size: int = 6) -> Array:
@@ -228,12 +220,10 @@ def _dashboard(host: str, version: tuple[int, int, int, int]) -> tuple[str, bool
     except JobError:
         # PolyScope X has no dashboard server; what it would say stays unknown.
         return "", None
-    try:
+    with closing(board):
         model = value(board.ask("get robot model"))
         remote = None
         if version[:2] >= (5, 6):
             remote = value(board.ask("is in remote control")).lower() == "true"
         board.ask("quit")
-    finally:
-        board.close()
     return model, remote
