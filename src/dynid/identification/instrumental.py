@@ -106,6 +106,8 @@ class ClosedLoop:
     model: InverseDynamicModel
     parameters: Array
     """(p) standard parameters of the arm."""
+    servo: Array | None = None
+    """(p) what the servo believes of them; None for the truth."""
 
     def simulate(self, reference: Samples) -> Samples:
         """Positions, velocities, accelerations of the simulated arm at the samples' times.
@@ -144,7 +146,7 @@ class ClosedLoop:
                 dq = dq + ddq / (rate * steps)
                 if not np.abs(q - aim[0]).max() < RUNAWAY:
                     raise JobError(
-                        "the simulation of the arm diverges: its model is wrong",
+                        "the simulation of the arm diverges: its model or its servo's is wrong",
                         value=f"{np.abs(q - aim[0]).max():.3g} rad or m beside its reference",
                         next_step="Use --estimator sdp, or record a better motion.",
                     )
@@ -167,11 +169,15 @@ class ClosedLoop:
         torque = self.model.inverse_dynamics(*states, self.parameters)
         count = len(q)
         bias, nudged, planned, gravity = (torque[k * count : (k + 1) * count] for k in range(4))
-        mass = _mass(torque[3 * count :], gravity)
+        mass = believed = _mass(torque[3 * count :], gravity)
+        if self.servo is not None:
+            torque = self.model.inverse_dynamics(*states, self.servo)
+            planned, gravity = torque[2 * count : 3 * count], torque[3 * count : 4 * count]
+            believed = _mass(torque[3 * count :], gravity)
         slope = np.maximum((nudged - bias) / NUDGE, 0.0)
         # The servo's torque is mass times wanted plus the planned bias.
         implicit = mass + step * slope[:, :, None] * np.eye(joints)
-        push = np.einsum("bij,bj->bi", mass, wanted) + planned - bias
+        push = np.einsum("bij,bj->bi", believed, wanted) + planned - bias
         found = np.asarray(np.linalg.solve(implicit, push[:, :, None]), dtype=np.float64)
         return found[:, :, 0]
 
