@@ -79,18 +79,9 @@ def line_blocks(path: Path, encoding: str) -> Iterator[tuple[list[str], bool]]:
     """
     try:
         with path.open(encoding=encoding, errors="replace") as stream:
-            pending, too_long = "", False
-            while block := stream.read(_BLOCK):
-                lines = block.split("\n")
-                lines[0] = pending + lines[0]
-                if too_long and len(lines) > 1:
-                    lines[0], too_long = UNREADABLE, False
-                pending = lines.pop()
-                if len(pending) > MAX_LINE or too_long:
-                    pending, too_long = "", True
-                yield [x if len(x) <= MAX_LINE else UNREADABLE for x in lines], True
-            if pending or too_long:
-                yield [UNREADABLE if too_long else pending], False
+            while lines := stream.readlines(_BLOCK):
+                short = (x.rstrip("\n") if len(x) <= MAX_LINE else UNREADABLE for x in lines)
+                yield list(short), lines[-1].endswith("\n")
     except UnicodeError as error:
         raise RecordError(
             "the text encoding is damaged",
@@ -111,12 +102,8 @@ def first_lines(path: Path, encoding: str, count: int) -> list[str]:
     size = 0
     for block, _ in line_blocks(path, encoding):
         lines.extend(block)
-        size += _BLOCK
-        if len(lines) >= count or (lines and size > _MOST_SNIFFED):
-            break
-        if lines[:1] == [UNREADABLE]:
-            break
-        if not lines and path.stat().st_size > 4 * MAX_LINE:
+        size += sum(map(len, block))
+        if len(lines) >= count or size > _MOST_SNIFFED or lines[0] == UNREADABLE:
             break
     if not lines or lines[0] == UNREADABLE:
         raise RecordError(

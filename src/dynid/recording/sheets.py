@@ -1,7 +1,7 @@
 """Text files of one run: side by side row by row, or each with a clock of its own."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ from dynid.core import Array, Finding, RecordError
 from dynid.recording.dialect import Dialect
 from dynid.recording.grid import Grid, read_grid
 from dynid.recording.names import OTHER, RANK, TARGET, TARGET_OF, parse_name
-from dynid.recording.table import Mask, Rows, rows_with
+from dynid.recording.table import Mask, rows_with
 
 _FARTHEST = 1.5
 """Steps between two rows of a file, across which it is still read between them."""
@@ -21,41 +21,41 @@ class Sheet:
     """One file's part of the pasted table."""
 
     dialect: Dialect
+    first: int
+    """The number of its first column among those of all files."""
     width: int
     """Columns that it contributes."""
-    numbers: Grid | None
+    numbers: Grid | None = None
     """Read already, for a file of one number a line."""
 
+    def own(self, columns: Iterable[int]) -> list[int]:
+        """Those of some columns that are this file's, by its own count."""
+        return [k - self.first for k in columns if self.first <= k < self.first + self.width]
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pasted:
-    """Columns of all files, row by row."""
-
-    values: Array
-    """(N, k) the wanted columns."""
-    rows: Rows
-    """(N) line numbers of the first file, from 1."""
-    reported: Mask
-    """(N) rows that `notices` accounts for."""
-    notices: tuple[Finding, ...]
+    def read(self, columns: list[int], soft: Iterable[int]) -> Grid:
+        """Read columns, by its own count; unreadable cells of `soft` ones are only missing."""
+        if self.numbers is None:
+            return read_grid(self.dialect, columns, frozenset(soft))
+        return replace(
+            self.numbers,
+            values=self.numbers.values.reshape(-1, self.width)[:, columns],
+            rows=self.numbers.rows[:: self.width],
+            reported=rows_with(self.numbers.reported.reshape(-1, self.width)),
+        )
 
 
 def lay_side_by_side(dialects: list[Dialect], joints: int | None = None) -> list[Sheet]:
-    """How many columns each file contributes.
+    """How many columns each file contributes; the number of joints may be known.
 
     A file of one number a line that is k times as long as the shortest file is taken row by
     row as k columns. Where all are as long as each other, and are not as many as the joints,
     a row has one number a joint.
 
-    Args:
-        dialects: How each file is written.
-        joints: Number of joints, if known.
-
     Raises:
         RecordError: A length that is no multiple.
     """
     if len(dialects) == 1:
-        return [Sheet(dialect=dialects[0], width=dialects[0].width, numbers=None)]
+        return [Sheet(dialect=dialects[0], first=0, width=dialects[0].width)]
     single = {k: read_grid(d, [0]) for k, d in enumerate(dialects) if d.width == 1}
     # A table with several columns has as many rows as it has lines: it sets the length too.
     lengths = [len(grid.rows) for grid in single.values()]
@@ -67,52 +67,30 @@ def lay_side_by_side(dialects: list[Dialect], joints: int | None = None) -> list
         even = len(set(lengths)) == 1 and lengths[0] % joints == 0
         shortest = lengths[0] // joints if even else shortest
     sheets: list[Sheet] = []
+    first = 0
     for k, dialect in enumerate(dialects):
-        if k not in single:
-            sheets.append(Sheet(dialect=dialect, width=dialect.width, numbers=None))
-            continue
-        count, rest = divmod(len(single[k].rows), shortest)
-        if rest:
-            raise RecordError(
-                f"{dialect.path.name} has {len(single[k].rows)} numbers, which is no multiple of "
-                f"the {shortest} rows of the shortest file",
-                next_step="A number is missing in one of the files; give complete files.",
-            )
-        sheets.append(Sheet(dialect=dialect, width=count, numbers=single[k]))
+        width, numbers = dialect.width, single.get(k)
+        if numbers is not None:
+            width, rest = divmod(len(numbers.rows), shortest)
+            if rest:
+                raise RecordError(
+                    f"{dialect.path.name} has {len(numbers.rows)} numbers, which is no multiple "
+                    f"of the {shortest} rows of the shortest file",
+                    next_step="A number is missing in one of the files; give complete files.",
+                )
+        sheets.append(Sheet(dialect=dialect, first=first, width=width, numbers=numbers))
+        first += width
     return sheets
 
 
-def paste(sheets: list[Sheet], wanted: list[int], soft: frozenset[int], where: str) -> Pasted:
-    """Read columns, counted across files.
-
-    Args:
-        sheets: The files.
-        wanted: Column numbers, ascending.
-        soft: Those among them whose unreadable cells are only missing.
-        where: The files, for messages.
+def paste(sheets: list[Sheet], wanted: list[int], soft: frozenset[int], where: str) -> Grid:
+    """Read columns, counted across files and ascending, row by row; `soft` as in `read_grid`.
 
     Raises:
         RecordError: Files of different lengths, where it is not clear which rows are missing.
     """
-    parts: list[Array] = []
-    grids: list[Grid] = []
-    reported: list[Mask] = []
-    start = 0
-    for sheet in sheets:
-        local = [k - start for k in wanted if start <= k < start + sheet.width]
-        own_soft = frozenset(k - start for k in soft)
-        start += sheet.width
-        if not local:
-            continue
-        grid = sheet.numbers or read_grid(sheet.dialect, local, own_soft)
-        grids.append(grid)
-        if sheet.numbers is None:
-            parts.append(grid.values)
-            reported.append(grid.reported)
-        else:
-            parts.append(grid.values.reshape(-1, sheet.width)[:, local])
-            reported.append(rows_with(grid.reported.reshape(-1, sheet.width)))
-    lengths = [len(part) for part in parts]
+    grids = [sheet.read(local, sheet.own(soft)) for sheet in sheets if (local := sheet.own(wanted))]
+    lengths = [len(grid.values) for grid in grids]
     shortest = min(lengths)
     notices = [notice for grid in grids for notice in grid.notices]
     if max(lengths) > shortest:
@@ -131,12 +109,10 @@ def paste(sheets: list[Sheet], wanted: list[int], soft: frozenset[int], where: s
                 "the missing ones to be the last",
             )
         )
-    whole_lines = len(grids[0].rows) == len(parts[0])
-    rows = grids[0].rows if whole_lines else np.arange(1, len(parts[0]) + 1, dtype=np.int64)
-    return Pasted(
-        values=np.concatenate([part[:shortest] for part in parts], axis=1),
-        rows=rows[:shortest],
-        reported=rows_with(np.column_stack([mask[:shortest] for mask in reported])),
+    return Grid(
+        values=np.concatenate([grid.values[:shortest] for grid in grids], axis=1),
+        rows=grids[0].rows[:shortest],
+        reported=rows_with(np.column_stack([grid.reported[:shortest] for grid in grids])),
         notices=tuple(notices),
     )
 
@@ -146,18 +122,12 @@ def own_clocks(sheets: list[Sheet], names: Sequence[str] | None) -> tuple[int, .
 
     Without a header it is the first column, where that rises as a clock does.
 
-    Args:
-        sheets: The files.
-        names: Names of all columns; None where there is no header.
-
     Returns:
         Column numbers within each file; none where a file has no clock.
     """
     found: list[int] = []
-    start = 0
     for sheet in sheets:
-        own = names[start : start + sheet.width] if names is not None else ()
-        start += sheet.width
+        own = names[sheet.first : sheet.first + sheet.width] if names is not None else ()
         if sheet.numbers is not None or sheet.width < 2 or len(sheets) < 2:
             return ()
         clocks = [k for k, name in enumerate(own) if (parse_name(name).meaning or ("",))[0] == "t"]
@@ -180,32 +150,19 @@ def align(
     wanted: list[int],
     soft: frozenset[int],
     where: str,
-) -> Pasted:
-    """Read columns, counted across files, at the times of the first file.
+) -> Grid:
+    """Read columns, counted across files and ascending, at the times of the first file.
 
-    Only the time that all files share is kept. Between its rows a file is read on straight lines;
-    over its gaps it has no values.
-
-    Args:
-        sheets: The files.
-        clocks: The column of time of each.
-        wanted: Column numbers, ascending.
-        soft: Those among them whose unreadable cells are only missing.
-        where: The files, for messages.
+    Each file has its column of time in `clocks`. Only the time that all files share is kept.
+    Between its rows a file is read on straight lines; over its gaps it has no values.
 
     Raises:
         RecordError: Files of different times.
     """
-    grids: list[Grid] = []
-    columns: list[list[int]] = []
-    start = 0
-    for sheet, clock in zip(sheets, clocks, strict=True):
-        local = [k - start for k in wanted if start <= k < start + sheet.width]
-        grids.append(
-            read_grid(sheet.dialect, [clock, *local], frozenset(k - start for k in soft) - {clock})
-        )
-        columns.append(local)
-        start += sheet.width
+    grids = [
+        sheet.read([clock, *sheet.own(wanted)], {*sheet.own(soft)} - {clock})
+        for sheet, clock in zip(sheets, clocks, strict=True)
+    ]
     spans = [(float(np.nanmin(g.values[:, 0])), float(np.nanmax(g.values[:, 0]))) for g in grids]
     begin, end = max(low for low, _ in spans), min(high for _, high in spans)
     if begin >= end:
@@ -227,7 +184,7 @@ def align(
                 f"{max(high for _, high in spans):.6g}; only the time that all share is taken",
             )
         )
-    return Pasted(
+    return Grid(
         values=np.concatenate(parts, axis=1)[inside],
         rows=grids[0].rows[inside],
         reported=grids[0].reported[inside],

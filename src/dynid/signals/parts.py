@@ -17,13 +17,14 @@ from dynid.robot import RobotModel
 from dynid.signals.process import MIN_SAMPLES, block_length, delayed, filtered_motion, unsettled
 from dynid.signals.resample import (
     GAP_STEPS,
-    MAX_GROWTH,
     UNIFORM_WITHIN,
     UniformSignals,
+    grid_points,
     onto,
     require_window,
+    rows_between,
 )
-from dynid.signals.samples import ProcessingSettings, Samples, measured_torque
+from dynid.signals.samples import ProcessingSettings, Samples, measured_torque, used_rows
 
 SETTLED = 16.0
 """Periods of the cut-off after which the filter has forgotten all but 1e-16 (order 4)."""
@@ -111,17 +112,11 @@ def survey(recording: AnyRecording, settings: ProcessingSettings) -> StreamGrid:
         start_s=start,
         stop_s=stop,
         step_s=slope if uniform else step,
-        count=count if uniform else int((stop - start) / step * (1 + 1e-12)) + 1,
+        count=count if uniform else grid_points(start, stop, step, count),
         uniform=uniform,
         marks=np.array(marks),
         gaps=(),
     )
-    if grid.count > MAX_GROWTH * count:
-        raise InputError(
-            "the time stamps are too irregular for a uniform grid",
-            value=f"{grid.count} points for {count} rows",
-            next_step="Cut the recording at its gaps, or pass --rate at import.",
-        )
     if uniform:
         return grid
     return replace(grid, gaps=tuple((_at(grid, a), _at(grid, b)) for a, b in gaps))
@@ -129,9 +124,8 @@ def survey(recording: AnyRecording, settings: ProcessingSettings) -> StreamGrid:
 
 def _at(grid: StreamGrid, time_s: float) -> int:
     """The first point of the grid that is not before a time."""
-    near = int((time_s - grid.start_s) / grid.step_s)
-    while grid.start_s + grid.step_s * near >= time_s and near > 0:
-        near -= 1
+    near = max(int((time_s - grid.start_s) / grid.step_s) - 1, 0)
+    # Rounding: the point is one of the next few.
     while grid.start_s + grid.step_s * near < time_s:
         near += 1
     return near
@@ -155,16 +149,7 @@ def _stamps(
         origin = float(t[0]) if row == 0 else origin
         elapsed = t - origin
         marks += t[-row % MARK :: MARK].tolist()
-        a = (
-            0
-            if settings.start_s is None
-            else int(np.searchsorted(elapsed, settings.start_s - 1e-9))
-        )
-        b = (
-            len(t)
-            if settings.stop_s is None
-            else int(np.searchsorted(elapsed, settings.stop_s - 1e-9))
-        )
+        a, b = rows_between(elapsed, settings.start_s, settings.stop_s)
         first += a
         last += b
         row += len(t)
@@ -234,9 +219,7 @@ class LongSignals:
     @property
     def used(self) -> slice:
         """The samples whose torques are used, see `Samples.rows`."""
-        passed = self.settings.torque_filter
-        edge = 0 if passed is None else min(passed.settled(self.grid.rate_hz), self.count // 8)
-        return slice(edge, self.count - edge)
+        return used_rows(self.count, self.settings.torque_filter, self.grid.rate_hz)
 
     def samples(self, first: int, last: int) -> Samples:
         """Some of the kept samples.

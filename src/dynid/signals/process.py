@@ -1,5 +1,7 @@
 """The pipeline from a recording to samples."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from dynid.core import Array, Indices, InputError
@@ -209,13 +211,5 @@ def samples_at_stamps(
     tau = np.empty((len(kept), robot.joints))
     for j, delay in enumerate(settings.delays_s or (0.0,) * robot.joints):
         tau[:, j] = np.interp(kept + delay, t, torque[:, j])
-    return Samples(
-        t=kept,
-        q=linear(samples.t, samples.q, kept),
-        dq=linear(samples.t, samples.dq, kept),
-        ddq=linear(samples.t, samples.ddq, kept),
-        tau=tau,
-        rate_hz=samples.rate_hz,
-        cutoff_hz=samples.cutoff_hz,
-        torque_filter=samples.torque_filter,
-    )
+    q, dq, ddq = (linear(samples.t, part, kept) for part in (samples.q, samples.dq, samples.ddq))
+    return replace(samples, t=kept, q=q, dq=dq, ddq=ddq, tau=tau, block=1, noise=None)

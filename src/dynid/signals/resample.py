@@ -1,6 +1,6 @@
 """From recorded stamps to a uniform grid; periods, repetitions and standstill."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,10 +40,16 @@ def window(t: Array, start_s: float | None, stop_s: float | None) -> slice:
         InputError: The window is empty or holds fewer than 32 samples.
     """
     elapsed = t - t[0]
-    first = 0 if start_s is None else int(np.searchsorted(elapsed, start_s - 1e-9))
-    last = len(t) if stop_s is None else int(np.searchsorted(elapsed, stop_s - 1e-9))
+    first, last = rows_between(elapsed, start_s, stop_s)
     require_window(last - first, start_s, stop_s, elapsed)
     return slice(first, last)
+
+
+def rows_between(elapsed: Array, start_s: float | None, stop_s: float | None) -> tuple[int, int]:
+    """The first row and the one behind the last between two times, of ascending times (N) [s]."""
+    first = 0 if start_s is None else int(np.searchsorted(elapsed, start_s - 1e-9))
+    last = len(elapsed) if stop_s is None else int(np.searchsorted(elapsed, stop_s - 1e-9))
+    return first, last
 
 
 def require_window(rows: int, start_s: float | None, stop_s: float | None, elapsed: Array) -> None:
@@ -87,17 +93,27 @@ def resample(t: Array, q: Array, qd: Array | None, torque: Array) -> UniformSign
         return UniformSignals(
             t=t, rate_hz=1.0 / step, q=q, qd=qd, torque=torque, valid=np.ones(len(t))
         )
-    count = int((t[-1] - t[0]) / step * (1 + 1e-12)) + 1
-    if count > MAX_GROWTH * len(t):
-        raise InputError(
-            "the time stamps are too irregular for a uniform grid",
-            value=f"steps from {steps.min():.2g} to {steps.max():.2g} s",
-            next_step="Cut the recording at its gaps, or pass --rate at import.",
-        )
+    count = grid_points(float(t[0]), float(t[-1]), step, len(t))
     grid: Array = float(t[0]) + step * np.arange(count, dtype=np.float64)
     before = np.clip(np.searchsorted(t, grid, side="right") - 1, 0, len(t) - 2)
     valid: Array = np.where(gaps[before], 0.0, 1.0)
     return onto(grid, 1.0 / step, t, q, qd, torque, valid)
+
+
+def grid_points(start_s: float, stop_s: float, step_s: float, rows: int) -> int:
+    """Points of a uniform grid for some rows.
+
+    Raises:
+        InputError: More than `MAX_GROWTH` times as many points as rows.
+    """
+    count = int((stop_s - start_s) / step_s * (1 + 1e-12)) + 1
+    if count > MAX_GROWTH * rows:
+        raise InputError(
+            "the time stamps are too irregular for a uniform grid",
+            value=f"{count} points for {rows} rows",
+            next_step="Cut the recording at its gaps, or pass --rate at import.",
+        )
+    return count
 
 
 def onto(
@@ -201,9 +217,9 @@ def fold_periods(signals: UniformSignals, period_s: float) -> UniformSignals:
         errors = counts * (_stacked(signals.torque, repetitions, length) - torque)
         # The mean of R repetitions is less noisy than each by 1/sqrt(R).
         noise = np.sqrt(np.square(errors).sum(axis=(0, 1)) / freedom / total.mean())
-    return UniformSignals(
+    return replace(
+        signals,
         t=signals.t[:length],
-        rate_hz=signals.rate_hz,
         q=mean(signals.q),
         qd=None if signals.qd is None else mean(signals.qd),
         torque=torque,

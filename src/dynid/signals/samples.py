@@ -1,7 +1,7 @@
 """Samples ready for identification or validation, their settings, and their torque."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -116,10 +116,7 @@ class Samples:
     @property
     def rows(self) -> slice:
         """The samples whose torques are used: the torque filter has settled there."""
-        if self.torque_filter is None:
-            return slice(0, self.count)
-        edge = min(self.torque_filter.settled(self.rate_hz), self.count // 8)
-        return slice(edge, self.count - edge)
+        return used_rows(self.count, self.torque_filter, self.rate_hz)
 
     @property
     def count(self) -> int:
@@ -135,17 +132,20 @@ class Samples:
 def joined(parts: Sequence[Samples]) -> Samples:
     """Samples of several records, one after the other, a second apart."""
     starts = np.cumsum([0.0, *(part.t[-1] + 1.0 for part in parts[:-1])])
-    return Samples(
+    names = ("q", "dq", "ddq", "tau")
+    return replace(
+        parts[0],
         t=np.concatenate([part.t + s for part, s in zip(parts, starts, strict=True)]),
-        q=np.concatenate([part.q for part in parts]),
-        dq=np.concatenate([part.dq for part in parts]),
-        ddq=np.concatenate([part.ddq for part in parts]),
-        tau=np.concatenate([part.tau for part in parts]),
+        **{name: np.concatenate([getattr(part, name) for part in parts]) for name in names},
         block=max(part.block for part in parts),
-        rate_hz=parts[0].rate_hz,
-        cutoff_hz=parts[0].cutoff_hz,
-        torque_filter=parts[0].torque_filter,
+        noise=None,
     )
+
+
+def used_rows(count: int, torque_filter: TorqueFilter | None, rate_hz: float) -> slice:
+    """Of some samples those whose torques are used: the torque filter has settled there."""
+    edge = 0 if torque_filter is None else min(torque_filter.settled(rate_hz), count // 8)
+    return slice(edge, count - edge)
 
 
 def measured_torque(record: ExperimentRecord, robot: RobotModel) -> Array:
