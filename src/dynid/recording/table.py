@@ -130,6 +130,20 @@ class RawTable:
         """The same table with one more notice."""
         return replace(self, notices=(*self.notices, Finding(kind, text)))
 
+    def leave_out(self, bad: Mask, why: str, kind: str = "corrupt_rows") -> RawTable:
+        """The table without some rows, if there are any, and a notice that names the first.
+
+        Args:
+            bad: (N) rows.
+            why: What they are: `rows ... and are left out`.
+            kind: The kind of the notice.
+        """
+        if not bad.any():
+            return self
+        first = self.row(int(np.argmax(bad)))
+        text = f"{int(bad.sum())} of {self.samples} rows {why} and are left out; first: {first}"
+        return self.keep(~bad).report(kind, text)
+
     def note(self, text: str) -> RawTable:
         """The same table with one more note."""
         return replace(self, notes=(*self.notes, text))

@@ -272,10 +272,7 @@ def join_runs(table: RawTable) -> RawTable:
         f"time starts anew at {where}: {len(starts)} runs in one file, put behind each other "
         f"with a pause of {_GAP_STEPS} steps",
     )
-    if kept.all():
-        return table
-    twice = int((~kept).sum())
-    return table.keep(kept).report("dropped_rows", f"{twice} rows are of runs written twice")
+    return table.leave_out(~kept, "are of runs written twice", "dropped_rows")
 
 
 def _are_runs(t: Array, starts: Rows, ends: Rows, nominal: float) -> bool:

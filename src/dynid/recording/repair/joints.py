@@ -140,20 +140,13 @@ def _first_columns(table: RawTable, joints: int) -> str:
 def _reorder(table: RawTable, place: list[int]) -> RawTable:
     if place == list(range(table.joints)):
         return table
-    labels = {
-        quantity: tuple(names[k] for k in place) if len(names) == table.joints else names
-        for quantity, names in table.labels.items()
-    }
-    names = table.joint_names
-    columns = {
-        quantity: [numbers[k] for k in place] if len(numbers) == table.joints else numbers
-        for quantity, numbers in table.columns.items()
-    }
+    whole = {name for name, numbers in table.columns.items() if len(numbers) == table.joints}
+    named = {name for name, labels in table.labels.items() if len(labels) == table.joints}
     table = replace(
         table,
-        columns=columns,
-        labels=labels,
-        joint_names=tuple(names[k] for k in place) if names else (),
+        columns={**table.columns, **{q: [table.columns[q][k] for k in place] for q in whole}},
+        labels={**table.labels, **{q: tuple(table.labels[q][k] for k in place) for q in named}},
+        joint_names=tuple(table.joint_names[k] for k in place) if table.joint_names else (),
         signals={name: v[:, place] for name, v in table.signals.items()},
     )
     return table.note(f"columns put in the joints' order: {place}")
@@ -211,10 +204,7 @@ def revolute(joints: int, robot: RobotModel | None) -> Mask:
 def convert_degrees(table: RawTable, robot: RobotModel | None, degrees: bool) -> RawTable:
     """Turn degrees into radians where the user says so and the file says nothing.
 
-    Args:
-        table: Signals as they came.
-        robot: The robot, if known; prismatic joints are never converted.
-        degrees: Whether q, qd, qdd and their targets are in degrees.
+    Prismatic joints are never converted.
     """
     if not degrees:
         return table
@@ -300,10 +290,6 @@ def shift_turns(table: RawTable, robot: RobotModel | None) -> RawTable:
 
 def refuse_degrees(table: RawTable, robot: RobotModel | None) -> RawTable:
     """Refuse positions that no joint can have in radians; report those that are odd.
-
-    Args:
-        table: Joint-side signals, already converted where asked.
-        robot: The robot, if known.
 
     Raises:
         RecordError: The robot's limits are exceeded far beyond anything but a wrong unit.

@@ -60,7 +60,7 @@ def drop_missing(table: RawTable) -> RawTable:
             f"{int((~good).sum())} of {rows} rows cannot be used",
             where=table.source,
             limit="half of the rows",
-            next_step=_first_cause(table, good),
+            next_step=f"The first is {_place(table, int(np.argmax(~good)))}.",
         )
     fresh = ~good if table.reported is None else ~good & ~table.reported
     if fresh.any():
@@ -125,10 +125,8 @@ def _judge(table: RawTable, quantity: str, alive: Mask) -> RawTable:
     spare = quantity in TORQUE_SOURCES and any(
         np.isfinite(table.signals[name][alive]).all() for name in others
     )
-    limit = {True: _MOST_LOST, False: 0.01}[quantity in ESSENTIAL]
-    if quantity == "qd" or spare:
-        limit = 0.1
-    if share <= limit:
+    limit = _MOST_LOST if quantity in ESSENTIAL else 0.01
+    if share <= (0.1 if quantity == "qd" or spare else limit):
         return table
     joint = int(np.argmax(np.isnan(value[alive]).mean(axis=0)))
     return table.without(quantity).report(
@@ -146,10 +144,6 @@ def _place(table: RawTable, index: int) -> str:
             joint = int(np.argmax(~np.isfinite(value[index])))
             return f"{table.row(index)}, {table.label(quantity, joint)}"
     return table.row(index)
-
-
-def _first_cause(table: RawTable, good: Mask) -> str:
-    return f"The first is {_place(table, int(np.argmax(~good)))}."
 
 
 _POSITIONS_HELD = 5
@@ -174,21 +168,21 @@ def drop_frozen(table: RawTable) -> RawTable:
     if table.samples < 100:
         return table
     table = _drop_placeholders(table)
-    for held, what in ((_held_positions(table.signals["q"]), "positions"), *_torques(table)):
+    q = table.signals["q"]
+    torques = [name for name in TORQUE_SOURCES if name in table.signals]
+    held_ones = [(_held_torques(table.signals[name], q), name) for name in torques]
+    for held, what in ((_held_positions(q), "positions"), *held_ones):
         if not held.any():
             continue
-        first = table.row(int(np.argmax(held)))
-        count = f"{int(held.sum())} of {table.samples} rows repeat the {what} of the row before"
+        why = f"repeat the {what} of the row before while the robot moves"
         if held.mean() > _MOST:
             return table.report(
                 "corrupt_rows",
-                f"{count} while the robot moves, too many to leave out; first: {first}",
+                f"{int(held.sum())} of {table.samples} rows {why}, too many to leave out; first: "
+                f"{table.row(int(np.argmax(held)))}",
             )
         # Masks are of the table as it was: one kind of damage at a time.
-        kept = table.keep(~held).report(
-            "corrupt_rows", f"{count} while the robot moves; they are left out; first: {first}"
-        )
-        return drop_frozen(kept)
+        return drop_frozen(table.leave_out(held, why))
     return table
 
 
@@ -234,15 +228,6 @@ def _placeholders(column: Array) -> Mask:
             if not low - far <= float(column[start]) <= high + far:
                 bad[start - 1 : start + length] = True
     return bad
-
-
-def _torques(table: RawTable) -> list[tuple[Mask, str]]:
-    q = table.signals["q"]
-    return [
-        (_held_torques(table.signals[name], q), name)
-        for name in TORQUE_SOURCES
-        if name in table.signals
-    ]
 
 
 def _runs(same: Mask) -> list[tuple[int, int]]:
@@ -317,15 +302,7 @@ def drop_broken_ends(table: RawTable) -> RawTable:
     for quantity in ("q", "qd"):
         if quantity in table.signals:
             bad |= _broken(table.signals[quantity], ticks, most)
-    if not bad.any():
-        return table
-    first = int(np.argmax(bad))
-    side = "end" if bad[-1] and not bad[0] else "start" if bad[0] and not bad[-1] else "ends"
-    return table.keep(~bad).report(
-        "corrupt_rows",
-        f"{int(bad.sum())} rows at the {side} break off from the motion and are left out; first: "
-        f"{table.row(first)}",
-    )
+    return table.leave_out(bad, "break off from the motion at an end")
 
 
 def _broken(value: Array, ticks: Array | Rows, most: int) -> Mask:

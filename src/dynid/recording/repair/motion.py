@@ -23,17 +23,12 @@ def velocity_slopes(t: Array, q: Array, qd: Array) -> tuple[Array, Array]:
         (n) slope of the displacement over the integrated velocity, and (n) their
         correlation; NaN for joints that hardly move.
     """
-    joints = q.shape[1]
-    slopes, correlations = np.full(joints, np.nan), np.full(joints, np.nan)
+    slopes, correlations = np.full(q.shape[1], np.nan), np.full(q.shape[1], np.nan)
     window = min(max(4, len(t) // 20), 25) if len(t) < 4000 else min(len(t) // 150, 100)
     if len(t) < 4 * window:
         return slopes, correlations
-    area = np.concatenate(
-        [
-            np.zeros((1, joints)),
-            np.cumsum(0.5 * (qd[1:] + qd[:-1]) * np.diff(t)[:, None], axis=0),
-        ]
-    )
+    way = np.cumsum(0.5 * (qd[1:] + qd[:-1]) * np.diff(t)[:, None], axis=0)
+    area = np.pad(way, ((1, 0), (0, 0)))
     stride = max(1, window // 2)
     said = (area[window:] - area[:-window])[::stride]
     moved = (q[window:] - q[:-window])[::stride]
@@ -41,8 +36,7 @@ def velocity_slopes(t: Array, q: Array, qd: Array) -> tuple[Array, Array]:
     # Over a gap the integral of the velocity means nothing.
     close = span < 1.5 * np.median(span)
     said, moved = said[close], moved[close]
-    for joint in range(joints):
-        a, b = said[:, joint], moved[:, joint]
+    for joint, (a, b) in enumerate(zip(said.T, moved.T, strict=True)):
         energy, motion = float(a @ a), float(b @ b)
         if np.abs(b).max(initial=0.0) < 5e-3:
             continue
@@ -160,13 +154,7 @@ def drop_bursts(table: RawTable) -> RawTable:
             f"{table.label('q', joint)} jumps by {height:.4g} before {table.row(at + 1)} "
             f"({len(open_jumps)} such jumps): rows missing, or two recordings in one?",
         )
-    if not bad.any():
-        return table
-    return table.keep(~bad).report(
-        "corrupt_rows",
-        f"{int(bad.sum())} of {table.samples} rows have positions that the robot cannot have "
-        f"reached and are left out; first: {table.row(int(np.argmax(bad)))}",
-    )
+    return table.leave_out(bad, "have positions that the robot cannot have reached")
 
 
 def _ticks(table: RawTable) -> Array:
@@ -229,12 +217,7 @@ def check_counted_rows(table: RawTable) -> RawTable:
     last = len(steps) - 6
     around = 0.25 * (steps[:last] + steps[1 : last + 1] + steps[5 : last + 5] + steps[6:])
     # Rows that were left out are known: they widen the window, they do not shift the clock.
-    whole = (
-        (ticks[:last] == 1)
-        & (ticks[1 : last + 1] == 1)
-        & (ticks[5 : last + 5] == 1)
-        & (ticks[6:] == 1)
-    )
+    whole = np.all([ticks[k : last + k] == 1 for k in (0, 1, 5, 6)], axis=0)
     expected = index[5 : last + 5] - index[2 : last + 2]
     inside = q[5 : last + 5] - q[2 : last + 2]
     energy = np.sum(around * around, axis=1)
@@ -268,8 +251,4 @@ def drop_zero_positions(table: RawTable) -> RawTable:
     jumps = np.maximum(reach[edges], reach[edges + 1])
     if float(jumps.min()) < max(0.02 * float(np.median(reach[~zero])), 5 * usual):
         return table
-    return table.keep(~zero).report(
-        "corrupt_rows",
-        f"{int(zero.sum())} of {table.samples} rows have only zeros as positions and are left "
-        f"out; first: {table.row(int(np.argmax(zero)))}",
-    )
+    return table.leave_out(zero, "have only zeros as positions")

@@ -1,5 +1,7 @@
 """Repair: single samples that no motion can have made."""
 
+import math
+
 import numpy as np
 
 from dynid.core import Array
@@ -36,7 +38,7 @@ def drop_spikes(table: RawTable) -> RawTable:
     found: list[str] = []
     for quantity, value in table.signals.items():
         bar = _BARS.get(quantity, _DEFAULT_BAR)
-        heights = np.column_stack([find_spikes(t, column, *bar) for column in value.T])
+        heights = np.column_stack([_find_spikes(t, column, *bar) for column in value.T])
         if quantity in ("q", "target_q"):
             heights = _without_late_readings(value, heights)
         elif quantity in TORQUE_SOURCES and rows_with(heights > 0).mean() > _ROUGH:
@@ -56,10 +58,7 @@ def drop_spikes(table: RawTable) -> RawTable:
             f"{int(bad.sum())} of {table.samples} rows stand off the curve of their neighbours, "
             f"too many to be stray values; kept: {what}",
         )
-    return table.keep(~bad).report(
-        "corrupt_rows",
-        f"{int(bad.sum())} of {table.samples} rows hold stray values and are left out: {what}",
-    )
+    return table.leave_out(bad, f"hold stray values ({what})")
 
 
 def _without_late_readings(value: Array, heights: Array) -> Array:
@@ -71,8 +70,8 @@ def _without_late_readings(value: Array, heights: Array) -> Array:
     if not (heights > 0).any():
         return heights
     rows = np.arange(len(value), dtype=np.float64)
-    typical = np.column_stack([local_median(np.abs(np.diff(x, append=x[-1:]))) for x in value.T])
-    off = np.column_stack([np.abs(off_the_curve(rows, x, 1)) for x in value.T])
+    typical = np.column_stack([_local_median(np.abs(np.diff(x, append=x[-1:]))) for x in value.T])
+    off = np.column_stack([np.abs(_off_the_curve(rows, x, 1)) for x in value.T])
     share = off / np.maximum(typical, 1e-9)
     small = (heights > 0) & (heights < 2.5 * typical)
     moving = (typical > 1e-6) & ~small
@@ -83,18 +82,12 @@ def _without_late_readings(value: Array, heights: Array) -> Array:
     return np.where(late, 0.0, heights)
 
 
-def find_spikes(t: Array, x: Array, bar: float, share: float, least: float) -> Array:
+def _find_spikes(t: Array, x: Array, bar: float, share: float, least: float) -> Array:
     """Samples, alone or up to three in a row, that their neighbours contradict.
 
-    A sample is compared with the cubic through two neighbours on each side. A kink or a
-    jump of the true signal stays when the sample is left out; a spike does not.
-
-    Args:
-        t: (N) time, any unit.
-        x: (N) signal.
-        bar: Multiple of the local noise that a spike exceeds.
-        share: Share of the signal's range that it exceeds.
-        least: Height that it exceeds, in the signal's unit.
+    A sample of x (N) is compared with the cubic over t (N) through two neighbours on each side. A
+    kink or a jump of the true signal stays when the sample is left out; a spike does not. It
+    exceeds `bar` times the local noise, `share` of the signal's range, and `least` in its unit.
 
     Returns:
         (N) height of each spike, 0 elsewhere.
@@ -112,9 +105,9 @@ def find_spikes(t: Array, x: Array, bar: float, share: float, least: float) -> A
         x_kept, bases = x[keep], (t[keep], np.arange(len(keep), dtype=np.float64))
         # Stamps may jitter while samples do not, or rows may be missing: a spike is off the
         # curve over time and over the row number as well.
-        by_time, by_row = (off_the_curve(base, x_kept, width) for base in bases)
+        by_time, by_row = (_off_the_curve(base, x_kept, width) for base in bases)
         off = np.minimum(np.abs(by_time), np.abs(by_row))
-        noise = 1.4826 * local_median(off)
+        noise = 1.4826 * _local_median(off)
         ends = np.maximum(ends, noise[[0, -1]])
         # Nothing measured is zero by chance so often as by damage.
         bound = np.maximum(np.where(np.abs(x_kept) < _NOTHING, bar / 3, bar) * noise, floor)
@@ -131,15 +124,11 @@ def find_spikes(t: Array, x: Array, bar: float, share: float, least: float) -> A
     return heights
 
 
-def off_the_curve(base: Array, x: Array, width: int) -> Array:
+def _off_the_curve(base: Array, x: Array, width: int) -> Array:
     """(N) distance of each sample to the cubic through the two before and after a block.
 
-    The block is of `width` samples from the sample on; zero where neighbours are missing.
-
-    Args:
-        base: (N) abscissa, increasing.
-        x: (N) signal.
-        width: Samples in a block.
+    The block is of `width` samples from the sample on; zero where neighbours are missing. `base`
+    (N) is the abscissa, increasing.
     """
     off = np.zeros(len(x))
     n = len(x) - 3 - width
@@ -158,7 +147,7 @@ def off_the_curve(base: Array, x: Array, width: int) -> Array:
     return off
 
 
-def local_median(size: Array) -> Array:
+def _local_median(size: Array) -> Array:
     """(N) typical size nearby: block medians, the largest of a block and its neighbours."""
     blocks = -(-len(size) // _BLOCK)
     padded = np.pad(size, (0, blocks * _BLOCK - len(size)), mode="edge")
@@ -206,12 +195,9 @@ def _residue(base: Array, x: Array, around: list[int], at: int) -> float:
     nodes = sorted((m for m in around if m != at), key=lambda m: abs(m - at))[:4]
     points = [(float(base[m]), float(x[m])) for m in nodes]
     here, guess = float(base[at]), 0.0
-    for i, (node, value) in enumerate(points):
-        weight = 1.0
-        for j, (other, _) in enumerate(points):
-            if j != i:
-                weight *= (here - other) / (node - other)
-        guess += weight * value
+    for node, value in points:
+        others = (other for other, _ in points if other != node)
+        guess += math.prod((here - other) / (node - other) for other in others) * value
     return abs(float(x[at]) - guess)
 
 

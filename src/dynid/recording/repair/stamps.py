@@ -48,7 +48,6 @@ def repair_stamps(table: RawTable) -> RawTable:
             limit=f"{MOST_DROPPED:.0%} of the rows",
             next_step=by_rows(table.columns),
         )
-    first = int(np.argmax(wrong))
     repeated = int(np.count_nonzero(steps == 0))
     if repeated > 0.02 * table.samples:
         table = table.report(
@@ -56,11 +55,8 @@ def repair_stamps(table: RawTable) -> RawTable:
             f"{repeated} of {table.samples} stamps repeat the one before: the clock is too coarse "
             "for the rows; better leave t out and give --rate",
         )
-    return table.keep(~wrong).report(
-        "dropped_rows",
-        f"{lost} of {table.samples} rows have stamps that repeat, run backwards or jump, and are "
-        f"left out; first: {table.row(first)} (t = {t[first]:.9g})",
-    )
+    why = "have stamps that repeat, run backwards or jump,"
+    return table.leave_out(wrong, why, "dropped_rows")
 
 
 def _single_outliers(t: Array, nominal: float) -> Mask:
@@ -134,11 +130,7 @@ _FARTHEST = 5.0
 
 
 def lay_together(table: RawTable) -> RawTable:
-    """Bring signals with rows of their own to the rows of q; drop rows of other topics.
-
-    Args:
-        table: Cells without a value are NaN.
-    """
+    """Bring signals with rows of their own to the rows of q; drop rows of other topics."""
     if table.t is None or "q" not in table.signals:
         return table
     t = table.t
@@ -208,23 +200,16 @@ def drop_repeats(table: RawTable) -> RawTable:
     same = np.concatenate([[False], (stacked[1:] == stacked[:-1]).all(axis=1)])
     if table.t is not None:
         twice = same & np.concatenate([[False], table.t[1:] == table.t[:-1]])
-        if twice.any():
-            message = (
-                f"{int(twice.sum())} of {table.samples} rows were written twice; first: "
-                f"{table.row(int(np.argmax(twice)))}"
-            )
-            table = table.keep(~twice).report("dropped_rows", message)
-            same = same[~twice]
+        table, same = table.leave_out(twice, "were written twice", "dropped_rows"), same[~twice]
     moving = _moves(table.signals["q"])
     held = same & moving
     if held.sum() < max(3, 0.002 * table.samples) or held.mean() > 0.9:
         return _report_slow_signals(table, moving)
-    message = (
-        f"{int(held.sum())} of {table.samples} rows repeat all signals of the row before "
-        f"while the robot moves (read faster than they are updated); left out; first: "
-        f"{table.row(int(np.argmax(held)))}"
+    why = (
+        "repeat all signals of the row before while the robot moves (read faster than they are "
+        "updated)"
     )
-    return table.keep(~held).report("dropped_rows", message)
+    return table.leave_out(held, why, "dropped_rows")
 
 
 def _report_slow_signals(table: RawTable, moving: Mask) -> RawTable:
