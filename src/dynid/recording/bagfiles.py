@@ -83,15 +83,7 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"
 
 
 def db3_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
-    """The wanted messages of a `.db3` file in the order in which they were written.
-
-    Args:
-        path: The file.
-        catalog: Says which topics are wanted; gets all topics, and a notice for each kind of
-            damage.
-
-    Yields:
-        Topic, receive time [ns] and bytes.
+    """The wanted messages of a `.db3` file, in the order in which they were written.
 
     Raises:
         RecordError: No SQLite database, or no bag.
@@ -256,15 +248,7 @@ class _Mcap:
 
 
 def mcap_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
-    """The wanted messages of an MCAP file in the order in which they were written.
-
-    Args:
-        path: The file.
-        catalog: Says which topics are wanted; gets all topics, and a notice for each kind of
-            damage.
-
-    Yields:
-        Topic, receive time [ns] and bytes.
+    """The wanted messages of an MCAP file, in the order in which they were written.
 
     Raises:
         RecordError: The file cannot be read.

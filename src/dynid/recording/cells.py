@@ -51,11 +51,7 @@ def is_stamp(cell: str) -> bool:
 
 
 def past_midnight(t: Array) -> Array:
-    """(N) times of day that go on where a day ends.
-
-    Args:
-        t: (N) seconds since midnight, or any other time, which stays as it is.
-    """
+    """(N) seconds since midnight that go on where a day ends; any other time as it is."""
     if np.nanmax(t, initial=0.0) > _DAY:
         return t
     there = np.isfinite(t)

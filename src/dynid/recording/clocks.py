@@ -29,13 +29,7 @@ def find_clocks(
     """All columns of time, the best first.
 
     Stamps of a message's header go before times of arrival, and those of the positions' own
-    message before others.
-
-    Args:
-        parsed: Column names taken apart.
-        names: The same as they stand in the file.
-        scope: The path of the positions' columns.
-        where: The file, for messages.
+    message (`scope` is its path) before others.
 
     Raises:
         RecordError: Two columns of the same name.
@@ -113,10 +107,7 @@ def stamps_of(
 ) -> Stamps:
     """The stamps of the best clock that runs: drivers leave headers empty.
 
-    Args:
-        clocks: Columns of time, the best first.
-        column: Gives the (N) numbers of a column.
-        moments: Columns that were dates, in seconds by now.
+    `moments` are columns that were dates, in seconds by now.
     """
     passed: list[str] = []
     for clock in clocks:
@@ -148,15 +139,7 @@ def _runs(values: Array) -> bool:
 
 
 def clock_of(stamps: Rows, receive: Rows) -> tuple[str, Rows]:
-    """Header stamps, unless drivers left them empty.
-
-    Args:
-        stamps: (N) header stamps [ns].
-        receive: (N) receive times [ns].
-
-    Returns:
-        `header` or `receive`, and the stamps.
-    """
+    """`header` or `receive`, and those stamps (N) [ns]: drivers leave headers empty."""
     empty: Mask = stamps <= 0
     if empty.mean() > 0.5 or np.unique(stamps).size <= max(1, len(stamps) // 10):
         return "receive", receive

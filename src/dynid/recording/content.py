@@ -185,25 +185,12 @@ def refused(
 
 
 def unreadable(path: Path, error: OSError) -> RecordError:
-    """The error for a file that the system does not let us read.
-
-    Args:
-        path: The file.
-        error: What the system says.
-    """
+    """The error for a file that the system does not let us read."""
     return RecordError("the file cannot be read", where=path.name, value=error.strerror)
 
 
 def first_bytes(path: Path, count: int) -> bytes:
-    """The first bytes of a file.
-
-    Args:
-        path: The file.
-        count: How many, at most.
-
-    Raises:
-        RecordError: It cannot be read.
-    """
+    """At most `count` bytes from the start of a file; RecordError where it cannot be read."""
     try:
         with path.open("rb") as stream:
             return stream.read(count)
@@ -212,15 +199,7 @@ def first_bytes(path: Path, count: int) -> bytes:
 
 
 def all_bytes(path: Path, most: int) -> bytes:
-    """All bytes of a file that must fit in memory.
-
-    Args:
-        path: The file.
-        most: Largest size [bytes].
-
-    Raises:
-        RecordError: It cannot be read, or is too large.
-    """
+    """All bytes of a file, at most `most`; RecordError where it cannot be read or is larger."""
     try:
         if path.stat().st_size > most:
             raise RecordError("the file is too large", where=path.name, limit=f"{most} bytes")

@@ -32,13 +32,12 @@ def read_csv(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     """Read text tables; several files stand side by side and their columns count across them.
 
     A file of one number a line that is k times as long as the shortest is read row by row as
-    k columns.
+    k columns. The format is `csv`, or `ur-csv` or `ur-rtde-csv`, which must have UR's header names;
+    `auto` names it by the header.
 
     Args:
         paths: The files.
-        options: What the user says: columns, header, delimiter, joints. Its format is `csv`, or
-            `ur-csv` or `ur-rtde-csv`, which must have UR's header names; `auto` names it by the
-            header.
+        options: What the user says.
         budget: Bounds what is read.
 
     Raises:

@@ -24,14 +24,11 @@ SNIFFED = 1 << 16
 """Bytes from the start of a file that tell its encoding."""
 
 
-def encoding_of(head: bytes) -> str:
-    """The encoding of a text.
+def _encoding_of(head: bytes) -> str:
+    """The encoding of a text, by the first bytes of its file.
 
     A byte order mark says it; zeros beside plain letters do; else it is UTF-8, or the
     Windows code page where the bytes are no UTF-8 (a degree sign in a header).
-
-    Args:
-        head: The first bytes of the file.
     """
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
@@ -92,12 +89,8 @@ def line_blocks(path: Path, encoding: str) -> Iterator[tuple[list[str], bool]]:
         raise unreadable(path, error) from error
 
 
-def first_lines(path: Path, encoding: str, count: int) -> list[str]:
-    """At most `count` lines from the start of a file.
-
-    Raises:
-        RecordError: The file cannot be read, or its first line is too long for a table.
-    """
+def _first_lines(path: Path, encoding: str, count: int) -> list[str]:
+    """At most `count` lines from the start of a file; RecordError where the first is too long."""
     lines: list[str] = []
     size = 0
     for block, _ in line_blocks(path, encoding):
@@ -121,7 +114,7 @@ _WORD = re.compile(r"[A-Za-z_][\w/\-]*")
 _NAMES = frozenset({"name", "names", "joint_name", "joint_names"})
 
 
-def has_lists(line: str) -> bool:
+def _has_lists(line: str) -> bool:
     """Whether some cell of a row is a list of numbers or of words."""
     return any(
         len(items) > 1 and (all(map(is_number, items)) or all(map(_WORD.fullmatch, items)))
@@ -137,13 +130,8 @@ def flatten(line: str, delimiter: str) -> str:
     ).replace('"', "")
 
 
-def widths(line: str, delimiter: str) -> list[int]:
-    """How many numbers or words each cell of a row holds.
-
-    Args:
-        line: The row as it stands in the file.
-        delimiter: What separates the cells.
-    """
+def _widths(line: str, delimiter: str) -> list[int]:
+    """How many numbers or words each cell of a row, as it stands in the file, holds."""
     counts: list[int] = []
 
     def mark(match: re.Match[str]) -> str:
@@ -155,15 +143,10 @@ def widths(line: str, delimiter: str) -> list[int]:
     return [next(sizes) if "\x00" in cell else 1 for cell in cells]
 
 
-def spread(names: Sequence[str], sizes: Sequence[int]) -> tuple[str, ...] | None:
+def _spread(names: Sequence[str], sizes: Sequence[int]) -> tuple[str, ...] | None:
     """Header names for flattened rows: `q` of six items becomes `q[0]` to `q[5]`.
 
-    Args:
-        names: The header's names, one a cell.
-        sizes: Items of each cell.
-
-    Returns:
-        The names, or None where the header has another number of cells.
+    None where the header has another number of cells than there are sizes.
     """
     if len(names) != len(sizes):
         return None
@@ -173,17 +156,11 @@ def spread(names: Sequence[str], sizes: Sequence[int]) -> tuple[str, ...] | None
     return tuple(out)
 
 
-def echoed_names(cells: Sequence[str]) -> tuple[str, ...] | None:
+def _echoed_names(cells: Sequence[str]) -> tuple[str, ...] | None:
     """The header that `ros2 topic echo --csv` leaves out before JointState messages.
 
     A row holds the stamp (s and ns), the frame, n joint names, and n numbers of each of
-    position, velocity and effort, as far as they were sent.
-
-    Args:
-        cells: A row.
-
-    Returns:
-        The names, or None where the row is no such message.
+    position, velocity and effort, as far as they were sent. None where it is no such message.
     """
     words = [k for k, cell in enumerate(cells) if not is_number(cell) and not is_missing(cell)]
     first = 3 if words[:1] == [2] or (len(cells) > 2 and is_missing(cells[2])) else 2
@@ -201,13 +178,8 @@ def echoed_names(cells: Sequence[str]) -> tuple[str, ...] | None:
     return tuple(names)
 
 
-def joints_named(names: Sequence[str] | None, cells: Sequence[str]) -> tuple[int, ...]:
-    """The columns that hold joint names, base first as the messages have them.
-
-    Args:
-        names: Header names.
-        cells: A row of the table.
-    """
+def _joints_named(names: Sequence[str] | None, cells: Sequence[str]) -> tuple[int, ...]:
+    """The columns of a row that hold joint names, base first as the messages have them."""
     if names is None or len(cells) != len(names):
         return ()
     found: list[tuple[int, int]] = []
@@ -264,12 +236,8 @@ class Dialect:
     """Those names as they stand in a row, from the first to the last."""
 
 
-def delimiter_of(given: str | None) -> str | None:
-    """The delimiter that a user names: a character, or `tab`, `space`, `comma`.
-
-    Raises:
-        RecordError: Not one character.
-    """
+def _delimiter_of(given: str | None) -> str | None:
+    """The delimiter that a user names: a character, or `tab`, `space`, `comma`."""
     if given is None:
         return None
     delimiter = _WORDS.get(given.strip().lower(), given) if given != "\t" else given
@@ -294,11 +262,11 @@ def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
         RecordError: There are no rows of numbers, or far too many columns.
     """
     with path.open("rb") as stream:
-        encoding = encoding_of(stream.read(SNIFFED))
-    written = first_lines(path, encoding, _SAMPLE)
-    given = delimiter_of(delimiter)
+        encoding = _encoding_of(stream.read(SNIFFED))
+    written = _first_lines(path, encoding, _SAMPLE)
+    given = _delimiter_of(delimiter)
     # A title or a header may have brackets as well: most lines must have lists.
-    lists = 2 * sum(map(has_lists, written[:_SCORED])) > min(len(written), _SCORED)
+    lists = 2 * sum(map(_has_lists, written[:_SCORED])) > min(len(written), _SCORED)
     lines = [flatten(line, given or _between_lists(line)) for line in written] if lists else written
     best, sign, width = _best(lines[:_SCORED], DELIMITERS if given is None else (given,))
     if width == 0:
@@ -313,7 +281,7 @@ def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
     names = None
     units: tuple[str, ...] = ()
     if header is not False:
-        sizes = widths(written[first], best) if lists else []
+        sizes = _widths(written[first], best) if lists else []
         names, units = _names(written[:first], best, width, sizes, forced=bool(header))
     misfit = 0
     if names is not None and len(names) != width:
@@ -322,12 +290,12 @@ def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
     rows = [split(line, best) for line in lines[first:]]
     whole = [cells for cells in rows if len(cells) == width]
     if names is None and header is None and misfit == 0 and whole:
-        names = echoed_names(whole[0])
+        names = _echoed_names(whole[0])
     stamps = frozenset(k for k in range(width) if any(is_stamp(cells[k]) for cells in whole[:5]))
     numeric = frozenset(
         k for k in range(width) if any(is_number(cells[k], sign) for cells in whole)
     )
-    named = joints_named(names, whole[0] if whole else ())
+    named = _joints_named(names, whole[0] if whole else ())
     return Dialect(
         path=path,
         encoding=encoding,
@@ -420,7 +388,7 @@ def _names(
         if len(cells) == width - 1 and delimiter != " ":
             # Rows that end in a delimiter have one empty cell more than the header.
             cells.append("")
-        wide = spread(cells, sizes) if sizes else None
+        wide = _spread(cells, sizes) if sizes else None
         if wide is not None and len(wide) == width:
             return wide, units
         if len(cells) == width and (forced or 2 * sum(map(is_name, cells)) >= len(cells) - 1):

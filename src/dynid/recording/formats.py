@@ -22,15 +22,8 @@ _SHEETS = (".xlsx", ".xlsm", ".xls", ".ods")
 _BLOCK = 1 << 20
 
 
-def packing(path: Path) -> str:
-    """How a file is packed: `gzip`, `bzip2`, `xz`, `zstd`, `zip`, `workbook`; empty for not at all.
-
-    Args:
-        path: The file.
-
-    Raises:
-        RecordError: It cannot be read.
-    """
+def _packing(path: Path) -> str:
+    """How a file is packed: gzip, bzip2, xz, zstd, zip or workbook; empty for not at all."""
     head = first_bytes(path, 1 << 12)
     for mark, kind in _MARKS.items():
         if head.startswith(mark):
@@ -60,7 +53,7 @@ def unpacked(files: Sequence[Path], budget: Budget) -> Generator[list[Path]]:
         RecordError: Damaged, too large, or a zip archive of several files.
         MissingExtraError: zstd without its package.
     """
-    kinds = ["" if file.is_dir() else packing(file) for file in files]
+    kinds = ["" if file.is_dir() else _packing(file) for file in files]
     if not any(kinds):
         yield list(files)
         return
@@ -200,7 +193,7 @@ def content_kind(path: Path) -> str:
         RecordError: It cannot be read, or is none of the formats.
     """
     head = first_bytes(path, 1 << 16)
-    if packing(path):
+    if _packing(path):
         return PACKED
     if b"\x89HDF" in (head[:4], head[512:516]):
         # MATLAB 7.3 puts 512 bytes of its own before.

@@ -51,11 +51,6 @@ class Family:
     ) -> tuple[list[int], tuple[str, ...]]:
         """Columns joint by joint, and joint names where the header has them.
 
-        Args:
-            names: All column names, for messages.
-            quantity: What the columns hold.
-            where: The file, for messages.
-
         Raises:
             RecordError: A joint's column is missing or there twice.
         """
@@ -89,12 +84,8 @@ class Family:
         return [column for _, column in pairs]
 
 
-def collect(names: Iterable[Name]) -> dict[str, list[Family]]:
-    """Group columns by quantity, path and name; those of no quantity stand under ``""``.
-
-    Args:
-        names: The column names taken apart, in the order of the columns.
-    """
+def _collect(names: Iterable[Name]) -> dict[str, list[Family]]:
+    """Group columns by quantity, path and name; those of no quantity stand under ``""``."""
     found: dict[tuple[str, str, str], Family] = {}
     for column, name in enumerate(names):
         quantity, rank = name.meaning or ("", 0)
@@ -110,11 +101,7 @@ def collect(names: Iterable[Name]) -> dict[str, list[Family]]:
 
 
 def spelled(columns: Mapping[str, Sequence[int]]) -> str:
-    """A `--columns` option that means these columns: `q=1:7,effort=13+15`.
-
-    Args:
-        columns: Quantity to column numbers.
-    """
+    """A `--columns` option that means these columns: `q=1:7,effort=13+15`."""
     items: list[str] = []
     for quantity, numbers in columns.items():
         first, count = numbers[0], len(numbers)
@@ -126,11 +113,7 @@ def spelled(columns: Mapping[str, Sequence[int]]) -> str:
 
 
 def by_rows(columns: Mapping[str, Sequence[int]]) -> str:
-    """What to type to count time by rows in place of the time column.
-
-    Args:
-        columns: Quantity to column numbers, without the time; empty where there are none.
-    """
+    """What to type to count time by rows in place of the time column, beside these columns."""
     kept = {name: columns[name] for name in ("q", "qd", "effort", "current") if name in columns}
     if "q" not in kept:
         return "Leave t out of --columns and give the clock with --rate."
@@ -147,15 +130,10 @@ _NOT_MEASURED = words_of(
 _MAIN_SCOPES = frozenset({"joint_states", "joint_state", "actual", "feedback", "measured", "state"})
 
 
-def choose(
+def _choose(
     families: Mapping[str, list[Family]], names: Sequence[str], where: str
 ) -> tuple[dict[str, Family], list[str]]:
     """Choose the columns of each quantity among all that may be it.
-
-    Args:
-        families: Quantity to families of columns; those of no quantity under ``""``.
-        names: All column names.
-        where: The file, for messages.
 
     Returns:
         Quantity to its family, and the choices in words.
@@ -328,7 +306,7 @@ def match_headers(names: Sequence[str], where: str, joints: Sequence[str] = ()) 
             sets of columns claim, or a unit that is not known.
     """
     families = _families(names, joints)
-    chosen, notes = choose(families, names, where)
+    chosen, notes = _choose(families, names, where)
     scope = chosen["q"].scope if "q" in chosen else ""
     clocks = tuple(find_clocks([parse_name(text) for text in names], names, scope, where))
     columns: dict[str, list[int]] = {}
@@ -395,7 +373,7 @@ def _families(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[Fam
     what stands before and after a quantity's word.
     """
     if joints:
-        found = collect(parse_name(text, joints) for text in names)
+        found = _collect(parse_name(text, joints) for text in names)
         wanted = {name.joint for joint in joints for name in [parse_name(joint, joints)]}
         found = {
             quantity: [_only(family, wanted) for family in families]
@@ -407,10 +385,10 @@ def _families(names: Sequence[str], joints: Sequence[str]) -> dict[str, list[Fam
             found["q"] = bare
         if any(set(family.joints) == wanted for family in found["q"]):
             return found
-    plainly = collect(map(parse_name, names))
+    plainly = _collect(map(parse_name, names))
     if any(family.whole for family in plainly.get("q", [])):
         return plainly
-    split = collect(split_joint(text) or parse_name(text) for text in names)
+    split = _collect(split_joint(text) or parse_name(text) for text in names)
     torques = [set(x.joints) for name in TORQUE_SOURCES for x in split.get(name, [])]
     # `q_raw` and `q_filtered` are no two joints; where torques have the same names, they are.
     sure = any(

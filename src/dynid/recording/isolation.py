@@ -107,11 +107,7 @@ _worker: list[_Worker] = []
 
 
 def read_isolated(files: Sequence[Path], options: ReadOptions) -> Read:
-    """Read files within their budget.
-
-    Args:
-        files: The files of one recording.
-        options: What the user says of them.
+    """Read the files of one recording within their budget.
 
     Raises:
         RecordError: Not a recording, or one that needs more than its budget.
@@ -159,11 +155,7 @@ def _ask(files: Sequence[Path], options: ReadOptions, folder: str) -> Read:
 
 
 def serve(read: Reader) -> None:
-    """Answer requests until the parent closes the pipe; runs in the reading process.
-
-    Args:
-        read: Reads the files of a request.
-    """
+    """Answer requests until the parent closes the pipe; runs in the reading process."""
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     source = sys.stdin.buffer
     answers = os.fdopen(os.dup(1), "wb")

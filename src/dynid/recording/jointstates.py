@@ -176,13 +176,13 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
 
     Stamps are those of the headers; where those are all zero, the receive times. Joints are
     matched by name, so the order in the messages (alphabetical on UR drivers) does not matter.
+    Columns say quantity to `position`, `velocity` or `effort`, where the default (q, qd, effort)
+    is wrong: UR drivers send currents as effort. The joint order names those to take, base to tip,
+    as the messages give them.
 
     Args:
         paths: Storage files of one bag, in time order.
-        options: Columns say quantity to `position`, `velocity` or `effort`, where the default
-            (q, qd, effort) is wrong: UR drivers send currents as effort. The topic may be of
-            any type; None for the JointState topic with most messages. The joint order names
-            those to take, base to tip, as the messages give them.
+        options: What the user says.
         budget: Bounds what is read.
 
     Raises:

@@ -49,18 +49,13 @@ class Contents:
     """The file ends in the middle of a variable."""
 
 
-def byte_order(data: bytes) -> str | None:
+def _byte_order(data: bytes) -> str | None:
     """`<` or `>` for a MATLAB 5 file, None for anything else."""
     return {b"IM": "<", b"MI": ">"}.get(data[126:128])
 
 
-def parse_matlab(data: bytes, order: str) -> Contents:
-    """Read all arrays of numbers; variables that make no sense are left out and named.
-
-    Args:
-        data: The whole file.
-        order: Byte order, `<` or `>`.
-    """
+def _parse_matlab(data: bytes, order: str) -> Contents:
+    """Read all arrays of numbers; variables that make no sense are left out and named."""
     contents = Contents()
     offset = HEADER
     while offset + 8 <= len(data) and len(contents.arrays) < _MAX_VARIABLES:
@@ -217,12 +212,12 @@ def read_mat(files: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     """Read a MATLAB file of version 5 to 7; see `Reader`."""
     path = files[0]
     data = all_bytes(path, _MAX_BYTES)
-    order = byte_order(data)
+    order = _byte_order(data)
     if order is None:
         raise RecordError(
             "this is no MATLAB file of version 5 to 7", where=path.name, next_step=_SAVE
         )
-    contents = parse_matlab(data, order)
+    contents = _parse_matlab(data, order)
     harm = "; ".join(contents.damaged[:3]) or ("it is cut off" if contents.cut else "")
     if not contents.arrays or (contents.objects and set(contents.arrays) == {""}):
         raise RecordError(

@@ -278,12 +278,7 @@ def read_states(
 ) -> RawTable:
     """Read the messages of one topic by the names of their fields.
 
-    Args:
-        read: Yields messages.
-        topics: All topics of the bag.
-        options: Columns say quantity to field (`effort=tau_J`); None to go by the names. The
-            topic; None for the only one whose names say positions.
-        where: The bag, for messages.
+    Columns say quantity to field (`effort=tau_J`).
 
     Raises:
         RecordError: No topic has positions, several have, or their messages are not defined.

@@ -263,11 +263,7 @@ def _name(
 def split_joint(text: str) -> Name | None:
     """A name whose first or last words are a joint's: `elbow_joint_position`, `tau_elbow`.
 
-    Args:
-        text: The name as the file has it.
-
-    Returns:
-        The name taken apart so, or None where no words of it are a quantity's.
+    None where no words of it are a quantity's.
     """
     name, _, unit, _ = _brackets(_plain(text))
     parts = [part for part in re.split(r"[/.]", name) if part.strip()]
@@ -354,14 +350,7 @@ def places_of(wanted: Sequence[str], names: Sequence[str]) -> list[int]:
     """Where each wanted joint stands among names that may all have one more prefix.
 
     `panda_joint1` to `panda_joint7` are `joint1` to `joint7`, whatever `panda_finger_joint1`
-    is; of `left_joint1` and `right_joint1` nobody can tell.
-
-    Args:
-        wanted: The robot's joint names.
-        names: The recording's joint names.
-
-    Returns:
-        Index of each wanted joint; empty where they are not all there, or there twice.
+    is; of `left_joint1` and `right_joint1` nobody can tell. Empty where they are not all there.
     """
     joints, there = [plainly(joint) for joint in wanted], [plainly(name) for name in names]
     if not joints or len(set(there)) != len(there):

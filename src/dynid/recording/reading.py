@@ -32,11 +32,8 @@ _EXTENSIONS = tuple(
 )
 
 
-def given_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
+def _given_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
     """The files that a user means: themselves, those of a bag, or the one in a folder.
-
-    Args:
-        paths: Files, or one folder.
 
     Raises:
         RecordError: Missing, empty, or a folder that holds several recordings.
@@ -157,7 +154,7 @@ def read_recording(
         RecordError: Not a recording, or not one of this robot; the message says what to do.
         MissingExtraError: A compressed bag without the `ros` extra.
     """
-    given = given_files(paths)
+    given = _given_files(paths)
     known = _gains(gains)
     if rate_hz is not None and not 0 < rate_hz < MAX_RATE_HZ:
         raise RecordError(

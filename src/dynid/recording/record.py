@@ -184,12 +184,7 @@ class Description:
 
     @classmethod
     def of(cls, data: Any, problems: Iterable[Any], where: str) -> "Description":
-        """The description in a JSON object.
-
-        Args:
-            data: The object.
-            problems: JSON objects of the problems.
-            where: The file.
+        """The description in a JSON object, and the problems beside it.
 
         Raises:
             RecordError: A field that is missing or of the wrong type.
@@ -236,12 +231,7 @@ def of_robot(
 ) -> tuple[RecordMetadata, tuple[int, ...]]:
     """Metadata fitted to a robot, and the columns in the order of the robot's joints.
 
-    Args:
-        found: The metadata of a recording.
-        joints: Its number of joints.
-        robot: The robot, if known; its joints must be those of the recording.
-        gains: Drive gains [N.m/A] that override those of the recording.
-        where: The file, for messages.
+    Drive gains [N.m/A] override those of the recording.
 
     Raises:
         RecordError: Another number of joints or gains.
@@ -288,12 +278,7 @@ def check_quantities(quantities: Iterable[str]) -> tuple[str, ...]:
 
 
 def digest(description: Mapping[str, Any], columns: Iterable[Array]) -> str:
-    """A fingerprint of the description and every number, to notice damage.
-
-    Args:
-        description: The JSON object without its own digest.
-        columns: All columns in the order of the file.
-    """
+    """A fingerprint of a description, without its own digest, and of all columns."""
     hasher = hashlib.blake2b(json.dumps(description, sort_keys=True).encode(), digest_size=16)
     for column in columns:
         hasher.update(column.astype("<f8").tobytes())

@@ -249,11 +249,7 @@ def are_one_run(files: Sequence[Path]) -> bool:
 
 
 def quantity_word(stem: str) -> str:
-    """The words of a file's name that name a quantity; empty where none or several do.
-
-    Args:
-        stem: The name without its extension.
-    """
+    """The words of a file's stem that name a quantity; empty where none or several do."""
     words = [word for word in parse_name(stem.replace(".", "_")).base.split("_") if word]
     whole = "_".join(words)
     if whole in RANK:

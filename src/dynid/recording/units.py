@@ -104,14 +104,7 @@ def _per_second(text: str, dimension: str) -> float | None:
 
 
 def refuse_unit(quantity: str, unit: str, column: str, where: str) -> RecordError:
-    """The error for a unit that would be read as another.
-
-    Args:
-        quantity: What the column holds.
-        unit: The unit as the header has it.
-        column: The column's name.
-        where: The file.
-    """
+    """The error for the unit of a column that would be read as another."""
     si = _NOT_SI.get(quantity, "SI units")
     hint = f"Convert the column to {si}, or leave its quantity out of --columns."
     if quantity in ("effort", "current"):

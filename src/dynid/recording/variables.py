@@ -21,13 +21,8 @@ _FEWEST = 24
 """Shorter arrays are no signals."""
 
 
-def unit_of(quantity: str, path: str) -> str:
-    """The unit that a variable's name gives: `vel_rpm`, `rec.act_pos_mot_deg`.
-
-    Args:
-        quantity: What the variable holds.
-        path: Its path, with or without a choice of columns.
-    """
+def _unit_of(quantity: str, path: str) -> str:
+    """The unit that a variable's path gives: `vel_rpm`, `rec.act_pos_mot_deg`."""
     match = SLICE.fullmatch(path)
     name = parse_name(match.group(1) if match else path)
     # The last word counts: a struct may be called after a pose, `at_30_deg.q`.
@@ -38,18 +33,10 @@ def unit_of(quantity: str, path: str) -> str:
     return name.unit
 
 
-def guess_variables(
+def _guess_variables(
     variables: Mapping[str, Array], where: str, joints: Sequence[str]
 ) -> tuple[dict[str, Array], dict[str, str], list[str]]:
-    """Find the quantities by the paths of the variables.
-
-    Args:
-        variables: Path to array.
-        where: The file, for messages.
-        joints: The robot's joint names; empty if it is not known.
-
-    Returns:
-        Quantity to array, quantity to path, and choices in words.
+    """Quantity to array, quantity to path, and choices in words, by the paths of the variables.
 
     Raises:
         RecordError: The paths do not say what the arrays are, or several could be it.
@@ -150,17 +137,17 @@ def table_of(
     notes: list[str] = []
     joints = len(options.joints) or None
     if options.columns is None:
-        arrays, paths, notes = guess_variables(variables, where, options.joints)
+        arrays, paths, notes = _guess_variables(variables, where, options.joints)
     else:
         paths = dict(options.columns)
         arrays = {name: _pick(variables, name, path, where) for name, path in paths.items()}
-    if clock := leading_clock(arrays, joints):
+    if clock := _leading_clock(arrays, joints):
         arrays = {name: _whole(value)[:, 1:] for name, value in arrays.items() if name != "t"}
         arrays["t"], paths["t"] = clock
         notes.append("the first column (or row) of each array is the time")
     length = _length(arrays, joints)
     width = joints if joints is not None else _width(arrays, length)
-    said = {name: unit for name, path in paths.items() if (unit := unit_of(name, path))}
+    said = {name: unit for name, path in paths.items() if (unit := _unit_of(name, path))}
     factors = {name: factor_of(name, unit) for name, unit in said.items()}
     signals: dict[str, Array] = {}
     for name, value in arrays.items():
@@ -204,12 +191,10 @@ def table_of(
     )
 
 
-def leading_clock(arrays: Mapping[str, Array], joints: int | None) -> tuple[Array, str] | None:
+def _leading_clock(arrays: Mapping[str, Array], joints: int | None) -> tuple[Array, str] | None:
     """The time that Simulink's To File puts before each signal; with a name for it.
 
-    Args:
-        arrays: Quantity to array.
-        joints: Number of joints, if known; else only what several arrays share is a clock.
+    Where the number of joints is not known, only what several arrays share is a clock.
     """
     signals = [_whole(value) for name, value in arrays.items() if name != "t"]
     if not signals or any(value.ndim != 2 or value.shape[1] < 2 for value in signals):

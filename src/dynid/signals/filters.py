@@ -41,13 +41,7 @@ def derivative(values: Array, rate_hz: float, method: str, cutoff_hz: float) -> 
 def fourier_derivative(values: Array, rate_hz: float, cutoff_hz: float) -> tuple[Array, Array]:
     """Harmonics up to the cut-off, and their exact derivative (Swevers et al. 1997).
 
-    Args:
-        values: (N, n) samples of whole periods.
-        rate_hz: Sampling rate.
-        cutoff_hz: Highest harmonic kept.
-
-    Returns:
-        (N, n) smoothed values and (N, n) derivative.
+    The samples (N, n) are of whole periods.
     """
     count = len(values)
     spectrum = np.fft.rfft(values, axis=0)

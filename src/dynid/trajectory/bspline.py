@@ -10,14 +10,8 @@ from dynid.core import Array, InputError, frozen, scipy_part
 from dynid.trajectory.trajectory import PoseFamily, StandingMotion, require_positive
 
 
-def spline(control: Array, duration: float, degree: int) -> Any:
-    """SciPy's B-spline of control points (K, n) with clamped knots at equal distances.
-
-    Args:
-        control: (K, n) control points, K above the degree.
-        duration: Last knot [s]; the first one is 0.
-        degree: Degree of the polynomials.
-    """
+def _spline(control: Array, duration: float, degree: int) -> Any:
+    """SciPy's B-spline of control points (K, n), clamped knots at equal distances to `duration`."""
     inner = np.linspace(0.0, duration, len(control) - degree + 1)
     knots = np.concatenate([np.zeros(degree), inner, np.full(degree, duration)])
     return scipy_part("interpolate").BSpline(knots, control, degree)
@@ -78,18 +72,18 @@ class BSpline(StandingMotion):
     @property
     def knots(self) -> Array:
         """(K + degree + 1) knots, clamped at both ends [s]."""
-        return np.asarray(spline(self.control.T, self.travel_time, self.degree).t)
+        return np.asarray(_spline(self.control.T, self.travel_time, self.degree).t)
 
     def inside(self, t: Array) -> tuple[Array, Array, Array]:
         """See `StandingMotion`."""
         # The columns add up to one: measured from the first point, rests come out as exact zeros.
         way = self.control - self.control[:, :1]
-        q, dq, ddq = _values(spline(way.T, self.travel_time, self.degree), t)
+        q, dq, ddq = _values(_spline(way.T, self.travel_time, self.degree), t)
         return self.control[:, 0] + q, dq, ddq
 
     def polynomials(self) -> tuple[tuple[float, Array], ...]:
         """Duration [s] and ascending coefficients (n, degree + 1) of each span, in 0 to 1."""
-        curve = spline(self.control.T, self.travel_time, self.degree)
+        curve = _spline(self.control.T, self.travel_time, self.degree)
         starts = curve.t[self.degree : -self.degree]
         widths = np.diff(starts)
         powers = [
@@ -130,7 +124,7 @@ class BSplineFamily(PoseFamily):
             t: (N) times within the travel time [s].
         """
         columns = np.eye(self.points + 2 * _REST)[:, _REST:-_REST]
-        return _values(spline(columns, self.travel_time, self.degree), t)
+        return _values(_spline(columns, self.travel_time, self.degree), t)
 
     def member(self, pose: Array, free: Array) -> BSpline:
         """The inner control points are the free numbers, relative to the pose."""

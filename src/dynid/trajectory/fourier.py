@@ -84,16 +84,7 @@ class FourierSeries(Trajectory):
 
 
 def coefficients(a: ArrayLike, b: ArrayLike, joints: int) -> tuple[Array, Array]:
-    """The coefficients of a series, checked and read-only.
-
-    Args:
-        a: (n, H) sine coefficients.
-        b: (n, H) negated cosine coefficients.
-        joints: n.
-
-    Raises:
-        InputError: Shapes that disagree, no joints or harmonics, or numbers that are not finite.
-    """
+    """The coefficients of a series, (n, H) each, checked and read-only."""
     sines = frozen(a, shape=(joints, None), name="a")
     if sines.size == 0:
         raise InputError("a Fourier series needs a joint and a harmonic", value=sines.shape)

@@ -113,12 +113,8 @@ class Repetition(StandingMotion):
         return motion.q, motion.dq, motion.ddq
 
 
-def chained(parts: Sequence[Trajectory]) -> Trajectory:
-    """The parts as one motion; a single part stays what it is.
-
-    Raises:
-        InputError: No parts, or parts that do not meet.
-    """
+def _chained(parts: Sequence[Trajectory]) -> Trajectory:
+    """The parts as one motion; a single part stays what it is."""
     return parts[0] if len(parts) == 1 else MotionSequence(parts=tuple(parts))
 
 
@@ -163,7 +159,7 @@ def through_poses(
     places = frozen(poses, shape=(None, None), name="poses")
     if len(places) < 2:
         raise InputError("a motion needs two poses", value=len(places))
-    return chained(
+    return _chained(
         [
             rest_to_rest(start, goal, limits, margin=margin, acceleration=acceleration)
             for start, goal in itertools.pairwise(places)
@@ -183,7 +179,7 @@ _END = 1e-9
 """Share of a leg that rounding may take off its ends."""
 
 
-def trapezoid(u: Array) -> tuple[Array, Array, Array]:
+def _trapezoid(u: Array) -> tuple[Array, Array, Array]:
     """The way from 0 to 1 and its first two derivatives at (N) u in [0, 1]; at rest at both ends.
 
     At the ends the acceleration counts as zero: there the arm stands.
@@ -204,7 +200,7 @@ class PointToPoint(StraightMove):
 
     def profile(self, s: Array) -> tuple[Array, Array, Array]:
         """See `StraightMove`."""
-        return trapezoid(s)
+        return _trapezoid(s)
 
     def polynomials(self) -> tuple[tuple[float, Array], ...]:
         """Duration [s] and ascending coefficients (n, 3) of the three parts, each in 0 to 1."""
@@ -241,7 +237,7 @@ class PointsFamily(PoseFamily):
         """
         leg = self.travel_time / (self.points + 1)
         number = np.clip(np.floor(t / leg).astype(np.intp), 0, self.points)
-        place, speed, push = trapezoid(np.clip(t / leg - number, 0.0, 1.0))
+        place, speed, push = _trapezoid(np.clip(t / leg - number, 0.0, 1.0))
         columns = np.arange(self.points)
         rising, falling = columns == number[:, None], columns == number[:, None] - 1
         sign = rising * 1.0 - falling * 1.0
@@ -255,7 +251,7 @@ class PointsFamily(PoseFamily):
         """The points are the free numbers, relative to the pose."""
         leg = self.travel_time / (self.points + 1)
         legs = itertools.pairwise(np.vstack([pose, pose + free.T, pose]))
-        return chained(
+        return _chained(
             [PointToPoint(start=start, goal=goal, travel_time=leg) for start, goal in legs]
         )
 

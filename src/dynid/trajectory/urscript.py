@@ -89,8 +89,8 @@ def pose_list(pose: Array) -> str:
     return f"[{', '.join(decimal(value) for value in pose)}]"
 
 
-def variables(parts: Sequence[Piece]) -> list[str]:
-    """The names that `formula_lines` sets, all numbers."""
+def _variables(parts: Sequence[Piece]) -> list[str]:
+    """The names that `_formula_lines` sets, all numbers."""
     joints = len(parts[0].polynomial)
     orders = range(1, max(part.harmonics for part in parts) + 1)
     return [
@@ -101,13 +101,8 @@ def variables(parts: Sequence[Piece]) -> list[str]:
     ]
 
 
-def formula_lines(parts: Sequence[Piece], rate_hz: float) -> list[str]:
-    """Statements that set t, s and q1 to qn from `sample`, the number within the period.
-
-    Args:
-        parts: The formulas of one period.
-        rate_hz: Samples a second of the motion's own time.
-    """
+def _formula_lines(parts: Sequence[Piece], rate_hz: float) -> list[str]:
+    """Statements that set t, s and q1 to qn from `sample`, the number within the period."""
     lines = [f"t = sample/{decimal(rate_hz)}"]
     if len(parts) == 1:
         return [*lines, *_piece(parts[0], 0.0)]
@@ -289,7 +284,7 @@ def ur_program(
     total = (how.settle + how.repeats) * cycles
     rate = how.rate_hz / how.speed
     parts = pieces(trajectory)
-    body, names = formula_lines(parts, rate), variables(parts)
+    body, names = _formula_lines(parts, rate), _variables(parts)
     points = [frozen(pose, shape=(_JOINTS,), name="way point") for pose in via]
     way = [pose_list(pose) for pose in (*points, ends.q[0])]
     return UrProgram(
