@@ -50,13 +50,7 @@ def gap_along(
 
 @njit(cache=True, error_model="numpy")
 def _corner(
-    points: Array,
-    a: Indices,
-    b: Indices,
-    turn: Array,
-    place: Array,
-    axis: Array,
-    row: Array,
+    points: Array, a: Indices, b: Indices, turn: Array, place: Array, axis: Array, row: Array
 ) -> float:
     """Write the corner (3) of A - B farthest along an axis, then its point (3) of A.
 
@@ -303,14 +297,7 @@ def _depth(
 
 @njit(cache=True, error_model="numpy")
 def _add_face(
-    rows: Array,
-    i: int,
-    j: int,
-    k: int,
-    faces: Indices,
-    normals: Array,
-    heights: Array,
-    count: int,
+    rows: Array, i: int, j: int, k: int, faces: Indices, normals: Array, heights: Array, count: int
 ) -> int:
     """Add a face with its unit normal and its height above the origin; returns the new count."""
     square = _normal(rows[i], rows[j], rows[k], normals[count])

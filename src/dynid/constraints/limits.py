@@ -12,7 +12,7 @@ from numba import njit
 
 from dynid.constraints.arm import ArmGeometry, arm_geometry, place_joints, place_point, samples_of
 from dynid.constraints.scene import ConstraintSettings
-from dynid.core import Array, Indices, Mask, read_only
+from dynid.core import Array, Indices, Mask, plain, read_only
 from dynid.robot import RobotModel
 from dynid.trajectory import MotionBounds
 
@@ -258,8 +258,8 @@ class Worst:
         return {
             "t": self.t,
             **({key: self.what} if self.what else {}),
-            "value": _known(self.value),
-            "limit": _known(self.limit),
+            "value": plain(self.value),
+            "limit": plain(self.limit),
             "required": self.required,
         }
 
@@ -298,13 +298,9 @@ def left_over(ratio: float, free: float) -> float:
 def margins_of(worst: dict[str, Worst]) -> dict[str, float | None]:
     """Kind, with its unit where it is a distance, to margin; None where not judged."""
     return {
-        f"{kind}_m" if kind in DISTANCES else kind: _known(item.margin)
+        f"{kind}_m" if kind in DISTANCES else kind: plain(item.margin)
         for kind, item in worst.items()
     }
-
-
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def bound_ratios(bounds: MotionBounds, q: Array, dq: Array, ddq: Array) -> tuple[Array, ...]:

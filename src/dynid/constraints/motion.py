@@ -277,10 +277,7 @@ def _loaded(robot: RobotModel) -> RobotModel:
 
 
 def _torque_judge(
-    robot: RobotModel,
-    settings: ConstraintSettings,
-    notes: list[str],
-    unjudged: list[Unjudged],
+    robot: RobotModel, settings: ConstraintSettings, notes: list[str], unjudged: list[Unjudged]
 ) -> TorqueJudge | None:
     share = 1.0 - settings.margin
     limits = share * robot.limits.torque if settings.torque else np.full(robot.joints, np.nan)

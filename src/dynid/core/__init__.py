@@ -45,7 +45,7 @@ if TYPE_CHECKING:
         solve_upper,
         upper_triangle,
     )
-    from dynid.core.json_fields import JsonFields, load_object, parse_json
+    from dynid.core.json_fields import JsonFields, load_object, parse_json, plain
     from dynid.core.parallel import WorkerLost, Workers, each, result_of, told_to_stop, workers
 
 __all__ = [
@@ -81,6 +81,7 @@ __all__ = [
     "like_named",
     "load_object",
     "parse_json",
+    "plain",
     "provenance",
     "read_only",
     "require",
@@ -102,7 +103,7 @@ _LATER = {
         "Array", "Indices", "Mask", "freeze", "frozen", "inverse_upper", "read_only", "scipy_part",
         "solve_upper", "upper_triangle",
     ),
-    "json_fields": ("JsonFields", "load_object", "parse_json"),
+    "json_fields": ("JsonFields", "load_object", "parse_json", "plain"),
     "parallel": ("WorkerLost", "Workers", "each", "result_of", "told_to_stop", "workers"),
 }  # fmt: skip
 

@@ -7,8 +7,9 @@ to be refused, and leaves the shapes of arrays to be checked by hand.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any, cast
 
@@ -77,6 +78,21 @@ class JsonFields:
             JsonFields(_mapping(one, f"{label}[{k}]"), prefix=f"{label}[{k}].")
             for k, one in enumerate(_list(self.get(name), label, of="objects"))
         ]
+
+
+def plain(value: Any) -> Any:
+    """Dataclasses, mappings, sequences and arrays as JSON has them; null for NaN and infinity."""
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, np.ndarray):
+        return plain(cast("Array", value).tolist())
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in cast("Sequence[Any]", value)]
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in cast("Mapping[str, Any]", value).items()}
+    if is_dataclass(value):
+        return {item.name: plain(getattr(value, item.name)) for item in fields(value)}
+    return value
 
 
 MAX_JSON_BYTES = 64 << 20

@@ -97,10 +97,10 @@ class GramKernel:
         """
         self._load(q, dq, ddq)
         state = self._state
-        constants = self._model.constants
         self._turn = turns(state[0])
+        q, dq, ddq = state
         places = self._layout.places
-        inertial_rows(constants, self._turn, state[0], state[1], state[2], self._rows, places)
+        inertial_rows(self._model.constants, self._turn, q, dq, ddq, self._rows, places)
         fill_beside(self._model, state[1], state[2], self._beside)
         for j, panel in enumerate(self._layout.panels):
             rows = self._rows[panel.rows, : self._samples]
@@ -144,17 +144,10 @@ class GramKernel:
             np.matmul(2.0 * self._weights[j] * panel.block(s), rows, out=bars)
             for bar, column in zip(bars, panel.beside, strict=False):
                 self._beside_bars[column, j, :samples] = bar
-        constants = self._model.constants
         regressor_pullback(
-            constants.geometry,
-            constants.screws,
-            constants.gravity,
-            self._turn,
-            self._state,
-            self._bars,
-            self._layout.places,
-            self._out,
-        )
+            *self._model.constants.arrays, self._turn, self._state, self._bars,
+            self._layout.places, self._out,
+        )  # fmt: skip
         pull_blocks(self._model, self._state, self._beside_bars, self._out)
         q_bar, dq_bar, ddq_bar = (part[:, :samples].T.copy() for part in self._out)
         return q_bar, dq_bar, ddq_bar

@@ -6,14 +6,14 @@ what it is worth, and the proof that it is safe.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from dynid.constraints import Certificate, certify
-from dynid.core import Array, Finding, InputError, JobError, Progress, Provenance, Workers
+from dynid.core import Array, Finding, InputError, JobError, Progress, Provenance, Workers, plain
 from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.genetic import elite_count, evolve
 from dynid.excitation.gradient import STAGES, TIGHTEN, improve
@@ -56,6 +56,7 @@ def finish(
         if seen[-1].certificate.holds:
             return seen[-1]
     first = search.candidates[0][0]
+    again = partial(improve, evaluation, region, first, stop=stop, stages=STAGES[2:])
     for share in TIGHTER:
         if stop():
             break
@@ -64,7 +65,7 @@ def finish(
             region,
             first,
             stop=stop,
-            found=_ignored,
+            found=lambda _: None,
             stages=STAGES[2:],
             tighten=share,
         )
@@ -118,10 +119,6 @@ def _smaller(evaluation: DesignEvaluation, x: Array) -> Finished | None:
         else:
             high = share
     return best
-
-
-def _ignored(candidate: Candidate) -> None:
-    """Nobody is told."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -207,7 +204,7 @@ class ExcitationDesign:
 
     def to_json(self) -> dict[str, Any]:
         """The keys that `dynid design --json` prints, and more."""
-        return {
+        known = {
             "robot": self.robot_name,
             "mount": self.mount,
             "frames": self.frames,
@@ -216,20 +213,20 @@ class ExcitationDesign:
             "duration_s": self.trajectory.duration,
             "base_parameters": self.base_parameters,
             "samples": self.samples,
-            "condition_number": _known(self.condition_number),
-            "scaled_condition_number": _known(self.scaled_condition_number),
-            "log_det": _known(self.log_det),
+            "condition_number": self.condition_number,
+            "scaled_condition_number": self.scaled_condition_number,
+            "log_det": self.log_det,
             "for": self.purpose,
             "purpose_motions": self.purpose_motions,
-            "predicted_torque_error_percent": _known(self.expected.torque_error_percent),
-            "predicted_torque_error_bound_percent": _known(self.expected.bound_percent),
-            "predicted_torque_error": [_known(x) for x in self.expected.torque_error.tolist()],
-            "largest_parameter_std": _known(self.expected.largest_parameter_std),
-            "noise": self.expected.noise.tolist(),
+            "predicted_torque_error_percent": self.expected.torque_error_percent,
+            "predicted_torque_error_bound_percent": self.expected.bound_percent,
+            "predicted_torque_error": self.expected.torque_error,
+            "largest_parameter_std": self.expected.largest_parameter_std,
+            "noise": self.expected.noise,
             "repetitions": self.repetitions,
             "findings": [item.to_json() for item in self.findings],
             "criterion": self.criterion,
-            "criteria": {name: _known(value) for name, value in self.criteria.items()},
+            "criteria": self.criteria,
             "method": self.method,
             **self.certificate.to_json(),
             "repair": self.repair or None,
@@ -239,21 +236,10 @@ class ExcitationDesign:
             "seed": self.seed,
             "ended_by": self.ended_by,
             "interrupted": self.interrupted,
-            "history": [
-                {
-                    "wall_s": round(entry.wall_s, 4),
-                    "evaluations": entry.evaluations,
-                    "value": _known(entry.value),
-                    "feasible": entry.feasible,
-                }
-                for entry in self.history
-            ],
-            "limits": dict(self.settings),
+            "history": [{**asdict(one), "wall_s": round(one.wall_s, 4)} for one in self.history],
+            "limits": self.settings,
         }
-
-
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+        return plain(known)
 
 
 METHODS = ("gradient", "ga")
@@ -280,7 +266,6 @@ def by_gradient(
     tell: Progress | None = None,
 ) -> Optimised:
     """Design by gradients from many starts; see `multistart`."""
-    check_budget(effort.budget_s)
     with one_thread():
         search = multistart(problem, effort, seed=seed, beside=beside, tell=tell)
         return _finished(problem, search, effort.budget_s)
@@ -301,13 +286,11 @@ def by_genetic_algorithm(
         InputError: A population below 4, no generations, or a budget that is too short.
         JobError: No motion was judged in time.
     """
-    for name, number, least in (
-        ("--population", population, 4),
-        ("--generations", generations, 1),
-    ):
+    for name, number, least in (("--population", population, 4), ("--generations", generations, 1)):
         if number < least:
             raise InputError("too small", where=name, value=number, limit=f"{least} or more")
-    check_budget(budget_s)
+    if budget_s is not None and not budget_s > 0:
+        raise InputError("must be positive", where="--budget", value=budget_s, limit="seconds")
     with one_thread():
         search = _evolved(problem, seed, population, generations, budget_s, tell)
         return _finished(problem, search, budget_s)
@@ -350,16 +333,6 @@ def _evolved(
     except KeyboardInterrupt:
         search.ended_by = "interrupt"
     return search
-
-
-def check_budget(budget_s: float | None) -> None:
-    """Refuse a time budget that is no time.
-
-    Raises:
-        InputError: It is not positive.
-    """
-    if budget_s is not None and not budget_s > 0:
-        raise InputError("must be positive", where="--budget", value=budget_s, limit="seconds")
 
 
 def _finished(problem: ExcitationProblem, search: Search, budget_s: float | None) -> Optimised:

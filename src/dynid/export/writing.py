@@ -1,11 +1,8 @@
-"""One identified model to one file, and the proof that the file gives its torques.
-
-The identified model as a JSON object: every number with its name and unit.
-"""
+"""One identified model to one file, and the proof that the file gives its torques."""
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -137,15 +134,68 @@ def _rows(links: list[Mapping[str, Any]]) -> Array:
     return np.array([[float(link[name]) for name in PARAMETERS] for link in links])
 
 
-FORMATS = ("urdf", "mjcf", "json", "c", "python")
-SUFFIXES = {"urdf": ".urdf", "mjcf": ".xml", "json": ".json", "c": ".h", "python": ".py"}
-_HELD = {"urdf": robot_xml.URDF_HELD, "mjcf": robot_xml.MJCF_HELD}
-_TOLERANCE = {"mjcf": 1e-6}
 _EXACT = 1e-9
 """Difference that rounding may make [N.m or N], for torques up to a few hundred."""
 _GRAVITY = 9.81
 _LARGE = 100.0
 """Torques above this may differ in proportion [N.m or N]."""
+
+
+@dataclass(frozen=True, slots=True)
+class FileFormat:
+    """How a model becomes a file of one kind, and who reads it."""
+
+    suffix: str
+    text: Callable[[ExportModel, str], str]
+    """From the model and where it comes from."""
+    torque: Callable[[ExportModel, Path, States], tuple[Array | None, str]]
+    """(N, n) what another program makes of the file, and its name; None if there is none."""
+    held: tuple[str, ...] | None = None
+    """Terms beside the inertias that it has a place for; None for all."""
+    tolerance: float = _EXACT
+    """[N.m or N]"""
+
+
+def _json_text(model: ExportModel, note: str) -> str:
+    data = {**model_to_json(model), "note": note}
+    return json.dumps(data, indent=1, allow_nan=False) + "\n"
+
+
+def _json_torque(_: ExportModel, path: Path, states: States) -> tuple[Array | None, str]:
+    # Read back from the file, and evaluated by code that has only the file's numbers.
+    read = model_from_json(json.loads(path.read_text(encoding="utf-8")))
+    code = path.with_suffix(".py")
+    try:
+        code.write_text(python_code(read), encoding="utf-8")
+        return python_torque(code, states)
+    finally:
+        code.unlink(missing_ok=True)
+
+
+_FORMATS = {
+    "urdf": FileFormat(
+        ".urdf",
+        robot_xml.urdf_text,
+        lambda model, path, states: urdf_torque(
+            path, float(np.linalg.norm(model.robot.gravity)), states
+        ),
+        robot_xml.URDF_HELD,
+    ),
+    "mjcf": FileFormat(
+        ".xml",
+        robot_xml.mjcf_text,
+        lambda _, path, states: mjcf_torque(path, states),
+        robot_xml.MJCF_HELD,
+        1e-6,
+    ),
+    "json": FileFormat(".json", _json_text, _json_torque),
+    "c": FileFormat(
+        ".h", c_code, lambda model, path, states: c_torque(path, c_prefix(model.robot.name), states)
+    ),
+    "python": FileFormat(".py", python_code, lambda _, path, states: python_torque(path, states)),
+}
+FORMATS = tuple(_FORMATS)
+"""The words of `--to`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,18 +237,18 @@ def write_model(estimate: Estimate, to: str, path: str | Path, note: str = "") -
     place = file_behind(path)
     model, completed = completed_model(estimate)
     states = random_motion(model.joints, model.robot.prismatic)
-    held = _HELD.get(to)
-    friction = None if held is None else nearest_friction(estimate, completed, model)
-    ours = our_torque(estimate, completed, states, held, friction)
+    kind = _FORMATS[to]
+    friction = None if kind.held is None else nearest_friction(estimate, completed, model)
+    ours = our_torque(estimate, completed, states, kind.held, friction)
     model = model if friction is None else friction.put_into(model)
     remarks = [note, f"Standard parameters: {model.origin}.", *stand_in_words(friction)]
-    text = _text(model, to, "\n".join(remarks).strip())
+    text = kind.text(model, "\n".join(remarks).strip())
     # Names the process, ends as the format wants it: loaders look at the suffix.
-    part = place.with_name(f".{path.stem}.{os.getpid()}{SUFFIXES[to]}")
+    part = place.with_name(f".{path.stem}.{os.getpid()}{kind.suffix}")
     try:
         part.write_text(text, encoding="utf-8")
-        theirs, loader = _torque(model, to, part, states)
-        verified = _compared(to, ours, theirs, loader, completed.values[: 10 * model.joints])
+        theirs, loader = kind.torque(model, part, states)
+        verified = _compared(kind, ours, theirs, loader, completed.values[: 10 * model.joints])
         if verified.max_torque_difference is not None and not verified.passed:
             raise JobError(
                 "the file's torques differ from ours",
@@ -211,7 +261,7 @@ def write_model(estimate: Estimate, to: str, path: str | Path, note: str = "") -
         raise cannot_write(path, error) from error
     finally:
         part.unlink(missing_ok=True)
-    missing = () if held is None else left_out(model, held)
+    missing = () if kind.held is None else left_out(model, kind.held)
     return ExportedFile(
         path=path, model=model, verified=verified, left_out=missing, friction=friction
     )
@@ -232,49 +282,13 @@ def simulator_obstacle(estimate: Estimate) -> str:
     return ""
 
 
-def _text(model: ExportModel, to: str, note: str) -> str:
-    match to:
-        case "urdf":
-            return robot_xml.urdf_text(model, note)
-        case "mjcf":
-            return robot_xml.mjcf_text(model, note)
-        case "c":
-            return c_code(model, note)
-        case "python":
-            return python_code(model, note)
-        case _:
-            data = {**model_to_json(model), "note": note}
-            return json.dumps(data, indent=1, allow_nan=False) + "\n"
-
-
-def _torque(model: ExportModel, to: str, path: Path, states: States) -> tuple[Array | None, str]:
-    match to:
-        case "urdf":
-            return urdf_torque(path, float(np.linalg.norm(model.robot.gravity)), states)
-        case "mjcf":
-            return mjcf_torque(path, states)
-        case "c":
-            return c_torque(path, c_prefix(model.robot.name), states)
-        case "python":
-            return python_torque(path, states)
-        case _:
-            # Read back from the file, and evaluated by code that has only the file's numbers.
-            read = model_from_json(json.loads(path.read_text(encoding="utf-8")))
-            code = path.with_suffix(".py")
-            try:
-                code.write_text(python_code(read), encoding="utf-8")
-                return python_torque(code, states)
-            finally:
-                code.unlink(missing_ok=True)
-
-
 def _compared(
-    to: str, ours: Array, theirs: Array | None, loader: str, bodies: Array
+    kind: FileFormat, ours: Array, theirs: Array | None, loader: str, bodies: Array
 ) -> Verification:
     # Weights of impossible bodies cancel in the torques; their rounding errors do not.
     largest = max(float(np.abs(ours).max()), _GRAVITY * float(np.abs(bodies).max()))
     scale = max(1.0, largest / _LARGE)
-    tolerance = _TOLERANCE.get(to, _EXACT) * scale
+    tolerance = kind.tolerance * scale
     if theirs is None:
         return Verification(max_torque_difference=None, tolerance=tolerance, loaded_with=loader)
     if theirs.shape != ours.shape:

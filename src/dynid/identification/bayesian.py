@@ -363,11 +363,7 @@ def base_prior(
 
 
 def posterior(
-    factors: Array,
-    weights: Array,
-    mean: Array,
-    root: Array,
-    prior_gain: float | None = None,
+    factors: Array, weights: Array, mean: Array, root: Array, prior_gain: float | None = None
 ) -> tuple[Array, Array]:
     """Mean (r) of the posterior and the root (r, r) of its precision.
 

@@ -12,6 +12,7 @@ from dynid.core import (
     JobError,
     freeze,
     inverse_upper,
+    plain,
     told,
     upper_triangle,
 )
@@ -64,7 +65,7 @@ class DriveGains:
         return {
             "samples": self.samples,
             "gains": [
-                {"joint": name, **{key: _number(getattr(self, key)[j]) for key in _COLUMNS}}
+                {"joint": name, **{key: plain(float(getattr(self, key)[j])) for key in _COLUMNS}}
                 for j, name in enumerate(names)
             ],
             "warnings": told(self.warnings),
@@ -159,10 +160,6 @@ def _joint(columns: Array, current: Array, rate_hz: float) -> tuple[Array, str]:
     spread = float(np.square(current - current.mean()).sum())
     r2 = 1.0 - float(residual @ residual) / max(spread, 1e-300)
     return np.array([gain, abs(gain) * relative, *(gain * friction), r2]), ""
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -273,10 +270,7 @@ def weighed_gains(
     payload = known.copy()
     payload[np.isnan(known)] = values[system.size - int(np.isnan(known).sum()) :]
     return WeighedGains(
-        gain=gain,
-        std=gain * np.sqrt(np.diag(covariance)[:joints]),
-        payload=payload,
-        noise=noise,
+        gain=gain, std=gain * np.sqrt(np.diag(covariance)[:joints]), payload=payload, noise=noise
     )
 
 

@@ -15,6 +15,7 @@ from dynid.core import (
     finding_from_json,
     freeze,
     load_object,
+    plain,
     read_only,
     write_json,
 )
@@ -78,7 +79,7 @@ class StandardParameters:
                 "from": self.origins[k],
                 "prior_share": float(self.prior_share[k]),
                 "std": float(self.std[k]),
-                "prior": float(self.prior[k]) if np.isfinite(self.prior[k]) else None,
+                "prior": plain(float(self.prior[k])),
             }
             for k, (name, unit) in enumerate(zip(names, units, strict=True))
         ]
@@ -229,13 +230,7 @@ class Estimate:
         return TorquePrediction(torque=torque, half_width=width, level=interval)
 
     def half_width(
-        self,
-        q: Array,
-        dq: Array,
-        ddq: Array,
-        state: Array | None = None,
-        *,
-        level: float = 0.9,
+        self, q: Array, dq: Array, ddq: Array, state: Array | None = None, *, level: float = 0.9
     ) -> Array:
         """Half widths (N, n) of the intervals of measured torques [N.m or N].
 
@@ -283,7 +278,7 @@ class Estimate:
                 "value": float(self.values[k]),
                 "unit": unit,
                 "std": float(self.std[k]),
-                "relative_std_percent": float(relative[k]) if np.isfinite(relative[k]) else None,
+                "relative_std_percent": plain(float(relative[k])),
                 "std_naive": float(self.naive_std[k]),
                 "essential": k in self.essential,
                 "expression": self.expressions[k],

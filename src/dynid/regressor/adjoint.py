@@ -307,17 +307,8 @@ def torque_adjoint(
     weights = np.zeros((n, state.shape[2]))
     weights[:, :samples] = multipliers.T
     out = np.zeros(state.shape)
-    constants = model.constants
-    torque_pullback(
-        constants.geometry,
-        constants.screws,
-        constants.gravity,
-        np.array(parameters[: 10 * n], dtype=np.float64).reshape(n, 10),
-        turns(state[0]),
-        state,
-        weights,
-        out,
-    )
+    links = np.array(parameters[: 10 * n], dtype=np.float64).reshape(n, 10)
+    torque_pullback(*model.constants.arrays, links, turns(state[0]), state, weights, out)
     # One term of the weighted sum for each column: its parameter times the multipliers.
     pull_blocks(model, state, parameters[10 * n :, None, None] * weights, out)
     return _by_sample(out, samples)
@@ -334,17 +325,8 @@ def regressor_adjoint(
     rows = np.zeros((10 * n, n, state.shape[2]))
     rows[:, :, :samples] = weights[: 10 * n]
     out = np.zeros(state.shape)
-    constants = model.constants
-    regressor_pullback(
-        constants.geometry,
-        constants.screws,
-        constants.gravity,
-        turns(state[0]),
-        state,
-        rows.reshape(10 * n * n, -1),
-        every_row(n),
-        out,
-    )
+    entries = rows.reshape(10 * n * n, -1)
+    regressor_pullback(*model.constants.arrays, turns(state[0]), state, entries, every_row(n), out)
     beside = np.zeros((len(weights) - 10 * n, n, state.shape[2]))
     beside[:, :, :samples] = weights[10 * n :]
     pull_blocks(model, state, beside, out)

@@ -205,13 +205,7 @@ def column_kernel(
 
 @njit(cache=True, fastmath=True, boundscheck=False, error_model="numpy")
 def torque_kernel(
-    geom: Array,
-    screw: Array,
-    grav: Array,
-    links: Array,
-    turn: Array,
-    state: Array,
-    out: Array,
+    geom: Array, screw: Array, grav: Array, links: Array, turn: Array, state: Array, out: Array
 ) -> None:
     """Write the torques (n, N) of rigid links, by the recursion of Newton and Euler.
 
@@ -251,6 +245,11 @@ class ChainConstants:
     """(n, 6) joint axis in its own parameter frame: angular, then linear part."""
     gravity: Array
     """(3) [m/s^2] in the base frame."""
+
+    @property
+    def arrays(self) -> tuple[Array, Array, Array]:
+        """All of them, in the order in which kernels take them."""
+        return self.geometry, self.screws, self.gravity
 
 
 def chain_constants(robot: RobotModel, frames: str) -> ChainConstants:
@@ -334,5 +333,4 @@ def inertial_rows(
         places: (n, n, 10) the row of out for link i, joint row k up to i, parameter c; below 0
             for none.
     """
-    geometry, screws, gravity = constants.geometry, constants.screws, constants.gravity
-    column_kernel(geometry, screws, gravity, turn, q, dq, ddq, out, places)
+    column_kernel(*constants.arrays, turn, q, dq, ddq, out, places)

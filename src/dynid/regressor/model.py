@@ -113,12 +113,7 @@ class InverseDynamicModel:
         return [j for j, d in enumerate(self.friction.presliding) if d > 0]
 
     def stack(
-        self,
-        q: Array,
-        dq: Array,
-        ddq: Array,
-        out: Array | None = None,
-        state: Array | None = None,
+        self, q: Array, dq: Array, ddq: Array, out: Array | None = None, state: Array | None = None
     ) -> Array:
         """The regressor of a batch, ordered for linear algebra.
 
@@ -215,11 +210,9 @@ class InverseDynamicModel:
         for part, array in zip(state, (q, dq, ddq), strict=True):
             part[:, :samples] = array.T
         out, first = np.empty(state.shape[1:]), 10 * n
-        constants, values = self.constants, np.array(parameters, dtype=np.float64)
-        torque_kernel(
-            constants.geometry, constants.screws, constants.gravity,
-            values[:first].reshape(n, 10), turns(state[0]), state, out,
-        )  # fmt: skip
+        values = np.array(parameters, dtype=np.float64)
+        links = values[:first].reshape(n, 10)
+        torque_kernel(*self.constants.arrays, links, turns(state[0]), state, out)
         for block, count in zip(self.blocks, self.counts, strict=True):
             part = values[first : first + count]
             block.add_torque(self.robot, state[1], state[2], part, out)

@@ -228,11 +228,7 @@ class TorqueRipple:
             {**asdict(gear), "joint": gear.joint + 1, "waves": list(gear.waves)}
             for gear in self.gears
         ]
-        return {
-            "joint": self.joint + 1,
-            "gears": gears,
-            "coefficients": list(self.coefficients),
-        }
+        return {"joint": self.joint + 1, "gears": gears, "coefficients": list(self.coefficients)}
 
 
 def ripples_from_json(data: Sequence[Mapping[str, Any]] | None) -> tuple[TorqueRipple, ...]:

@@ -3,14 +3,13 @@
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from dynid.core import Array, InputError, RobotError, like_named
+from dynid.core import Array, InputError, RobotError, like_named, plain
 from dynid.robot import library
 from dynid.robot.body import Body
 from dynid.robot.kinematics import with_mount
@@ -104,25 +103,10 @@ def builtin_names() -> list[str]:
 
 def robot_to_json(robot: RobotModel) -> dict[str, Any]:
     """Everything that evaluates the robot's dynamics; unknown numbers become null."""
-    values = cast("dict[str, Any]", _plain(robot))
+    values = cast("dict[str, Any]", plain(robot))
     # What the flange carries is not part of the robot.
     del values["tool"]
     return values
-
-
-def _plain(value: Any) -> Any:
-    """Dataclasses, mappings, sequences, arrays and numbers as JSON has them."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, np.ndarray):
-        return _plain(cast("Array", value).tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in cast("Sequence[Any]", value)]
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in cast("Mapping[str, Any]", value).items()}
-    if is_dataclass(value):
-        return {item.name: _plain(getattr(value, item.name)) for item in fields(value)}
-    return value
 
 
 _WORDS = ("name", "default_frames", "mount", "source")

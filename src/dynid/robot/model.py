@@ -328,10 +328,7 @@ class RobotModel:
             raise RobotError("joint axes must have unit length", where=self.name)
         for matrices in (self.placements, self.flange[None], *frames.values()):
             _check_transforms(matrices, self.name)
-        for name, length in (
-            ("limits", len(self.limits.lower)),
-            ("drives", len(self.drives.gain)),
-        ):
+        for name, length in (("limits", len(self.limits.lower)), ("drives", len(self.drives.gain))):
             if length != n:
                 raise RobotError(f"{name} for every joint", where=self.name, value=length, limit=n)
         if any(not 0 <= item.joint < n for item in self.counterbalances):

@@ -77,11 +77,7 @@ def located(where: str) -> Generator[None]:
     except InputError as error:
         inner = f"{where}: {error.where}" if error.where else where
         raise RobotError(
-            error.what,
-            where=inner,
-            value=error.value,
-            limit=error.limit,
-            next_step=error.next_step,
+            error.what, where=inner, value=error.value, limit=error.limit, next_step=error.next_step
         ) from error
 
 

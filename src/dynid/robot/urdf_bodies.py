@@ -25,11 +25,7 @@ Solid = tuple[Array, float]
 
 
 def with_collision_geometry(
-    robot: RobotModel,
-    path: str | Path,
-    *,
-    tip: str | None = None,
-    mesh_dirs: Sequence[Path] = (),
+    robot: RobotModel, path: str | Path, *, tip: str | None = None, mesh_dirs: Sequence[Path] = ()
 ) -> RobotModel:
     """The robot with bodies that hold the `collision` elements of its URDF.
 
@@ -68,10 +64,7 @@ def with_collision_geometry(
                 notes.append(f"{at} is not judged: {error.what}")
         found += [
             Body(
-                name=f"{shown(name, 40)} {k + 1}",
-                link=carriers[name],
-                points=points,
-                radius=radius,
+                name=f"{shown(name, 40)} {k + 1}", link=carriers[name], points=points, radius=radius
             )
             for k, (points, radius) in enumerate(shapes)
         ]

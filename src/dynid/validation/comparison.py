@@ -1,8 +1,7 @@
 """Two estimates of one robot: what moved between them, and by how many sigmas.
 
-On another day, or another robot of the type, each joint's error is explained by an offset, by
-friction, by a share of the model's gravity and by a share of its inertial torques, together and
-joint by joint.
+And a prediction error split by cause: an offset, friction, a share of the model's gravity and a
+share of its inertial torques.
 """
 
 from dataclasses import dataclass, replace
@@ -12,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Finding, Indices, InputError, Mask, read_only, told
+from dynid.core import Array, Finding, Indices, InputError, Mask, plain, read_only, told
 from dynid.identification import Estimate, motion_state, read_estimate
 from dynid.robot import RobotModel
 from dynid.signals import Samples
@@ -38,17 +37,9 @@ class TransferReport:
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object: one list a cause, one number a joint."""
-        out: dict[str, Any] = {
-            cause: [float(x) for x in row] for cause, row in zip(CAUSES, self.rms, strict=True)
-        }
-        gravity, inertia = (
-            [float(x) if np.isfinite(x) else None for x in row] for row in self.share
-        )
-        return out | {
-            "gravity_share": gravity,
-            "inertia_share": inertia,
-            "rest": [float(x) for x in self.rest],
-        }
+        causes = dict(zip(CAUSES, self.rms, strict=True))
+        shares = dict(zip(("gravity_share", "inertia_share"), self.share, strict=True))
+        return plain({**causes, **shares, "rest": self.rest})
 
 
 def transfer_report(estimate: Estimate, samples: Samples, error: Array) -> TransferReport:
@@ -273,18 +264,13 @@ class ParameterComparison:
 
     def to_json(self) -> dict[str, Any]:
         """The keys that `dynid compare --json` prints."""
-        rows = zip(self.names, self.units, self.a, self.b, self.change_percent, self.z, strict=True)
+        numbers = np.stack([self.a, self.b, self.change_percent, self.z], axis=1).tolist()
+        words = zip(self.names, self.units, strict=True)
+        rows = ((*known, *own) for known, own in zip(words, numbers, strict=True))
         return {
             "parameters": [
-                {
-                    "name": name,
-                    "unit": unit,
-                    "a": float(a),
-                    "b": float(b),
-                    "change_percent": float(change),
-                    "z": float(z),
-                }
-                for name, unit, a, b, change, z in rows
+                dict(zip(("name", "unit", "a", "b", "change_percent", "z"), row, strict=True))
+                for row in rows
             ],
             "groups": {group.name: self._group_to_json(group) for group in self.groups},
             "warnings": told(self.warnings),

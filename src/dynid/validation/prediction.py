@@ -1,8 +1,6 @@
-"""Predict the torques of another record and measure the error.
+"""Predict the torques of another record and measure the error: the METRICS of the design.
 
-How far prediction and measurement lie apart: the METRICS of the design.
-
-Whether a record was made with another payload than the one that was identified from.
+And whether it was made with another payload than the record that was identified from.
 """
 
 from dataclasses import dataclass, replace
@@ -12,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Finding, Mask, read_only, told
+from dynid.core import Array, Finding, Mask, plain, read_only, told
 from dynid.identification import Estimate, autocorrelation, motion_state, read_estimate
 from dynid.recording import ExperimentRecord, identity, read_recording
 from dynid.signals import (
@@ -50,15 +48,7 @@ class Metrics:
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object; null where there is nothing to measure."""
-        return {
-            "samples": self.samples,
-            "normalized_error": _number(self.normalized_error),
-            "rmse": [_number(x) for x in self.rmse],
-            "nrmse": [_number(x) for x in self.nrmse],
-            "relative_error_percent": [_number(x) for x in self.relative_error_percent],
-            "relative_error_overall_percent": _number(self.relative_error_overall_percent),
-            "r2": [_number(x) for x in self.r2],
-        }
+        return plain(self)
 
 
 def metrics(measured: Array, predicted: Array, mask: Mask | None = None) -> Metrics:
@@ -79,33 +69,23 @@ def metrics(measured: Array, predicted: Array, mask: Mask | None = None) -> Metr
         reach = float(np.ptp(torque))
         # Rounding of the mean would give a constant torque a spread.
         spread = float(np.square(torque - torque.mean()).sum()) if reach > 0 else 0.0
-        columns.append(
-            (
-                rms,
-                _ratio(rms, reach),
-                100 * np.sqrt(_ratio(squares, norm)),
-                1 - _ratio(squares, spread),
-            )
-        )
-    table = np.array(columns)
+        relative = 100 * np.sqrt(_ratio(squares, norm))
+        columns.append((rms, _ratio(rms, reach), relative, 1 - _ratio(squares, spread)))
+    rmse, nrmse, relative_error, r2 = np.array(columns).T
     samples = counted.sum() / joints
     return Metrics(
         samples=round(samples),
         normalized_error=_ratio(np.sqrt(square), samples),
-        rmse=table[:, 0],
-        nrmse=table[:, 1],
-        relative_error_percent=table[:, 2],
+        rmse=rmse,
+        nrmse=nrmse,
+        relative_error_percent=relative_error,
         relative_error_overall_percent=100 * np.sqrt(_ratio(square, energy)),
-        r2=table[:, 3],
+        r2=r2,
     )
 
 
 def _ratio(above: float, below: float) -> float:
     return above / below if below > 0 else np.nan
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 LEFT = 0.2
@@ -229,12 +209,11 @@ class ValidationResult:
             "warnings": told(self.warnings),
             "findings": [finding.to_json() for finding in self.warnings],
             **({} if self.transfer is None else {"transfer": self.transfer.to_json()}),
-            **(
-                {}
-                if self.covered is None
-                else {"interval": {"level": INTERVAL, "covered": self.covered.tolist()}}
-            ),
+            **({} if self.covered is None else {"interval": self._coverage()}),
         }
+
+    def _coverage(self) -> dict[str, Any]:
+        return {"level": INTERVAL, "covered": plain(self.covered)}
 
 
 def validate(

@@ -96,11 +96,11 @@ class Assessment:
 
 def assessment_from_json(data: dict[str, Any]) -> Assessment:
     """An assessment as `Assessment.to_json` wrote it."""
-    interval = data["interval"]
 
     def array(values: Any) -> Array:
         return np.array(values, dtype=np.float64)
 
+    interval = {key: array(rows) for key, rows in data["interval"].items() if key != "levels"}
     return Assessment(
         anywhere=array(data["left_out_rms"]["anywhere"]),
         this_motion=array(data["left_out_rms"]["this_motion"]),
@@ -108,13 +108,7 @@ def assessment_from_json(data: dict[str, Any]) -> Assessment:
         torque=array(data["torque_rms"]),
         models=tuple(ModelError(name=str(m["name"]), rms=array(m["rms"])) for m in data["models"]),
         pays=data["identification_pays"],
-        interval=TorqueInterval(
-            root=array(interval["root"]),
-            sigma=array(interval["sigma"]),
-            scale=array(interval["scale"]),
-            slowest=array(interval["slowest"]),
-            quantiles=array(interval["quantiles"]),
-        ),
+        interval=TorqueInterval(**interval),
     )
 
 
@@ -139,11 +133,11 @@ def assess(
     lengths: Sequence[int] = (),
     cells: LeftOutCells | None = None,
 ) -> Assessment:
-    """Judge a fit by fits of the same model with parts of the samples left out.
+    """Judge a fit, whose weights are used, by fits of the same model with parts left out.
 
     Args:
         problem: The samples of all recordings, with the model that was fitted.
-        fit: The fit to all of them, whose weights are used.
+        fit: The fit to all of them.
         prior_weight: See `TowardPublished`; 0 where no published inertias were used.
         near_weights: Weights that score as well.
         lengths: Samples of each recording, if there are several.

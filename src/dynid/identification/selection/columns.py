@@ -67,11 +67,8 @@ class CandidateColumns:
     def values(self, dq: Array, load: Array, states: Array, lever: float) -> Array:
         """(c, N) the columns of one joint.
 
-        Args:
-            dq: (N) its velocities.
-            load: (N) size of its load.
-            states: (d, N) its states of presliding friction.
-            lever: Of `levers`.
+        Of its velocities (N), the size of its load (N), its states of presliding friction (d, N)
+        and its lever, see `levers`.
         """
         widths = [lever * width for width in WIDTHS]
         stepped: list[Array] = []
@@ -94,12 +91,9 @@ class CandidateColumns:
         return np.array([word.capitalize() in NOT_NEGATIVE for word in words], dtype=bool)
 
     def places(self, joint: int, step: int, terms: frozenset[int]) -> tuple[int, ...]:
-        """Where the columns of one choice stand.
+        """Where the columns of one choice of a joint stand; terms are indices into `extras`.
 
-        Args:
-            joint: Whose choice, from 0.
-            step: Index into `WIDTHS`, or behind them into `DISPLACEMENTS`.
-            terms: Indices into `extras`.
+        The step is an index into `WIDTHS`, or behind them into `DISPLACEMENTS`.
         """
         steps = [
             k * self.steps + step
@@ -167,13 +161,7 @@ class Moves:
 def chosen_friction(
     choices: tuple[JointChoice, ...], columns: CandidateColumns, given: FrictionTerms | None
 ) -> FrictionTerms:
-    """The friction terms of the choices.
-
-    Args:
-        choices: One a joint.
-        columns: What they are indices into.
-        given: Terms given by the user; None for those of the paper.
-    """
+    """The friction terms of the choices, one a joint, and of those given by the user."""
     joints_of = dict((given or FrictionTerms()).terms)
     load = None
     for k, term in enumerate(columns.extras):
@@ -183,16 +171,14 @@ def chosen_friction(
             load = LoadFriction(joints=joints, parameters=(0.0,) * (10 * len(choices)))
         elif joints:
             joints_of[term] = joints if len(joints) < len(choices) else None
+    pairs = list(zip(choices, columns.levers.tolist(), strict=True))
     over = tuple(
         0.0 if choice.displacement is None else lever * DISPLACEMENTS[choice.displacement]
-        for choice, lever in zip(choices, columns.levers.tolist(), strict=True)
+        for choice, lever in pairs
     )
     return FrictionTerms(
         terms=tuple((term, joints_of[term]) for term in TERMS if term in joints_of),
-        width=tuple(
-            lever * WIDTHS[choice.width]
-            for choice, lever in zip(choices, columns.levers.tolist(), strict=True)
-        ),
+        width=tuple(lever * WIDTHS[choice.width] for choice, lever in pairs),
         stribeck_velocity=columns.stribeck_velocity,
         presliding=over if any(over) else (),
         load=load,
@@ -219,9 +205,7 @@ def with_load(
     for _ in range(ITERATIONS):
         inertial = _inertial_parameters(model, samples, estimator)
         found = LoadFriction(joints=load.joints, parameters=tuple(inertial.tolist()))
-        model = InverseDynamicModel(
-            robot=model.robot, frames=model.frames, friction=replace(model.friction, load=found)
-        )
+        model = replace(model, friction=replace(model.friction, load=found))
     return model
 
 
@@ -231,22 +215,12 @@ def _inertial_parameters(
     """(10 n) inertial parameters of a fit, zero outside the base."""
     base = reduce_model(model)
     fit = estimator.fit(IdentificationProblem(base=base, samples=samples))
-    parameters = np.zeros(len(model.columns))
-    parameters[list(base.independent)] = fit.values
-    return parameters[: 10 * model.robot.joints]
+    return base.to_standard(fit.values)[: 10 * model.robot.joints]
 
 
 def load_inertias(model: InverseDynamicModel, parts: Sequence[Samples], width: float) -> Array:
-    """(10 n) inertial parameters of a plain fit, for the load of candidate columns.
-
-    Args:
-        model: The model whose robot and frames are meant.
-        parts: Samples of each recording.
-        width: Of the plain fit's Coulomb step [rad/s or m/s].
-    """
-    plain = InverseDynamicModel(
-        robot=model.robot, frames=model.frames, friction=FrictionTerms(width=width)
-    )
+    """(10 n) inertial parameters of a plain fit, its Coulomb step so wide [rad/s or m/s]."""
+    plain = replace(model, friction=FrictionTerms(width=width))
     samples = parts[0] if len(parts) == 1 else joined(parts)
     return _inertial_parameters(plain, samples, WeightedLeastSquares(prior_gain=PRIOR_GAIN))
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Indices, InputError, Mask, freeze, scipy_part
+from dynid.core import Array, Indices, InputError, Mask, freeze, plain, scipy_part
 from dynid.identification.bayesian import symbol_of
 from dynid.regressor import INERTIAL
 
@@ -57,12 +57,7 @@ class Regions:
 
 
 def find_regions(positions: Sequence[Array], sliding: Sequence[bool]) -> Regions:
-    """The regions of recordings, whatever their order.
-
-    Args:
-        positions: (N, n) positions of each recording.
-        sliding: (n) joints that slide.
-    """
+    """The regions of recordings (N, n), whatever their order; some joints (n) slide."""
     n = positions[0].shape[1]
     joints = tuple(range(n)) if n < 4 else tuple(range(1, n - 1))
     slides = np.array(sliding, dtype=bool)
@@ -80,12 +75,7 @@ def find_regions(positions: Sequence[Array], sliding: Sequence[bool]) -> Regions
 
 
 def moving_rows(dq: Array, rate_hz: float) -> Mask:
-    """(N, n) where joints move or reverse; where they stand, friction hides the torque.
-
-    Args:
-        dq: (N, n) velocities [rad/s or m/s].
-        rate_hz: Rate of the samples.
-    """
+    """(N, n) where joints move or reverse; where they stand, friction hides the torque."""
     speed = np.abs(dq)
     span = 2 * int(np.ceil(STANDING_S * rate_hz)) + 1
     fastest: Array = scipy_part("ndimage").maximum_filter1d(speed, span, axis=0)
@@ -169,11 +159,7 @@ def conditions(
 ) -> Conditions:
     """Conditions of states.
 
-    Args:
-        names: (r) names of the base parameters.
-        values: (r) their values.
-        columns: (r, n, N) their columns.
-        moving: (n, N) whether each joint moves.
+    Of base parameters (r) by name, their columns (r, n, N), and whether each joint moves (n, N).
     """
     inertial = {"Im", "Imm", *INERTIAL}
     rubs = [k for k, name in enumerate(names) if symbol_of(name) not in inertial]
@@ -250,14 +236,7 @@ class TorqueInterval:
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
-        return {
-            "root": self.root.tolist(),
-            "sigma": self.sigma.tolist(),
-            "scale": self.scale.tolist(),
-            "slowest": self.slowest.tolist(),
-            "levels": list(LEVELS),
-            "quantiles": self.quantiles.tolist(),
-        }
+        return plain(self) | {"levels": list(LEVELS)}
 
 
 def leverage(root: Array, columns: Array) -> Array:
