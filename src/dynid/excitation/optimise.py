@@ -60,16 +60,7 @@ def finish(
     for share in TIGHTER:
         if stop():
             break
-        better = improve(
-            evaluation,
-            region,
-            first,
-            stop=stop,
-            found=lambda _: None,
-            stages=STAGES[2:],
-            tighten=share,
-        )
-        found = tried(better.x, "tightened")
+        found = tried(again(found=lambda _: None, tighten=share).x, "tightened")
         if found.certificate.holds:
             return found
     return _smaller(evaluation, first.x) or seen[0]
