@@ -63,7 +63,7 @@ def record(controller: RunningController, seconds: float) -> tuple[np.ndarray, f
         recipe = Recipe.of(names, types, number)
         with socket.create_connection((controller.host, controller.ports["secondary"])) as script:
             script.sendall(PROGRAM.format(step=2.0 * cycle, cycle=cycle).encode())
-        sock.sendall(rtde.request_start())
+        sock.sendall(rtde.frame(rtde.Kind.START))
         reply(Kind.START)
         begin = time.perf_counter()
         rows = [reply(Kind.DATA_PACKAGE) for _ in range(round(seconds / cycle) + 1)]

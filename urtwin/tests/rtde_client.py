@@ -68,7 +68,7 @@ class RtdeClient:
         self.socket.sendall(recipe.packet(values))
 
     def start(self):
-        self.socket.sendall(rtde.request_start())
+        self.socket.sendall(rtde.frame(rtde.Kind.START))
         assert rtde.read_answer(self.reply(Kind.START))
 
     def row(self):

@@ -100,11 +100,11 @@ def test_rtde_garbage_is_refused_in_words(host, good):
 
 def test_half_packets_wait_and_are_completed(host, good):
     with RtdeClient(host.host) as client:
-        for byte in rtde.request_software_version()[:-1]:
+        for byte in rtde.frame(rtde.Kind.GET_URCONTROL_VERSION)[:-1]:
             client.socket.sendall(bytes((byte,)))
         with RtdeClient(host.host) as other:
             other.read_outputs(["timestamp"])
-        client.socket.sendall(rtde.request_software_version()[-1:])
+        client.socket.sendall(rtde.frame(rtde.Kind.GET_URCONTROL_VERSION)[-1:])
         assert len(client.reply(Kind.GET_URCONTROL_VERSION)) == 16
 
 
@@ -160,7 +160,7 @@ def test_a_client_that_never_reads_is_given_up(host, good):
 
 
 def test_floods_of_requests_and_of_mistakes(host, good):
-    pour(host.host, rtde.PORT, rtde.request_pause() * 50_000)
+    pour(host.host, rtde.PORT, rtde.frame(rtde.Kind.PAUSE) * 50_000)
     with socket.create_connection((host.host, rtde.PORT), timeout=TIMEOUT_S) as sock:
         sock.sendall(rtde.request_protocol(2) + frame(Kind.DATA_PACKAGE, b"\x09abc") * 200)
         assert b"too many mistakes" in drained(sock)

@@ -49,7 +49,7 @@ def test_protocols_one_and_two_are_spoken(machine, owners, version, accepted):
 
 
 def test_the_software_version_is_told(session):
-    ((kind, payload),) = answers(session, rtde.request_software_version())
+    ((kind, payload),) = answers(session, rtde.frame(rtde.Kind.GET_URCONTROL_VERSION))
     assert (kind, struct.unpack(">4I", payload)) == (Kind.GET_URCONTROL_VERSION, (3, 15, 8, 106339))
 
 
@@ -63,7 +63,7 @@ def test_a_comma_at_the_end_is_no_variable(session):
 
 def test_unknown_outputs_make_a_recipe_that_sends_nothing(session):
     assert outputs(session, ["timestamp", "nonsense"]) == (0, ("DOUBLE", "NOT_FOUND"))
-    session.receive(rtde.request_start())
+    session.receive(rtde.frame(rtde.Kind.START))
     assert not session.streaming
     assert outputs(session, ["timestamp"]) == (1, ("DOUBLE",))
     assert session.streaming
@@ -105,7 +105,7 @@ def test_protocol_one_has_no_recipe_numbers(machine, owners):
         session.receive(frame(Kind.SETUP_OUTPUTS, b"timestamp,actual_q"))
         == b"\x00\x12ODOUBLE,VECTOR6D"
     )
-    session.receive(rtde.request_start())
+    session.receive(rtde.frame(rtde.Kind.START))
     machine.tick()
     packet = Packer(machine).package(session.outputs)
     assert packet[:3] == b"\x00\x3bU"
@@ -170,9 +170,9 @@ def test_bounds_of_recipes(session):
 
 def test_pause_stops_the_stream(session):
     outputs(session, ["timestamp"])
-    assert session.receive(rtde.request_start()) == b"\x00\x04S\x01"
+    assert session.receive(rtde.frame(rtde.Kind.START)) == b"\x00\x04S\x01"
     assert session.streaming
-    assert session.receive(rtde.request_pause()) == b"\x00\x04P\x01"
+    assert session.receive(rtde.frame(rtde.Kind.PAUSE)) == b"\x00\x04P\x01"
     assert not session.streaming
 
 

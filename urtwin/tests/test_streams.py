@@ -84,9 +84,9 @@ def test_the_acknowledgement_of_start_comes_before_the_first_package(fast):
     with RtdeClient(fast.host) as client:
         client.read_outputs(FIELDS)
         for _ in range(50):
-            client.socket.sendall(rtde.request_start())
+            client.socket.sendall(rtde.frame(rtde.Kind.START))
             assert client.packet().kind == Kind.START
-            client.socket.sendall(rtde.request_pause())
+            client.socket.sendall(rtde.frame(rtde.Kind.PAUSE))
             client.reply(Kind.PAUSE)
 
 

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, Finding, InputError, Progress, frozen
+from dynid.core import Array, Finding, InputError, Progress, freeze
 from dynid.protocol import RobotMode, RuntimeState, SafetyMode
 from dynid.trajectory import Trajectory
 
@@ -55,9 +55,7 @@ class WatchLimits:
 
     def __post_init__(self) -> None:
         n = np.size(self.lower)
-        for name in ("lower", "upper", "velocity", "deviation"):
-            value = frozen(getattr(self, name), shape=(n,), name=f"watch {name}", finite=False)
-            object.__setattr__(self, name, value)
+        freeze(self, "watch", finite=False, lower=(n,), upper=(n,), velocity=(n,), deviation=(n,))
         if not (self.deviation > 0).all():
             raise InputError("the allowed deviation must be positive", value=self.deviation)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -246,14 +246,6 @@ class Recipe:
                 for name, kind in zip(self.names, self.types, strict=True)
             ]
         )
-
-    def pack(self, values: Mapping[str, Value]) -> bytes:
-        """The payload of a data package, from one value a name."""
-        numbers: list[float | int | bool] = []
-        for name, kind in zip(self.names, self.types, strict=True):
-            value = values[name]
-            numbers.extend(value) if kind.count > 1 else numbers.append(value)  # pyright: ignore
-        return self.pack_numbers(numbers)
 
     def pack_numbers(self, numbers: Iterable[float | int | bool]) -> bytes:
         """The payload of a data package, from its numbers laid out flat.

@@ -136,24 +136,9 @@ class TextMessage:
     """How grave it is."""
 
 
-@dataclass(frozen=True, slots=True)
-class OutputSetup:
-    """What a client asks to be sent."""
-
-    names: tuple[str, ...]
-    """Variables, in order."""
-    frequency: float | None
-    """Packages a second [Hz]; None in protocol 1, which cannot ask."""
-
-
 def request_protocol(version: int) -> bytes:
     """Client: ask for a version of the protocol."""
     return frame(Kind.REQUEST_PROTOCOL_VERSION, _U16.pack(version))
-
-
-def request_software_version() -> bytes:
-    """Client: ask for the version of the controller's software."""
-    return frame(Kind.GET_URCONTROL_VERSION)
 
 
 def request_outputs(names: Sequence[str], frequency: float | None) -> bytes:
@@ -167,32 +152,22 @@ def request_inputs(names: Sequence[str]) -> bytes:
     return frame(Kind.SETUP_INPUTS, ",".join(names).encode())
 
 
-def request_start() -> bytes:
-    """Client: ask for data packages."""
-    return frame(Kind.START)
-
-
-def request_pause() -> bytes:
-    """Client: ask for silence."""
-    return frame(Kind.PAUSE)
-
-
 def read_protocol_request(payload: bytes) -> int:
     """Controller: the version that a client asks for."""
     return int(_fixed(_U16, payload, "a request for a protocol version")[0])
 
 
-def read_output_setup(payload: bytes, protocol: int) -> OutputSetup:
-    """Controller: the output recipe that a client asks for.
+def read_output_setup(payload: bytes, protocol: int) -> tuple[tuple[str, ...], float | None]:
+    """Controller: the variables that a client asks for, and packages a second (None: protocol 1).
 
     Raises:
         ProtocolError: No frequency, or names that are no text.
     """
     if protocol == 1:
-        return OutputSetup(read_names(payload), None)
+        return read_names(payload), None
     if len(payload) < _F64.size:
         raise ProtocolError("an output setup of protocol 2 begins with a frequency")
-    return OutputSetup(read_names(payload[_F64.size :]), float(_F64.unpack_from(payload)[0]))
+    return read_names(payload[_F64.size :]), float(_F64.unpack_from(payload)[0])
 
 
 def read_names(payload: bytes) -> tuple[str, ...]:

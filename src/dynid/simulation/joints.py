@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dynid.core import Array, InputError, frozen
+from dynid.core import Array, InputError, freeze, frozen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,14 +210,7 @@ class ControllerModel:
 
     def __post_init__(self) -> None:
         n = np.size(self.masses)
-        for name, shape in (
-            ("masses", (n,)),
-            ("com", (n, 3)),
-            ("coulomb", (n,)),
-            ("viscous", (n,)),
-        ):
-            value = frozen(getattr(self, name), shape=shape, name=f"controller {name}")
-            object.__setattr__(self, name, value)
+        freeze(self, "controller", masses=(n,), com=(n, 3), coulomb=(n,), viscous=(n,))
 
     def friction(self, dq: Array) -> Array:
         """(n) the friction that it expects at speeds dq (n) [N.m]."""

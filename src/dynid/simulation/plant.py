@@ -46,7 +46,8 @@ class SimulatedPlant:
         """(n) losses since the reset [J]."""
         steps = math.ceil(self.cycle / PHYSICS_STEP - 1e-9)
         self._step = self.cycle / steps
-        self._tracker = Tracker(arm, self.cycle, steps)
+        self.tracker = Tracker(arm, self.cycle, steps)
+        """The controller's side: targets and the arm that it believes in."""
         self._load_physics()
         self._load_constants()
         self.reset(np.zeros(arm.robot.joints))
@@ -66,7 +67,7 @@ class SimulatedPlant:
         self._q[:] = pose
         for array in (self._qvel, self._motion, self._out, self._dry[5]):
             array[...] = 0.0
-        self._tracker.reset(pose)
+        self.tracker.reset(pose)
         temperature = self.temperature
         self._cycles = 0
         for _ in range(round(_SETTLING / self.cycle)):
@@ -86,8 +87,8 @@ class SimulatedPlant:
             JobError: The simulated arm ran away.
         """
         command = frozen(setpoint, shape=(self.arm.robot.joints,), name="set point")
-        truth, temperature, target = self.arm.truth, self.temperature, self._tracker.now
-        references = self._tracker.plan(command)
+        truth, temperature, target = self.arm.truth, self.temperature, self.tracker.now
+        references = self.tracker.plan(command)
         self._joint[4] = truth.friction.coulomb_at(temperature)
         self._joint[5] = truth.friction.viscous_at(temperature)
         self._out[3:] = 0.0
@@ -117,12 +118,7 @@ class SimulatedPlant:
     def tune(self, servo: Servo) -> None:
         """Go on with another lookahead and gain, as each `servoj` may ask."""
         self._loop[:] = servo.bandwidth, servo.bandwidth**2
-        self._tracker.follow(servo)
-
-    @property
-    def tracker(self) -> Tracker:
-        """The controller's side: targets and the arm that it believes in."""
-        return self._tracker
+        self.tracker.follow(servo)
 
     def _load_physics(self) -> None:
         mujoco = require("mujoco", "sim")

@@ -1,11 +1,7 @@
 """The truth of a simulated arm: every number that identification has to find.
 
-The ten inertial parameters of a link, and its mass, centre of mass and tensor.
-
-The simulated arm has its own few lines for this: it must not borrow the model it is there to
-test.
-
-A payload on the simulated arm.
+The parameters of links are computed by a few lines of its own: the simulated arm must not borrow
+the model that it is there to test.
 """
 
 from dataclasses import dataclass, field, replace
@@ -13,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, frozen, read_only
+from dynid.core import Array, InputError, freeze, frozen, read_only
 from dynid.robot import RobotModel
 from dynid.simulation.joints import (
     ControllerModel,
@@ -112,14 +108,12 @@ class GroundTruth:
 
     def __post_init__(self) -> None:
         n = np.size(self.motor_inertia)
-        inertials = frozen(self.inertials, shape=(n, 10), name="inertials")
-        object.__setattr__(self, "inertials", inertials)
-        for name in ("motor_inertia", "gain"):
-            object.__setattr__(self, name, frozen(getattr(self, name), shape=(n,), name=name))
-        if (inertials[:, 0] <= 0).any() or (self.motor_inertia < 0).any() or (self.gain == 0).any():
+        freeze(self, inertials=(n, 10), motor_inertia=(n,), gain=(n,))
+        masses = self.inertials[:, 0]
+        if (masses <= 0).any() or (self.motor_inertia < 0).any() or (self.gain == 0).any():
             raise InputError(
                 "masses must be positive, motor inertias not negative and gains not zero",
-                value=(inertials[:, 0].tolist(), self.motor_inertia.tolist(), self.gain.tolist()),
+                value=(masses.tolist(), self.motor_inertia.tolist(), self.gain.tolist()),
             )
         parts = (self.friction.coulomb, self.thermal.resistance, self.sensors.position_noise)
         if any(len(part) != n for part in parts):

@@ -23,20 +23,19 @@ from urtwin.core import Message, MessageKind
 from urtwin.machine import ControllerMachine
 
 
-def scalar(machine: ControllerMachine, name: str) -> float:
-    """The value of an output that is one number."""
-    value = machine.output(name)
-    if isinstance(value, Sequence):
-        raise TypeError(f"{name} is a vector")
-    return float(value)
+def numbers(machine: ControllerMachine, *names: str) -> list[float]:
+    """The values of outputs one after another, those of a vector too."""
+    found: list[float] = []
+    for name in names:
+        value = machine.output(name)
+        found += map(float, value) if isinstance(value, Sequence) else [float(value)]
+    return found
 
 
-def vector(machine: ControllerMachine, name: str) -> list[float]:
-    """The values of an output that is a vector."""
-    value = machine.output(name)
-    if not isinstance(value, Sequence):
-        raise TypeError(f"{name} is one number")
-    return [float(number) for number in value]
+def packed(layout: str, *values: float) -> bytes:
+    """Values big-endian, whole numbers where the `struct` codes say so (one code a value)."""
+    pairs = zip(layout, values, strict=True)
+    return struct.pack(f">{layout}", *(v if code in "df" else int(v) for code, v in pairs))
 
 
 def since(machine: ControllerMachine, cb: tuple[int, int], e_series: tuple[int, int]) -> bool:
@@ -75,8 +74,8 @@ def configuration_data(machine: ControllerMachine) -> bytes:
     motions = np.nan_to_num(np.column_stack([limits.velocity, limits.acceleration]), nan=0.0)
     name = arm.plant.arm.robot.name.removesuffix("e")
     kind = (_MASTERBOARD, _BOX, _TYPES.get(name, 0), _subtype(machine))
-    numbers = (*positions.ravel(), *motions.ravel(), *_JOINT_DEFAULTS, *_TOOL_DEFAULTS)
-    return struct.pack(">53d4i", *numbers, _EQUIVALENT_RADIUS, *a, *d, *alpha, *theta, *kind)
+    defaults = (*positions.ravel(), *motions.ravel(), *_JOINT_DEFAULTS, *_TOOL_DEFAULTS)
+    return struct.pack(">53d4i", *defaults, _EQUIVALENT_RADIUS, *a, *d, *alpha, *theta, *kind)
 
 
 def dh_table(robot: RobotModel) -> tuple[Array, Array, Array, Array]:
@@ -104,9 +103,6 @@ def _subtype(machine: ControllerMachine) -> int:
 _ROBOT_STATE = 16
 _MODE, _JOINTS, _TOOL, _BOARD_STATE, _CARTESIAN, _KINEMATICS, _CONFIGURATION = range(7)
 _FORCE_MODE, _ADDITIONAL, _CALIBRATION, _SAFETY, _TOOL_COMMUNICATION, _TOOL_MODE = range(7, 13)
-_JOINT_LAYOUT = struct.Struct(">dddffffB")
-_TOOL_LAYOUT = struct.Struct(">BBddfBffB")
-_MASTERBOARD_LAYOUT = struct.Struct(">IIBBddBBddffffBBBI")
 _RUNNING_CONTROL = 0
 _INTERNAL_CALIBRATION, _INTERNAL_SAFETY = bytes(48), bytes(38)
 """Packages for UR's own software."""
@@ -129,7 +125,7 @@ def robot_state(machine: ControllerMachine, *, first: bool = False) -> bytes:
         (_BOARD_STATE, _masterboard(machine)),
         (_TOOL, _tool(machine)),
         *([(_CONFIGURATION, configuration_data(machine))] if first else []),
-        (_FORCE_MODE, struct.pack(">7d", *vector(machine, "actual_TCP_force"), 0.0)),
+        (_FORCE_MODE, packed("d" * 7, *numbers(machine, "actual_TCP_force"), 0.0)),
         (_ADDITIONAL, _additional(machine)),
     ]
     if since(machine, (4, 0), (5, 0)):
@@ -144,21 +140,15 @@ def robot_state(machine: ControllerMachine, *, first: bool = False) -> bytes:
 
 def _mode(machine: ControllerMachine) -> bytes:
     safety, state = machine.safety_mode, machine.program_state
-    body = struct.pack(
-        ">Q7?BBdd",
-        round(1e6 * scalar(machine, "timestamp")),
-        True,
-        True,
-        machine.robot_mode > RobotMode.POWER_OFF,
+    (timestamp,) = numbers(machine, "timestamp")
+    flags = (
+        *(True, True, machine.robot_mode > RobotMode.POWER_OFF),
         safety in (SafetyMode.SYSTEM_EMERGENCY_STOP, SafetyMode.ROBOT_EMERGENCY_STOP),
-        safety == SafetyMode.PROTECTIVE_STOP,
-        state == "PLAYING",
-        state == "PAUSED",
-        int(machine.robot_mode),
-        _RUNNING_CONTROL,
-        scalar(machine, "target_speed_fraction"),
-        scalar(machine, "speed_scaling"),
+        *(safety == SafetyMode.PROTECTIVE_STOP, state == "PLAYING", state == "PAUSED"),
     )
+    speeds = numbers(machine, "target_speed_fraction", "speed_scaling")
+    modes = (machine.robot_mode, _RUNNING_CONTROL)
+    body = packed("QBBBBBBBBBdd", round(1e6 * timestamp), *flags, *modes, *speeds)
     if since(machine, (3, 2), (5, 0)):
         body += struct.pack(">d", 1.0)
     return body + bytes(1) if since(machine, (3, 5), (5, 0)) else body
@@ -166,57 +156,45 @@ def _mode(machine: ControllerMachine) -> bytes:
 
 def _joints(machine: ControllerMachine) -> bytes:
     names = ("actual_q", "target_q", "actual_qd", "actual_current", "actual_joint_voltage")
-    columns = [vector(machine, name) for name in (*names, "joint_temperatures")]
-    modes = vector(machine, "joint_mode")
-    return b"".join(
-        _JOINT_LAYOUT.pack(*(column[k] for column in columns), columns[-1][k], int(modes[k]))
-        for k in range(len(modes))
-    )
+    columns = [numbers(machine, name) for name in (*names, "joint_temperatures")]
+    modes = numbers(machine, "joint_mode")
+    rows = zip(*columns, columns[-1], modes, strict=True)
+    return b"".join(packed("dddffffB", *row) for row in rows)
 
 
 def _cartesian(machine: ControllerMachine) -> bytes:
-    numbers = vector(machine, "actual_TCP_pose")
+    pose = numbers(machine, "actual_TCP_pose")
     if since(machine, (3, 2), (5, 0)):
-        numbers += vector(machine, "tcp_offset")
-    return struct.pack(f">{len(numbers)}d", *numbers)
+        pose += numbers(machine, "tcp_offset")
+    return packed("d" * len(pose), *pose)
+
+
+def _bits(machine: ControllerMachine, name: str, *places: int) -> list[int]:
+    (word,) = numbers(machine, name)
+    return [int(word) >> place & 1 for place in places]
 
 
 def _tool(machine: ControllerMachine) -> bytes:
-    types = int(scalar(machine, "tool_analog_input_types"))
-    return _TOOL_LAYOUT.pack(
-        types & 1,
-        types >> 1 & 1,
-        scalar(machine, "tool_analog_input0"),
-        scalar(machine, "tool_analog_input1"),
-        scalar(machine, "actual_robot_voltage"),
-        int(scalar(machine, "tool_output_voltage")),
-        scalar(machine, "tool_output_current"),
-        scalar(machine, "tool_temperature"),
-        int(scalar(machine, "tool_mode")),
+    values = numbers(
+        machine,
+        *("tool_analog_input0", "tool_analog_input1", "actual_robot_voltage"),
+        *("tool_output_voltage", "tool_output_current", "tool_temperature", "tool_mode"),
     )
+    return packed("BBddfBffB", *_bits(machine, "tool_analog_input_types", 0, 1), *values)
 
 
 def _masterboard(machine: ControllerMachine) -> bytes:
-    types = int(scalar(machine, "analog_io_types"))
-    body = _MASTERBOARD_LAYOUT.pack(
-        int(scalar(machine, "actual_digital_input_bits")),
-        int(scalar(machine, "actual_digital_output_bits")),
-        types & 1,
-        types >> 1 & 1,
-        scalar(machine, "standard_analog_input0"),
-        scalar(machine, "standard_analog_input1"),
-        types >> 2 & 1,
-        types >> 3 & 1,
-        scalar(machine, "standard_analog_output0"),
-        scalar(machine, "standard_analog_output1"),
-        scalar(machine, "tool_temperature"),
-        scalar(machine, "actual_robot_voltage"),
-        scalar(machine, "actual_robot_current"),
-        scalar(machine, "io_current"),
-        int(machine.safety_mode),
-        machine.safety_mode == SafetyMode.REDUCED,
-        0,
-        0,
+    digital = numbers(machine, "actual_digital_input_bits", "actual_digital_output_bits")
+    body = packed(
+        "IIBBddBBddffffBBBI",
+        *digital,
+        *_bits(machine, "analog_io_types", 0, 1),
+        *numbers(machine, "standard_analog_input0", "standard_analog_input1"),
+        *_bits(machine, "analog_io_types", 2, 3),
+        *numbers(machine, "standard_analog_output0", "standard_analog_output1"),
+        *numbers(machine, "tool_temperature", "actual_robot_voltage"),
+        *numbers(machine, "actual_robot_current", "io_current"),
+        *(machine.safety_mode, machine.safety_mode == SafetyMode.REDUCED, 0, 0),
     )
     # The selector of the operational mode and the three-position device; then UR's own byte.
     selectors = 3 * since(machine, (3, 5), (5, 0)) or 2 * since(machine, (3, 2), (5, 0))
@@ -302,53 +280,32 @@ def _message(kind: int, source: int, body: bytes, timestamp: float) -> bytes:
     return struct.pack(">iB", 5 + len(head) + len(body), _ROBOT_MESSAGE) + head + body
 
 
-_VECTORS_FIRST = (
-    *("target_q", "target_qd", "target_qdd", "target_current", "target_moment"),
-    *("actual_q", "actual_qd", "actual_current", "joint_control_output"),
-    *("actual_TCP_pose", "actual_TCP_speed", "actual_TCP_force"),
-    *("target_TCP_pose", "target_TCP_speed"),
-)
-_UR_ONLY = 0.0
+_UR_ONLY = "0"
 """In the place of values that UR keeps to itself."""
+_REALTIME: tuple[tuple[tuple[int, int], tuple[int, int], str], ...] = (
+    (
+        (3, 0),
+        (5, 0),
+        """timestamp target_q target_qd target_qdd target_current target_moment actual_q actual_qd
+        actual_current joint_control_output actual_TCP_pose actual_TCP_speed actual_TCP_force
+        target_TCP_pose target_TCP_speed actual_digital_input_bits joint_temperatures
+        actual_execution_time 0 robot_mode joint_mode safety_mode 0 0 0 0 0 0
+        actual_tool_accelerometer 0 0 0 0 0 0 speed_scaling actual_momentum 0 0 actual_main_voltage
+        actual_robot_voltage actual_robot_current actual_joint_voltage""",
+    ),
+    ((3, 2), (5, 0), "actual_digital_output_bits runtime_state"),
+    ((3, 5), (5, 0), "elbow_position elbow_velocity"),
+    ((3, 10), (5, 4), "safety_status"),
+    ((3, 15), (5, 10), "0 0 0 payload payload_cog payload_inertia"),
+)
+"""What each version of the software (CB-Series, e-Series) has added to the packet."""
 
 
 def realtime_state(machine: ControllerMachine) -> bytes:
     """The packet of this cycle, in the layout of the controller's software."""
-    values = _values(machine)
+    values: list[float] = []
+    for cb, e_series, names in _REALTIME:
+        if since(machine, cb, e_series):
+            for name in names.split():
+                values += [0.0] if name == _UR_ONLY else numbers(machine, name)
     return struct.pack(f">i{len(values)}d", 4 + 8 * len(values), *values)
-
-
-def _values(machine: ControllerMachine) -> list[float]:
-    def vectors(*names: str) -> list[float]:
-        return [number for name in names for number in vector(machine, name)]
-
-    def scalars(*names: str) -> list[float]:
-        return [scalar(machine, name) for name in names]
-
-    values = [
-        *scalars("timestamp"),
-        *vectors(*_VECTORS_FIRST),
-        *scalars("actual_digital_input_bits"),
-        *vectors("joint_temperatures"),
-        *scalars("actual_execution_time"),
-        _UR_ONLY,
-        *scalars("robot_mode"),
-        *vectors("joint_mode"),
-        *scalars("safety_mode"),
-        *[_UR_ONLY] * 6,
-        *vectors("actual_tool_accelerometer"),
-        *[_UR_ONLY] * 6,
-        *scalars("speed_scaling", "actual_momentum"),
-        *[_UR_ONLY] * 2,
-        *scalars("actual_main_voltage", "actual_robot_voltage", "actual_robot_current"),
-        *vectors("actual_joint_voltage"),
-    ]
-    if since(machine, (3, 2), (5, 0)):
-        values += scalars("actual_digital_output_bits", "runtime_state")
-    if since(machine, (3, 5), (5, 0)):
-        values += vectors("elbow_position", "elbow_velocity")
-    if since(machine, (3, 10), (5, 4)):
-        values += scalars("safety_status")
-    if since(machine, (3, 15), (5, 10)):
-        values += [*[_UR_ONLY] * 3, *scalars("payload"), *vectors("payload_cog", "payload_inertia")]
-    return values

@@ -254,7 +254,7 @@ class RtdeSession:
             case Kind.GET_URCONTROL_VERSION:
                 return rtde.answer_software_version(*self._machine.core.version)
             case Kind.SETUP_OUTPUTS:
-                return self._set_up_outputs(rtde.read_output_setup(payload, self.protocol))
+                return self._set_up_outputs(*rtde.read_output_setup(payload, self.protocol))
             case Kind.SETUP_INPUTS:
                 return self._set_up_inputs(rtde.read_names(payload))
             case Kind.START | Kind.PAUSE:
@@ -270,18 +270,18 @@ class RtdeSession:
             self.protocol = version
         return rtde.answer(Kind.REQUEST_PROTOCOL_VERSION, accepted)
 
-    def _set_up_outputs(self, setup: rtde.OutputSetup) -> bytes:
-        _check_length(setup.names)
-        types = [type_of(OUTPUTS, name, self._version) for name in setup.names]
+    def _set_up_outputs(self, names: tuple[str, ...], asked_hz: float | None) -> bytes:
+        _check_length(names)
+        types = [type_of(OUTPUTS, name, self._version) for name in names]
         rate = 1.0 / self._machine.cycle
-        frequency = _FIRST_PROTOCOL_HZ if setup.frequency is None else setup.frequency
+        frequency = _FIRST_PROTOCOL_HZ if asked_hz is None else asked_hz
         number = None if self.protocol == 1 else 1
         self.outputs = None
         complaint = b""
         if not (math.isfinite(frequency) and frequency > 0):
             complaint = self._complain(f"{frequency} is no frequency; allowed: 1 to {rate:g} Hz")
         elif types and NOT_FOUND not in types:
-            self.outputs = Recipe.of(setup.names, types, number)
+            self.outputs = Recipe.of(names, types, number)
             self.every = max(1, math.floor(rate / max(frequency, 1.0) + 1e-9))
         accepted = number if self.outputs is not None or number is None else 0
         return complaint + rtde.answer_setup(Kind.SETUP_OUTPUTS, types, accepted)

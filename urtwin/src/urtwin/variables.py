@@ -13,7 +13,7 @@ import numpy as np
 from dynid.core import Array, InputError
 from dynid.protocol import JointMode, RobotMode, RobotStatus, RuntimeState
 from dynid.simulation import PlantState, Target
-from urtwin.core import BITS, COUNT, Core
+from urtwin.core import BITS, COUNT, Core, Registers
 from urtwin.kinematics import to_pose
 
 OutputValue = bool | int | float | list[int] | list[float]
@@ -43,14 +43,6 @@ def _measured(quantity: str) -> _Reader:
 
 def _constant(value: OutputValue) -> _Reader:
     return lambda _: value
-
-
-def _target_current(core: Core) -> OutputValue:
-    return (core.arm.state.target.feedforward / core.arm.truth.gain).tolist()
-
-
-def _current_as_torque(core: Core) -> OutputValue:
-    return (np.array(core.arm.measured("current")) * core.arm.truth.gain).tolist()
 
 
 def _tool(core: Core, q: Array) -> list[float]:
@@ -106,25 +98,6 @@ def _deviation(core: Core) -> OutputValue:
     return float(np.max(np.abs(state.q - state.target.q))) / core.safety.limits.deviation
 
 
-def _elbow(core: Core) -> OutputValue:
-    return core.arm.kinematics.elbow(core.arm.state.q.tolist())[0]
-
-
-def _elbow_speed(core: Core) -> OutputValue:
-    state = core.arm.state
-    jacobian = core.arm.kinematics.elbow(state.q.tolist())[1]
-    return (np.array(jacobian) @ state.dq).tolist()
-
-
-def _joint_modes(core: Core) -> OutputValue:
-    return [int(_JOINT_MODE.get(core.mode, JointMode.RUNNING))] * 6
-
-
-def _tool_mode(core: Core) -> OutputValue:
-    running = core.mode == RobotMode.RUNNING
-    return int(JointMode.RUNNING if running else JointMode.IDLE)
-
-
 def _current_window(core: Core) -> OutputValue:
     limit = core.arm.limits.torque / np.abs(core.arm.truth.gain)
     return np.nan_to_num(limit, nan=0.0).tolist()
@@ -132,19 +105,17 @@ def _current_window(core: Core) -> OutputValue:
 
 def _registers() -> dict[str, _Reader]:
     found: dict[str, _Reader] = {}
-
-    def add(side: str) -> None:
-        def bank(core: Core):
-            return core.inputs if side == "input" else core.outputs
-
+    sides: dict[str, Callable[[Core], Registers]] = {
+        "input": lambda core: core.inputs,
+        "output": lambda core: core.outputs,
+    }
+    for side, bank in sides.items():
         for kind, k in _REGISTERS:
-            name = f"{side}_{kind}_register_{k}"
-            found[name] = lambda core, kind=kind, k=k: bank(core).banks[kind][k]
-        found[f"{side}_bit_registers0_to_31"] = lambda core: bank(core).word(0)
-        found[f"{side}_bit_registers32_to_63"] = lambda core: bank(core).word(32)
-
-    add("input")
-    add("output")
+            found[f"{side}_{kind}_register_{k}"] = lambda core, bank=bank, kind=kind, k=k: bank(
+                core
+            ).banks[kind][k]
+        found[f"{side}_bit_registers0_to_31"] = lambda core, bank=bank: bank(core).word(0)
+        found[f"{side}_bit_registers32_to_63"] = lambda core, bank=bank: bank(core).word(32)
     return found
 
 
@@ -154,13 +125,17 @@ READERS: dict[str, _Reader] = {
     "target_qd": _target("dq"),
     "target_qdd": _target("ddq"),
     "target_moment": _target("moment"),
-    "target_current": _target_current,
+    "target_current": lambda core: (
+        core.arm.state.target.feedforward / core.arm.truth.gain
+    ).tolist(),
     "actual_q": _measured("position"),
     "actual_qd": _measured("velocity"),
     "actual_current": _measured("current"),
     "joint_control_output": _measured("current"),
     "joint_temperatures": _measured("temperature"),
-    "actual_current_as_torque": _current_as_torque,
+    "actual_current_as_torque": lambda core: (
+        np.array(core.arm.measured("current")) * core.arm.truth.gain
+    ).tolist(),
     "actual_current_window": _current_window,
     "actual_TCP_pose": lambda core: _tool(core, core.arm.state.q),
     "target_TCP_pose": lambda core: _tool(core, core.arm.state.target.q),
@@ -176,14 +151,16 @@ READERS: dict[str, _Reader] = {
     "tcp_force_scalar": _constant(0.0),
     "ft_raw_wrench": _constant([0.0] * 6),
     "actual_tool_accelerometer": _acceleration,
-    "elbow_position": _elbow,
-    "elbow_velocity": _elbow_speed,
+    "elbow_position": lambda core: core.arm.kinematics.elbow(core.arm.state.q.tolist())[0],
+    "elbow_velocity": lambda core: (
+        np.array(core.arm.kinematics.elbow(core.arm.state.q.tolist())[1]) @ core.arm.state.dq
+    ).tolist(),
     "tcp_offset": lambda core: core.tcp,
     "payload": lambda core: core.payload.mass,
     "payload_cog": lambda core: core.payload.cog,
     "payload_inertia": lambda core: core.payload.inertia,
     "robot_mode": lambda core: int(core.mode),
-    "joint_mode": _joint_modes,
+    "joint_mode": lambda core: [int(_JOINT_MODE.get(core.mode, JointMode.RUNNING))] * 6,
     "safety_mode": lambda core: int(core.safety.mode),
     "safety_status": lambda core: int(core.safety.mode),
     "safety_status_bits": lambda core: core.safety.bits,
@@ -222,7 +199,9 @@ READERS: dict[str, _Reader] = {
     "euromap67_output_bits": _constant(0),
     "euromap67_24V_voltage": _constant(0.0),
     "euromap67_24V_current": _constant(0.0),
-    "tool_mode": _tool_mode,
+    "tool_mode": lambda core: int(
+        JointMode.RUNNING if core.mode == RobotMode.RUNNING else JointMode.IDLE
+    ),
     "tool_analog_input_types": _constant(0),
     "tool_analog_input0": _constant(0.0),
     "tool_analog_input1": _constant(0.0),

@@ -44,7 +44,7 @@ class RtdeLink:
                 self._ask(Kind.REQUEST_PROTOCOL_VERSION, rtde.request_protocol(2))
             ):
                 raise ProtocolError("the controller has no RTDE protocol 2", where=host)
-            reply = self._ask(Kind.GET_URCONTROL_VERSION, rtde.request_software_version())
+            reply = self._ask(Kind.GET_URCONTROL_VERSION, rtde.frame(Kind.GET_URCONTROL_VERSION))
             self.version = rtde.read_software_version(reply)
             """Major, minor, bugfix and build number of its software."""
         except BaseException:
@@ -83,7 +83,7 @@ class RtdeLink:
         Raises:
             JobError: The controller refuses (`ProtocolError`), or is gone.
         """
-        if not rtde.read_answer(self._ask(Kind.START, rtde.request_start())):
+        if not rtde.read_answer(self._ask(Kind.START, rtde.frame(Kind.START))):
             raise ProtocolError("the controller refuses to send", where=self.host)
         self.socket.settimeout(SILENCE_S)
 

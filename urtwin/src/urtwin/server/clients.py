@@ -164,14 +164,13 @@ class Client(ABC):
 
     Args:
         connection: Its socket.
-        port: The port that it came to.
     """
 
     read_size = 1024
     """Bytes taken at once: little, so that no client delays a cycle."""
 
-    def __init__(self, connection: Connection, port: int) -> None:
-        self.connection, self.port = connection, port
+    def __init__(self, connection: Connection) -> None:
+        self.connection, self.port = connection, connection.port
         self.regret = ""
         """What went wrong for it though nobody sent it away."""
 
@@ -217,12 +216,11 @@ class RtdeClient(Client):
 
     Args:
         connection: Its socket.
-        port: The port that it came to.
         session: Its session.
     """
 
-    def __init__(self, connection: Connection, port: int, session: RtdeSession) -> None:
-        super().__init__(connection, port)
+    def __init__(self, connection: Connection, session: RtdeSession) -> None:
+        super().__init__(connection)
         self.session = session
         self.question = question(connection.socket)
 
@@ -244,12 +242,11 @@ class DashboardClient(Client):
 
     Args:
         connection: Its socket.
-        port: The port that it came to.
         session: Its session.
     """
 
-    def __init__(self, connection: Connection, port: int, session: DashboardSession) -> None:
-        super().__init__(connection, port)
+    def __init__(self, connection: Connection, session: DashboardSession) -> None:
+        super().__init__(connection)
         self.session = session
 
     @property
@@ -284,7 +281,6 @@ class ScriptClient(WatchingClient):
 
     Args:
         connection: Its socket.
-        port: The port that it came to.
         reader: Finds programs in what it sends.
         submit: Takes a whole program.
     """
@@ -294,11 +290,10 @@ class ScriptClient(WatchingClient):
     def __init__(
         self,
         connection: Connection,
-        port: int,
         reader: ScriptReader,
         submit: Callable[[str], None],
     ) -> None:
-        super().__init__(connection, port)
+        super().__init__(connection)
         self._reader, self._submit = reader, submit
 
     def readable(self) -> None:
@@ -334,14 +329,13 @@ class LeavingClient(Client):
 
     Args:
         connection: Its socket.
-        port: The port that it came to.
         until: When it is closed even if it stays [s].
     """
 
     read_size = 1 << 16
 
-    def __init__(self, connection: Connection, port: int, until: float) -> None:
-        super().__init__(connection, port)
+    def __init__(self, connection: Connection, until: float) -> None:
+        super().__init__(connection)
         self.until = until
         connection.farewell()
 
@@ -358,12 +352,11 @@ class InterpreterClient(Client):
 
     Args:
         connection: Its socket.
-        port: The port that it came to.
         interpreter: Takes its lines.
     """
 
-    def __init__(self, connection: Connection, port: int, interpreter: Interpreter) -> None:
-        super().__init__(connection, port)
+    def __init__(self, connection: Connection, interpreter: Interpreter) -> None:
+        super().__init__(connection)
         self._interpreter = interpreter
         self._rest = b""
 

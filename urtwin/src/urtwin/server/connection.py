@@ -78,6 +78,8 @@ class Connection:
         sock.setblocking(False)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.socket, self.peer = sock, peer
+        self.port: int = sock.getsockname()[1]
+        """Where it came to."""
         self.since = time.monotonic()
         self.silent = True
         """Whether it has not said a word yet."""

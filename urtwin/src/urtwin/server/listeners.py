@@ -161,17 +161,17 @@ class Reception:
         folder = settings.programs
         self._programs = no_programs if folder is None else program_folder(folder)
 
-    def client(self, connection: Connection, port: int) -> Client:
-        """The client behind a connection to a port."""
-        machine = self._machine
+    def client(self, connection: Connection) -> Client:
+        """The client behind a connection."""
+        machine, port = self._machine, connection.port
         if port == rtde.PORT:
             session = RtdeSession(machine, self._owners, orderly=self._orderly)
-            return RtdeClient(connection, port, session)
+            return RtdeClient(connection, session)
         if port == dashboard.PORT:
             desk = DashboardSession(machine, self._model, _SERIAL, self._programs)
-            return DashboardClient(connection, port, desk)
+            return DashboardClient(connection, desk)
         if port == INTERPRETER:
-            return InterpreterClient(connection, port, machine.core.interpreter)
+            return InterpreterClient(connection, machine.core.interpreter)
         if port in READ_ONLY:
-            return WatchingClient(connection, port)
-        return ScriptClient(connection, port, ScriptReader(self._pool), self._submit)
+            return WatchingClient(connection)
+        return ScriptClient(connection, ScriptReader(self._pool), self._submit)

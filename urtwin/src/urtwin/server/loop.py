@@ -400,7 +400,7 @@ class ControllerServer:
             return
         try:
             connection = Connection(accepted, f"{host}:{peer}")
-            client = self._reception.client(connection, port)
+            client = self._reception.client(connection)
         except OSError:
             # It has left while it waited to be let in.
             accepted.close()
@@ -436,7 +436,7 @@ class ControllerServer:
             self._close(client)
             return
         self._log.say(f"{connection.peer} on port {client.port} sent away: {connection.lost}")
-        leaving = LeavingClient(connection, client.port, now + _FAREWELL_S)
+        leaving = LeavingClient(connection, now + _FAREWELL_S)
         self._clients[connection.socket.fileno()] = leaving
 
     def _close(self, client: Client) -> None:
