@@ -47,12 +47,9 @@ class KnownArm:
     validation: SimulatedRun
 
     def problem(self, noise: float, cutoff_hz: float, seed: int) -> IdentificationProblem:
-        """The identification problem of the run with noise added.
+        """The identification problem of the run, its motion low-passed, with noise added.
 
-        Args:
-            noise: Factor on `POSITION_NOISE` and `TORQUE_NOISE`.
-            cutoff_hz: Low-pass of the motion [Hz].
-            seed: Of the noise.
+        `noise` is a factor on `POSITION_NOISE` and `TORQUE_NOISE`.
         """
         generator = np.random.default_rng(seed)
         truth = self.run.truth
@@ -70,9 +67,6 @@ class KnownArm:
 
 def known_arm(seed: int) -> KnownArm:
     """Simulate the UR5 on two random excitations; MuJoCo moves it, not our regressor.
-
-    Args:
-        seed: Of the trajectories.
 
     Raises:
         MissingExtraError: MuJoCo is not installed.

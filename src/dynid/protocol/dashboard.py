@@ -40,12 +40,7 @@ _SINCE: dict[str, tuple[tuple[int, int], tuple[int, int]]] = {
 
 
 def known_to(command: str, version: tuple[int, int]) -> bool:
-    """Whether software of a version has a command.
-
-    Args:
-        command: In small letters, without what follows it.
-        version: Major and minor number.
-    """
+    """Whether software of a major and minor number has a command, in small letters."""
     cb, e_series = _SINCE.get(command, ((0, 0), (0, 0)))
     return version >= (cb if version[0] < 5 else e_series)
 

@@ -258,13 +258,7 @@ _POINT = 1e-9 * np.eye(3)  # MuJoCo wants a tensor that is not quite zero
 
 
 class Tracker:
-    """Turns one set point a control cycle into targets for every physics step (see `Servo`).
-
-    Args:
-        arm: The simulated arm.
-        cycle: Length of a control cycle [s].
-        steps: Physics steps in a cycle.
-    """
+    """Turns one set point a control cycle [s] into targets for every physics step (see `Servo`)."""
 
     def __init__(self, arm: SimulatedArm, cycle: float, steps: int) -> None:
         mujoco = require("mujoco", "sim")

@@ -54,9 +54,7 @@ def link_body(parameters: Array) -> tuple[float, Array, Array]:
 def in_parent_frame(parameters: Array, placement: Array) -> Array:
     """The ten parameters (10) of the same body, about the parent frame.
 
-    Args:
-        parameters: (10) about the inner frame.
-        placement: (4, 4) inner frame in the parent frame [m].
+    The inner frame stands at `placement` (4, 4) in the parent frame [m].
     """
     mass, com, tensor = link_body(parameters)
     rotation, origin = placement[:3, :3], placement[:3, 3]

@@ -102,11 +102,7 @@ class ControlledArm:
         self.plant.reset(self.setpoint)
 
     def measured(self, quantity: str) -> list[float]:
-        """(6) what the sensors say in this cycle.
-
-        Args:
-            quantity: `position`, `velocity`, `current` or `temperature`.
-        """
+        """(6) what the sensors say of `position`, `velocity`, `current` or `temperature`."""
         state = self.state
         row, true = {
             "position": (0, state.q),
@@ -119,8 +115,7 @@ class ControlledArm:
     def draw_anew(self, number: int) -> None:
         """Begin the noise of a program: it does not depend on when the program was sent.
 
-        Args:
-            number: How many programs were started before, and this one.
+        `number` counts the programs that were started.
         """
         self._generator = np.random.default_rng((self._seed, number))
 
@@ -218,13 +213,9 @@ class Trapezoid:
 
 
 def trapezoid(length: float, speed: float, acceleration: float, time: float = 0.0) -> Trapezoid:
-    """The profile of a move.
+    """The profile of a move over a length, in m or rad and s.
 
-    Args:
-        length: Way to go, not negative [m or rad].
-        speed: Speed asked for [m/s or rad/s].
-        acceleration: Acceleration asked for [m/s^2 or rad/s^2].
-        time: If positive, how long the move takes, in place of speed and acceleration [s].
+    A positive time takes the place of speed and acceleration.
 
     Raises:
         InputError: A speed or acceleration that is not positive, or numbers that are not finite.
@@ -257,11 +248,7 @@ class Rest:
     """(6) the last set point [rad]."""
 
     def next(self, step: float) -> list[float] | None:
-        """(6) how far the next set point is from the way point [rad]; None at its end.
-
-        Args:
-            step: Time that passes [s].
-        """
+        """(6) from the way point to the set point [rad], a step [s] later; None at the end."""
         self.t += step
         if self.t >= self.profile.duration:
             return None
@@ -269,11 +256,9 @@ class Rest:
         return [q - e for q, e in zip(place, self.end, strict=True)]
 
     def alone(self, arm: ControlledArm, step: float) -> bool:
-        """Move the arm on, where no other move does; whether there is still a way to go.
+        """Move the arm on by a step [s], where no other move does; whether there is a way to go.
 
-        Args:
-            arm: The arm; one that was moved or stopped meanwhile is left alone.
-            step: Time that passes [s].
+        An arm that was moved or stopped meanwhile is left alone.
         """
         if arm.setpoint != self.last:
             return False
@@ -288,13 +273,9 @@ class Rest:
 
 
 def hands_over(distance: Callable[[], float], profile: Trapezoid, t: float, radius: float) -> bool:
-    """Whether a move lets the next one begin.
+    """Whether a move lets the next one begin, at a time t since it began [s].
 
-    Args:
-        distance: Tells how far the tool is from the way point [m].
-        profile: Its profile.
-        t: Time since it began [s].
-        radius: The blend radius [m].
+    It does while it brakes, once the tool is no further from the way point than the radius [m].
     """
     if radius <= 0.0 or not math.isfinite(radius) or profile.length == 0.0:
         return False
@@ -330,9 +311,7 @@ class ForceMode:
     def next(self, arm: ControlledArm, tcp: Array) -> list[float]:
         """(6) the set point of a cycle in which nothing else moves the arm [rad].
 
-        Args:
-            arm: The arm.
-            tcp: (4, 4) the tool in the flange.
+        The tool `tcp` (4, 4) is given in the flange [m].
         """
         tool, jacobian = arm.kinematics.jacobian(arm.setpoint, tcp)
         now = jacobian @ np.array(arm.speed)

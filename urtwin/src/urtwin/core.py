@@ -93,13 +93,7 @@ class Signals:
         """What programs remember between runs."""
 
     def masked(self, mask: int, value: int, shift: int) -> None:
-        """Set the outputs that a mask names.
-
-        Args:
-            mask: Which outputs change.
-            value: Their new states.
-            shift: Bit of the first output.
-        """
+        """Set the outputs that a mask names to bits of a value; the first is bit `shift`."""
         keep = self.digital_out & ~(mask << shift)
         self.digital_out = keep | (value & mask) << shift
 
@@ -178,14 +172,7 @@ class InputWatchdog:
 
 
 class Core:
-    """The state of a controller: arm, registers, signals, safety, tool and messages.
-
-    Args:
-        arm: The arm under it.
-        safety: Its safety system.
-        rate_hz: Control cycles a second.
-        version: Software version.
-    """
+    """The state of a controller: arm, registers, signals, safety, tool and messages."""
 
     def __init__(
         self, arm: ControlledArm, safety: Safety, rate_hz: float, version: tuple[int, int, int, int]
@@ -237,10 +224,6 @@ class Core:
 
     def move(self, q: list[float], mover: object) -> None:
         """Send the arm to joint positions (6) in this cycle [rad].
-
-        Args:
-            q: The set point.
-            mover: Who sends it.
 
         Raises:
             ScriptFault: Somebody else moves the arm in the same cycle.

@@ -68,12 +68,6 @@ class DashboardSession:
     """What the dashboard knows of one client.
 
     Programs cannot be uploaded to the dashboard: `load` takes those that `programs` finds.
-
-    Args:
-        machine: The controller behind.
-        model: The robot's model as the pendant shows it, `UR5`.
-        serial: Its serial number.
-        programs: Finds the text of a program.
     """
 
     def __init__(
@@ -243,14 +237,10 @@ _COMMANDS: dict[str, Callable[[ControllerMachine], object]] = {
 
 
 def obey(text: str, machine: ControllerMachine) -> bool:
-    """Do what a line says, if it is such a command.
-
-    Args:
-        text: What came on a script port.
-        machine: The controller.
+    """Do what a line of a script port says, if it is such a command; else it is a program.
 
     Returns:
-        Whether it was one; else it is a program.
+        Whether it was one.
     """
     if len(text) > _LONGEST:
         return False

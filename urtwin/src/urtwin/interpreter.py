@@ -76,11 +76,9 @@ class Interpreter:
             self._lines.popleft().discard(_NOT_RUNNING)
 
     def receive(self, text: str, answer: Answer) -> None:
-        """A line from a client: a command of the mode, or statements.
+        """A command of the mode, or statements, from a client; `answer` takes the reply.
 
-        Args:
-            text: The line.
-            answer: Takes the reply, now or when the line has been compiled.
+        Statements are answered when they have been compiled.
         """
         line = _Received(text, answer)
         if self._execution is None:

@@ -132,11 +132,7 @@ _RATE_STEP_S = 1e-4
 
 
 class ToolKinematics:
-    """Forward and inverse kinematics of a robot's tool.
-
-    Args:
-        robot: The robot; revolute joints only.
-    """
+    """Forward and inverse kinematics of the tool of a robot whose joints all turn."""
 
     def __init__(self, robot: RobotModel) -> None:
         self._robot = robot

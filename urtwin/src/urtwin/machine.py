@@ -42,11 +42,7 @@ def compile_program(text: str) -> CompiledProgram:
 
 
 class Programs:
-    """Starts, pauses, steps and ends programs.
-
-    Args:
-        core: The state of the controller.
-    """
+    """Starts, pauses, steps and ends programs."""
 
     def __init__(self, core: Core) -> None:
         self.core = core

@@ -34,12 +34,7 @@ def on_this_machine(host: str) -> bool:
 
 
 class Link:
-    """One socket; what it received waits in `data`.
-
-    Args:
-        host: IPv4 address.
-        port: TCP port.
-    """
+    """One socket to an IPv4 address and a TCP port; what it received waits in `data`."""
 
     def __init__(self, host: str, port: int) -> None:
         self.data = bytearray()
@@ -111,11 +106,7 @@ class Link:
 
 
 class Network:
-    """The sockets of the running program.
-
-    Args:
-        allowed: Whether a program may connect to an address.
-    """
+    """The sockets of the running program; `allowed` tells to which addresses it may connect."""
 
     def __init__(self, allowed: Callable[[str], bool]) -> None:
         self._allowed = allowed

@@ -39,13 +39,7 @@ def packed(layout: str, *values: float) -> bytes:
 
 
 def since(machine: ControllerMachine, cb: tuple[int, int], e_series: tuple[int, int]) -> bool:
-    """Whether the software is as new as that of its series.
-
-    Args:
-        machine: The controller.
-        cb: Major and minor number on the CB-Series.
-        e_series: The same on the e-Series.
-    """
+    """Whether the software is as new as the major and minor number given for its series."""
     version = machine.core.version[:2]
     return version >= (cb if version[0] < 5 else e_series)
 
@@ -110,12 +104,7 @@ _NO_TOOL_COMMUNICATION = struct.pack(">?iiiff", False, 115_200, 0, 1, 1.5, 3.5)
 
 
 def robot_state(machine: ControllerMachine, *, first: bool = False) -> bytes:
-    """The state that 30001 and 30002 send ten times a second.
-
-    Args:
-        machine: The controller.
-        first: Whether the client has had none yet: it is told the kinematics and the limits too.
-    """
+    """The state that 30001 and 30002 send ten times a second; the first also tells limits."""
     packages = [
         (_MODE, _mode(machine)),
         (_JOINTS, _joints(machine)),
@@ -218,12 +207,7 @@ _LONGEST_TITLE = 255
 
 
 def version_message(version: tuple[int, int, int, int], timestamp: float) -> bytes:
-    """What a client of 30001 or 30002 reads first.
-
-    Args:
-        version: Major, minor, bugfix and build number.
-        timestamp: Controller time [s].
-    """
+    """What a client of 30001 or 30002 reads first, at a controller time [s]."""
     body = _short(_PROJECT) + struct.pack(">BBii", *version) + _BUILD_DATE
     return _message(_VERSION, _FROM_CONTROLLER, body, timestamp)
 

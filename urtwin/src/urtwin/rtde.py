@@ -37,9 +37,6 @@ class InputQueue:
     """Lets one package of each recipe act in each cycle while set points are streamed.
 
     Packages act in the order in which they came; without a stream all act at once.
-
-    Args:
-        write: Writes an input.
     """
 
     def __init__(self, write: Callable[[str, Value], None]) -> None:
@@ -52,13 +49,7 @@ class InputQueue:
         """Whether the client was sent a package since it wrote."""
 
     def put(self, recipe: int, values: Mapping[str, Value], now: float) -> None:
-        """Take what the client wrote.
-
-        Args:
-            recipe: The number of the recipe.
-            values: Its inputs.
-            now: The monotonic clock [s].
-        """
+        """Take what the client wrote by a recipe, at a time of the monotonic clock [s]."""
         self._waiting.append((recipe, values))
         self._last, self.asked = now, False
         # Commands that are answered, such as ur_rtde's moveJ, are followed by one without numbers.
@@ -77,9 +68,8 @@ class InputQueue:
     def apply_next(self, guided: bool) -> None:
         """Let act what belongs to this cycle.
 
-        Args:
-            guided: Whether any client writes set points: what others say belongs to one of them.
-                Otherwise all acts, a wish to stop not behind signs of life in a bunch.
+        Where a client writes set points (`guided`), what others say belongs to one of them.
+        Otherwise all acts, a wish to stop not behind signs of life in a bunch.
         """
         if not guided:
             self.apply_all()
@@ -108,11 +98,7 @@ class InputQueue:
 
 
 class Packer:
-    """Packs the machine's outputs; clients with the same recipe share the work.
-
-    Args:
-        machine: The controller behind.
-    """
+    """Packs the machine's outputs; clients with the same recipe share the work."""
 
     def __init__(self, machine: ControllerMachine) -> None:
         self._machine = machine
@@ -185,11 +171,8 @@ def type_of(table: Mapping[str, Field], name: str, version: Version) -> str:
 class RtdeSession:
     """What the controller knows of one client.
 
-    Args:
-        machine: The controller behind.
-        owners: Who writes which input, shared by all sessions.
-        orderly: Whether inputs act one after another, a cycle each, however they arrive: in
-            virtual time many may come between two cycles. Else the newest acts.
+    Where inputs are `orderly` they act one after another, a cycle each, however they arrive: in
+    virtual time many may come between two cycles. Else the newest acts.
     """
 
     def __init__(

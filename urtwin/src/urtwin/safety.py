@@ -58,11 +58,7 @@ class WatchedLimits:
 
 
 class Safety:
-    """Whether the robot may move.
-
-    Args:
-        limits: What is watched.
-    """
+    """Whether the robot may move."""
 
     def __init__(self, limits: WatchedLimits) -> None:
         self.limits = limits
@@ -85,12 +81,7 @@ class Safety:
         return self.mode != SafetyMode.NORMAL
 
     def stop(self, reason: str, now: float) -> None:
-        """Enter the protective stop.
-
-        Args:
-            reason: What the screen says.
-            now: Controller time [s].
-        """
+        """Enter the protective stop at a controller time [s]; the screen says the reason."""
         self.mode, self.reason, self.since = SafetyMode.PROTECTIVE_STOP, reason, now
 
     def fail(self, reason: str, now: float) -> None:
@@ -117,9 +108,7 @@ class Safety:
     def judge(self, arm: ControlledArm, tcp: Array) -> str | None:
         """What is wrong with the new set point or the state of an arm, or None.
 
-        Args:
-            arm: The arm.
-            tcp: (4, 4) the tool in the flange [m].
+        The tool `tcp` (4, 4) is given in the flange [m].
         """
         return self._setpoint(arm) or self._state(arm, tcp)
 

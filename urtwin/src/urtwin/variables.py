@@ -225,11 +225,7 @@ _MASKED = (
 
 
 class Inputs:
-    """Takes inputs as they come and applies them at the start of a cycle.
-
-    Args:
-        core: The controller.
-    """
+    """Takes inputs as they come and applies them at the start of a cycle."""
 
     def __init__(self, core: Core) -> None:
         self._core = core

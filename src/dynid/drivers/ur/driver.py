@@ -41,11 +41,7 @@ _DRAIN_EVERY = 25
 
 
 class RtdeDriver(Driver):
-    """Records and watches every cycle of a UR controller; what moves it is a driver's own.
-
-    Args:
-        state: The controller, as `inspect` found it.
-    """
+    """Records and watches every cycle of a UR controller; what moves it is a driver's own."""
 
     index: ClassVar[str]
     """The variable with the number of the sample."""
@@ -286,12 +282,7 @@ class _Stream:
 
 
 def approach(control: Any, poses: Sequence[Array], cancel: threading.Event) -> Abort | None:
-    """Move from pose to pose, resting at each.
-
-    Args:
-        control: ur_rtde's control interface.
-        poses: Way points, then the start, each (n) [rad].
-        cancel: Stops the robot when it is set.
+    """Move from pose to pose, each (n) [rad], resting at each, with ur_rtde's `control`.
 
     Returns:
         Why that was ended early; None if it was not.

@@ -23,10 +23,6 @@ class Disconnected(JobError):
 class RtdeLink:
     """Speaks RTDE, protocol 2, with one controller.
 
-    Args:
-        host: Name or address of the controller.
-        port: Its RTDE port.
-
     Raises:
         JobError: Nobody answers there, or not in RTDE.
     """
@@ -187,9 +183,6 @@ class ScriptPort:
 
     The connection stays open, so that a stop need not wait for one.
 
-    Args:
-        host: Name or address of the controller.
-
     Raises:
         JobError: Nobody answers there.
     """
@@ -240,9 +233,6 @@ class ScriptPort:
 
 class Dashboard:
     """Asks the dashboard server, one line at a time.
-
-    Args:
-        host: Name or address of the controller.
 
     Raises:
         JobError: Nobody answers there, or no dashboard.

@@ -53,15 +53,8 @@ class Conversation(Protocol):
 class Pump(threading.Thread):
     """Reads packages until the motion has ended and the robot stands still.
 
-    It never waits for the disk: packages go to `rows`, which another thread empties.
-
-    Args:
-        link: The connection, with packages coming.
-        layout: What they bring.
-        watchdog: Judges every cycle from the motion's begin on.
-        conversation: What is answered.
-        halt: Stops the robot; called once.
-        cancel: Stops the robot when it is set.
+    It never waits for the disk: packages go to `rows`, which another thread empties. The watchdog
+    judges every cycle from the motion's begin on; `halt` stops the robot, once.
     """
 
     def __init__(
@@ -177,14 +170,7 @@ _TELL_EVERY = 25
 
 
 class Intake:
-    """Empties a pump into a recorder.
-
-    Args:
-        execution: What is executed.
-        layout: What the packages bring.
-        recorder: Where the samples go; None records nothing.
-        progress: Told how far the motion is.
-    """
+    """Empties a pump into a recorder, if there is one."""
 
     def __init__(
         self,

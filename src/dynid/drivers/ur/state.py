@@ -52,9 +52,7 @@ _NAMES = {INDEX: "index", FEED: "index", STATE: "program_state"}
 def recorded_names(version: Version, index: str = INDEX) -> tuple[str, ...]:
     """The variables to ask a controller for: all of ours that its software has.
 
-    Args:
-        version: The controller's software.
-        index: Where the number of the sample is found: `INDEX`, or `FEED` where it is streamed.
+    `index` is where the number of the sample is found: `INDEX`, or `FEED` where it is streamed.
     """
     names = (*SIGNALS.values(), *(index if name == INDEX else name for name in _CHANNELS))
     return tuple(name for name in names if OUTPUTS[name].exists_in(version))

@@ -28,11 +28,7 @@ class ScriptRefused(JobError):
 
 
 class Pool:
-    """Memory that all clients share for programs that are not complete.
-
-    Args:
-        size: How much there is [bytes].
-    """
+    """Memory [bytes] that all clients share for programs that are not complete."""
 
     def __init__(self, size: int = POOL) -> None:
         self.size, self.taken = size, 0
@@ -55,10 +51,6 @@ class ScriptReader:
 
     A program is `def` to its `end`, or a single line of code. Line ends matter nowhere else.
     Every byte is looked at once, however the text is cut.
-
-    Args:
-        pool: Memory shared with the other clients.
-        largest: The longest program to take [bytes].
     """
 
     def __init__(self, pool: Pool, largest: int = LARGEST_SCRIPT) -> None:
@@ -160,11 +152,7 @@ def _decoded(program: bytes) -> str:
 
 
 class Client(ABC):
-    """One connected client.
-
-    Args:
-        connection: Its socket.
-    """
+    """One connected client."""
 
     read_size = 1024
     """Bytes taken at once: little, so that no client delays a cycle."""
@@ -212,12 +200,7 @@ class Client(ABC):
 
 
 class RtdeClient(Client):
-    """A client of port 30004.
-
-    Args:
-        connection: Its socket.
-        session: Its session.
-    """
+    """A client of port 30004."""
 
     def __init__(self, connection: Connection, session: RtdeSession) -> None:
         super().__init__(connection)
@@ -238,12 +221,7 @@ class RtdeClient(Client):
 
 
 class DashboardClient(Client):
-    """A client of port 29999.
-
-    Args:
-        connection: Its socket.
-        session: Its session.
-    """
+    """A client of port 29999."""
 
     def __init__(self, connection: Connection, session: DashboardSession) -> None:
         super().__init__(connection)
@@ -277,13 +255,7 @@ class WatchingClient(Client):
 
 
 class ScriptClient(WatchingClient):
-    """A client of port 30001, 30002 or 30003: it reads states and may send programs.
-
-    Args:
-        connection: Its socket.
-        reader: Finds programs in what it sends.
-        submit: Takes a whole program.
-    """
+    """A client of port 30001, 30002 or 30003: it reads states and may send programs."""
 
     read_size = 8192
 
@@ -323,13 +295,9 @@ class ScriptClient(WatchingClient):
 
 
 class LeavingClient(Client):
-    """One that was sent away: what it still sends is thrown away until it hangs up.
+    """One that was sent away: it may read on until it hangs up, or time is up.
 
-    To close at once would take the words from it that say why.
-
-    Args:
-        connection: Its socket.
-        until: When it is closed even if it stays [s].
+    To close at once would take the words from it that say why. What it sends is thrown away.
     """
 
     read_size = 1 << 16
@@ -348,12 +316,7 @@ LONGEST_LINE = 65_536
 
 
 class InterpreterClient(Client):
-    """One connected client.
-
-    Args:
-        connection: Its socket.
-        interpreter: Takes its lines.
-    """
+    """A client of port 30020."""
 
     def __init__(self, connection: Connection, interpreter: Interpreter) -> None:
         super().__init__(connection)

@@ -90,11 +90,7 @@ _SOON, _LATER, _PATIENCE = 50e-6, 1e-3, 20
 
 
 class VirtualPace:
-    """Decides when the next cycle begins.
-
-    Args:
-        machine: The controller.
-    """
+    """Decides when the next cycle begins."""
 
     def __init__(self, machine: ControllerMachine) -> None:
         self._machine = machine
@@ -105,9 +101,7 @@ class VirtualPace:
     def wait(self, clients: Sequence[RtdeClient], now: float) -> float:
         """Seconds after which to ask again; nought when the next cycle may begin.
 
-        Args:
-            clients: Those who have started, at least one.
-            now: The monotonic clock [s].
+        The clients are those that have started, at least one; `now` is the monotonic clock [s].
         """
         if any(self._behind(client, now) for client in clients):
             self._asked += 1
@@ -172,11 +166,8 @@ def keep_time(*, real_time: bool) -> bool:
     """Prepare the process for a loop of control cycles; whether it got a real-time priority.
 
     Other threads of the process (the compiler) hand over within half a millisecond, the garbage
-    collector forgets what will live for ever, and SCHED_FIFO is asked for: without it a loaded
-    machine delays cycles by tens of milliseconds, with it by a tenth of one.
-
-    Args:
-        real_time: Whether to ask for the priority; in virtual time nobody is to be hurried.
+    collector forgets what will live for ever, and in real time SCHED_FIFO is asked for: without
+    it a loaded machine delays cycles by tens of milliseconds, with it by a tenth of one.
     """
     sys.setswitchinterval(_SWITCH_S)
     gc.collect()

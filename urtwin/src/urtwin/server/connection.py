@@ -68,10 +68,6 @@ class Connection:
 
     What the socket does not take at once waits here, up to 64 kB; a client that lets more pile
     up does not read, and is `lost`.
-
-    Args:
-        sock: The accepted socket.
-        peer: Its address, for people.
     """
 
     def __init__(self, sock: socket.socket, peer: str) -> None:
@@ -138,12 +134,7 @@ class Connection:
             self.lost = "the client does not read what it is sent"
 
     def offer(self, package: bytes, together: int = 1) -> bool:
-        """Send the newest of a stream, or skip it when the last has not left yet.
-
-        Args:
-            package: What to send.
-            together: How many leave at once.
-        """
+        """Send the newest of a stream, so many `together`; skip it if the last has not left yet."""
         if self._waiting:
             self.flush()
         if self._waiting or self.lost:

@@ -50,9 +50,6 @@ CB_HZ, E_SERIES_HZ = 125.0, 500.0
 def open_listeners(host: str) -> list[socket.socket]:
     """Listen on all ports of a controller.
 
-    Args:
-        host: The address to listen on.
-
     Raises:
         JobError: A port is taken or the address is not of this machine.
     """
@@ -83,11 +80,8 @@ def open_listeners(host: str) -> list[socket.socket]:
 def place_for_another(clients: Iterable[Client], now: float) -> tuple[bool, Client | None]:
     """Whether one more client of a port may come in, and who has to leave for it.
 
-    A full port gives up the client that has been connected for longest without a word.
-
-    Args:
-        clients: The clients of the port.
-        now: The monotonic clock [s].
+    A full port gives up the client that has been connected for longest without a word. `now` is
+    the monotonic clock [s].
     """
     present = list(clients)
     if len(present) < CLIENTS:
@@ -141,13 +135,7 @@ class ControllerSettings:
 
 
 class Reception:
-    """Makes clients of connections.
-
-    Args:
-        machine: The controller.
-        settings: How it shows itself to clients.
-        submit: Takes the programs of script ports.
-    """
+    """Makes clients of connections; `submit` takes the programs of script ports."""
 
     def __init__(
         self,

@@ -39,11 +39,9 @@ _SAME_PER_SECOND = 3
 
 
 class Log:
-    """Writes lines; what comes too fast, or again and again, is counted, not written.
+    """Writes lines that begin with a name.
 
-    Args:
-        stream: Where the lines go.
-        name: What each line begins with.
+    What comes too fast, or again and again, is counted, not written.
     """
 
     def __init__(self, stream: TextIO, name: str) -> None:
@@ -82,11 +80,8 @@ WAITING = 8
 class ScriptCompiler:
     """A thread that compiles, and a socket that becomes readable when it has.
 
-    Compiling takes tens of milliseconds, many control cycles.
-
-    Args:
-        compile_: Turns text into a program; called in the thread.
-        real_time: Whether the loop is to have a real-time priority, and the thread with it.
+    Compiling takes tens of milliseconds, many control cycles. In real time the thread has a
+    real-time priority, as the loop has.
     """
 
     def __init__(self, compile_: Callable[[str], CompiledProgram], *, real_time: bool) -> None:
@@ -149,10 +144,8 @@ _STATES_HZ = 10
 class Broadcast:
     """Sends data packages, states and messages; who is too slow for one misses it.
 
-    Args:
-        machine: The controller behind.
-        together_s: Data packages of this much controller time leave at once [s]; in virtual
-            time, to wake a client for each costs more than to simulate it.
+    Data packages of `together_s` of controller time leave at once: in virtual time, to wake a
+    client for each costs more than to simulate it.
     """
 
     def __init__(self, machine: ControllerMachine, together_s: float = 0.0) -> None:
@@ -172,11 +165,7 @@ class Broadcast:
             client.connection.send(client.greeting)
 
     def next_cycle(self, messages: Sequence[Message]) -> None:
-        """A control cycle is over.
-
-        Args:
-            messages: What the machine has said in it.
-        """
+        """A control cycle is over, in which the machine has said some messages."""
         machine = self._machine
         self._packer.next_cycle()
         self._packed.clear()
@@ -239,11 +228,6 @@ _FAREWELL_S = 1.0
 class ControllerServer:
     """Listens on the ports of a UR controller and serves its clients.
 
-    Args:
-        machine: The controller.
-        settings: Where to listen, and how time passes.
-        log: Where to say what happens.
-
     Raises:
         JobError: A port is taken.
     """
@@ -267,11 +251,7 @@ class ControllerServer:
         self.pace = Pace(machine.cycle, time.monotonic())
 
     def run(self, stop: Callable[[], bool]) -> None:
-        """Serve until told to stop.
-
-        Args:
-            stop: Asked twice a second or more often.
-        """
+        """Serve until told to stop, which is asked twice a second or more often."""
         self.pace.restart(time.monotonic())
         while not stop():
             now = time.monotonic()

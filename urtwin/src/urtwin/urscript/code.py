@@ -34,13 +34,9 @@ class Code:
 
 
 def compose(operands: list[Code], combine: Combine, *, slow: bool = False, weight: int = 1) -> Code:
-    """Code that combines the values of operands.
+    """Code that combines the values of operands, which are evaluated in order.
 
-    Args:
-        operands: What to evaluate first, in order.
-        combine: What to do with the values.
-        slow: Whether `combine` is a generator function.
-        weight: Operations of `combine`.
+    `combine` is a generator function where it is slow; `weight` counts its operations.
     """
     total = weight + sum(operand.weight for operand in operands)
     if slow or any(operand.slow for operand in operands):
@@ -134,12 +130,7 @@ LOGIC = ("and", "or", "xor")
 
 
 def arithmetic(operands: list[Code], signs: list[str]) -> Code:
-    """Operators of one rank, from left to right.
-
-    Args:
-        operands: One more than signs.
-        signs: The operators.
-    """
+    """Operators of one rank, from left to right, each between two of the operands."""
     operations = [OPERATORS[sign] for sign in signs]
     weight = len(operations)
     if weight == 1:
@@ -170,12 +161,7 @@ def arithmetic(operands: list[Code], signs: list[str]) -> Code:
 
 
 def logic(operands: list[Code], signs: list[str]) -> Code:
-    """`and`, `or` and `xor` from left to right; what cannot matter is not looked at.
-
-    Args:
-        operands: One more than signs.
-        signs: The operators.
-    """
+    """`and`, `or` and `xor` from left to right; what cannot matter is not looked at."""
     weight = sum(operand.weight for operand in operands)
     parts = list(zip(signs, operands[1:], strict=True))
     first = operands[0]

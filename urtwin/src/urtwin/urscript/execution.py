@@ -113,12 +113,7 @@ _LOOK = 5_000
 
 
 class ScriptRun:
-    """The state that compiled code works on.
-
-    Args:
-        port: The controller, handed to built-ins.
-        slots: Number of program variables.
-    """
+    """The state that compiled code works on; `port` is the controller, handed to built-ins."""
 
     def __init__(self, port: Any, slots: int) -> None:
         self.port = port

@@ -26,11 +26,7 @@ SIGNALS = ("digital_in", "digital_out", "analog_in", "analog_out")
 
 
 class ExpressionParser:
-    """Reads expressions, one word of look-ahead; two where a name may be an argument's.
-
-    Args:
-        tokens: The words.
-    """
+    """Reads expressions, one word of look-ahead; two where a name may be an argument's."""
 
     def __init__(self, tokens: list[syntax.Token]) -> None:
         self._tokens, self._place, self._depth = tokens, 0, 0

@@ -41,12 +41,7 @@ class Names:
 def names_of(
     program: syntax.Definition, builtins: Mapping[str, Builtin], outer: Names | None = None
 ) -> Names:
-    """What a program defines.
-
-    Args:
-        program: The program, or statements that are added to one.
-        builtins: The functions that it may call besides its own.
-        outer: What the program defines to which these statements are added.
+    """What a program defines, or statements that are added to one with the names `outer`.
 
     Raises:
         ScriptError: A name defined twice, or too many variables.
@@ -188,11 +183,7 @@ class CompiledProgram:
         return self.context.names.shared
 
     def execution(self, port: Any) -> ScriptRun:
-        """The program, ready for its first cycle.
-
-        Args:
-            port: The controller, handed to the built-ins.
-        """
+        """The program, ready for its first cycle; `port` is the controller, for the built-ins."""
         execution = ScriptRun(port, len(self.variables))
         execution.start(
             execution.new_thread(), routine_of(self.body, execution, [None] * self.locals)

@@ -76,11 +76,8 @@ BREAK, CONTINUE = "break", "continue"
 def block(scope: Scope, statements: list[Statement], *, in_loop: bool, extra: int = 0) -> Code:
     """Compile a block: it runs in order, until a statement answers with a signal.
 
-    Args:
-        scope: What it can see.
-        statements: The statements.
-        in_loop: Whether `break` and `continue` make sense.
-        extra: Operations to count besides those of the statements.
+    `break` and `continue` make sense `in_loop` alone; `extra` operations count besides those of
+    the statements.
 
     Raises:
         ScriptError: An unknown name, arguments that do not fit, or `break` outside a loop.
