@@ -10,7 +10,7 @@ from numba import njit
 
 from dynid.core import Array, InputError, require
 from dynid.robot import RobotModel
-from dynid.simulation.joints import ControllerModel, Servo, Target
+from dynid.simulation.joints import Servo, Target
 from dynid.simulation.truth import SimulatedArm, link_body, link_parameters
 
 
@@ -270,7 +270,7 @@ class Tracker:
         self._target, self._setpoints = np.zeros((2, n)), np.zeros((2, n))
         self._way, self._speed = np.zeros((steps, n)), np.zeros((steps, n))
         self._part = np.arange(steps)[:, None] / steps
-        bodies = bodies_of(controller)
+        bodies = list(zip(controller.masses.tolist(), controller.com, strict=True))
         believed = np.array([link_parameters(mass, com, _POINT) for mass, com in bodies])
         self._model = mujoco_model(arm.robot, believed, np.zeros(n), self._step)
         self._data = mujoco.MjData(self._model)
@@ -375,8 +375,3 @@ class Tracker:
     def _restore(self) -> None:
         # What is asked about the target afterwards must be about the target.
         self._evaluate(self.now.q, self.now.dq, self.now.ddq)
-
-
-def bodies_of(controller: ControllerModel) -> list[tuple[float, Array]]:
-    """The mass [kg] and centre of mass (3) [m] of each link that the controller believes in."""
-    return list(zip(controller.masses.tolist(), controller.com, strict=True))

@@ -287,18 +287,7 @@ def simulate(
     start = plant.temperature
     plant.reset(command.q[0])
     states = [plant.tick(setpoint) for setpoint in command.q]
-    return _recording(arm, states, command.t, command.q, rate_hz, seed, start)
 
-
-def _recording(
-    arm: SimulatedArm,
-    states: list[PlantState],
-    t: Array,
-    command_q: Array,
-    rate_hz: float,
-    seed: int,
-    start: Array,
-) -> SimulatedRun:
     def stack(name: str) -> Array:
         return read_only(np.stack([getattr(state, name) for state in states]))
 
@@ -320,8 +309,8 @@ def _recording(
         seed=seed,
         thermal=tuple(float(value) for value in start),
         gain=gain,
-        t=t,
-        command_q=command_q,
+        t=command.t,
+        command_q=command.q,
         target_q=aimed("q"),
         target_qd=aimed("dq"),
         target_qdd=aimed("ddq"),

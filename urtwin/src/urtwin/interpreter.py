@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from urtwin.urscript import (
-    Addition,
+    CompiledProgram,
     Context,
     Routine,
     ScriptError,
@@ -47,7 +47,7 @@ class Interpreter:
         self._execution: ScriptRun | None = None
         self._base = self._context = Context({})
         self._lines: deque[_Received] = deque()
-        self._queue: deque[tuple[int, Addition]] = deque()
+        self._queue: deque[tuple[int, CompiledProgram]] = deque()
         self._active = self._ending = self._held = self._abort = False
         self._interpreted = self._executed = self._cleared = 0
         self._commands: dict[str, Callable[[], str]] = {

@@ -1,6 +1,7 @@
 """Built-ins for the state and the model of the arm, force mode and freedrive."""
 
 from collections.abc import Callable
+from functools import wraps
 from typing import Any
 
 import numpy as np
@@ -62,16 +63,10 @@ def _inverse(
     return found.tolist()
 
 
-def _has_solution(
-    core: Core,
-    x: Value,
-    qnear: Value = None,
-    maxPositionError: Value = 1e-10,
-    maxOrientationError: Value = 1e-10,
-    tcp: Value = None,
-) -> bool:
+@wraps(_inverse)
+def _has_solution(core: Core, *arguments: Value) -> bool:
     try:
-        _inverse(core, x, qnear, maxPositionError, maxOrientationError, tcp)
+        _inverse(core, *arguments)
     except ScriptFault:
         raise
     except JobError:

@@ -3,7 +3,6 @@
 from urtwin.urscript.execution import BACK, LISTENING, Routine, ScriptRun
 from urtwin.urscript.library import MATHEMATICS, MATRICES, POSES, matrix_of, numbers, pose_of
 from urtwin.urscript.program import (
-    Addition,
     CompiledProgram,
     Context,
     compile_addition,
@@ -32,7 +31,6 @@ __all__ = [
     "MAX_CHARACTERS",
     "MAX_LENGTH",
     "POSES",
-    "Addition",
     "Builtin",
     "Calling",
     "CompiledProgram",

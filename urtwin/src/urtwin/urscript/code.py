@@ -1,7 +1,7 @@
 """Compiled code: composition of values, calls of the script's own functions, operator chains."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Concatenate
 
 from urtwin.urscript.execution import Frame, Routine, ScriptRun
@@ -77,7 +77,8 @@ class Function:
     slow: bool
     places: dict[str, int]
     """Its own variables."""
-    body: Code | None = None
+    code: Code = field(init=False)
+    """Its body, once that is compiled."""
 
     def caller(self) -> Callable[..., Any]:
         """What a call does with the arguments; a generator function if the function is slow."""
@@ -116,13 +117,6 @@ class Function:
             return thread.handle
 
         return start
-
-    @property
-    def code(self) -> Code:
-        """The compiled body."""
-        if self.body is None:
-            raise RuntimeError(f"{self.definition.name} was never compiled")
-        return self.body
 
 
 LOGIC = ("and", "or", "xor")

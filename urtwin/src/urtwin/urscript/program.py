@@ -86,6 +86,12 @@ def assignments(block: list[syntax.Statement]) -> Iterator[syntax.Assign]:
     )
 
 
+def called_in(program: syntax.Definition) -> frozenset[str]:
+    """The functions that the body of a program calls; starting a thread is no call."""
+    nodes = syntax.nodes(program.body)
+    return frozenset(node.name for node in nodes if type(node) is syntax.Call)
+
+
 def _collect(definition: syntax.Definition, names: Names) -> None:
     for inner in definition.inner:
         if inner.name in names.own_functions:
@@ -132,41 +138,32 @@ class Context:
     names: Names = field(default_factory=Names)
     functions: Mapping[str, Function] = field(default_factory=dict[str, Function])
 
-    def with_program(self, main: syntax.Definition) -> Context:
-        """The context with what a program or an addition to one defines; its functions compiled.
+    def compiled(self, main: syntax.Definition) -> CompiledProgram:
+        """A program, or statements that are added to the one whose context this is.
 
         Raises:
             ScriptError: An unknown name, one that is defined twice, or too many variables.
         """
         names = names_of(main, self.builtins, self.names)
         functions = dict(self.functions)
-        new: list[Function] = []
         for name, definition in names.own_functions.items():
             own = own_variables(definition, names)
             functions[name] = Function(definition, name in names.slow, own)
-            new.append(functions[name])
-        for function in new:
+        for function in (functions[name] for name in names.own_functions):
             scope = Scope(function.places, names.shared, functions, self.builtins, True)
             code = block(scope, function.definition.body, in_loop=False)
             # Whether it waits was worked out before its callers were compiled.
-            function.body = code if code.slow == function.slow else _as_waiting(code)
-        return Context(self.builtins, names, functions)
-
-    def body_of(self, main: syntax.Definition) -> tuple[Code, int]:
-        """The compiled body of a program or an addition, and how many `local` variables it has.
-
-        Raises:
-            ScriptError: As `with_program`.
-        """
-        own = own_variables(main, self.names)
-        may_wait = main.kind != "sec"
-        scope = Scope(own, self.names.shared, self.functions, self.builtins, may_wait)
-        return block(scope, main.body, in_loop=False), len(own)
+            function.code = code if code.slow == function.slow else _as_waiting(code)
+        own, secondary = own_variables(main, names), main.kind == "sec"
+        scope = Scope(own, names.shared, functions, self.builtins, not secondary)
+        body = block(scope, main.body, in_loop=False)
+        wider = Context(self.builtins, names, functions)
+        return CompiledProgram(main.name, secondary, wider, len(own), body, called_in(main))
 
 
 @dataclass(frozen=True, slots=True)
 class CompiledProgram:
-    """A compiled script; running it changes nothing in it."""
+    """A compiled script, or statements for a running one; running it changes nothing in it."""
 
     name: str
     secondary: bool
@@ -176,6 +173,8 @@ class CompiledProgram:
     locals: int
     """How many variables of its body are declared `local`."""
     body: Code
+    called: frozenset[str]
+    """The functions that its body calls."""
 
     @property
     def variables(self) -> Mapping[str, int]:
@@ -185,10 +184,16 @@ class CompiledProgram:
     def execution(self, port: Any) -> ScriptRun:
         """The program, ready for its first cycle; `port` is the controller, for the built-ins."""
         execution = ScriptRun(port, len(self.variables))
-        execution.start(
-            execution.new_thread(), routine_of(self.body, execution, [None] * self.locals)
-        )
+        execution.start(execution.new_thread(), self.routine(execution))
         return execution
+
+    def routine(self, execution: ScriptRun) -> Routine:
+        """What runs it."""
+        frame: Frame = [None] * self.locals
+        if self.body.slow:
+            yield from self.body.wait(execution, frame)
+        else:
+            self.body.run(execution, frame)
 
 
 def compile_script(text: str, builtins: Mapping[str, Builtin]) -> CompiledProgram:
@@ -219,17 +224,7 @@ def compile_script(text: str, builtins: Mapping[str, Builtin]) -> CompiledProgra
         raise ScriptError("a thread is no program", main.line, value=main.name)
     if main.parameters:
         raise ScriptError("a program takes no arguments", main.line, value=main.parameters)
-    context = Context(builtins).with_program(main)
-    body, slots = context.body_of(main)
-    return CompiledProgram(main.name, main.kind == "sec", context, slots, body)
-
-
-def routine_of(body: Code, execution: ScriptRun, frame: Frame) -> Routine:
-    """What runs a compiled body, with the variables that it declares `local`."""
-    if body.slow:
-        yield from body.wait(execution, frame)
-    else:
-        body.run(execution, frame)
+    return Context(builtins).compiled(main)
 
 
 def _as_waiting(code: Code) -> Code:
@@ -244,24 +239,7 @@ MAX_FUNCTIONS = 2_000
 """Most functions of a program and of what is added to it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Addition:
-    """Compiled statements, to be run in the thread that interprets them."""
-
-    context: Context
-    """What the program knows with them."""
-    body: Code
-    locals: int
-    """How many variables they declare `local`."""
-    called: frozenset[str]
-    """The functions that they call themselves."""
-
-    def routine(self, execution: ScriptRun) -> Routine:
-        """What runs them."""
-        return routine_of(self.body, execution, [None] * self.locals)
-
-
-def compile_addition(text: str, context: Context) -> Addition:
+def compile_addition(text: str, context: Context) -> CompiledProgram:
     """Compile statements in the scope of a running program.
 
     Definitions stay for the statements after these; a variable is the interpreter's own where the
@@ -278,18 +256,12 @@ def compile_addition(text: str, context: Context) -> Addition:
     if not script.statements and not script.definitions:
         raise ScriptError("the statement is empty", 1)
     main = syntax.Definition(1, "def", UNNAMED, [], {}, script.statements, script.definitions)
-    _refuse_new_globals(main, context)
-    wider = context.with_program(main)
-    if len(wider.functions) > MAX_FUNCTIONS:
-        raise ScriptError("too many functions; clear_interpreter() forgets them", 1)
-    body, slots = wider.body_of(main)
-    called = frozenset(node.name for node in syntax.nodes(main.body) if type(node) is syntax.Call)
-    return Addition(wider, body, slots, called)
-
-
-def _refuse_new_globals(main: syntax.Definition, context: Context) -> None:
     for statement in assignments([*main.body, *(part for x in main.inner for part in x.body)]):
         if statement.scope == "global" and statement.name not in context.names.shared:
             raise ScriptError(
                 "no new global variable can be declared here", statement.line, value=statement.name
             )
+    found = context.compiled(main)
+    if len(found.context.functions) > MAX_FUNCTIONS:
+        raise ScriptError("too many functions; clear_interpreter() forgets them", 1)
+    return found
