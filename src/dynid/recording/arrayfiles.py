@@ -190,11 +190,7 @@ def _collect(
         return
     taken = sum(value.size for value in into.values())
     budget.require_values(item.size + taken, where=path, times=max(1, len(item.dtype.names or ())))
-    if item.dtype.names:
-        table = item[()]
-        for name in item.dtype.names:
-            _keep(f"{path}.{name}", table[name], into)
-    elif item.dtype.kind == "O" and item.dtype.metadata and "ref" in item.dtype.metadata:
+    if item.dtype.kind == "O" and item.dtype.metadata and "ref" in item.dtype.metadata:
         for number, reference in enumerate(item[()].ravel(order="F")[:_MAX_ELEMENTS]):
             if reference:
                 # Fields of a struct array hold one reference an element.
@@ -202,7 +198,8 @@ def _collect(
                 inner = f"{stem}({number + 1}).{last}" if stem else f"{path}({number + 1})"
                 _collect(file, file[reference], inner, into, depth + 1, budget)
     elif "MATLAB_empty" not in item.attrs:
-        _keep(path, item[()], into)
+        for name, value in _parts(path, item[()]):
+            _keep(name, value, into)
 
 
 def _keep_block(item: Any, name: str, path: str, into: dict[str, Array], budget: Budget) -> bool:

@@ -6,6 +6,7 @@ recording give their messages here.
 """
 
 import bz2
+import operator
 import shutil
 import sqlite3
 import struct
@@ -45,16 +46,11 @@ class Topic:
         return self.kind in JOINT_STATE_TYPES
 
 
-def joint_states(topic: Topic) -> bool:
-    """Whether a topic is one of JointState messages."""
-    return topic.is_joint_state
-
-
 @dataclass(slots=True)
 class Catalog:
     """The topics of a bag's files, and what is found while they are read."""
 
-    wanted: Callable[[Topic], bool] = joint_states
+    wanted: Callable[[Topic], bool] = operator.attrgetter("is_joint_state")
     """Whose messages are yielded."""
     topics: dict[str, Topic] = field(default_factory=dict[str, Topic])
     findings: list[Finding] = field(default_factory=list[Finding])

@@ -129,6 +129,12 @@ def stamps_of(
     return Stamps(t=None, scale=None)
 
 
+def rises(values: Array) -> bool:
+    """Whether numbers (N) go up nearly always, as a clock does."""
+    steps = np.diff(values)
+    return len(steps) > 0 and bool((steps > 0).mean() > 0.98)
+
+
 def _runs(values: Array) -> bool:
     """Whether a column is there on most rows, is not zero, and changes."""
     finite = values[np.isfinite(values)]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynid.core import Array, Finding, RecordError
-from dynid.recording.clocks import Clock
+from dynid.recording.clocks import Clock, rises
 from dynid.recording.headers import Match, match_headers, spelled
 from dynid.recording.names import Name, parse_name
 from dynid.recording.record import JOINT_QUANTITIES
@@ -274,7 +274,7 @@ def suggest_columns(values: Array, joints: int | None) -> str:
 
 def _is_clock(x: Array) -> bool:
     steps = np.diff(x)
-    return bool((steps > 0).mean() > 0.98 and np.quantile(steps, 0.9) < 5 * np.median(steps))
+    return rises(x) and bool(np.quantile(steps, 0.9) < 5 * np.median(steps))
 
 
 def _motion(t: Array, blocks: list[Array]) -> tuple[int, int] | None:

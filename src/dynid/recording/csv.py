@@ -1,6 +1,5 @@
 """Text tables: UR `record.py` and ur_rtde logs, any CSV, several files of one run."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -45,10 +44,10 @@ def read_csv(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             belong together.
     """
     joints, columns, format = options.joints, options.columns, options.format
+    count = len(joints) or None
     where = ", ".join(path.name for path in paths)
     sheets = lay_side_by_side(
-        [sniff(p, header=options.header, delimiter=options.delimiter) for p in paths],
-        len(joints) or None,
+        [sniff(p, header=options.header, delimiter=options.delimiter) for p in paths], count
     )
     width = sum(sheet.width for sheet in sheets)
     names = _all_names(sheets)
@@ -67,17 +66,20 @@ def read_csv(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             if unsaid:
                 notes = (*notes, f"left out, as no quantities of joints: {', '.join(unsaid)}")
     if columns is None and names is None:
-        raise _no_header(sheets, where, len(joints) or None)
+        raise _no_header(sheets, where, count)
     try:
         found = assign(names, columns, width, where, joints)
     except NotRecognised as error:
-        hint = _by_numbers(sheets, len(joints) or None)
+        hint = _by_numbers(sheets, count)
         raise RecordError(
             error.what, where=where, value=error.value, next_step=hint or error.next_step
         ) from error
+    # What Universal Robots' RTDE recorders write.
+    of_ur = {"timestamp", "actual_q_0"} <= set(names or ())
     if format == "auto":
-        format = _format(names, sheets[0].dialect.delimiter)
-    elif format != "csv" and not is_ur_header(names):
+        written = {" ": "ur-csv", ",": "ur-rtde-csv"}.get(sheets[0].dialect.delimiter, "csv")
+        format = written if of_ur else "csv"
+    elif format != "csv" and not of_ur:
         raise RecordError(
             f"the header is not that of a {format} file",
             where=where,
@@ -127,17 +129,6 @@ def _named_in_rows(sheets: list[Sheet], joints: int) -> tuple[str, ...]:
     return names if len(names) == joints and len(set(names)) == joints else ()
 
 
-def is_ur_header(names: Sequence[str] | None) -> bool:
-    """Whether a header is one of Universal Robots' RTDE recorders."""
-    return names is not None and {"timestamp", "actual_q_0"} <= set(names)
-
-
-def _format(names: Sequence[str] | None, delimiter: str) -> str:
-    if is_ur_header(names):
-        return {" ": "ur-csv", ",": "ur-rtde-csv"}.get(delimiter, "csv")
-    return "csv"
-
-
 def _all_names(sheets: list[Sheet]) -> tuple[str, ...] | None:
     """Names of all columns, with the units of a line of their own in brackets."""
     if any(sheet.dialect.names is None for sheet in sheets):
@@ -163,12 +154,7 @@ def _no_header(sheets: list[Sheet], where: str, joints: int | None) -> RecordErr
                 where=sheet.dialect.path.name,
                 next_step="Repair the header, or name the columns by number with --columns.",
             )
-    hint = ""
-    if len(sheets) == 1:
-        # One wide table: its numbers tell the clock, positions and velocities.
-        values = read_grid(sheets[0].dialect, sorted(sheets[0].dialect.numeric)).values
-        if values.shape[1] == sheets[0].width:
-            hint = suggest_columns(values, joints)
+    hint = _by_numbers(sheets, joints)
     return RecordError(
         "there is no header that names the columns",
         where=where,

@@ -3,9 +3,9 @@
 import bz2
 import gzip
 import lzma
+import re
 import tempfile
 import zipfile
-import zlib
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import IO
 
 from dynid.core import RecordError
 from dynid.recording.arrayfiles import write_sheet
-from dynid.recording.content import Budget, first_bytes, zstd_module
+from dynid.recording.content import Budget, first_bytes, refused, zstd_module
 from dynid.recording.dialect import looks_like_text
 from dynid.recording.store import MARK, is_own
 
@@ -42,13 +42,6 @@ def _packing(path: Path) -> str:
 def unpacked(files: Sequence[Path], budget: Budget) -> Generator[list[Path]]:
     """The files, each compressed one in place of which its content stands for a while.
 
-    Args:
-        files: Recordings; folders pass through.
-        budget: Bounds what comes out.
-
-    Yields:
-        Paths of the plain files.
-
     Raises:
         RecordError: Damaged, too large, or a zip archive of several files.
         MissingExtraError: zstd without its package.
@@ -59,53 +52,36 @@ def unpacked(files: Sequence[Path], budget: Budget) -> Generator[list[Path]]:
         return
     with tempfile.TemporaryDirectory(prefix="dynid-") as folder:
         room = budget.require_space(folder)
-        plain: list[Path] = []
+        plain = list(files)
         for number, (file, kind) in enumerate(zip(files, kinds, strict=True)):
-            if not kind:
-                plain.append(file)
-                continue
-            place = Path(folder) / str(number)
-            place.mkdir()
-            # Messages name the file that the user gave.
-            target = place / file.name
-            if kind == "workbook":
-                write_sheet(file, target)
-                plain.append(target)
-                continue
-            try:
-                with _opened(file, kind) as source, target.open("wb") as sink:
-                    _copy(source, sink, file, room)
-            except RecordError:
-                raise
-            # The libraries share no exception for damaged bytes.
-            except (
-                *(OSError, EOFError, ValueError, RuntimeError, NotImplementedError),
-                *(zlib.error, lzma.LZMAError, zipfile.BadZipFile, *_zstd_errors(kind)),
-            ) as error:
-                raise RecordError(
-                    f"the {kind} file is damaged",
-                    where=file.name,
-                    value=str(error) or None,
-                    next_step="Copy it again, or unpack what is left of it and import that.",
-                ) from error
-            plain.append(target)
+            if kind:
+                # Messages name the file that the user gave.
+                plain[number] = Path(folder) / str(number) / file.name
+                plain[number].parent.mkdir()
+                _unpack(file, kind, plain[number], room)
         yield plain
 
 
+def _unpack(file: Path, kind: str, target: Path, room: int) -> None:
+    if kind == "workbook":
+        write_sheet(file, target)
+        return
+    step = "Copy it again, or unpack what is left of it and import that."
+    with (
+        refused(f"the {kind} file is damaged", file.name, step),
+        _opened(file, kind) as source,
+        target.open("wb") as sink,
+    ):
+        _copy(source, sink, file, room)
+
+
 def _opened(file: Path, kind: str) -> IO[bytes] | gzip.GzipFile:
-    if kind == "gzip":
-        return gzip.open(file)
-    if kind == "bzip2":
-        return bz2.open(file)
-    if kind == "xz":
-        return lzma.open(file)
     if kind == "zstd":
         return zstd_module().open(file, "rb")
-    try:
-        archive = zipfile.ZipFile(file)
-        members = [item for item in archive.infolist() if not item.is_dir()]
-    except zipfile.BadZipFile as error:
-        raise RecordError("the zip file is damaged", where=file.name) from error
+    if kind != "zip":
+        return {"gzip": gzip.open, "bzip2": bz2.open, "xz": lzma.open}[kind](file)
+    archive = zipfile.ZipFile(file)
+    members = [item for item in archive.infolist() if not item.is_dir()]
     if len(members) != 1:
         raise RecordError(
             "the zip archive holds several files",
@@ -114,11 +90,6 @@ def _opened(file: Path, kind: str) -> IO[bytes] | gzip.GzipFile:
             next_step=f"Unpack it first: unzip {file.name}",
         )
     return archive.open(members[0])
-
-
-def _zstd_errors(kind: str) -> tuple[type[Exception], ...]:
-    """What zstd raises, which only its own package knows."""
-    return (zstd_module().ZstdError,) if kind == "zstd" else ()
 
 
 def _copy(source: IO[bytes] | gzip.GzipFile, sink: IO[bytes], file: Path, room: int) -> None:
@@ -173,6 +144,7 @@ _OTHERS: tuple[tuple[bytes, str, str], ...] = (
     (b"ORC", "an ORC table", "Save it as Parquet: pyarrow.parquet.write_table."),
     (b"\xff\xff\xff\xff", "an Arrow stream", "Save it as Parquet: pyarrow.parquet.write_table."),
 )
+_UR_BINARY = re.compile(rb"timestamp [^\n]*\n[^\n]{0,14}DOUBLE")
 _EXTENSIONS = {
     ".db3": "rosbag",
     ".mcap": "mcap",
@@ -209,24 +181,16 @@ def content_kind(path: Path) -> str:
     if head.startswith(b"PK\x03\x04"):
         if b".npy" in head or path.suffix == ".npz":
             return "npz"
-        raise RecordError(
-            "this is a zip archive",
-            where=path.name,
-            next_step="Unpack it.",
-        )
-    if _is_binary_ur(head):
-        raise RecordError(
-            "this is a binary log of UR's record.py",
-            where=path.name,
-            next_step="Record again without --binary.",
-        )
+        raise RecordError("this is a zip archive", where=path.name, next_step="Unpack it.")
+    if _UR_BINARY.match(head):
+        step = "Record again without --binary."
+        raise RecordError("this is a binary log of UR's record.py", where=path.name, next_step=step)
     if path.suffix.lower() in (".pkl", ".pickle"):
         # The oldest pickles have no mark of their own.
         raise RecordError("this is a Python pickle", where=path.name, next_step=_PICKLE)
     if looks_like_text(head):
         return "json" if _is_json(head) else "csv"
-    by_name = _EXTENSIONS.get(path.suffix.lower())
-    if by_name is not None:
+    if by_name := _EXTENSIONS.get(path.suffix.lower()):
         return by_name
     raise RecordError(
         "this is none of the formats that dynid reads",
@@ -239,8 +203,3 @@ def _is_json(head: bytes) -> bool:
     """Whether a text begins as an object, or as a list of objects or of numbers."""
     start = head.lstrip(b"\xef\xbb\xbf \t\r\n")[:200]
     return start.startswith(b"{") or b"".join(start.split()).startswith((b"[{", b"[["))
-
-
-def _is_binary_ur(head: bytes) -> bool:
-    lines = head.split(b"\n", 2)
-    return lines[0].startswith(b"timestamp ") and len(lines) > 1 and b"DOUBLE" in lines[1][:20]

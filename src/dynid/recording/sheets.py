@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from dynid.core import Array, Finding, RecordError
+from dynid.recording.clocks import rises
 from dynid.recording.dialect import Dialect
 from dynid.recording.grid import Grid, read_grid
 from dynid.recording.names import OTHER, RANK, TARGET, TARGET_OF, parse_name
@@ -131,17 +132,13 @@ def own_clocks(sheets: list[Sheet], names: Sequence[str] | None) -> tuple[int, .
         if sheet.numbers is not None or sheet.width < 2 or len(sheets) < 2:
             return ()
         clocks = [k for k, name in enumerate(own) if (parse_name(name).meaning or ("",))[0] == "t"]
-        if names is None and _is_clock(read_grid(sheet.dialect, [0]).values[:, 0]):
-            clocks = [0]
+        if names is None:
+            column = read_grid(sheet.dialect, [0]).values[:, 0]
+            clocks = [0] if rises(column[np.isfinite(column)]) else []
         if not clocks:
             return ()
         found.append(clocks[0])
     return tuple(found)
-
-
-def _is_clock(x: Array) -> bool:
-    steps = np.diff(x[np.isfinite(x)])
-    return len(steps) > 0 and bool((steps > 0).mean() > 0.98)
 
 
 def align(

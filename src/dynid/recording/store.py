@@ -8,12 +8,12 @@ rows of little-endian doubles, `N` a notice (JSON).
 
 import fcntl
 import importlib
+import itertools
 import json
 import os
 import struct
 import zlib
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -128,13 +128,7 @@ def _segments(data: bytes) -> Iterator[tuple[bytes, bytes]]:
 
 
 def create_partial(path: Path) -> int:
-    """Create and lock a `.partial` file; one that a crash left is renamed, never overwritten.
-
-    Args:
-        path: The `.partial` file.
-
-    Returns:
-        A file descriptor open for writing.
+    """Create and lock a `.partial` file, open for writing; one that a crash left is renamed.
 
     Raises:
         RecordError: Another program is recording there.
@@ -142,37 +136,32 @@ def create_partial(path: Path) -> int:
     """
     try:
         if path.exists():
-            _set_aside(path)
+            with path.open("rb") as old:
+                _lock(old.fileno(), path)
+            os.rename(path, free_name(path, f"{path.name}."))
         file = os.open(path, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o644)
     except OSError as error:
         raise JobError(
             "the recording cannot be started", where=str(path), value=error.strerror
         ) from error
-    # The lock only tells other writers; a file system without locks can still record.
-    with suppress(OSError):
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    _lock(file, path)
     return file
 
 
-def _set_aside(path: Path) -> None:
-    old = os.open(path, os.O_RDONLY)
-    try:
-        # A file system without locks cannot say; the old rows are kept in any case.
-        with suppress(OSError):
-            _lock_or_refuse(old, path)
-    finally:
-        os.close(old)
-    number = 1
-    while (aside := path.with_name(f"{path.name}.{number}")).exists():
-        number += 1
-    os.rename(path, aside)
-
-
-def _lock_or_refuse(file: int, path: Path) -> None:
+def _lock(file: int, path: Path) -> None:
+    """Tell other writers; a file system without locks can still record."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
         raise RecordError("another program is writing this recording", where=str(path)) from error
+    except OSError:
+        return
+
+
+def free_name(path: Path, before: str, behind: str = "") -> Path:
+    """A free name beside a file that must stay: the first free number between two texts."""
+    names = (path.with_name(f"{before}{number}{behind}") for number in itertools.count(1))
+    return next(name for name in names if not name.exists())
 
 
 KEY = b"dynid"

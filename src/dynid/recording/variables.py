@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynid.core import Array, RecordError
+from dynid.recording.clocks import rises
 from dynid.recording.columns import select, suggest_columns
 from dynid.recording.headers import match_headers
 from dynid.recording.names import parse_name, says_degrees
@@ -93,8 +94,7 @@ def _by_numbers(variables: Mapping[str, Array], joints: Sequence[str]) -> str:
     matrices = [value for value in variables.values() if value.ndim == 2]
     if len(matrices) != 1:
         return ""
-    tall = matrices[0] if matrices[0].shape[0] >= matrices[0].shape[1] else matrices[0].T
-    return suggest_columns(tall, len(joints) or None)
+    return suggest_columns(_whole(matrices[0]), len(joints) or None)
 
 
 _COLUMNS = re.compile(r"[\d:+]+")
@@ -204,8 +204,7 @@ def _leading_clock(arrays: Mapping[str, Array], joints: int | None) -> tuple[Arr
     wide = joints is None or all(value.shape[1] == joints + 1 for value in signals)
     if not (alike and wide and (len(signals) > 1 or joints is not None)):
         return None
-    steps = np.diff(first)
-    return (first, "time") if len(steps) and bool((steps > 0).mean() > 0.98) else None
+    return (first, "time") if rises(first) else None
 
 
 def _whole(value: Array) -> Array:
@@ -237,13 +236,9 @@ def _pick(variables: Mapping[str, Array], quantity: str, selector: str, where: s
     if part is None:
         return value
     if value.ndim != 2:
-        raise RecordError(
-            f"columns: item '{quantity}={selector}': {path} is no matrix",
-            where=where,
-            value=value.shape,
-        )
-    if value.shape[0] < value.shape[1]:
-        value = value.T
+        text = f"columns: item '{quantity}={selector}': {path} is no matrix"
+        raise RecordError(text, where=where, value=value.shape)
+    value = _whole(value)
     return value[:, select(quantity, part, value.shape[1], None)]
 
 

@@ -21,6 +21,7 @@ from dynid.recording.record import RecordMetadata, check_quantities, metadata_to
 from dynid.recording.store import (
     MARK,
     create_partial,
+    free_name,
     pack,
     partial_path,
     read_partial,
@@ -207,7 +208,8 @@ class RecordWriter:
         self._raise_sync()
         record = recover(self._partial, finished=True)
         stands = self.path.exists() and (self._aborted or not self._force)
-        target = beside(self.path) if stands else self.path
+        stopped = free_name(self.path, f"{self.path.stem}.aborted-", self.path.suffix)
+        target = stopped if stands else self.path
         write_record(record, target)
         self._partial.unlink(missing_ok=True)
         self.record_path, self._saved = target, record.samples
@@ -264,14 +266,6 @@ class RecordWriter:
                 value=str(error),
                 next_step=read_partial(self._partial),
             ) from error
-
-
-def beside(path: Path) -> Path:
-    """A free name beside a recording that must stay: `run.aborted-1.parquet`."""
-    number = 1
-    while (free := path.with_name(f"{path.stem}.aborted-{number}{path.suffix}")).exists():
-        number += 1
-    return free
 
 
 def _require_space(path: Path, width: int, samples: int | None) -> None:

@@ -53,17 +53,7 @@ def rows_between(elapsed: Array, start_s: float | None, stop_s: float | None) ->
 
 
 def require_window(rows: int, start_s: float | None, stop_s: float | None, elapsed: Array) -> None:
-    """Refuse a window of fewer than 32 rows.
-
-    Args:
-        rows: How many it holds.
-        start_s: Its start [s].
-        stop_s: Its end [s].
-        elapsed: Times from the record's start [s].
-
-    Raises:
-        InputError: Too few.
-    """
+    """Refuse a window of fewer than 32 rows of all times from the record's start [s]."""
     if rows < 32:
         raise InputError(
             "the window holds too few samples",

@@ -19,22 +19,18 @@ class MotionLimits(Protocol):
     @property
     def lower(self) -> Array:
         """(n) smallest positions [rad or m]."""
-        ...
 
     @property
     def upper(self) -> Array:
         """(n) largest positions [rad or m]."""
-        ...
 
     @property
     def velocity(self) -> Array:
         """(n) largest speeds [rad/s or m/s]."""
-        ...
 
     @property
     def acceleration(self) -> Array:
         """(n) largest accelerations [rad/s^2 or m/s^2]."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

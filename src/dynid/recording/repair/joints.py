@@ -161,19 +161,13 @@ def to_joint_side(table: RawTable, robot: RobotModel | None) -> RawTable:
         return table
     drives = robot.drives
     changes: dict[str, Array] = {}
-    if drives.position_side == "motor":
-        back = np.linalg.inv(drives.motor_from_joint)
-        for name in ANGLES:
-            if name not in table.signals:
-                continue
-            value = table.signals[name] @ back.T
+    for name, value in table.signals.items():
+        if name in ANGLES and drives.position_side == "motor":
+            changes[name] = value @ np.linalg.inv(drives.motor_from_joint).T
             if drives.offset is not None and name in ("q", "target_q"):
-                value = value + drives.offset
-            changes[name] = value
-    if drives.torque_side == "motor":
-        for name in ("effort", "target_moment"):
-            if name in table.signals:
-                changes[name] = table.signals[name] @ drives.motor_from_joint
+                changes[name] += drives.offset
+        elif name in ("effort", "target_moment") and drives.torque_side == "motor":
+            changes[name] = value @ drives.motor_from_joint
     named = [name for name in ("q", "effort") if name in table.signals and name not in changes]
     for name in named:
         if "motor" in re.split(r"[^a-z]+", " ".join(table.labels.get(name, ())).lower()):
@@ -268,18 +262,12 @@ def shift_turns(table: RawTable, robot: RobotModel | None) -> RawTable:
             continue
         value = table.signals[quantity]
         low, high = value.min(axis=0), value.max(axis=0)
-        turns = np.zeros(table.joints)
-        for joint in np.flatnonzero(revolute(table.joints, robot)).tolist():
-            if not (np.isfinite(lower[joint]) and np.isfinite(upper[joint])):
-                continue
-            outside = low[joint] < lower[joint] - 0.05 or high[joint] > upper[joint] + 0.05
-            middle = 0.5 * (low[joint] + high[joint] - lower[joint] - upper[joint])
-            count = round(middle / _TURN)
-            fits = (
-                low[joint] - count * _TURN >= lower[joint] - 0.05
-                and high[joint] - count * _TURN <= upper[joint] + 0.05
-            )
-            turns[joint] = count if outside and fits else 0
+        outside = (low < lower - 0.05) | (high > upper + 0.05)
+        count = np.round(0.5 * (low + high - lower - upper) / _TURN)
+        fits = (low - count * _TURN >= lower - 0.05) & (high - count * _TURN <= upper + 0.05)
+        # Limits that are not known, or not finite, fit nothing.
+        bounded = np.isfinite(lower) & np.isfinite(upper) & revolute(table.joints, robot)
+        turns: Array = np.where(bounded & outside & fits, count, 0.0)
         if turns.any():
             table = table.with_signals({quantity: value - _TURN * turns})
             shifted += [f"{quantity} of joint {k + 1}" for k in np.flatnonzero(turns)]

@@ -5,6 +5,7 @@ Inputs are checked before algebra: constant channels, absurd scales, one run giv
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -65,31 +66,19 @@ def check_channels(record: ExperimentRecord) -> tuple[Finding, ...]:
         if values is None:
             continue
         for joint, (low, high) in enumerate(zip(values.min(0), values.max(0), strict=True)):
+            about = partial(Finding, joints=(joint,), unit=UNITS[quantity])
             name = f"{quantity} of joint {joint + 1}"
             size = float(max(abs(low), abs(high)))
             if size > most or 0 < size < least:
+                text = f"{name} reaches {size:.4g} {UNITS[quantity]}, which no arm does"
+                step = "check its unit and its column"
                 found.append(
-                    Finding(
-                        "unit_suspect",
-                        f"{name} reaches {size:.4g} {UNITS[quantity]}, which no arm does",
-                        severity="error",
-                        joints=(joint,),
-                        value=size,
-                        unit=UNITS[quantity],
-                        next_step="check its unit and its column",
-                    )
+                    about("unit_suspect", text, severity="error", value=size, next_step=step)
                 )
             elif low == high and moves and _is_dead(record, quantity, joint):
-                found.append(
-                    Finding(
-                        "dead_channel",
-                        f"{name} is {float(low):.4g} on every row",
-                        joints=(joint,),
-                        value=float(low),
-                        unit=UNITS[quantity],
-                        next_step="check its column and its sensor",
-                    )
-                )
+                text = f"{name} is {float(low):.4g} on every row"
+                step = "check its column and its sensor"
+                found.append(about("dead_channel", text, value=float(low), next_step=step))
     return tuple(found)
 
 
@@ -161,7 +150,7 @@ _FAR_BEYOND, _FAR_BELOW = 3.0, 0.06
 """Shares of the torque limits that no motion exceeds, and that any motion does."""
 
 
-def report_rest(table: RawTable) -> RawTable:
+def _report_rest(table: RawTable) -> RawTable:
     """Report long standstill at the start and end; the rows are kept."""
     if table.t is None or table.samples < 10:
         return table
@@ -191,7 +180,7 @@ def _moving(t: Array, q: Array) -> Mask:
     return mask
 
 
-def report_saturation(table: RawTable) -> RawTable:
+def _report_saturation(table: RawTable) -> RawTable:
     """Report torques and currents that are clipped."""
     if table.t is None or table.samples < 50:
         return table
@@ -229,7 +218,7 @@ def _at_extreme(column: Array, extreme: float) -> Mask:
     return run
 
 
-def report_odd_torques(table: RawTable, robot: RobotModel | None) -> RawTable:
+def _report_odd_torques(table: RawTable, robot: RobotModel | None) -> RawTable:
     """Report torques that are far beyond the robot's, and efforts that may be motor currents."""
     if robot is None or np.isnan(robot.limits.torque).all():
         return table
@@ -280,20 +269,12 @@ class Rule:
 
     name: str
     """What to leave out of `repair` to see what the rule is worth."""
-    apply: Callable[[RawTable, RepairSettings], RawTable]
+    apply: Callable[..., RawTable]
     """The table with it repaired and reported."""
     earned_by: str
     """A file or damage that is read worse without it."""
-
-
-def _alone(rule: Callable[[RawTable], RawTable]) -> Callable[[RawTable, RepairSettings], RawTable]:
-    return lambda table, settings: rule(table)
-
-
-def _of_robot(
-    rule: Callable[[RawTable, RobotModel | None], RawTable],
-) -> Callable[[RawTable, RepairSettings], RawTable]:
-    return lambda table, settings: rule(table, settings.robot)
+    needs: tuple[str, ...] = ()
+    """The settings that it takes beside the table."""
 
 
 def repair(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
@@ -307,13 +288,11 @@ def repair(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
         RecordError: What is left is no recording of this robot.
     """
     for rule in RULES:
-        table = rule.apply(table, settings)
+        table = rule.apply(table, *(getattr(settings, name) for name in rule.needs))
     return _record(table, settings)
 
 
-def _number_rows(table: RawTable, settings: RepairSettings) -> RawTable:
-    if settings.gains is not None:
-        _check_gains(settings.gains, table)
+def _number_rows(table: RawTable) -> RawTable:
     return replace(table, index=np.arange(table.samples, dtype=np.int64))
 
 
@@ -353,13 +332,14 @@ def _require_ticks(table: RawTable) -> None:
         )
 
 
-def _check_gains(gains: tuple[float, ...], table: RawTable) -> None:
-    if len(gains) != table.joints:
+def _check_gains(table: RawTable, gains: tuple[float, ...] | None) -> RawTable:
+    if gains is not None and len(gains) != table.joints:
         raise RecordError(
             "the number of gains is not the number of joints", value=gains, limit=table.joints
         )
-    if not all(np.isfinite(gain) and gain != 0 for gain in gains):
+    if not all(np.isfinite(gain) and gain != 0 for gain in gains or ()):
         raise RecordError("drive gains must be finite and not zero", value=gains)
+    return table
 
 
 def _require_rows(table: RawTable) -> RawTable:
@@ -396,39 +376,36 @@ def _record(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
 
 
 RULES: tuple[Rule, ...] = (
-    Rule("joints", lambda t, s: settle_joints(t, s.robot, s.joint_order), "ROS messages"),
+    Rule("joints", settle_joints, "ROS messages", ("robot", "joint_order")),
+    Rule("gains", _check_gains, "gains of another robot", ("gains",)),
     Rule("rows", _number_rows, "every message that names a row"),
-    Rule("clock", lambda t, s: _start_clock(t, s.rate_hz), "tx40: no time stamps"),
-    Rule("lay_together", _alone(lay_together), "files of one run with clocks of their own"),
-    Rule("drop_missing", _alone(drop_missing), "cells that are empty or no number"),
-    Rule("drop_zero_positions", _alone(drop_zero_positions), "rows of zeros at a lost link"),
-    Rule("drop_repeats", _alone(drop_repeats), "rows written twice"),
-    Rule("mend_jumps", _alone(mend_jumps), "a clock that was set while it ran"),
-    Rule("join_runs", _alone(join_runs), "several runs in one file"),
-    Rule("spread_stamps", _alone(spread_stamps), "stamps that are rounded"),
-    Rule("repair_stamps", _alone(repair_stamps), "panda_gaz: stamps that jitter"),
-    Rule("shorten_gaps", _alone(shorten_gaps), "pauses of minutes between runs"),
-    Rule("enough_rows", _alone(_require_rows), "files of a header alone"),
-    Rule("degrees", lambda t, s: convert_degrees(t, s.robot, s.degrees), "kr300_weigand: degrees"),
-    Rule("unwrap_turns", _of_robot(unwrap_turns), "kinova_gen3: angles between 0 and 360"),
-    Rule("to_joint_side", _of_robot(to_joint_side), "tx40: motor values of a coupled wrist"),
-    Rule("shift_turns", _of_robot(shift_turns), "angles that are a turn off"),
-    Rule("drop_frozen", _alone(drop_frozen), "rows repeated while the link was lost"),
-    Rule("drop_spikes", _alone(drop_spikes), "single samples that are wrong"),
-    Rule("drop_bursts", _alone(drop_bursts), "stretches of rows that are wrong"),
-    Rule("drop_broken_ends", _alone(drop_broken_ends), "a last row that was cut"),
-    Rule("enough_rows_left", _alone(_require_rows), "files of damage alone"),
-    Rule("settle_unit", _alone(settle_unit), "time in milliseconds"),
-    Rule("refuse_degrees", _of_robot(refuse_degrees), "degrees that nobody announced"),
-    Rule("report_clock", _alone(report_clock), "jitter and lost rows"),
-    Rule("check_counted_rows", _alone(check_counted_rows), "rows lost where nothing has a stamp"),
-    Rule(
-        "check_velocities",
-        lambda t, s: check_velocities(t, s.rate_hz),
-        "velocities in another unit, or a wrong clock",
-    ),
-    Rule("report_saturation", _alone(report_saturation), "torques that are clipped"),
-    Rule("report_rest", _alone(report_rest), "long standstill at an end"),
-    Rule("report_odd_torques", _of_robot(report_odd_torques), "currents called efforts"),
+    Rule("clock", _start_clock, "tx40: no time stamps", ("rate_hz",)),
+    Rule("lay_together", lay_together, "files of one run with clocks of their own"),
+    Rule("drop_missing", drop_missing, "cells that are empty or no number"),
+    Rule("drop_zero_positions", drop_zero_positions, "rows of zeros at a lost link"),
+    Rule("drop_repeats", drop_repeats, "rows written twice"),
+    Rule("mend_jumps", mend_jumps, "a clock that was set while it ran"),
+    Rule("join_runs", join_runs, "several runs in one file"),
+    Rule("spread_stamps", spread_stamps, "stamps that are rounded"),
+    Rule("repair_stamps", repair_stamps, "panda_gaz: stamps that jitter"),
+    Rule("shorten_gaps", shorten_gaps, "pauses of minutes between runs"),
+    Rule("enough_rows", _require_rows, "files of a header alone"),
+    Rule("degrees", convert_degrees, "kr300_weigand: degrees", ("robot", "degrees")),
+    Rule("unwrap_turns", unwrap_turns, "kinova_gen3: angles between 0 and 360", ("robot",)),
+    Rule("to_joint_side", to_joint_side, "tx40: motor values of a coupled wrist", ("robot",)),
+    Rule("shift_turns", shift_turns, "angles that are a turn off", ("robot",)),
+    Rule("drop_frozen", drop_frozen, "rows repeated while the link was lost"),
+    Rule("drop_spikes", drop_spikes, "single samples that are wrong"),
+    Rule("drop_bursts", drop_bursts, "stretches of rows that are wrong"),
+    Rule("drop_broken_ends", drop_broken_ends, "a last row that was cut"),
+    Rule("enough_rows_left", _require_rows, "files of damage alone"),
+    Rule("settle_unit", settle_unit, "time in milliseconds"),
+    Rule("refuse_degrees", refuse_degrees, "degrees that nobody announced", ("robot",)),
+    Rule("report_clock", report_clock, "jitter and lost rows"),
+    Rule("check_counted_rows", check_counted_rows, "rows lost where nothing has a stamp"),
+    Rule("check_velocities", check_velocities, "velocities in another unit", ("rate_hz",)),
+    Rule("report_saturation", _report_saturation, "torques that are clipped"),
+    Rule("report_rest", _report_rest, "long standstill at an end"),
+    Rule("report_odd_torques", _report_odd_torques, "currents called efforts", ("robot",)),
 )
 """All rules in their order; `benchmarks/import_rules.py` takes out one after the other."""
