@@ -258,7 +258,7 @@ def read_npz(files: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
 
 def _parts(name: str, value: Any) -> list[tuple[str, Any]]:
     """An array, or each field of an array with named fields."""
-    fields: tuple[str, ...] | None = getattr(value.dtype, "names", None)
+    fields: tuple[str, ...] | None = getattr(getattr(value, "dtype", None), "names", None)
     if not fields:
         return [(name, value)]
     return [(field if name == "array" else f"{name}.{field}", value[field]) for field in fields]

@@ -32,21 +32,15 @@ def parse_columns(spec: str | Mapping[str, str]) -> dict[str, str]:
     if isinstance(spec, Mapping):
         items = [(str(name), str(value)) for name, value in spec.items()]
     else:
-        items = list[tuple[str, str]]()
-        for item in filter(None, (part.strip() for part in re.split(r",(?![^\[]*\])", spec))):
-            name, equals, value = item.partition("=")
-            if not equals:
-                raise _wrong(item, "has no '='")
-            items.append((name, value))
+        parts = filter(None, (part.strip() for part in re.split(r",(?![^\[]*\])", spec)))
+        items = [(name, value) for name, _, value in (part.partition("=") for part in parts)]
     result: dict[str, str] = {}
     for name, value in items:
         quantity, selector = name.strip(), value.strip()
         if quantity not in QUANTITIES:
             raise _wrong(f"{quantity}={selector}", "names an unknown quantity", QUANTITIES)
-        if quantity in result:
-            raise _wrong(f"{quantity}={selector}", "names a quantity twice")
-        if not selector:
-            raise _wrong(f"{quantity}=", "says nothing")
+        if quantity in result or not selector:
+            raise _wrong(f"{quantity}={selector}", "names a quantity twice, or no columns")
         result[quantity] = selector
     if "q" not in result:
         raise RecordError("columns: positions q are missing", value=str(spec), next_step=_EXAMPLE)
@@ -99,29 +93,19 @@ def _named(item: str, name: str, names: Sequence[str] | None) -> list[int]:
     if len(exact) > 1:
         raise _wrong(item, f"fits {len(exact)} columns of the same name")
     stem = name.lower().rstrip("_")
-    for same in (_starts, _means):
+    known = [(header.lower(), parse_name(header)) for header in names]
+    # The stem with a number behind it, as `state.q[3]`; or what is left without path and number.
+    behind = re.compile(re.escape(stem) + r"[\s_\-.\[(/]*\d+[\])]?(\s*\[.*\])?")
+    starts = [behind.fullmatch(header) is not None for header, _ in known]
+    means = [key.base == stem or header.startswith(stem + "_") for header, key in known]
+    for same in (starts, means):
         numbered = sorted(
-            (key.index, k)
-            for k, header in enumerate(names)
-            for key in [parse_name(header)]
-            if key.index is not None and same(header, key, stem)
+            (key.index, k) for k, (_, key) in enumerate(known) if key.index is not None and same[k]
         )
         indices = [index for index, _ in numbered]
         if numbered and indices == list(range(indices[0], indices[0] + len(indices))):
             return [k for _, k in numbered]
     raise _wrong(item, f"is no column of the header ({plain(name)!r})", tuple(names))
-
-
-def _starts(header: str, name: Name, stem: str) -> bool:
-    """Whether a header is the stem with a number behind it: `state.q[3]` of `state.q`."""
-    return bool(
-        re.fullmatch(re.escape(stem) + r"[\s_\-.\[(/]*\d+[\])]?(\s*\[.*\])?", header.lower())
-    )
-
-
-def _means(header: str, name: Name, stem: str) -> bool:
-    """Whether the stem is what a header is without its path and number."""
-    return name.base == stem or header.lower().startswith(stem + "_")
 
 
 def _wrong(item: str, why: str, limit: object = None) -> RecordError:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from dynid.core import Array, InputError, frozen
 from dynid.trajectory.fourier import FourierSeries, harmonic_basis, rest_basis, rest_series
 
-_NAMES = ("lower", "upper", "velocity", "acceleration")
+BOUNDS = ("lower", "upper", "velocity", "acceleration")
 
 
 class MotionLimits(Protocol):
@@ -19,18 +19,22 @@ class MotionLimits(Protocol):
     @property
     def lower(self) -> Array:
         """(n) smallest positions [rad or m]."""
+        ...
 
     @property
     def upper(self) -> Array:
         """(n) largest positions [rad or m]."""
+        ...
 
     @property
     def velocity(self) -> Array:
         """(n) largest speeds [rad/s or m/s]."""
+        ...
 
     @property
     def acceleration(self) -> Array:
         """(n) largest accelerations [rad/s^2 or m/s^2]."""
+        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +57,7 @@ class MotionBounds:
 
     def __post_init__(self) -> None:
         n = np.size(self.lower)
-        for name in _NAMES:
+        for name in BOUNDS:
             value = frozen(getattr(self, name), shape=(n,), name=f"{name} bounds", finite=False)
             object.__setattr__(self, name, value)
         for name in ("velocity", "acceleration"):
@@ -76,7 +80,7 @@ class MotionBounds:
 
 def copied_bounds(limits: MotionLimits) -> MotionBounds:
     """The motion part of any limits, NaN kept."""
-    return MotionBounds(**{name: getattr(limits, name) for name in _NAMES})
+    return MotionBounds(**{name: getattr(limits, name) for name in BOUNDS})
 
 
 def usable_bounds(limits: MotionLimits, acceleration: ArrayLike | None = None) -> MotionBounds:
@@ -97,11 +101,9 @@ def usable_bounds(limits: MotionLimits, acceleration: ArrayLike | None = None) -
     lower = np.where(crossed & np.isnan(known.lower), upper - 2 * np.pi, lower)
     upper = np.where(crossed & np.isnan(known.upper), lower + 2 * np.pi, upper)
     velocity = np.where(np.isnan(known.velocity), np.inf, known.velocity)
+    given = np.inf if acceleration is None else acceleration
     try:
-        spare = np.broadcast_to(
-            np.asarray(np.inf if acceleration is None else acceleration, dtype=np.float64),
-            known.acceleration.shape,
-        )
+        spare = np.broadcast_to(np.asarray(given, dtype=np.float64), known.acceleration.shape)
     except (TypeError, ValueError) as error:
         raise InputError(
             "acceleration must be one number, or one a joint",
@@ -177,7 +179,7 @@ def largest_scale(series: FourierSeries, bounds: MotionBounds, *, margin: float 
     position = np.minimum(
         _ratio(upper - series.offset, peak.above), _ratio(series.offset - lower, -peak.below)
     )
-    return np.minimum(position, derivative_scale(peak, bounds, margin))
+    return np.minimum(position, _derivative_scale(peak, bounds, margin))
 
 
 def require_inside(what: str, pose: Array, lower: Array, upper: Array) -> None:
@@ -196,7 +198,7 @@ def require_inside(what: str, pose: Array, lower: Array, upper: Array) -> None:
         )
 
 
-def derivative_scale(peak: Peaks, bounds: MotionBounds, margin: float) -> Array:
+def _derivative_scale(peak: Peaks, bounds: MotionBounds, margin: float) -> Array:
     """(n) the largest factors that velocity and acceleration allow."""
     return np.minimum(
         _ratio(margin * bounds.velocity, peak.velocity),
@@ -256,38 +258,25 @@ def random_excitation(
     spread = np.tile(1.0 / np.arange(1, harmonics + 1), 2)
     drawn = generator.standard_normal((bounds.joints, 2 * harmonics)) * spread
     free = drawn @ rest_basis(harmonics)
-    if offset is None:
-        return _with_drawn_offset(
-            rest_series(period, np.zeros(bounds.joints), free), bounds, margin, generator
-        )
-    middle = frozen(offset, shape=(bounds.joints,), name="offset")
+    given = np.zeros(bounds.joints) if offset is None else offset
+    middle = frozen(given, shape=(bounds.joints,), name="offset")
     series = rest_series(period, middle, free)
-    return _scaled(series, largest_scale(series, bounds, margin=margin), middle)
-
-
-def _with_drawn_offset(
-    series: FourierSeries, bounds: MotionBounds, margin: float, generator: np.random.Generator
-) -> FourierSeries:
-    """The series scaled to its limits and shifted to a random place where it fits."""
-    lower, upper = inner_range(bounds, margin)
-    peak = peaks(series)
-    scale = np.minimum(
-        (upper - lower) / (peak.above - peak.below), derivative_scale(peak, bounds, margin)
-    )
-    first, last = lower - scale * peak.below, upper - scale * peak.above
-    place = generator.uniform(size=bounds.joints)
-    return _scaled(series, scale, first + place * np.maximum(last - first, 0.0))
-
-
-def _scaled(series: FourierSeries, scale: Array, offset: Array) -> FourierSeries:
+    if offset is None:
+        # Scaled to its limits, and shifted to a random place where it fits.
+        lower, upper = inner_range(bounds, margin)
+        peak = peaks(series)
+        scale = np.minimum(
+            (upper - lower) / (peak.above - peak.below), _derivative_scale(peak, bounds, margin)
+        )
+        first, last = lower - scale * peak.below, upper - scale * peak.above
+        place = generator.uniform(size=bounds.joints)
+        middle = first + place * np.maximum(last - first, 0.0)
+    else:
+        scale = largest_scale(series, bounds, margin=margin)
     if not np.isfinite(scale).all():
         raise InputError(
             "no limit bounds the motion",
             next_step="Give position, velocity or acceleration limits.",
         )
-    return FourierSeries(
-        period=series.period,
-        offset=offset,
-        a=series.a * scale[:, None],
-        b=series.b * scale[:, None],
-    )
+    a, b = series.a * scale[:, None], series.b * scale[:, None]
+    return FourierSeries(period=period, offset=middle, a=a, b=b)

@@ -9,8 +9,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from dynid.core import Array, InputError, JsonFields, Provenance, load_object, write_json
-from dynid.trajectory.bounds import MotionBounds, MotionLimits, copied_bounds
+from dynid.core import InputError, JsonFields, Provenance, load_object, write_json
+from dynid.trajectory.bounds import BOUNDS, MotionBounds, MotionLimits, copied_bounds
 from dynid.trajectory.bspline import BSpline, BSplineFamily
 from dynid.trajectory.fourier import FourierFamily, FourierSeries, ModifiedFourierFamily
 from dynid.trajectory.points import MotionSequence, PointsFamily, PointToPoint, Repetition
@@ -108,7 +108,6 @@ _VERSIONS = (1, _VERSION)
 _SHORTEST, _LONGEST, _LARGEST = 1e-3, 1e6, 1e9
 """Seconds of a motion, and rad or m and their derivatives."""
 _LOOKS = 64
-_BOUNDS = ("lower", "upper", "velocity", "acceleration")
 _OWN = frozenset({"kind", "version", "robot", "trajectory", "limits", "provenance"})
 
 
@@ -165,7 +164,10 @@ def write_trajectory(
         "robot": robot,
         "trajectory": trajectory_to_json(trajectory),
         **(extra or {}),
-        "limits": {name: _with_null(getattr(bounds, name)) for name in _BOUNDS},
+        "limits": {
+            name: [float(value) if np.isfinite(value) else None for value in getattr(bounds, name)]
+            for name in BOUNDS
+        },
         "provenance": provenance.to_json(),
     }
     write_json(Path(path), document)
@@ -203,7 +205,7 @@ def read_trajectory(path: str | Path) -> StoredTrajectory:
         trajectory = trajectory_from_json(fields if version == 1 else fields.object("trajectory"))
         _check_size(trajectory)
         stored = fields.object("limits")
-        limits = MotionBounds(**{name: stored.vector(name, null=True) for name in _BOUNDS})
+        limits = MotionBounds(**{name: stored.vector(name, null=True) for name in BOUNDS})
         if limits.joints != trajectory.joints:
             raise InputError("joints of the limits", value=limits.joints, limit=trajectory.joints)
         own = _OWN if version == _VERSION else _OWN | {"type", "period", "offset", "a", "b"}
@@ -235,10 +237,6 @@ def _check_size(trajectory: Trajectory) -> None:
         largest = float(np.abs(values).max())
         if not largest < _LARGEST:
             raise InputError(f"the motion's {name}", value=largest, limit=f"below {_LARGEST:g}")
-
-
-def _with_null(values: Array) -> list[float | None]:
-    return [float(value) if np.isfinite(value) else None for value in values]
 
 
 def _provenance(fields: JsonFields) -> Provenance:

@@ -110,12 +110,9 @@ def _formula_lines(parts: Sequence[Piece], rate_hz: float) -> list[str]:
     for number, part in enumerate(parts):
         # Chosen by the whole number of the sample: no rounding decides it on the controller.
         until = math.ceil(starts[number + 1] * rate_hz - _LATE)
-        if number == 0:
-            lines.append(f"if sample < {until}:")
-        elif number < len(parts) - 1:
-            lines.append(f"elif sample < {until}:")
-        else:
-            lines.append("else:")
+        word = "if" if number == 0 else "elif"
+        last = number == len(parts) - 1
+        lines.append("else:" if last else f"{word} sample < {until}:")
         lines += [f"  {line}" for line in _piece(part, float(starts[number]))]
     return [*lines, "end"]
 
@@ -310,14 +307,10 @@ def _program(
         f"t={decimal(1.0 / how.rate_hz)},lookahead_time={decimal(how.lookahead_time)},"
         f"gain={decimal(how.gain)}"
     )
-    watch = (
-        []
-        if how.watchdog_hz is None
-        else [
-            f'rtde_set_watchdog("input_int_register_{how.watchdog_register}", '
-            f'{decimal(how.watchdog_hz)}, "stop")'
-        ]
-    )
+    watch: list[str] = []
+    if how.watchdog_hz is not None:
+        register = f'"input_int_register_{how.watchdog_register}"'
+        watch = [f'rtde_set_watchdog({register}, {decimal(how.watchdog_hz)}, "stop")']
     slow = decimal(how.approach_acceleration)
     inside = [
         *(f"# {line}" for line in _printable(comment)),
