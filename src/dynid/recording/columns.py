@@ -33,7 +33,12 @@ def parse_columns(spec: str | Mapping[str, str]) -> dict[str, str]:
         items = [(str(name), str(value)) for name, value in spec.items()]
     else:
         parts = filter(None, (part.strip() for part in re.split(r",(?![^\[]*\])", spec)))
-        items = [(name, value) for name, _, value in (part.partition("=") for part in parts)]
+        items = list[tuple[str, str]]()
+        for part in parts:
+            name, equals, value = part.partition("=")
+            if not equals:
+                raise _wrong(part, "has no '='")
+            items.append((name, value))
     result: dict[str, str] = {}
     for name, value in items:
         quantity, selector = name.strip(), value.strip()

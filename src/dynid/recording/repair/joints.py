@@ -261,11 +261,12 @@ def shift_turns(table: RawTable, robot: RobotModel | None) -> RawTable:
         if quantity not in table.signals:
             continue
         value = table.signals[quantity]
-        low, high = value.min(axis=0), value.max(axis=0)
+        low: Array = value.min(axis=0)
+        high: Array = value.max(axis=0)
         outside = (low < lower - 0.05) | (high > upper + 0.05)
         bounded = np.isfinite(lower) & np.isfinite(upper) & revolute(table.joints, robot)
-        middle = np.where(bounded, lower, 0.0) + np.where(bounded, upper, 0.0)
-        count = np.round(0.5 * (low + high - middle) / _TURN)
+        middle: Array = np.where(bounded, lower, 0.0) + np.where(bounded, upper, 0.0)
+        count: Array = np.rint(0.5 * (low + high - middle) / _TURN)
         fits = (low - count * _TURN >= lower - 0.05) & (high - count * _TURN <= upper + 0.05)
         turns: Array = np.where(bounded & outside & fits, count, 0.0)
         if turns.any():
