@@ -14,8 +14,8 @@ from dynid.robot import RobotModel, direct_drives, load_robot, move
 from dynid.simulation import cylinder, link_parameters, simulate, simulated_arm, with_payload
 from dynid.trajectory import random_excitation
 from dynid.workflow import identify_gains_from_payload
-from dynid.workflow.payload import known_payload
 from dynid.workflow.running import record_of
+from dynid.workflow.shared_inertias import known_payload
 
 EXACT = 3e-5
 """Relative error of gains from torques that obey the model, up to the filter of the motion."""

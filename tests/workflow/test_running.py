@@ -14,18 +14,12 @@ import numpy as np
 import pytest
 
 from dynid.cli.app import main
+from dynid.cli.options import carried
 from dynid.core import InputError, JobError, provenance
 from dynid.recording import read_record
 from dynid.robot import load_robot
 from dynid.trajectory import rest_series, write_trajectory
-from dynid.workflow import (
-    RunSettings,
-    parse_floor,
-    parse_payload,
-    parse_thermal,
-    parse_tool,
-    run_design,
-)
+from dynid.workflow import RunSettings, parse_thermal, run_design
 
 UR5 = load_robot("ur5")
 PERIOD, CYCLES = 2.0, 250
@@ -91,9 +85,9 @@ def test_thermal_states_show_in_the_record(design: Path, tmp_path: Path) -> None
 
 def test_the_simulated_arm_carries_its_payload(design: Path, tmp_path: Path) -> None:
     links: list[np.ndarray] = []
-    for name, payload in (("empty", None), ("loaded", "2.5,0,0,0.1")):
+    for name, payload in (("empty", None), ("loaded", (2.5, 0.0, 0.0, 0.1))):
         path = tmp_path / f"{name}.parquet"
-        run_design(design, path, settings=RunSettings(repeat=1, payload=parse_payload(payload)))
+        run_design(design, path, settings=RunSettings(repeat=1, payload=payload))
         links.append(np.array(json.loads((tmp_path / f"{name}_truth.json").read_text())["links"]))
         carried = read_record(path).metadata.extra["payload_kg"]
         assert float(carried) == (0.0 if payload is None else 2.5)
@@ -306,19 +300,24 @@ def test_bad_usage_is_one_line_and_exit_2(
 def test_words_of_the_command_line() -> None:
     assert parse_thermal("cold") == "cold"
     assert parse_thermal("31.5") == 31.5
-    assert parse_payload(None) is None
-    assert parse_payload("1.5,0,0.01,0.05") == (1.5, 0.0, 0.01, 0.05)
-    assert parse_payload("2") == (2.0, 0.0, 0.0, 0.0)
-    assert (parse_floor("none"), parse_floor("-0.8"), parse_floor(None)) == ("none", -0.8, None)
-    assert parse_tool("0,0,0.3") == (0.0, 0.0, 0.3)
+    given = {"floor": None, "tool": None, "payload": None, "mesh_dir": None}
+    assert set(carried(**given).values()) == {None}
+    for option, text, value in (
+        ("payload", "1.5,0,0.01,0.05", (1.5, 0.0, 0.01, 0.05)),
+        ("payload", "2", (2.0, 0.0, 0.0, 0.0)),
+        ("floor", "none", "none"),
+        ("floor", "-0.8", -0.8),
+        ("tool", "0,0,0.3", (0.0, 0.0, 0.3)),
+    ):
+        assert carried(**(given | {option: text}))[option] == value
     for text in ("0,0", "a,b,c", "0,0,inf"):
         with pytest.raises(InputError, match="--tool"):
-            parse_tool(text)
+            carried(**(given | {"tool": text}))
     with pytest.raises(InputError, match="--floor"):
-        parse_floor("low")
+        carried(**(given | {"floor": "low"}))
     with pytest.raises(InputError, match="--accept-unjudged"):
         RunSettings(accept_unjudged=("everything",))
     assert RunSettings(accept_unjudged=("self-collision",)).accept_unjudged == ("self_collision",)
     for text in ("-1", "1,2", "1,2,3,nan", "inf", ""):
         with pytest.raises(InputError, match="payload"):
-            parse_payload(text)
+            carried(**(given | {"payload": text}))

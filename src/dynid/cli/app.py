@@ -11,7 +11,7 @@ import typer
 from dynid import __version__
 from dynid.cli.design_commands import check_command, design_command
 from dynid.cli.estimate_commands import fit_command, identify_command, validate_command
-from dynid.cli.options import Command, Commands, exit_code_of, guard_streams
+from dynid.cli.options import Command, Commands, exit_code_of, flag, guard_streams
 from dynid.cli.record_commands import import_command, register_controller, run_command
 from dynid.cli.result_commands import (
     demo_command,
@@ -98,7 +98,7 @@ def build() -> typer.Typer:
 
 def _root(
     context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+    version: Annotated[bool, flag("--version", "Print the version.")] = False,
 ) -> None:
     if version:
         typer.echo(f"dynid {__version__}")

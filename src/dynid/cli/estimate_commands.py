@@ -6,28 +6,39 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from dynid.cli.options import (
     DaskOption,
+    EstimateArgument,
     ForceFlag,
     GainsOption,
     JobsOption,
     JsonFlag,
+    RobotArgument,
     RobotOption,
     StartOption,
     StopOption,
     TemperatureOption,
+    argument,
     command,
-    parse_gains,
+    flag,
+    numbers,
+    option,
 )
-from dynid.cli.output import number, print_notices, print_table
+from dynid.cli.output import (
+    check_output,
+    console,
+    number,
+    print_json,
+    print_notices,
+    print_table,
+    progress_bar,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from dynid.validation import ValidationResult
-    from dynid.workflow import Identification, LogFit
+    from dynid.workflow import Identification
 
 
 COLUMNS = ("joint", "RMS", "moving", "at rest", "rel. %", "moving %", "R2")
@@ -36,28 +47,15 @@ COLUMNS = ("joint", "RMS", "moving", "at rest", "rel. %", "moving %", "R2")
 def print_metrics(
     screen: Console, title: str, result: ValidationResult, prismatic: Sequence[bool]
 ) -> None:
-    """Print the errors of a prediction, joint by joint and overall.
-
-    Args:
-        screen: Where to.
-        title: What was predicted.
-        result: The prediction and its errors.
-        prismatic: (n) which joints slide.
-    """
+    """Print the errors of a prediction, joint by joint and overall."""
     from dynid.figures import joint_unit
 
     unit = joint_unit("N.m", prismatic)
     whole, moving, rest = result.metrics, result.moving, result.at_rest
+    relative = (whole.relative_error_percent, moving.relative_error_percent)
+    shown = (whole.rmse, moving.rmse, rest.rmse, *relative, whole.r2)
     rows = [
-        (
-            str(j + 1),
-            number(float(whole.rmse[j]), 3),
-            number(float(moving.rmse[j]), 3),
-            number(float(rest.rmse[j]), 3),
-            number(float(whole.relative_error_percent[j]), 3),
-            number(float(moving.relative_error_percent[j]), 3),
-            number(float(whole.r2[j]), 3),
-        )
+        (str(j + 1), *(number(float(values[j]), 3) for values in shown))
         for j in range(len(whole.rmse))
     ]
     print_table(screen, f"{title}: RMS errors in {unit}", COLUMNS, rows)
@@ -78,14 +76,8 @@ MOST_FINDINGS = 4
 """Findings that are printed unasked, strongest first."""
 
 
-def print_identification(screen: Console, result: Identification, *, everything: bool) -> None:
-    """Print an identification: the verdict, its errors and its findings.
-
-    Args:
-        screen: Where to.
-        result: The identification.
-        everything: Print all parameters and choices too.
-    """
+def _print_identification(screen: Console, result: Identification, *, everything: bool) -> None:
+    """Print the verdict, the errors and the findings; all parameters and choices if asked to."""
     from dynid.workflow import verdict
 
     estimate, judged = result.estimate, verdict(result)
@@ -180,16 +172,16 @@ def _print_standard(screen: Console, result: Identification) -> None:
 
 PurposeOption = Annotated[
     str,
-    typer.Option(
-        "--for",
-        metavar="anywhere|this-motion",
-        help="Purpose of the model: anywhere selects it on left-out regions of the workspace, "
+    option(
+        "anywhere|this-motion",
+        "Purpose of the model: anywhere selects it on left-out regions of the workspace, "
         "this-motion on left-out stretches of time.",
+        "--for",
     ),
 ]
 
 
-AllFlag = Annotated[bool, typer.Option("--all", help="Print all parameters, choices and findings.")]
+AllFlag = Annotated[bool, flag("--all", "Print all parameters, choices and findings.")]
 
 
 @command(
@@ -198,31 +190,22 @@ AllFlag = Annotated[bool, typer.Option("--all", help="Print all parameters, choi
     "dynid fit ur10e log.csv --gains 11.2,11.4,9.8,10.1,10.2,9.9 -o fitted --json",
 )
 def fit_command(
-    robot: Annotated[
-        str, typer.Argument(metavar="ROBOT", help="Built-in name, URDF or robot file.")
-    ],
+    robot: RobotArgument,
     logs: Annotated[
         list[Path],
-        typer.Argument(
-            metavar="LOG...", help="Recordings of any format, or folders with the files of one run."
-        ),
+        argument("LOG...", "Recordings of any format, or folders with the files of one run."),
     ],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", help="Folder for all results.")
-    ],
+    output: Annotated[Path, option("DIR", "Folder for all results.", "-o", "--output")],
     validation: Annotated[
-        Path | None, typer.Option("--validate", metavar="LOG", help="Another log to predict.")
+        Path | None, option("LOG", "Another log to predict.", "--validate")
     ] = None,
     gains: GainsOption = None,
-    preset: Annotated[
-        str, typer.Option(metavar="paper|best", help="How to identify; see dynid identify.")
-    ] = "best",
+    preset: Annotated[str, option("paper|best", "How to identify; see dynid identify.")] = "best",
     purpose: PurposeOption = "anywhere",
     everything: AllFlag = False,
     json: JsonFlag = False,
 ) -> None:
     """From logs to verdict, models and report in one command."""
-    from dynid.cli.output import console, print_json, progress_bar
     from dynid.workflow import IdentifySettings, fit
 
     with progress_bar("fit") as progress:
@@ -231,7 +214,7 @@ def fit_command(
             logs,
             output,
             validation=validation,
-            gains=parse_gains(gains),
+            gains=numbers(gains, "--gains"),
             settings=IdentifySettings(preset=preset, purpose=purpose),
             progress=progress,
         )
@@ -239,12 +222,7 @@ def fit_command(
         print_json(result.to_json())
         return
     screen = console()
-    print_identification(screen, result.identification, everything=everything)
-    _print_files(screen, result)
-
-
-def _print_files(screen: Console, result: LogFit) -> None:
-    """Which files were written, and what to do with them."""
+    _print_identification(screen, result.identification, everything=everything)
     screen.print()
     if "targets" in result.gains_from:
         screen.print("Drive gains were found from the target currents and moments in the log.")
@@ -265,55 +243,47 @@ def _print_files(screen: Console, result: LogFit) -> None:
 )
 def identify_command(
     records: Annotated[
-        list[str],
-        typer.Argument(metavar="RECORD", help="Recordings of one robot: paths, or s3://..."),
+        list[str], argument("RECORD", "Recordings of one robot: paths, or s3://...")
     ],
     output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", metavar="ESTIMATE.json", help="Where the estimate goes."),
+        Path | None, option("ESTIMATE.json", "Where the estimate goes.", "-o", "--output")
     ] = None,
     robot: RobotOption = None,
     estimator: Annotated[
         str | None,
-        typer.Option(
-            metavar="ols|wls|irls|tls|iv|ml|didim|sdp|bayes|rls",
-            help="Default: by the preset. sdp: physically consistent.",
+        option(
+            "ols|wls|irls|tls|iv|ml|didim|sdp|bayes|rls",
+            "Default: by the preset. sdp: physically consistent.",
         ),
     ] = None,
     terms: Annotated[
         str | None,
-        typer.Option(
-            metavar="fc,fv,im[,..]",
-            help="Friction terms, each for all joints or for some; default: by the preset.",
+        option(
+            "fc,fv,im[,..]",
+            "Friction terms, each for all joints or for some; default: by the preset.",
         ),
     ] = None,
     preset: Annotated[
         str,
-        typer.Option(
-            metavar="paper|best",
-            help="paper: exactly as in the paper; best: select by cross-validation.",
-        ),
+        option("paper|best", "paper: exactly as in the paper; best: select by cross-validation."),
     ] = "best",
     purpose: PurposeOption = "anywhere",
     cutoff: Annotated[
-        float | None, typer.Option(metavar="HZ", help="Low-pass cut-off; default: from the data.")
+        float | None, option("HZ", "Low-pass cut-off; default: from the data.")
     ] = None,
     weighting: Annotated[
-        str,
-        typer.Option(
-            metavar="joint|size", help="Noise variance of each joint, or of joints of one size."
-        ),
+        str, option("joint|size", "Noise variance of each joint, or of joints of one size.")
     ] = "joint",
     start: StartOption = None,
     stop: StopOption = None,
     validation: Annotated[
-        str | None, typer.Option("--validate", metavar="RECORD", help="Another record to predict.")
+        str | None, option("RECORD", "Another record to predict.", "--validate")
     ] = None,
     validation_start: Annotated[
-        float | None, typer.Option("--validate-from", metavar="S", help="Start of its window.")
+        float | None, option("S", "Start of its window.", "--validate-from")
     ] = None,
     validation_stop: Annotated[
-        float | None, typer.Option("--validate-to", metavar="S", help="End of its window.")
+        float | None, option("S", "End of its window.", "--validate-to")
     ] = None,
     gains: GainsOption = None,
     jobs: JobsOption = 1,
@@ -323,7 +293,6 @@ def identify_command(
     json: JsonFlag = False,
 ) -> None:
     """Parameters from recordings, with uncertainty (paper 3)."""
-    from dynid.cli.output import check_output, console, print_json, progress_bar
     from dynid.regressor import parse_terms
     from dynid.workflow import IdentifySettings, identify_files, verdict
 
@@ -349,7 +318,7 @@ def identify_command(
             validation=validation,
             validation_start_s=validation_start,
             validation_stop_s=validation_stop,
-            gains=parse_gains(gains),
+            gains=numbers(gains, "--gains"),
             jobs=jobs,
             dask=dask,
             progress=progress,
@@ -359,7 +328,7 @@ def identify_command(
         print_json({**result.to_json(), "verdict": verdict(result).to_json(), "estimate": written})
     else:
         screen = console()
-        print_identification(screen, result, everything=everything)
+        _print_identification(screen, result, everything=everything)
         if output is None:
             screen.print("Nothing was written; keep the estimate with -o ESTIMATE.json")
         else:
@@ -371,38 +340,23 @@ def identify_command(
     "dynid validate ur5.json run.parquet --from 10 --to 20 --json",
 )
 def validate_command(
-    estimate: Annotated[
-        Path, typer.Argument(metavar="ESTIMATE.json", help="What dynid identify wrote.")
-    ],
-    record: Annotated[
-        Path, typer.Argument(metavar="RECORD", help="A recording that was not identified from.")
-    ],
+    estimate: EstimateArgument,
+    record: Annotated[Path, argument("RECORD", "A recording that was not identified from.")],
     start: StartOption = None,
     stop: StopOption = None,
     at: TemperatureOption = None,
     gains: GainsOption = None,
     refit: Annotated[
         str | None,
-        typer.Option(
-            metavar="friction", help="Identify friction again from this recording; inertias stay."
-        ),
+        option("friction", "Identify friction again from this recording; inertias stay."),
     ] = None,
     output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="Write the refitted estimate here."),
+        Path | None, option("FILE", "Write the refitted estimate here.", "--output", "-o")
     ] = None,
     force: ForceFlag = False,
     json: JsonFlag = False,
 ) -> None:
     """Prediction error on another recording (paper 3.1)."""
-    from dynid.cli.output import (
-        check_output,
-        console,
-        number,
-        print_json,
-        print_notices,
-        print_table,
-    )
     from dynid.validation import CAUSES
     from dynid.workflow import estimate_at, validate_files
 
@@ -415,7 +369,7 @@ def validate_command(
         start_s=start,
         stop_s=stop,
         at_degC=at,
-        gains=parse_gains(gains),
+        gains=numbers(gains, "--gains"),
         refit=refit,
         output=output,
     )

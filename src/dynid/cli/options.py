@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import errno
 import io
+import math
 import os
 import signal
 import sys
 import threading
 import traceback
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -20,91 +22,142 @@ import typer.core
 
 from dynid.core import DynidError, InputError
 
-ForceFlag = Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")]
-JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
+
+def option(metavar: str, help: str, *names: str, **bounds: Any) -> Any:
+    """An option with a value; without names, it is called as the parameter."""
+    return typer.Option(*names, metavar=metavar, help=help, **bounds)
+
+
+def flag(name: str, help: str) -> Any:
+    """An option without a value."""
+    return typer.Option(name, help=help)
+
+
+def argument(metavar: str, help: str) -> Any:
+    """A word that is no option."""
+    return typer.Argument(metavar=metavar, help=help)
+
+
+ForceFlag = Annotated[bool, flag("--force", "Replace the file if it exists.")]
+JsonFlag = Annotated[bool, flag("--json", "Print one JSON object on stdout.")]
 RobotOption = Annotated[
     str | None,
-    typer.Option(
-        "--robot",
-        metavar="ROBOT",
-        help="Built-in name, URDF or robot file; default: that of the recording.",
+    option(
+        "ROBOT", "Built-in name, URDF or robot file; default: that of the recording.", "--robot"
     ),
 ]
 StartOption = Annotated[
-    float | None,
-    typer.Option("--from", metavar="S", help="Start of the window, from the record's start."),
+    float | None, option("S", "Start of the window, from the record's start.", "--from")
 ]
-StopOption = Annotated[
-    float | None, typer.Option("--to", metavar="S", help="End of the window, same clock.")
-]
-SeedOption = Annotated[
-    int, typer.Option("--seed", metavar="N", min=0, help="Seed of the random numbers.")
-]
+StopOption = Annotated[float | None, option("S", "End of the window, same clock.", "--to")]
+SeedOption = Annotated[int, option("N", "Seed of the random numbers.", "--seed", min=0)]
 GainsOption = Annotated[
     str | None,
-    typer.Option(
+    option(
+        "g1,..,gn",
+        "Drive gains [N.m/A], one a joint; default: those of the recording or the robot.",
         "--gains",
-        metavar="g1,..,gn",
-        help="Drive gains [N.m/A], one a joint; default: those of the recording or the robot.",
     ),
 ]
-JobsOption = Annotated[
-    int, typer.Option("--jobs", metavar="N", min=1, help="Processes on this machine.")
-]
+JobsOption = Annotated[int, option("N", "Processes on this machine.", "--jobs", min=1)]
 DaskOption = Annotated[
-    str | None,
-    typer.Option("--dask", metavar="ADDRESS", help="A Dask scheduler, instead of --jobs."),
+    str | None, option("ADDRESS", "A Dask scheduler, instead of --jobs.", "--dask")
 ]
 TemperatureOption = Annotated[
     float | None,
-    typer.Option(
-        "--at", metavar="DEGC", help="Temperature of the joints, of a file with temperature laws."
-    ),
+    option("DEGC", "Temperature of the joints, of a file with temperature laws.", "--at"),
 ]
 
 
-def parse_gains(text: str | None) -> tuple[float, ...] | None:
-    """Drive gains from `13.6,13.7,...`.
+RobotArgument = Annotated[str, argument("ROBOT", "Built-in name, URDF or robot file.")]
+DesignArgument = Annotated[Path, argument("DESIGN.json", "A design or trajectory.")]
+EstimateArgument = Annotated[Path, argument("ESTIMATE.json", "What dynid identify wrote.")]
+RecordOutput = Annotated[Path, option("RECORD.parquet", "The recording.", "-o", "--output")]
+MovedRobotOption = Annotated[
+    str | None, option("ROBOT", "If the design's robot file has moved.", "--robot")
+]
+FramesOption = Annotated[
+    str, option("dh|mdh|urdf", "Frames of the parameters; default: its own.", "--frames")
+]
+MountOption = Annotated[
+    str | None,
+    option("floor|wall|ceiling|tilt:DEG", "Mounting; default: that of the file.", "--mount"),
+]
+LimitsOption = Annotated[
+    str, option("safe|paper", "safe: all known limits; paper: q, dq and ddq alone.", "--limits")
+]
+SceneOption = Annotated[
+    str | None, option("SCENE.json", "Surroundings; default: those of the design.", "--scene")
+]
+NoCollisionFlag = Annotated[bool, flag("--no-collision", "Do not check collisions.")]
+
+
+def numbers(
+    text: str | None, where: str, counts: tuple[int, ...] = (), form: str = ""
+) -> tuple[float, ...] | None:
+    """Finite numbers with commas between, such as `13.6,13.7`; None where nothing is given.
 
     Raises:
-        InputError: Not numbers with commas between.
+        InputError: Something else, or another number of them than one of the counts.
     """
     if text is None:
         return None
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError as error:
-        raise InputError(
-            "must be numbers with commas between", where="--gains", value=text
-        ) from error
+    with suppress(ValueError):
+        found = tuple(float(part) for part in text.split(","))
+        if all(map(math.isfinite, found)) and (not counts or len(found) in counts):
+            return found
+    said = "must be numbers with commas between"
+    raise InputError(said, where=where, value=text, limit=form or None)
 
 
 MeshDirOption = Annotated[
-    list[Path] | None,
-    typer.Option("--mesh-dir", metavar="DIR", help="Where meshes of a URDF are; may be repeated."),
+    list[Path] | None, option("DIR", "Where meshes of a URDF are; may be repeated.", "--mesh-dir")
 ]
 FloorOption = Annotated[
     str | None,
-    typer.Option(
-        metavar="HEIGHT|none",
-        help="Floor, wall or ceiling, in the base frame [m]. [default: the mounting plane]",
+    option(
+        "HEIGHT|none",
+        "Floor, wall or ceiling, in the base frame [m]. [default: the mounting plane]",
     ),
 ]
-ToolOption = Annotated[
-    str | None, typer.Option(metavar="X,Y,Z", help="Tool point in the flange's frame [m].")
-]
+ToolOption = Annotated[str | None, option("X,Y,Z", "Tool point in the flange's frame [m].")]
 PayloadOption = Annotated[
-    str | None, typer.Option(metavar="KG[,X,Y,Z]", help="Mass at the flange [kg], its centre [m].")
+    str | None, option("KG[,X,Y,Z]", "Mass at the flange [kg], its centre [m].")
 ]
 MarginOption = Annotated[
-    float | None,
-    typer.Option(
-        metavar="PERCENT", help="Margin to limits of speed, torque and power. [default: 5]"
-    ),
+    float | None, option("PERCENT", "Margin to limits of speed, torque and power. [default: 5]")
 ]
 ClearanceOption = Annotated[
-    float | None, typer.Option(metavar="M", help="Smallest distance of bodies [m]. [default: 0.01]")
+    float | None, option("M", "Smallest distance of bodies [m]. [default: 0.01]")
 ]
+
+
+def carried(
+    floor: str | None, tool: str | None, payload: str | None, mesh_dir: list[Path] | None
+) -> dict[str, Any]:
+    """The settings of these options, which a design, its check and its run have in common.
+
+    Raises:
+        InputError: A word or number that makes no sense, or a folder that is none.
+    """
+    for folder in mesh_dir or ():
+        if not os.path.isdir(folder):
+            raise InputError("there is no such folder", where="--mesh-dir", value=str(folder))
+    load = numbers(payload, "--payload", (1, 4), "KG or KG,X,Y,Z")
+    if load is not None:
+        if load[0] < 0:
+            raise InputError("a negative mass", where="--payload", value=payload)
+        load = load if len(load) == 4 else (*load, 0.0, 0.0, 0.0)
+    height: float | str | None = floor
+    if floor not in (None, "mount", "none"):
+        (height,) = numbers(floor, "--floor", (1,), "HEIGHT, mount or none") or (floor,)
+    return {
+        "floor": height,
+        "tool": numbers(tool, "--tool", (3,), "X,Y,Z"),
+        "payload": load,
+        # Absolute, so that they are found again from elsewhere.
+        "mesh_dirs": tuple(str(folder.resolve()) for folder in mesh_dir) if mesh_dir else None,
+    }
 
 
 GROUPS: Mapping[str, tuple[str, ...]] = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,14 +11,29 @@ import typer
 
 from dynid.cli.options import (
     DaskOption,
+    EstimateArgument,
     ForceFlag,
     JobsOption,
     JsonFlag,
     RobotOption,
     TemperatureOption,
+    argument,
     command,
     examples,
+    flag,
+    option,
 )
+from dynid.cli.output import (
+    check_output,
+    console,
+    count,
+    number,
+    print_json,
+    print_notices,
+    print_table,
+    progress_bar,
+)
+from dynid.core import InputError, require, silent
 
 if TYPE_CHECKING:
     from dynid.studio import Served
@@ -28,25 +44,19 @@ if TYPE_CHECKING:
     "dynid export ur5.json --to c -o ur5_dynamics.h --json",
 )
 def export_command(
-    estimate: Annotated[
-        Path, typer.Argument(metavar="ESTIMATE.json", help="What dynid identify wrote.")
-    ],
+    estimate: EstimateArgument,
     to: Annotated[
         str,
-        typer.Option(
-            metavar="urdf|mjcf|json|c|python",
-            help="c: one C99 header; python: one file that needs NumPy alone.",
+        option(
+            "urdf|mjcf|json|c|python", "c: one C99 header; python: one file that needs NumPy alone."
         ),
     ],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FILE", help="Where the model goes.")
-    ],
+    output: Annotated[Path, option("FILE", "Where the model goes.", "-o", "--output")],
     at: TemperatureOption = None,
     force: ForceFlag = False,
     json: JsonFlag = False,
 ) -> None:
     """A model that other programs load, checked by loading it."""
-    from dynid.cli.output import check_output, console, number, print_json, print_notices
     from dynid.workflow import check_suffix, export_file
 
     check_output(output, [estimate], force=force)
@@ -75,25 +85,20 @@ def export_command(
     "dynid report runs/demo --figures figures --png",
 )
 def report_command(
-    directory: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Estimates, recordings and designs.")
-    ],
-    output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FILE.html", help="The page to write.")
-    ] = Path("report.html"),
+    directory: Annotated[Path, argument("DIR", "Estimates, recordings and designs.")],
+    output: Annotated[Path, option("FILE.html", "The page to write.", "-o", "--output")] = Path(
+        "report.html"
+    ),
     figures: Annotated[
-        Path | None,
-        typer.Option(metavar="FOLDER", help="Also write each figure there, as SVG."),
+        Path | None, option("FOLDER", "Also write each figure there, as SVG.")
     ] = None,
     png: Annotated[
-        bool, typer.Option("--png", help="With --figures: PNG too; needs the extra figures.")
+        bool, flag("--png", "With --figures: PNG too; needs the extra figures.")
     ] = False,
     force: ForceFlag = False,
     json: JsonFlag = False,
 ) -> None:
     """One self-contained page, with the verdict first."""
-    from dynid.cli.output import check_output, console, print_json, progress_bar
-    from dynid.core import InputError, require
     from dynid.report import write_figures
     from dynid.workflow import report
 
@@ -132,41 +137,25 @@ def report_command(
 )
 def fleet_command(
     folder: Annotated[
-        str,
-        typer.Argument(
-            metavar="DIR", help="Recordings: ROBOT/DAY/FILE, or a manifest.csv; path or s3://..."
-        ),
+        str, argument("DIR", "Recordings: ROBOT/DAY/FILE, or a manifest.csv; path or s3://...")
     ],
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="DIR", help="Table, page, state and cache.")
+        Path, option("DIR", "Table, page, state and cache.", "-o", "--output")
     ] = Path("runs/fleet"),
     robot: RobotOption = None,
     terms: Annotated[
-        str, typer.Option(metavar="fc,fv,im[,fo]", help="Friction terms, the same for all.")
+        str, option("fc,fv,im[,fo]", "Friction terms, the same for all.")
     ] = "fc,fv,im",
-    false_alarms: Annotated[
-        float, typer.Option(metavar="P", help="Probability of a false alarm in a run.")
-    ] = 0.05,
+    false_alarms: Annotated[float, option("P", "Probability of a false alarm in a run.")] = 0.05,
     reference: Annotated[
         float | None,
-        typer.Option(
-            metavar="DEGC",
-            help="Reference temperature of the trends. [default: median of each joint]",
-        ),
+        option("DEGC", "Reference temperature of the trends. [default: median of each joint]"),
     ] = None,
     jobs: JobsOption = 1,
     dask: DaskOption = None,
     json: JsonFlag = False,
 ) -> None:
     """Many robots and days: estimates, friction trends, alarms."""
-    from dynid.cli.output import (
-        console,
-        number,
-        print_json,
-        print_notices,
-        print_table,
-        progress_bar,
-    )
     from dynid.workflow import FleetSettings, fleet
 
     settings = FleetSettings(
@@ -194,13 +183,8 @@ def fleet_command(
         f"Alarms ({data['tests']} trends, {100 * false_alarms:g} % for any false alarm)",
         ("robot", "joint", "alarm", "friction [%]", "from", "to"),
         [
-            (
-                joint.robot,
-                joint.name,
-                joint.alarm,
-                *(number(percent, 3) for percent in joint.change_percent),
-            )
-            for joint in found.alarms
+            (one.robot, one.name, one.alarm, *(number(x, 3) for x in one.change_percent))
+            for one in found.alarms
         ],
         words=range(3),
     )
@@ -219,26 +203,17 @@ def fleet_command(
 )
 def studio_command(
     path: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="PATH", help="Directory, design, recording, or robot; default: here."
-        ),
+        str | None, argument("PATH", "Directory, design, recording, or robot; default: here.")
     ] = None,
     robot: Annotated[
-        str | None,
-        typer.Option(metavar="ROBOT", help="Robot, where the files have none or it has moved."),
+        str | None, option("ROBOT", "Robot, where the files have none or it has moved.")
     ] = None,
-    host: Annotated[
-        str,
-        typer.Option(metavar="ADDRESS", help="Where to listen."),
-    ] = "127.0.0.1",
+    host: Annotated[str, option("ADDRESS", "Where to listen.")] = "127.0.0.1",
     port: Annotated[
-        int | None,
-        typer.Option(metavar="PORT", min=0, max=65535, help="0 for any. [default: 8080 or next]"),
+        int | None, option("PORT", "0 for any. [default: 8080 or next]", min=0, max=65535)
     ] = None,
     token: Annotated[
-        str | None,
-        typer.Option(metavar="TEXT", help="Access token; generated where one is needed."),
+        str | None, option("TEXT", "Access token; generated where one is needed.")
     ] = None,
     json: JsonFlag = False,
 ) -> None:
@@ -246,23 +221,12 @@ def studio_command(
 
     It serves until Ctrl-C. With --json, one object is printed on stdout when it can be opened.
     """
-    from dynid.cli.output import print_json
     from dynid.experiment import stop_on_signals
-    from dynid.studio import StudioOptions, serve
-
-    options = StudioOptions(path=path, robot=robot, host=host, token=token, port=port)
+    from dynid.studio import serve
 
     def ready(served: Served) -> None:
         if json:
-            print_json(
-                {
-                    "url": served.url,
-                    "host": served.host,
-                    "port": served.port,
-                    "robot": served.robot,
-                    "local": served.local,
-                }
-            )
+            print_json(asdict(served))
             sys.stdout.flush()
         print(f"dynid studio: open {served.url} - Ctrl-C ends it.", file=sys.stderr, flush=True)
         if not served.local:
@@ -274,7 +238,7 @@ def studio_command(
             )
 
     with stop_on_signals() as stop:
-        serve(options, ready, stop)
+        serve(path, ready, stop, robot=robot, host=host, token=token, port=port)
 
 
 def register_bench(app: typer.Typer) -> None:
@@ -301,17 +265,14 @@ def _root() -> None:
 
 
 def _estimators(
-    only: Annotated[
-        str | None, typer.Option(metavar="WORD,..", help="Some of the words of --estimator.")
-    ] = None,
-    seeds: Annotated[int, typer.Option(metavar="N", min=1, help="Trajectories and noises.")] = 3,
+    only: Annotated[str | None, option("WORD,..", "Some of the words of --estimator.")] = None,
+    seeds: Annotated[int, option("N", "Trajectories and noises.", min=1)] = 3,
     jobs: JobsOption = 1,
     dask: DaskOption = None,
     json: JsonFlag = False,
 ) -> None:
     """Every estimator, by noise and seed: BIRDy's metrics."""
     from dynid.bench import compare_estimators, summary, to_json
-    from dynid.cli.output import console, count, number, print_json, print_table, progress_bar
     from dynid.core import workers
     from dynid.identification import ESTIMATORS
 
@@ -343,18 +304,14 @@ def _estimators(
 
 
 def _verdicts(
-    clean: Annotated[int, typer.Option(metavar="N", min=0, help="Clean recordings.")] = 12,
-    each: Annotated[
-        int, typer.Option(metavar="N", min=0, help="Recordings of each fault, over three sizes.")
-    ] = 3,
+    clean: Annotated[int, option("N", "Clean recordings.", min=0)] = 12,
+    each: Annotated[int, option("N", "Recordings of each fault, over three sizes.", min=0)] = 3,
     seed: Annotated[int, typer.Option(help="Seed of arms, motions and faults.")] = 0,
-    preset: Annotated[str, typer.Option(metavar="paper|best", help="As for identify.")] = "best",
+    preset: Annotated[str, option("paper|best", "As for identify.")] = "best",
     json: JsonFlag = False,
 ) -> None:
     """False alarms, and input faults that are identified."""
     from dynid.bench import Judged, Recorded, cases, markdown, rates, run_verdicts, summarise
-    from dynid.cli.output import console, print_json, progress_bar
-    from dynid.core import silent
     from dynid.workflow import IdentifySettings, identify, verdict
 
     def judge(made: Recorded) -> Judged:
@@ -383,31 +340,18 @@ def _verdicts(
 
 @command("dynid demo -o runs/demo", "dynid demo -o runs/demo --quick --json")
 def demo_command(
-    output: Annotated[
-        str, typer.Option("-o", "--output", metavar="DIR", help="Where the files go.")
-    ] = "runs/demo",
+    output: Annotated[str, option("DIR", "Where the files go.", "-o", "--output")] = "runs/demo",
     quick: Annotated[
         bool,
-        typer.Option(
-            "--quick",
-            help="One repetition of each motion, not three, and a shorter search for them.",
-        ),
+        flag("--quick", "One repetition of each motion, not three, and a shorter search for them."),
     ] = False,
     force: ForceFlag = False,
     everything: Annotated[
-        bool, typer.Option("--all", help="Print the whole table, choices, warnings and files.")
+        bool, flag("--all", "Print the whole table, choices, warnings and files.")
     ] = False,
     json: JsonFlag = False,
 ) -> None:
     """The whole paper on the simulated UR5, cold and warm."""
-    from dynid.cli.output import (
-        console,
-        number,
-        print_json,
-        print_notices,
-        print_table,
-        progress_bar,
-    )
     from dynid.workflow import run_demo, verdict
 
     with progress_bar("demo") as progress:
@@ -423,13 +367,7 @@ def demo_command(
         "The paper's UR5 beside the simulated UR5",
         ("quantity", "unit", "paper", "preset paper", "preset best"),
         [
-            (
-                row.quantity,
-                row.unit,
-                number(row.paper),
-                number(row.preset_paper),
-                number(row.preset_best),
-            )
+            (row.quantity, row.unit, *map(number, (row.paper, row.preset_paper, row.preset_best)))
             for row in rows
         ],
         words=(0, 1),

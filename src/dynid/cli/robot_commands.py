@@ -6,9 +6,21 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from dynid.cli.options import GainsOption, JsonFlag, RobotOption, SeedOption, command, parse_gains
+from dynid.cli.options import (
+    FramesOption,
+    GainsOption,
+    JsonFlag,
+    MountOption,
+    RobotArgument,
+    RobotOption,
+    SeedOption,
+    argument,
+    command,
+    flag,
+    numbers,
+    option,
+)
+from dynid.cli.output import console, number, print_json, print_notices, print_table
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -19,7 +31,6 @@ if TYPE_CHECKING:
 @command("dynid robots", "dynid robots --json")
 def robots_command(json: JsonFlag = False) -> None:
     """List the built-in robots."""
-    from dynid.cli.output import console, print_json, print_table
     from dynid.robot import robots
 
     found = robots()
@@ -31,16 +42,12 @@ def robots_command(json: JsonFlag = False) -> None:
         screen,
         "Built-in robots",
         ("name", "joints", "arm"),
-        [(robot.name, str(robot.joints), _arm(robot.source)) for robot in found],
+        # The first part of the source names the arm.
+        [(robot.name, str(robot.joints), robot.source.split("; ", 1)[0]) for robot in found],
         words=range(3),
     )
     screen.print("\nWhere each number is from: dynid robots --json")
     screen.print("Any other arm: give a URDF or a robot file (TOML) in the place of the name.")
-
-
-def _arm(source: str) -> str:
-    """The part of the source that names the arm: its first."""
-    return source.split("; ", 1)[0]
 
 
 MAX_SAMPLES = 10_000
@@ -52,34 +59,20 @@ MAX_SAMPLES = 10_000
     "dynid analyze arm.urdf --frames dh --json",
 )
 def analyze_command(
-    robot: Annotated[
-        str, typer.Argument(metavar="ROBOT", help="Built-in name, URDF or robot file.")
-    ],
-    frames: Annotated[
-        str, typer.Option(metavar="dh|mdh|urdf", help="Frames of the parameters; default: its own.")
-    ] = "",
-    mount: Annotated[
-        str | None,
-        typer.Option(metavar="floor|wall|ceiling|tilt:DEG", help="Mounting; default: the file's."),
-    ] = None,
+    robot: RobotArgument,
+    frames: FramesOption = "",
+    mount: MountOption = None,
     samples: Annotated[
-        int,
-        typer.Option(metavar="N", min=1, max=MAX_SAMPLES, help="Random points of the regressor."),
+        int, option("N", "Random points of the regressor.", min=1, max=MAX_SAMPLES)
     ] = 25,
     seed: SeedOption = 0,
     terms: Annotated[
-        str,
-        typer.Option(
-            metavar="fc,fv,im[,fo]", help="Also fca, fva, fs, fr; fo:1+3 is for joints 1 and 3."
-        ),
+        str, option("fc,fv,im[,fo]", "Also fca, fva, fs, fr; fo:1+3 is for joints 1 and 3.")
     ] = "fc,fv,im",
-    everything: Annotated[
-        bool, typer.Option("--all", help="Print every base parameter with its unit.")
-    ] = False,
+    everything: Annotated[bool, flag("--all", "Print every base parameter with its unit.")] = False,
     json: JsonFlag = False,
 ) -> None:
     """Rank and base parameters of a robot (paper 2.1)."""
-    from dynid.cli.output import print_json
     from dynid.robot import load_robot
     from dynid.workflow import analyze
 
@@ -98,8 +91,6 @@ MOST_CHANGES, MOST_LETTERS = 15, 28
 
 
 def _show(data: Mapping[str, Any], everything: bool) -> None:
-    from dynid.cli.output import console, print_notices, print_table
-
     screen = console()
     screen.print(
         f"{data['robot']}: {data['standard_parameters']} standard parameters, "
@@ -141,15 +132,11 @@ def _shortened(expression: str, longest: int = 62) -> str:
 
 @command("dynid gains run.parquet", "dynid gains log.csv --robot ur10 --json")
 def gains_command(
-    record: Annotated[
-        Path,
-        typer.Argument(metavar="RECORD", help="A recording with target currents and moments."),
-    ],
+    record: Annotated[Path, argument("RECORD", "A recording with target currents and moments.")],
     robot: RobotOption = None,
     json: JsonFlag = False,
 ) -> None:
     """Drive gains, from target currents and moments (UR)."""
-    from dynid.cli.output import console, number, print_json, print_notices, print_table
     from dynid.workflow import identify_gains, open_records
 
     (opened,), model = open_records([record], robot)
@@ -181,24 +168,17 @@ def gains_command(
     "dynid payload empty.parquet gripper.parquet --robot ur5 --json",
 )
 def payload_command(
-    unloaded: Annotated[
-        Path, typer.Argument(metavar="UNLOADED", help="A recording without the payload.")
-    ],
-    loaded: Annotated[
-        Path, typer.Argument(metavar="LOADED", help="One with it, preferably of the same motion.")
-    ],
+    unloaded: Annotated[Path, argument("UNLOADED", "A recording without the payload.")],
+    loaded: Annotated[Path, argument("LOADED", "One with it, preferably of the same motion.")],
     robot: RobotOption = None,
-    cutoff: Annotated[
-        float | None, typer.Option(metavar="HZ", help="Low-pass cut-off; default: chosen.")
-    ] = None,
+    cutoff: Annotated[float | None, option("HZ", "Low-pass cut-off; default: chosen.")] = None,
     gains: GainsOption = None,
     json: JsonFlag = False,
 ) -> None:
     """Mass, centre and inertia of a payload, with intervals."""
-    from dynid.cli.output import console, number, print_json, print_notices, print_table
     from dynid.workflow import identify_payload, open_records
 
-    (empty, carrying), model = open_records([unloaded, loaded], robot, parse_gains(gains))
+    (empty, carrying), model = open_records([unloaded, loaded], robot, numbers(gains, "--gains"))
     found = identify_payload(empty, carrying, model, cutoff_hz=cutoff)
     data: dict[str, Any] = {"robot": model.name, **found.to_json()}
     if json:
@@ -227,19 +207,12 @@ def payload_command(
 
 @command("dynid compare cold.json warm.json", "dynid compare a.json b.json --json")
 def compare_command(
-    a: Annotated[
-        Path, typer.Argument(metavar="A.json", help="An estimate, such as that of the cold robot.")
-    ],
-    b: Annotated[
-        Path, typer.Argument(metavar="B.json", help="Another, such as that of the warm robot.")
-    ],
-    everything: Annotated[
-        bool, typer.Option("--all", help="Print every base parameter, in full.")
-    ] = False,
+    a: Annotated[Path, argument("A.json", "An estimate, such as that of the cold robot.")],
+    b: Annotated[Path, argument("B.json", "Another, such as that of the warm robot.")],
+    everything: Annotated[bool, flag("--all", "Print every base parameter, in full.")] = False,
     json: JsonFlag = False,
 ) -> None:
     """Which parameters changed between two estimates (paper 3.2)."""
-    from dynid.cli.output import console, print_json
     from dynid.workflow import compare_files
 
     comparison = compare_files(a, b)
@@ -250,8 +223,6 @@ def compare_command(
 
 
 def _print_comparison(screen: Console, comparison: ParameterComparison, everything: bool) -> None:
-    from dynid.cli.output import number, print_notices, print_table
-
     called = [_shortened(text, MOST_LETTERS) for text in comparison.expressions]
     groups = [
         (

@@ -76,6 +76,23 @@ class MissingExtraError(InputError):
     """An optional dependency is not installed."""
 
 
+def check_word(value: str, words: Iterable[str], where: str | None = None) -> None:
+    """Refuse a word that is not known.
+
+    Args:
+        value: The word.
+        words: Those that are known; an empty one stands for a default.
+        where: The option.
+
+    Raises:
+        InputError: It is none of them.
+    """
+    known = tuple(words)
+    if value not in known:
+        limit = ", ".join(filter(None, known))
+        raise InputError("unknown word", where=where, value=value, limit=limit)
+
+
 def _suggestion(value: object, limit: object) -> str | None:
     """The allowed word that is closest to a refused one."""
     if not isinstance(value, str) or len(value) > LONGEST_WORD:

@@ -7,7 +7,7 @@ import os
 import platform
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -20,6 +20,7 @@ _NO_SUCH_PLACE = frozenset(
         errno.ENOENT,
         errno.ENOTDIR,
         errno.EISDIR,
+        errno.EEXIST,
         errno.EACCES,
         errno.EPERM,
         errno.EROFS,
@@ -89,6 +90,24 @@ def require_absent(*paths: Path, force: bool) -> None:
             where=str(there),
             next_step="Name another file, or pass --force.",
         )
+
+
+def make_folder(path: str | Path) -> Path:
+    """A folder, made where it is missing.
+
+    Args:
+        path: The folder.
+
+    Raises:
+        InputError: A place where no folder can be.
+        JobError: The disk does not take it.
+    """
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        raise cannot_write(folder, error) from error
+    return folder
 
 
 @contextmanager
@@ -170,13 +189,7 @@ class Provenance:
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
-        return {
-            "created": self.created,
-            "versions": dict(self.versions),
-            "inputs": dict(self.inputs),
-            "settings": dict(self.settings),
-            "seed": self.seed,
-        }
+        return {item.name: getattr(self, item.name) for item in fields(self)}
 
 
 def provenance(

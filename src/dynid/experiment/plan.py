@@ -1,7 +1,6 @@
-"""What is to be done with a design: passes, periods, limits.
+"""What is to be done with a design: passes in their order, the last one recorded, and the run.
 
-The first pass on a robot is the same path, slower; passes run in order, the last one recorded.
-Ctrl-C while a robot moves: a wish to stop, not an exception at a random place.
+Ctrl-C while a robot moves is a wish to stop, not an exception at a random place.
 """
 
 import math
@@ -51,31 +50,17 @@ class Slowed(Trajectory):
         return self.motion.duration / self.share
 
     def evaluate(self, t: ArrayLike) -> JointMotion:
-        """The motion at any times.
-
-        Args:
-            t: (N) times [s].
-
-        Raises:
-            InputError: Times that are not a list of finite numbers.
-        """
+        """The motion at any times (N) [s]."""
         times = frozen(t, shape=(None,), name="t")
         fast = self.motion.evaluate(times * self.share)
         return JointMotion(t=times, q=fast.q, dq=self.share * fast.dq, ddq=self.share**2 * fast.ddq)
 
 
 def slowed(motion: Trajectory, share: float) -> Trajectory:
-    """The same path at a share of the speed, as the same kind of motion where it can be.
+    """The same path at a share of the speed, in (0, 1], as the same kind of motion where it can be.
 
     Speeds fall by the share, accelerations by its square. Motions that carry their own time
     stay what they are, so that a controller can evaluate them.
-
-    Args:
-        motion: The motion at full speed.
-        share: Speed as a share of full speed, in (0, 1].
-
-    Raises:
-        InputError: A share outside (0, 1].
     """
     check_share(share)
     if share == 1.0:
@@ -94,13 +79,7 @@ def slowed(motion: Trajectory, share: float) -> Trajectory:
 def whole_cycles_share(duration: float, share: float, rate_hz: float) -> float:
     """The largest share not above the one asked for that gives whole control cycles.
 
-    Args:
-        duration: Duration at full speed [s].
-        share: The share asked for.
-        rate_hz: Control cycles a second.
-
-    Raises:
-        InputError: A share outside (0, 1].
+    The duration is that at full speed [s].
     """
     check_share(share)
     cycles = math.ceil(duration * rate_hz / share - 1e-6)
@@ -108,11 +87,7 @@ def whole_cycles_share(duration: float, share: float, rate_hz: float) -> float:
 
 
 def check_share(share: float) -> None:
-    """Refuse what is no share of the full speed.
-
-    Raises:
-        InputError: A share outside (0, 1].
-    """
+    """Refuse what is no share of the full speed, in (0, 1]."""
     if not 0.0 < share <= 1.0:
         raise InputError("the share of the speed", value=share, limit="above 0, at most 1")
 
@@ -218,28 +193,26 @@ class ExperimentPlan:
 
     def passes(self) -> tuple[Pass, ...]:
         """The executions in their order; the last one is the recording."""
+        run = Execution(
+            trajectory=self.trajectory,
+            periods=self.periods,
+            settle=int(self.settle),
+            rate_hz=self.rate_hz,
+            limits=watch_limits(self.robot),
+        )
         found: list[Pass] = []
         if self.slow is not None:
             share = whole_cycles_share(self.trajectory.duration, self.slow, self.rate_hz)
             slow = slowed(self.trajectory, share)
-            found.append(Pass(name="slow", execution=self._execution(slow, 1), recorded=False))
+            once = replace(run, trajectory=slow, periods=1, settle=0)
+            found.append(Pass(name="slow", execution=once, recorded=False))
         if self.warm_up_s > 0:
             periods = math.ceil(self.warm_up_s / self.trajectory.duration)
-            warm = self._execution(self.trajectory, periods)
+            warm = replace(run, periods=periods, settle=0)
             found.append(Pass(name="warm-up", execution=warm, recorded=False))
-        run = self._execution(self.trajectory, self.periods, settle=int(self.settle))
         first, *others = (*found, Pass(name="run", execution=run, recorded=True))
         # Each pass ends where the next one starts: only the first one has a way to go.
         return (replace(first, execution=replace(first.execution, via=self.via)), *others)
-
-    def _execution(self, trajectory: Trajectory, periods: int, settle: int = 0) -> Execution:
-        return Execution(
-            trajectory=trajectory,
-            periods=periods,
-            settle=settle,
-            rate_hz=self.rate_hz,
-            limits=watch_limits(self.robot),
-        )
 
 
 def watch_limits(robot: RobotModel) -> WatchLimits:
@@ -337,23 +310,17 @@ def run(
     for step in before:
         outcome = driver.execute(step.execution, None, cancel=cancel, progress=progress)
         if outcome.abort is not None:
-            return RunResult(outcome=_nothing(outcome), stopped_in=step.name)
-    return _recorded(last.execution, driver, open_recorder, cancel, progress)
-
-
-def _recorded(
-    execution: Execution,
-    driver: Driver,
-    open_recorder: OpenRecorder,
-    cancel: Event | None,
-    progress: Progress | None,
-) -> RunResult:
+            # Nothing of it was to be recorded.
+            return RunResult(outcome=replace(outcome, samples=0, periods=0), stopped_in=step.name)
     outcome: Outcome | None = None
     try:
         with open_recorder() as recorder:
-            outcome = driver.execute(execution, recorder, cancel=cancel, progress=progress)
-            if outcome.abort is not None:
-                _mark(recorder, outcome.abort, outcome.samples)
+            outcome = driver.execute(last.execution, recorder, cancel=cancel, progress=progress)
+            abort = outcome.abort
+            # What refuses the rows may refuse this too.
+            if abort is not None and abort.code != "recording":
+                text = f"aborted after {outcome.samples} samples: {abort.message}"
+                recorder.report(Finding("aborted", text))
     except DynidError as error:
         # Before the motion it is an error; after it, the end of the recording was refused.
         if outcome is None:
@@ -361,13 +328,3 @@ def _recorded(
         refused = Abort("recording", str(error))
         outcome = replace(outcome, abort=outcome.abort or refused)
     return RunResult(outcome=outcome, stopped_in=None if outcome.abort is None else "run")
-
-
-def _mark(recorder: Recorder, abort: Abort, samples: int) -> None:
-    """Write the cause into the recording; what refuses the rows may refuse this too."""
-    if abort.code != "recording":
-        recorder.report(Finding("aborted", f"aborted after {samples} samples: {abort.message}"))
-
-
-def _nothing(outcome: Outcome) -> Outcome:
-    return replace(outcome, samples=0, periods=0)

@@ -109,15 +109,9 @@ class _Tree:
 
 
 def find_way(space: FreeSpace, random: np.random.Generator, growths: int) -> Array | None:
-    """A free way from the space's first pose to its goal.
+    """(k, n) poses of a free way from the space's first pose to its goal, few of them.
 
-    Args:
-        space: Where the way may go.
-        random: What decides where the trees grow.
-        growths: Attempts to grow before the search gives up.
-
-    Returns:
-        (k, n) poses from one end to the other, few of them; None if none was found.
+    None if none was found within so many growths of the trees.
     """
     trees = _Tree(space.q), _Tree(space.goal)
     for number in range(growths):
@@ -317,19 +311,16 @@ def check_robot(
     mode = mode_name(RobotMode, state.robot_mode)
     safety = mode_name(SafetyMode, state.safety_mode)
     program = mode_name(RuntimeState, state.runtime_state)
-    speed = float(np.abs(state.target_qd).max())
+    remote = {None: "no such switch", True: "on", False: "off: switch it on at the pendant"}
+    slider, speed = state.speed_fraction, float(np.abs(state.target_qd).max())
     return (
         _model(plan.robot.name, state),
         PreflightCheck("rate", plan.rate_hz == state.rate_hz, f"{state.rate_hz:g} cycles a second"),
         PreflightCheck("robot mode", state.robot_mode == RobotMode.RUNNING, mode),
         PreflightCheck("safety mode", state.safety_mode == SafetyMode.NORMAL, safety),
         PreflightCheck("program", state.runtime_state == RuntimeState.STOPPED, program),
-        PreflightCheck("remote control", state.remote is not False, _remote(state)),
-        PreflightCheck(
-            "speed slider",
-            abs(state.speed_fraction - 1.0) <= _SLIDER,
-            f"{100 * state.speed_fraction:.4g} %",
-        ),
+        PreflightCheck("remote control", state.remote is not False, remote[state.remote]),
+        PreflightCheck("speed slider", abs(slider - 1.0) <= _SLIDER, f"{100 * slider:.4g} %"),
         PreflightCheck("at rest", speed <= _STILL, f"{speed:.3g} rad/s"),
         _payload(plan.robot.tool, state),
         _tool(plan.robot.tool, state),
@@ -364,17 +355,10 @@ def _model(name: str, state: ControllerState) -> PreflightCheck:
     return PreflightCheck("model", known and fits, f"{finding}, design for {name}")
 
 
-def _remote(state: ControllerState) -> str:
-    if state.remote is None:
-        return "no such switch"
-    return "on" if state.remote else "off: switch it on at the pendant"
-
-
 def _payload(asked: Tool, state: ControllerState) -> PreflightCheck:
     if state.payload is None:
-        return PreflightCheck(
-            "payload", True, f"unknown to RTDE; {asked.mass:g} kg are meant to be set"
-        )
+        said = f"unknown to RTDE; {asked.mass:g} kg are meant to be set"
+        return PreflightCheck("payload", True, said)
     finding = f"{state.payload:.3g} kg set, {asked.mass:.3g} kg asked for"
     fits = abs(state.payload - asked.mass) <= _MASS
     if fits and state.payload_cog is not None and asked.mass > 0:
@@ -386,9 +370,8 @@ def _payload(asked: Tool, state: ControllerState) -> PreflightCheck:
 
 def _tool(asked: Tool, state: ControllerState) -> PreflightCheck:
     if state.tcp_offset is None:
-        return PreflightCheck(
-            "tool", True, f"unknown to RTDE; {asked.tcp.tolist()} m is meant to be set"
-        )
+        said = f"unknown to RTDE; {asked.tcp.tolist()} m is meant to be set"
+        return PreflightCheck("tool", True, said)
     away = float(np.abs(state.tcp_offset - asked.tcp).max())
     finding = f"the point set is {1e3 * away:.3g} mm from the one asked for"
     # The arm is held to the design's point; the controller will watch its own.

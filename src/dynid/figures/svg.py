@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, cannot_write, require, write_text
+from dynid.core import Array, check_word, in_one_piece, require, write_text
 from dynid.figures.axes import Axis
 from dynid.figures.marks import (
     FONT,
@@ -188,12 +188,9 @@ def _strokes(sheet: _Ground, mark: Mark) -> Iterator[str]:
         yield f'<path {sheet.area(mark.role)} d="{_path(sheet.across(x), sheet.up(y))}z"/>'
     elif isinstance(mark, Bars):
         at, half = np.asarray(mark.at, dtype=np.float64), mark.thickness / 2
-        ends = (
-            (np.zeros(len(at)), np.asarray(mark.length), at - half, at + half)
-            if mark.across
-            else (at - half, at + half, np.zeros(len(at)), np.asarray(mark.length))
-        )
-        corners = sheet.across(ends[0]), sheet.across(ends[1]), sheet.up(ends[2]), sheet.up(ends[3])
+        along, beside = (np.zeros(len(at)), np.asarray(mark.length)), (at - half, at + half)
+        x, y = (along, beside) if mark.across else (beside, along)
+        corners = (*map(sheet.across, x), *map(sheet.up, y))
         path = "".join(
             f"M{a:.0f} {c:.0f}H{b:.0f}V{d:.0f}H{a:.0f}z"
             for a, b, c, d in zip(*corners, strict=True)
@@ -246,22 +243,16 @@ def _picture(sheet: _Ground, panel: Panel, most: int, ticks: bool, named: bool =
     for mark in panel.marks:
         if isinstance(mark, Texts):
             places = zip(sheet.x.share(mark.x), sheet.y.share(mark.y), mark.texts, strict=True)
-            drawn += [
-                sheet.text(
-                    sheet.place(float(a), 0),
-                    sheet.place(float(b if sheet.y.names else 1 - b), 1),
-                    text,
-                    mark.role,
-                    "middle",
-                    mark.size,
-                )
-                for a, b, text in places
-            ]
+            for a, b, text in places:
+                x, y = float(a), float(b if sheet.y.names else 1 - b)
+                at = sheet.place(x, 0), sheet.place(y, 1)
+                drawn.append(sheet.text(*at, text, mark.role, "middle", mark.size))
     if named:
-        texts = "".join(
-            sheet.text("-8", sheet.place(_row(sheet.y, value), 1), text, anchor="end")
-            for value, text in rows
-        )
+        texts = ""
+        for value, text in rows:
+            share = float(sheet.y.share(value))
+            at = sheet.place(share if sheet.y.names else 1.0 - share, 1)
+            texts += sheet.text("-8", at, text, anchor="end")
         drawn.append(f'<g class="yt">{texts}</g>')
     if ticks:
         below = "100%" if sheet.size is None else f"{sheet.size[1]:g}"
@@ -275,11 +266,6 @@ def _picture(sheet: _Ground, panel: Panel, most: int, ticks: bool, named: bool =
 
 def _row_count(panel: Panel) -> int:
     return max(3, int(panel.height / 28))
-
-
-def _row(axis: Axis, value: float) -> float:
-    share = float(axis.share(value))
-    return share if axis.names else 1.0 - share
 
 
 def plot(panel: Panel, x: Axis, *, ticks: bool = True, most: int = 7, link: str = "") -> str:
@@ -387,26 +373,18 @@ def document(figure: Figure) -> str:
         titled = 26 if any(p.title or p.y.label for p in row) else 10
         titled += 15 if any(p.note for p in row) else 0
         for k, panel in enumerate(row):
-            x, left, cell = EDGE + sum(cells[:k]) + k * GAP, lefts[k], cells[k]
-            sheet = _Ground(panel.x or figure.x, panel.y, (cell - left, panel.height))
-            ticks = panel.x is not None or start + k >= bottom
+            x = EDGE + sum(cells[:k]) + k * GAP + lefts[k]
+            sheet = _Ground(panel.x or figure.x, panel.y, (cells[k] - lefts[k], panel.height))
+            ticks, named = panel.x is not None or start + k >= bottom, not figure.rows or k == 0
             heading = " ".join(filter(None, (panel.title, panel.y.label)))
-            parts.append(
-                page.text(f"{x + left:.1f}", f"{y + 12:.1f}", heading, "ink", "start")
-                + page.text(
-                    f"{x + left:.1f}",
-                    f"{y + 27:.1f}",
-                    panel.note.replace("\n", ", "),
-                    "ink2",
-                    "start",
-                    11,
-                )
-                + f'<g transform="translate({x + left:.1f} {y + titled:.1f})">'
-                + _picture(
-                    sheet, panel, max(3, 8 // figure.columns), ticks, not figure.rows or k == 0
-                )
-                + "</g>"
-            )
+            note = panel.note.replace("\n", ", ")
+            parts += [
+                page.text(f"{x:.1f}", f"{y + 12:.1f}", heading, "ink", "start"),
+                page.text(f"{x:.1f}", f"{y + 27:.1f}", note, "ink2", "start", 11),
+                f'<g transform="translate({x:.1f} {y + titled:.1f})">',
+                _picture(sheet, panel, max(3, 8 // figure.columns), ticks, named),
+                "</g>",
+            ]
         shown = any(p.x is not None for p in row) or start + len(row) > bottom
         y += titled + max(p.height for p in row) + (24 if shown else 6)
     parts.append(page.text(f"{WIDTH - EDGE}", f"{y + 6:.1f}", figure.x.label, "ink2", "end"))
@@ -438,8 +416,7 @@ def write_figure(figure: Figure, path: str | Path) -> Path:
         MissingExtraError: A PNG without the extra.
     """
     target = Path(path)
-    if target.suffix not in FORMATS:
-        raise InputError("figure format", where=str(target), limit=", ".join(FORMATS))
+    check_word(target.suffix, FORMATS, str(target))
     text = document(figure)
     if target.suffix == ".svg":
         write_text(target, text)
@@ -447,10 +424,8 @@ def write_figure(figure: Figure, path: str | Path) -> Path:
     image = require("resvg_py", "figures").svg_to_bytes(
         svg_string=text, zoom=PIXELS, font_family="DejaVu Sans", sans_serif_family="DejaVu Sans"
     )
-    try:
-        target.write_bytes(bytes(image))
-    except OSError as error:
-        raise cannot_write(target, error) from error
+    with in_one_piece(target) as draft:
+        draft.write_bytes(bytes(image))
     return target
 
 

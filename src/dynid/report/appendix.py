@@ -1,7 +1,7 @@
 """The appendix: everything else, folded, as tables and figures."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +11,6 @@ from dynid.figures import (
     Figure,
     Level,
     Line,
-    Mark,
     Panel,
     axis_around,
     joint_role,
@@ -19,6 +18,7 @@ from dynid.figures import (
     number,
     units,
 )
+from dynid.identification import StandardParameters
 from dynid.report.contents import (
     JudgedMotion,
     ReportContents,
@@ -47,7 +47,7 @@ def design_figures(item: ReportedDesign) -> tuple[Figure, ...]:
         item: The design.
     """
     judged = () if item.judged is None else _arm_figures(item.judged, item.name)
-    search = () if item.search is None else (_search_figure(item),)
+    search = () if item.search is None else (_search_figure(item, *item.search),)
     return (_motion_figure(item), *judged, *search)
 
 
@@ -89,36 +89,32 @@ def _motion_figure(item: ReportedDesign) -> Figure:
     )
 
 
-def _arm_figures(judged: JudgedMotion, name: str) -> tuple[Figure, ...]:
+def _arm_figures(judged: JudgedMotion, name: str) -> Iterator[Figure]:
     """Shares of the limits of the whole arm, and distances beyond what must be kept."""
-    panels: list[Panel] = []
     for title, values, kinds, level in (
         ("Share of the arm's limits [%]", 100 * judged.shares, judged.kinds, 100.0),
         ("Distance beyond the clearance [mm]", 1000 * judged.distances, judged.distance_kinds, 0.0),
     ):
-        marks = _curves(judged.t, values, kinds)
-        if marks:
-            shown = values[:, np.isfinite(values).all(axis=0)]
-            limit = Level(level, name="limit")
-            axis = axis_around(shown, [level], zero=True)
-            panels.append(Panel(title=title, y=axis, marks=(limit, *marks), height=110))
-    axis = Axis(low=0, high=float(judged.t[-1]), label="time [s]")
-    return tuple(
-        Figure(title=panel.title, x=axis, panels=(Panel(y=panel.y, marks=panel.marks),), link=name)
-        for panel in panels
-    )
+        known = np.isfinite(values).all(axis=0)
+        if known.any():
+            curves = (
+                Line(judged.t, values[:, k], joint_role(k), kinds[k].replace("_", " "))
+                for k in np.flatnonzero(known).tolist()
+            )
+            yield Figure(
+                title=title,
+                x=Axis(low=0, high=float(judged.t[-1]), label="time [s]"),
+                panels=(
+                    Panel(
+                        y=axis_around(values[:, known], [level], zero=True),
+                        marks=(Level(level, name="limit"), *curves),
+                    ),
+                ),
+                link=name,
+            )
 
 
-def _curves(t: Array, values: Array, kinds: tuple[str, ...]) -> tuple[Mark, ...]:
-    return tuple(
-        Line(t, values[:, k], joint_role(k), kind.replace("_", " "))
-        for k, kind in enumerate(kinds)
-        if np.isfinite(values[:, k]).all()
-    )
-
-
-def _search_figure(item: ReportedDesign) -> Figure:
-    count, best = item.search or (np.zeros(1), np.ones(1))
+def _search_figure(item: ReportedDesign, count: Array, best: Array) -> Figure:
     criterion = dict(item.facts).get("criterion", "criterion")
     return Figure(
         title=f"Search: best {criterion} so far",
@@ -132,12 +128,12 @@ def _search_figure(item: ReportedDesign) -> Figure:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Table:
     """Rows of text."""
 
     columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    rows: Sequence[tuple[str, ...]]
 
     @property
     def numeric(self) -> tuple[bool, ...]:
@@ -147,53 +143,40 @@ class Table:
         return found or (False,) * len(self.columns)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Chapter:
     """What one fold of the appendix shows."""
 
     title: str
+    tables: Sequence[Table] = ()
+    figures: Sequence[Figure] = ()
     words: str = ""
-    tables: tuple[Table, ...] = field(default=())
-    figures: tuple[Figure, ...] = field(default=())
 
 
-def chapters(contents: ReportContents) -> tuple[Chapter, ...]:
+def chapters(contents: ReportContents) -> Iterator[Chapter]:
     """All folds, in the order in which they are asked for."""
-    return tuple(_chapters(contents))
-
-
-def _chapters(contents: ReportContents) -> Iterator[Chapter]:
     item = contents.estimates[0]
     if item.warnings:
-        rows = tuple((f.severity, f.text, f.next_step or "") for f in item.warnings)
-        yield Chapter(
-            title=f"Findings ({len(rows)})",
-            tables=(Table(columns=("severity", "finding", "next step"), rows=rows),),
-        )
+        rows = [(f.severity, f.text, f.next_step or "") for f in item.warnings]
+        columns = ("severity", "finding", "next step")
+        yield Chapter(f"Findings ({len(rows)})", [Table(columns, rows)])
     if item.shown is not None:
-        yield Chapter(
-            title="Errors by joint",
-            words="A joint at rest can hold any torque within its stiction: judge by the moving "
-            "joints.",
-            tables=(_errors(item, item.shown),),
-        )
+        words = "A joint at rest can hold any torque within its stiction: judge by moving joints."
+        yield Chapter("Errors by joint", [_errors(item, item.shown)], words=words)
     yield _parameters(item)
-    yield from _standard(item)
-    drawn = (residual_figure(item), correlation_figure(item))
-    if any(drawn):
-        yield Chapter(
-            title="Residuals",
-            words="A shape in these clouds is something that the model lacks: a step at zero "
-            "velocity is friction.",
-            figures=tuple(f for f in drawn if f is not None),
-        )
+    if item.links is not None:
+        yield _standard(item, item.links)
+    drawn = [f for f in (residual_figure(item), correlation_figure(item)) if f is not None]
+    if drawn:
+        words = "A shape in a cloud is what the model lacks: a step at zero velocity is friction."
+        yield Chapter("Residuals", figures=drawn, words=words)
     if item.base is not None:
-        yield Chapter(title="Identifiability", figures=(singular_figure(item.base),))
+        yield Chapter("Identifiability", figures=[singular_figure(item.base)])
     if len(contents.estimates) > 1:
         yield _others(contents)
     for first, second, compared in contents.comparisons:
         changes = changes_figure(first, second, compared)
-        rows = tuple(
+        rows = [
             (
                 group.name,
                 "moved" if group.moved else "did not move",
@@ -203,22 +186,17 @@ def _chapters(contents: ReportContents) -> Iterator[Chapter]:
                 number(group.limit_z),
             )
             for group in compared.groups
-        )
+        ]
         yield Chapter(
-            title=f"Change from {first} to {second}",
-            words="Inertias do not change with temperature: they are the control group. If they "
-            "moved, something else than friction differs between the two recordings.",
-            tables=(
-                Table(
-                    columns=("group", "", "median change [%]", "largest", "z", "limit of z"),
-                    rows=rows,
-                ),
-            ),
-            figures=() if changes is None else (changes,),
+            f"Change from {first} to {second}",
+            [Table(("group", "", "median change [%]", "largest", "z", "limit of z"), rows)],
+            [] if changes is None else [changes],
+            "Inertias do not change with temperature: they are the control group. If they moved, "
+            "something else than friction differs between the two recordings.",
         )
     for design in contents.designs:
-        facts = (Table(columns=("", ""), rows=design.facts),) if design.facts else ()
-        yield Chapter(title=f"Motion: {design.name}", tables=facts, figures=design_figures(design))
+        facts = [Table(("", ""), design.facts)] if design.facts else []
+        yield Chapter(f"Motion: {design.name}", facts, design_figures(design))
     yield from _made(contents)
 
 
@@ -235,13 +213,13 @@ def _errors(item: ReportedEstimate, shown: ValidationResult) -> Table:
     rows.append(("all joints", "", "", *(number(value) for value in overall), ""))
     rows.append((f"e_N (N = {whole.samples})", number(whole.normalized_error), "", "", "", ""))
     columns = (f"RMS [{unit}]", f"RMS, moving [{unit}]", "relative [%]", "relative, moving [%]")
-    return Table(columns=("joint", *columns, "R²"), rows=tuple(rows))
+    return Table(("joint", *columns, "R²"), rows)
 
 
 def _parameters(item: ReportedEstimate) -> Chapter:
     estimate = item.estimate
     relative = estimate.relative_std_percent
-    rows = tuple(
+    rows = [
         (
             name,
             number(float(estimate.values[k]), 4),
@@ -252,28 +230,19 @@ def _parameters(item: ReportedEstimate) -> Chapter:
             estimate.expressions[k],
         )
         for k, name in enumerate(estimate.names)
-    )
+    ]
     return Chapter(
-        title=f"Base parameters ({len(rows)})",
-        words=f"{len(rows)} combinations of the {len(estimate.model.columns)} standard parameters "
-        "are identifiable. The last column says which combination a name stands for. Standard "
+        f"Base parameters ({len(rows)})",
+        [Table(("name", "value", "unit", "std", "std [%]", "", "combination"), rows)],
+        [parameter_figure(estimate)],
+        f"{len(rows)} combinations of the {len(estimate.model.columns)} standard parameters are "
+        "identifiable. The last column says which combination a name stands for. Standard "
         "deviations allow for autocorrelated residuals.",
-        figures=(parameter_figure(estimate),),
-        tables=(
-            Table(
-                columns=("name", "value", "unit", "std", "std [%]", "", "combination"), rows=rows
-            ),
-        ),
     )
 
 
-def _standard(item: ReportedEstimate) -> Iterator[Chapter]:
-    found = item.links
-    if found is None:
-        return
-    columns = item.estimate.model.columns
-    known = item.estimate.standard is not None
-    rows = tuple(
+def _standard(item: ReportedEstimate, found: StandardParameters) -> Chapter:
+    rows = [
         (
             column.name,
             number(float(found.values[k]), 4),
@@ -282,22 +251,13 @@ def _standard(item: ReportedEstimate) -> Iterator[Chapter]:
             number(float(found.prior[k]), 4) if np.isfinite(found.prior[k]) else "",
             number(float(100 * (1 - found.prior_share[k])), 2),
         )
-        for k, column in enumerate(columns)
-    )
-    words = (
-        "Of physically consistent bodies."
-        if known
-        else "Published values, corrected by the base parameters."
-    )
-    yield Chapter(
-        title=f"Standard parameters ({len(rows)})",
-        words=words,
-        tables=(
-            Table(
-                columns=("name", "value", "unit", "std", "published", "from data [%]"), rows=rows
-            ),
-        ),
-    )
+        for k, column in enumerate(item.estimate.model.columns)
+    ]
+    words = "Published values, corrected by the base parameters."
+    if item.estimate.standard is not None:
+        words = "Of physically consistent bodies."
+    columns = ("name", "value", "unit", "std", "published", "from data [%]")
+    return Chapter(f"Standard parameters ({len(rows)})", [Table(columns, rows)], words=words)
 
 
 def _others(contents: ReportContents) -> Chapter:
@@ -316,11 +276,8 @@ def _others(contents: ReportContents) -> Chapter:
             )
         )
     columns = ("estimate", "prediction", "error, moving [%]", "parameters", "estimator", "file")
-    return Chapter(
-        title=f"All estimates ({len(rows)})",
-        words="This page shows the first one.",
-        tables=(Table(columns=columns, rows=tuple(rows)),),
-    )
+    words = "This page shows the first one."
+    return Chapter(f"All estimates ({len(rows)})", [Table(columns, rows)], words=words)
 
 
 def _made(contents: ReportContents) -> Iterator[Chapter]:
@@ -344,15 +301,12 @@ def _made(contents: ReportContents) -> Iterator[Chapter]:
             *((("seed", str(made.seed)),) if made.seed is not None else ()),
             *(("chosen", choice) for choice in item.estimate.choices),
         ]
-        tables.append(Table(columns=("", ""), rows=tuple(rows)))
-    yield Chapter(
-        title="Provenance",
-        words="Files, versions, settings and seeds that give the same numbers again.",
-        tables=tuple(tables),
-    )
+        tables.append(Table(("", ""), rows))
+    words = "Files, versions, settings and seeds that give the same numbers again."
+    yield Chapter("Provenance", tables, words=words)
     if contents.skipped:
-        table = Table(columns=("file", "reason"), rows=contents.skipped)
-        yield Chapter(title=f"Files left out ({len(contents.skipped)})", tables=(table,))
+        table = Table(("file", "reason"), contents.skipped)
+        yield Chapter(f"Files left out ({len(contents.skipped)})", [table])
 
 
 def _is_number(cell: str) -> bool:

@@ -52,13 +52,7 @@ def time_axis(result: ValidationResult) -> Axis:
 
 
 def torque_panels(item: ReportedEstimate, result: ValidationResult, j: int) -> tuple[Panel, Panel]:
-    """Measured and predicted torque of one joint, and its residual on a scale of its own.
-
-    Args:
-        item: The estimate.
-        result: Its prediction.
-        j: The joint, from 0.
-    """
+    """Measured and predicted torque of a joint (from 0), and its residual on a scale of its own."""
     robot = item.estimate.model.robot
     name = joint_labels(robot.joint_names)[j]
     unit = f"[{joint_unit('N.m', robot.prismatic[j : j + 1])}]"
@@ -72,13 +66,11 @@ def torque_panels(item: ReportedEstimate, result: ValidationResult, j: int) -> t
     moving = np.abs(result.dq[:, j]) >= MOVING_SPEED
     usual = float(np.std(error[moving])) if moving.any() else float(np.std(error))
     reach = _rounded_up(max(5.0 * usual, 1e-6))
-    noise = _noise(item, j)
+    told = item.estimate.assessment
+    noise = 0.0 if told is None else float(told.noise_floor[j])
     beyond = _beyond(t, error, reach)
-    band = (
-        (Band(t[[0, -1]], [-2 * noise] * 2, [2 * noise] * 2, name="noise ±2 σ"),)  # noqa: RUF001
-        if noise
-        else ()
-    )
+    edges = ([-2 * noise] * 2, [2 * noise] * 2)
+    band = (Band(t[[0, -1]], *edges, name="noise ±2 σ"),) if noise else ()  # noqa: RUF001
     return (
         Panel(
             title=name,
@@ -97,11 +89,6 @@ def torque_panels(item: ReportedEstimate, result: ValidationResult, j: int) -> t
             height=30,
         ),
     )
-
-
-def _noise(item: ReportedEstimate, j: int) -> float:
-    told = item.estimate.assessment
-    return float(told.noise_floor[j]) if told is not None else 0.0
 
 
 def _rounded_up(value: float) -> float:
@@ -130,21 +117,12 @@ def torque_figure(item: ReportedEstimate) -> Figure | None:
     if result is None:
         return None
     panels = [p for j in worst_first(result) for p in torque_panels(item, result, j)]
-    return Figure(
-        title="Measured and predicted torque",
-        x=time_axis(result),
-        panels=tuple(panels),
-        link=TIME,
-    )
+    title = "Measured and predicted torque"
+    return Figure(title=title, x=time_axis(result), panels=tuple(panels), link=TIME)
 
 
-def friction_torque(estimate: Estimate, speeds: Array) -> Array:
-    """Friction torques (N, n) of the model at speeds (N, n): its columns beside the inertial ones.
-
-    Args:
-        estimate: The estimate.
-        speeds: (N, n) joint velocities [rad/s or m/s].
-    """
+def _friction_torque(estimate: Estimate, speeds: Array) -> Array:
+    """Friction torques (N, n) of the model at speeds (N, n) [rad/s or m/s]."""
     model = estimate.model
     rest = np.zeros_like(speeds)
     parameters = np.array(estimate.standard_parameters())
@@ -163,12 +141,12 @@ def friction_figure(item: ReportedEstimate) -> Figure | None:
         return None
     robot = estimate.model.robot
     # Predicted less its friction is the rigid body; what is measured beyond it is friction.
-    data = result.measured - result.predicted + friction_torque(estimate, result.dq)
+    data = result.measured - result.predicted + _friction_torque(estimate, result.dq)
     reach = 1.03 * np.maximum(np.abs(result.dq).max(axis=0), 1e-3)
-    steps = np.concatenate([np.linspace(-1, -0.01, 100), np.linspace(-0.01, 0.01, 41)[1:-1]])
-    steps = np.concatenate([steps, np.linspace(0.01, 1, 100)])
+    wide, narrow = np.linspace(0.01, 1, 100), np.linspace(-0.01, 0.01, 41)[1:-1]
+    steps = np.concatenate([-wide[::-1], narrow, wide])
     grid: Array = steps[:, None] * reach
-    curve = friction_torque(estimate, grid)
+    curve = _friction_torque(estimate, grid)
     known = dict(zip(estimate.names, zip(estimate.values, estimate.std, strict=True), strict=True))
     panels: list[Panel] = []
     for j, name in enumerate(joint_labels(robot.joint_names)):

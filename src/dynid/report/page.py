@@ -1,7 +1,4 @@
-"""The pages: files that need nothing else, and their figures as files.
-
-The page of a run, and that of a fleet: alarms, every joint's friction over time, its control.
-"""
+"""The pages of a run and of a fleet: files that need nothing else; and their figures as files."""
 
 from collections.abc import Iterator, Sequence
 from html import escape
@@ -13,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, InputError, cannot_write, require, require_absent, write_text
+from dynid.core import Array, InputError, make_folder, require, require_absent, write_text
 from dynid.figures import (
     Axis,
     Figure,
@@ -169,9 +166,6 @@ def _level(trend: Trend, days: Array, stepped: bool) -> tuple[Array, Array]:
     )
 
 
-WIDTHS = "width=device-width, initial-scale=1"
-
-
 def report_figures(contents: ReportContents) -> tuple[Figure, ...]:
     """All figures of a report, those that decide first.
 
@@ -203,10 +197,7 @@ def write_figures(
     target = Path(folder)
     if target.exists() and not target.is_dir():
         raise InputError("this is a file, and the figures need a folder", where=str(target))
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise cannot_write(target, error) from error
+    make_folder(target)
     endings = (".svg", ".png") if png else (".svg",)
     places = [
         (figure, target / f"{k:02d}-{file_name(figure.title)}{ending}")
@@ -234,8 +225,7 @@ def render(contents: ReportContents) -> str:
         autoescape=True, undefined=jinja.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     # Figures escape what they are given themselves.
-    environment.filters["drawn"] = _drawn
-    environment.filters["number"] = number
+    environment.filters |= {"drawn": _drawn, "number": number}
     template = environment.from_string(_asset("page.html"))
     page: str = template.render(
         contents=contents,
@@ -251,11 +241,10 @@ def render(contents: ReportContents) -> str:
         models=models_figure(item),
         models_words=models_words(item),
         steps=next_steps(contents),
-        chapters=chapters(contents),
+        chapters=list(chapters(contents)),
         style=_markup(style() + _asset("page.css")),
         script=_markup(script() + _asset("page.js")),
         version=version("dynid"),
-        viewport=WIDTHS,
         link=TIME,
     )
     return page
@@ -285,28 +274,23 @@ def _torque(item: ReportedEstimate) -> dict[str, Any] | None:
     robot = item.estimate.model.robot
     names, axis = joint_labels(robot.joint_names), time_axis(result)
     order = worst_first(result)
-    rows: list[dict[str, Any]] = []
-    marks: list[Any] = []
-    for place, j in enumerate(order):
-        main, strip = torque_panels(item, result, j)
-        marks += [*main.marks, *strip.marks]
-        last = place == len(order) - 1
-        rows.append(
-            {
-                "name": names[j],
-                "percent": float(result.moving.relative_error_percent[j]),
-                "rms": float(result.moving.rmse[j]),
-                "unit": main.y.label.strip("[]"),
-                "main": _markup(plot(main, axis, ticks=False, link=TIME)),
-                "strip": _markup(plot(strip, axis, ticks=last, link=TIME)),
-            }
-        )
-    main, strip = torque_panels(item, result, order[0])
+    panels = [torque_panels(item, result, j) for j in order]
+    rows = [
+        {
+            "name": names[j],
+            "percent": float(result.moving.relative_error_percent[j]),
+            "rms": float(result.moving.rmse[j]),
+            "unit": main.y.label.strip("[]"),
+            "main": _markup(plot(main, axis, ticks=False, link=TIME)),
+            "strip": _markup(plot(strip, axis, ticks=j == order[-1], link=TIME)),
+        }
+        for j, (main, strip) in zip(order, panels, strict=True)
+    ]
     return {
         "rows": rows,
-        "key": _markup(key(legend(marks))),
-        "first_main": _markup(plot(main, axis, ticks=False, link=TIME)),
-        "first_strip": _markup(plot(strip, axis, link=TIME)),
+        "key": _markup(key(legend([mark for pair in panels for p in pair for mark in p.marks]))),
+        "first_main": rows[0]["main"],
+        "first_strip": _markup(plot(panels[0][1], axis, link=TIME)),
         "start": axis.low,
         "stop": axis.high,
     }

@@ -1,8 +1,6 @@
-"""The three screens that decide, as values for the page: nothing is computed but shares and counts.
+"""The screens that decide, as values for the page: answers, errors, rival models, next steps."""
 
-Purposes with their answers, errors by joint, rival models, and what to do next.
-"""
-
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -105,21 +103,18 @@ def purposes(item: ReportedEstimate) -> tuple[PurposeAnswer, ...]:
         )
     relative = estimate.relative_std_percent
     precise = [k for k in range(len(relative)) if relative[k] <= PRECISE_PERCENT]
+    judged, within = item.verdict, f"within ±{PRECISE_PERCENT:g} % (1 σ)"  # noqa: RUF001
+    words = _precise_words([estimate.names[k] for k in precise])
     return (
-        _purpose("Prediction", item.verdict.prediction, number(error, 2), "% of torque", detail),
+        _purpose("Prediction", judged.prediction, number(error, 2), "% of torque", detail),
         _purpose(
             "Parameters",
-            item.verdict.parameters,
+            judged.parameters,
             str(len(precise)),
-            f"of {len(relative)} within ±{PRECISE_PERCENT:g} % (1 σ)",  # noqa: RUF001
-            _precise_words([estimate.names[k] for k in precise]),
+            f"of {len(relative)} {within}",
+            words,
         ),
-        _purpose(
-            "Simulation",
-            item.verdict.simulation,
-            *_bodies(item),
-            repeated=item.verdict.prediction.reason,
-        ),
+        _purpose("Simulation", judged.simulation, *_bodies(item), judged.prediction.reason),
     )
 
 
@@ -138,16 +133,20 @@ def _purpose(
     )
 
 
+_GROUPS = {
+    "Fc": "Coulomb friction",
+    "Fv": "viscous friction",
+    "Im": "motor inertia",
+    **dict.fromkeys(("mx", "my", "mz"), "first moments"),
+    **dict.fromkeys(("Jxx", "Jyy", "Jzz", "Jxy", "Jxz", "Jyz"), "inertia tensors"),
+}
+
+
 def _precise_words(names: list[str]) -> str:
-    groups = (
-        ("Coulomb friction", "Fc"), ("viscous friction", "Fv"), ("motor inertia", "Im"),
-        ("first moments", "mx my mz"), ("inertia tensors", "Jxx Jyy Jzz Jxy Jxz Jyz"),
-    )  # fmt: skip
-    counted: list[str] = []
-    for word, symbols in groups:
-        found = sum(name.rstrip("0123456789") in symbols.split() for name in names)
-        if found:
-            counted.append(f"{found} of {word}")
+    found = Counter(_GROUPS.get(name.rstrip("0123456789")) for name in names)
+    counted = [
+        f"{found[word]} of {word}" for word in dict.fromkeys(_GROUPS.values()) if found[word]
+    ]
     return f"Precise: {', '.join(counted)}." if counted else ""
 
 

@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -41,13 +42,10 @@ class ParentTalk:
 
     def say(self, message: dict[str, Any]) -> None:
         """Send a message; a page that is gone hears nothing."""
-        with self._lock:
-            try:
-                self._out.write(line(message))
-                self._out.flush()
-            except (BrokenPipeError, ValueError):
-                # The end of stdin stops the job; here there is nobody to tell.
-                return
+        # The end of stdin stops the job; here there is nobody to tell.
+        with self._lock, suppress(BrokenPipeError, ValueError):
+            self._out.write(line(message))
+            self._out.flush()
 
     def progress(self, what: str, share: float) -> None:
         """Tell how far the job is, not more often than a page can show."""
@@ -57,26 +55,20 @@ class ParentTalk:
             self.say({"progress": what, "share": share})
 
     def ask(self, what: str, word: str) -> None:
-        """Let the person at the page type a word before anything moves.
-
-        Raises:
-            InputError: Nobody is there, or another word was typed.
-        """
+        """Let the person at the page type a word before anything moves."""
         self.say({"ask": what, "word": word})
         answer = self._answers.get()
         if answer != word:
             raise InputError("the motion was not confirmed", value=answer or "", limit=word)
 
     def _listen(self) -> None:
-        for text in self._heard:
-            try:
+        # What cannot be understood may have been a stop.
+        with suppress(InputError):
+            for text in self._heard:
                 message = parse(text)
-            except InputError:
-                # What cannot be understood may have been a stop.
-                break
-            if "answer" not in message:
-                break
-            self._answers.put(str(message["answer"]))
+                if "answer" not in message:
+                    break
+                self._answers.put(str(message["answer"]))
         self._answers.put(None)
         # The same wish as Ctrl-C: drivers and searches know how to end in good order.
         os.kill(os.getpid(), signal.SIGINT)

@@ -157,8 +157,8 @@ def margins(worst: Mapping[str, Worst]) -> list[dict[str, Any]]:
                 "what": plain(item.what.replace("_joint", "").replace("_", " "), 44),
                 "used": min(used, 9.99),
                 "allowed": allowed,
-                "value": _number(scale * abs(item.value)),
-                "limit": _number(scale * abs(item.limit)),
+                "value": _finite(scale * abs(item.value)),
+                "limit": _finite(scale * abs(item.limit)),
                 "distance": item.distance,
                 "level": level,
             }
@@ -188,11 +188,7 @@ def verdict(session: Session) -> dict[str, Any] | None:
 
 
 def curves(session: Session, name: str) -> dict[str, Any]:
-    """A motion over time: positions to play, and groups of curves to draw.
-
-    Raises:
-        InputError: There is no such motion.
-    """
+    """A motion over time: positions to play, and groups of curves to draw."""
     item = session.motion_named(name)
     motion, slides = item.motion, bool(np.any(session.robot.prismatic))
     if isinstance(motion, PlayedRecord):
@@ -202,14 +198,11 @@ def curves(session: Session, name: str) -> dict[str, Any]:
     count = int(np.clip(motion.duration * RATE_HZ, 200, MOST_SAMPLES)) + 1
     t = np.linspace(0.0, motion.duration, count)
     q, dq, ddq = motion.sampled(t)
-    groups = [
-        _group("position", slides, [series("expected", q)]),
-        _group("velocity", slides, [series("expected", dq)]),
-        _group("acceleration", slides, [series("expected", ddq)]),
-    ]
+    shown = {"position": q, "velocity": dq, "acceleration": ddq}
     torque = _expected(session.robot, q, dq, ddq)
     if torque is not None:
-        groups.insert(0, _group("torque", slides, [series("expected", torque)]))
+        shown = {"torque": torque, **shown}
+    groups = [_group(kind, slides, "expected", values) for kind, values in shown.items()]
     return {"duration": motion.duration, "t": encoded(t), "q": encoded(q), "groups": groups}
 
 
@@ -228,10 +221,7 @@ def _recorded(record: ExperimentRecord, model: RobotModel, slides: bool) -> dict
     t, q, *rows = thinned(
         record.t - record.t[0], record.signals["q"], *(signals[name] for name in names)
     )
-    groups = [
-        _group(name, slides, [series("measured", values)])
-        for name, values in zip(names, rows, strict=True)
-    ]
+    groups = [_group(name, slides, "measured", x) for name, x in zip(names, rows, strict=True)]
     return {"duration": float(t[-1]), "t": encoded(t), "q": encoded(q), "groups": groups}
 
 
@@ -257,7 +247,7 @@ def tail_facts(tail: Tail, model: RobotModel) -> dict[str, Any]:
     }
 
 
-def series(name: str, values: Array) -> dict[str, Any]:
+def _series(name: str, values: Array) -> dict[str, Any]:
     """A curve for each joint."""
     return {"name": name, "values": encoded(values)}
 
@@ -269,11 +259,11 @@ def thinned(t: Array, *rows: Array) -> tuple[Array, ...]:
     return tuple(values[chosen] for values in (t, *rows))
 
 
-def _group(kind: str, slides: bool, found: list[dict[str, Any]]) -> dict[str, Any]:
+def _group(kind: str, slides: bool, name: str, values: Array) -> dict[str, Any]:
     title, unit = (KINDS | RECORDED)[kind]
     if slides:
         unit = unit.replace("rad", "rad or m").replace("N·m", "N·m or N")
-    return {"title": title, "unit": unit, "series": found}
+    return {"title": title, "unit": unit, "series": [_series(name, values)]}
 
 
 def _title(name: str) -> str:
@@ -282,25 +272,13 @@ def _title(name: str) -> str:
     return words[:1].upper() + words[1:]
 
 
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
 PARAMETERS = 60
 """Most parameters of an estimate that are listed."""
 CONFIDENCE = 1.96
 
 
 def judged_estimates(folder: Path, output: Path | None) -> list[dict[str, Any]]:
-    """Evaluate the estimates of a folder, the newest first.
-
-    Args:
-        folder: Where estimates and recordings are.
-        output: Where the report goes; None for nowhere.
-
-    Raises:
-        DynidError: No estimate is there, or the report cannot be written.
-    """
+    """Evaluate the estimates of a folder, the newest first; the report is written if asked for."""
     with tempfile.TemporaryDirectory(prefix="dynid-studio-") as scratch:
         _, contents = report(folder, output or Path(scratch) / "report.html")
     newest = sorted(contents.estimates, key=lambda item: -_made(folder / item.name))
@@ -344,7 +322,7 @@ def _facts(item: ReportedEstimate) -> dict[str, Any]:
     found["prediction"] = {
         "title": "Torque",
         "unit": "N·m",
-        "series": [series("measured", measured), series("predicted", predicted)],
+        "series": [_series("measured", measured), _series("predicted", predicted)],
         "t": encoded(t),
     }
     return found

@@ -1,11 +1,9 @@
-"""Long jobs as values, and the lines in which their process talks with the page.
+"""Long jobs as values, the process of each, and the lines in which it talks with the page.
 
 A job's process reads its job from the first line of its stdin. What it has to say goes to its
 stdout, one JSON object a line: `progress`, `ask`, then `result` or `error`. Further lines on
 its stdin are `answer` and `stop`; the end of its stdin is a stop too, so that no robot goes on
 moving for a page that is gone.
-
-Watches the process of a long job: progress, questions, result, and how to stop it.
 """
 
 import json
@@ -15,10 +13,11 @@ import sys
 import tempfile
 import threading
 import time
-from dataclasses import asdict, dataclass, field, replace
+from contextlib import suppress
+from dataclasses import asdict, dataclass, replace
 from typing import Any, cast
 
-from dynid.core import InputError, JobError
+from dynid.core import InputError, JobError, check_word
 
 KINDS = ("design", "run", "identify", "import")
 
@@ -43,8 +42,7 @@ class Job:
     """What moves: `sim` or `ur://HOST`."""
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise InputError("unknown job", value=self.kind, limit=", ".join(KINDS))
+        check_word(self.kind, KINDS)
 
 
 def job_to_line(job: Job) -> str:
@@ -53,14 +51,9 @@ def job_to_line(job: Job) -> str:
 
 
 def job_from_line(text: str) -> Job:
-    """The inverse of `job_to_line`.
-
-    Raises:
-        InputError: It is no job.
-    """
-    fields = parse(text)
+    """The inverse of `job_to_line`; InputError where it is no job."""
     try:
-        return Job(**fields)
+        return Job(**parse(text))
     except TypeError as error:
         raise InputError("this is no job", value=text) from error
 
@@ -71,15 +64,10 @@ def line(message: dict[str, Any]) -> str:
 
 
 def parse(text: str) -> dict[str, Any]:
-    """A message from its line.
-
-    Raises:
-        InputError: It is none.
-    """
-    try:
-        found: object = json.loads(text)
-    except ValueError as error:
-        raise InputError("this is no message", value=text) from error
+    """A message from its line; InputError where it is none."""
+    found: object = None
+    with suppress(ValueError):
+        found = json.loads(text)
     if not isinstance(found, dict):
         raise InputError("this is no message", value=text)
     return cast("dict[str, Any]", found)
@@ -107,7 +95,7 @@ class JobState:
     error: str | None = None
     ended: bool = False
     """Whether its process is gone."""
-    history: tuple[tuple[float, float], ...] = field(default=())
+    history: tuple[tuple[float, float], ...] = ()
     """Seconds since the start, and the number its words ended in: a search's criterion."""
 
 
@@ -192,12 +180,10 @@ class Supervisor:
                 self._change(error=str(error))
         code = self._process.wait()
         for end in (self._process.stdin, stream):
-            if end is not None:
-                try:
+            # There may be a line that it no longer wanted to hear.
+            with suppress(BrokenPipeError):
+                if end is not None:
                     end.close()
-                except BrokenPipeError:
-                    # A line that it no longer wanted to hear.
-                    continue
         state = self.state
         if state.result is None and state.error is None:
             self._change(error=f"its process ended with code {code}: {self._last_words()}")
@@ -231,13 +217,11 @@ class Supervisor:
 
     def _send(self, text: str) -> None:
         stream = self._process.stdin
-        try:
+        # Where it has ended already, the reader finds out why.
+        with suppress(BrokenPipeError, ValueError):
             if stream is not None:
                 stream.write(text)
                 stream.flush()
-        except (BrokenPipeError, ValueError):
-            # It has ended already; the reader finds out why.
-            return
 
     def _last_words(self) -> str:
         self._errors.seek(0)
@@ -248,9 +232,6 @@ class Supervisor:
 def criterion_in(words: str) -> float | None:
     """The number in a search's words, as in `cond 87.3`; None where there is none yet."""
     parts = words.split(",")[0].split()
-    if len(parts) != 2:
-        return None
-    try:
-        return float(parts[1])
-    except ValueError:
-        return None
+    with suppress(ValueError):
+        return float(parts[1]) if len(parts) == 2 else None
+    return None

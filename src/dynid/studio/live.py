@@ -1,6 +1,4 @@
-"""The limits at one instant, and the bodies that are nearest to each other then.
-
-The last seconds of a recording while it is made, read from the file it goes to.
+"""The limits at one instant, and the last seconds of a recording while it is made.
 
 The page reads the same file that a crash would leave behind, so the recorder neither knows of
 the page nor waits for it.
@@ -15,7 +13,7 @@ import numpy as np
 from dynid.constraints import DISTANCES, CollisionBodies, MotionConstraints, Worst
 from dynid.core import Array, RecordError
 from dynid.recording import ExperimentRecord, partial_path, recover
-from dynid.robot import RobotModel, joint_poses
+from dynid.robot import joint_poses
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,39 +46,20 @@ class Instant:
 
 
 def instant(constraints: MotionConstraints, q: Array, dq: Array, ddq: Array) -> Instant:
-    """Judge one instant.
-
-    Args:
-        constraints: The judge.
-        q: (n) positions [rad or m].
-        dq: (n) velocities.
-        ddq: (n) accelerations.
-    """
+    """Judge one instant: (n) positions, velocities and accelerations."""
     rows = [np.array(values, dtype=np.float64)[None] for values in (q, dq, ddq)]
-    poses = joint_poses(constraints.robot, q)
     around = constraints.surroundings
     near: list[Near] = []
     if around is not None:
         for kind in DISTANCES:
-            names = around.names.get(kind)
-            if names:
-                near.append(_near(constraints, around.bodies, kind, names, rows[0], poses))
-    worst = constraints.usage(rows[0], rows[1], rows[2]).worst
-    return Instant(poses=poses, worst=worst, near=tuple(near))
-
-
-def at_rest(robot: RobotModel, q: Array) -> Instant:
-    """An instant of which nothing is judged."""
-    return Instant(poses=joint_poses(robot, q), worst={}, near=())
+            if names := around.names.get(kind):
+                near.append(_near(constraints, around.bodies, kind, names, rows[0]))
+    worst = constraints.usage(*rows).worst
+    return Instant(poses=joint_poses(constraints.robot, q), worst=worst, near=tuple(near))
 
 
 def _near(
-    constraints: MotionConstraints,
-    bodies: CollisionBodies,
-    kind: str,
-    names: list[str],
-    q: Array,
-    poses: Array,
+    constraints: MotionConstraints, bodies: CollisionBodies, kind: str, names: list[str], q: Array
 ) -> Near:
     around = kind == "environment"
     found = bodies.nearest(q, around=around)
@@ -156,13 +135,7 @@ class TailReader:
 
 
 def tail_of(record: ExperimentRecord, seconds: float = SHOWN_S, points: int = POINTS) -> Tail:
-    """The end of a recording, thinned to what a small plot can show.
-
-    Args:
-        record: The recording.
-        seconds: How much of its end [s].
-        points: How many samples at most; the newest one is always among them.
-    """
+    """The end of a recording [s], thinned to what a small plot can show, the newest one kept."""
     stamps: Array = record.t - record.t[0]
     first = int(np.searchsorted(stamps, float(stamps[-1]) - seconds))
     step = max(1, -(-(len(stamps) - first) // points))

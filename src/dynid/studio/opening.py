@@ -1,7 +1,4 @@
-"""What `dynid studio PATH` shows: a robot, a design, or all that lies in a directory.
-
-What can be played: a designed motion, or what a recording saw.
-"""
+"""What `dynid studio PATH` shows: a robot, a design, or all that lies in a directory."""
 
 import json
 from collections.abc import Mapping
@@ -138,6 +135,10 @@ class OpenMotion:
     """Whether the file can be run and certified; else it is a recording."""
     limits: DesignLimits | None = None
     """What it was designed for."""
+    reference: str = DEFAULT_ROBOT
+    """Built-in name or path of its robot."""
+    robot: RobotModel | None = None
+    """The design's, which says how it is mounted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -161,19 +162,15 @@ class Opened:
 
 
 def open_path(path: str | None, *, robot: str | None = None) -> Opened:
-    """Open a robot, a design, a recording or a directory.
-
-    Args:
-        path: A built-in name, a robot file, a design, a recording or a directory; None for the
-            current directory.
-        robot: The robot, where the files do not say or it has moved.
+    """Open a robot (name or file), a design, a recording or a directory; None: the current one.
 
     Raises:
         InputError: Nothing that can be shown is there.
     """
     given = Path(path) if path is not None else Path()
     if given.is_dir():
-        return _directory(given, robot)
+        found = sorted(given.glob("*.json")) + sorted(given.glob("*.parquet"))
+        return _files(found, given, robot, strict=False)
     if given.is_file() and given.suffix.lower() in (".json", ".parquet"):
         return _files([given], given.parent, robot, strict=True)
     name = str(path)
@@ -192,10 +189,22 @@ def open_motion(path: Path, robot: str | None = None) -> OpenMotion:
     """
     name = plain(path.name, _LONGEST)
     if path.suffix.lower() == ".parquet":
-        return OpenMotion(motion=PlayedRecord(name, read_record(path)), path=path, design=False)
-    stored = read_design(path, robot=robot)
-    motion = PlayedTrajectory(name, stored.stored.trajectory)
-    return OpenMotion(motion=motion, path=path, design=True, limits=stored.limits)
+        record = read_record(path)
+        return OpenMotion(
+            motion=PlayedRecord(name, record),
+            path=path,
+            design=False,
+            reference=robot or record.metadata.robot or DEFAULT_ROBOT,
+        )
+    found = read_design(path, robot=robot)
+    return OpenMotion(
+        motion=PlayedTrajectory(name, found.stored.trajectory),
+        path=path,
+        design=True,
+        limits=found.limits,
+        reference=robot or found.stored.robot,
+        robot=found.robot,
+    )
 
 
 def kind_of(path: Path) -> str:
@@ -216,11 +225,6 @@ def kind_of(path: Path) -> str:
     return "scene" if fields and set(fields) <= _SCENE_KEYS else ""
 
 
-def _directory(folder: Path, robot: str | None) -> Opened:
-    found = sorted(folder.glob("*.json")) + sorted(folder.glob("*.parquet"))
-    return _files(found, folder, robot, strict=False)
-
-
 def _files(paths: list[Path], folder: Path, robot: str | None, *, strict: bool) -> Opened:
     motions: list[OpenMotion] = []
     estimates: list[Path] = []
@@ -237,9 +241,12 @@ def _files(paths: list[Path], folder: Path, robot: str | None, *, strict: bool) 
                 scene = json.loads(path.read_text(encoding="utf-8"))
                 scene_file = str(path)
             elif kind in ("design", "recording"):
-                opened, name = open_motion(path, robot), robot or _robot_name(path, kind)
+                opened = open_motion(path, robot)
                 if model is None:
-                    model, reference = _robot_of(path, kind, name), name
+                    model, reference = (
+                        opened.robot or load_robot(opened.reference),
+                        opened.reference,
+                    )
                 motions.append(opened)
             elif strict:
                 raise InputError("neither a design nor a recording", where=str(path))
@@ -272,14 +279,3 @@ def _files(paths: list[Path], folder: Path, robot: str | None, *, strict: bool) 
         limits=limits,
         skipped=tuple(skipped),
     )
-
-
-def _robot_name(path: Path, kind: str) -> str:
-    if kind == "recording":
-        return read_record(path).metadata.robot or DEFAULT_ROBOT
-    return read_design(path).stored.robot
-
-
-def _robot_of(path: Path, kind: str, name: str) -> RobotModel:
-    # A design says how its robot is mounted.
-    return load_robot(name) if kind == "recording" else read_design(path, robot=name).robot

@@ -103,11 +103,7 @@ class Page:
         self.session.close()
 
     def step(self, clock: float) -> bool:
-        """Follow the job and tell what is new; whether a job runs.
-
-        Args:
-            clock: The time of `time.monotonic` [s].
-        """
+        """Follow the job and tell what is new; whether one runs. The clock is `time.monotonic`."""
         job = self.session.job
         if job is not None and job is not self._done:
             self._follow(job, job.state, clock)
@@ -128,11 +124,7 @@ class Page:
             return ("" if self._version == seen else self._told), self._version
 
     def look_up(self, what: str, query: Callable[[str], str]) -> dict[str, Any]:
-        """Facts: `state`, `robot`, `scene`, or `curves` of the motion that `name` names.
-
-        Raises:
-            InputError: There are no such facts.
-        """
+        """Facts: `state`, `robot`, `scene`, or `curves` of the motion that `name` names."""
         session = self.session
         if what == "state":
             return self.state()
@@ -151,11 +143,7 @@ class Page:
         raise InputError("there are no such facts", value=what)
 
     def do(self, action: str, asked: JsonFields) -> dict[str, Any]:
-        """Do what a visitor asks for, and tell everybody.
-
-        Raises:
-            DynidError: It cannot be done.
-        """
+        """Do what a visitor asks for, and tell everybody."""
         if action not in self._actions:
             raise InputError("this cannot be done", value=action)
         found = self._actions[action](asked)
@@ -199,9 +187,6 @@ class Page:
         """Take a file that was dropped onto the page, and open it.
 
         Robots, designs, estimates and scenes are known by what they hold; all else is a log.
-
-        Raises:
-            DynidError: It cannot be written or opened.
         """
         session = self.session
         session.check_idle()

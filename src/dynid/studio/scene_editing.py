@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dynid.constraints import Scene, Shape, scene_from_json
-from dynid.core import Array, InputError, JsonFields, load_object, write_json
+from dynid.constraints import Shape, scene_from_json
+from dynid.core import Array, InputError, JsonFields, check_word, load_object, write_json
 from dynid.export import roll_pitch_yaw
 from dynid.robot import translation
 
@@ -66,13 +66,8 @@ class SceneEditor:
         return copy.deepcopy(self._items)
 
     def add(self, kind: str) -> int:
-        """Add a shape of a usual size within reach; its number.
-
-        Raises:
-            InputError: An unknown kind.
-        """
-        if kind not in _NEW:
-            raise InputError("unknown shape", value=kind, limit=", ".join(KINDS))
+        """Add a shape of a usual size within reach; its number."""
+        check_word(kind, KINDS)
         number = self._next
         self._items[number] = {"type": kind, "name": f"{kind} {number}"} | copy.deepcopy(_NEW[kind])
         self._next += 1
@@ -80,11 +75,7 @@ class SceneEditor:
         return number
 
     def remove(self, number: int) -> None:
-        """Take a shape away.
-
-        Raises:
-            InputError: There is no such shape.
-        """
+        """Take a shape away."""
         self._item(number)
         del self._items[number]
         self.changes += 1
@@ -106,12 +97,7 @@ class SceneEditor:
         return pose
 
     def place(self, number: int, pose: Array) -> None:
-        """Move a shape; a floor only goes up and down, a sphere does not turn.
-
-        Args:
-            number: The shape.
-            pose: (4, 4) where it is held now [m].
-        """
+        """Move a shape to a pose (4, 4); a floor only goes up and down, a sphere does not turn."""
         item = self._item(number)
         position = _rounded(pose[:3, 3])
         kind = item["type"]
@@ -127,27 +113,15 @@ class SceneEditor:
 
     def sizes(self, number: int) -> dict[str, float]:
         """The sizes that a shape has, by the names of `DIMENSIONS` [m]."""
-        item = self._item(number)
+        item: dict[str, Any] = {"thickness": _THICKNESS, **self._item(number)}
         found: dict[str, float] = {}
         for name in DIMENSIONS[item["type"]]:
             word, _, axis = name.partition(" ")
-            default = 0.05 if word == "thickness" else None
-            found[name] = float(
-                item["size"]["xyz".index(axis)] if axis else item.get(word, default)
-            )
+            found[name] = float(item["size"]["xyz".index(axis)] if axis else item[word])
         return found
 
     def resize(self, number: int, name: str, value: float) -> None:
-        """Change one size.
-
-        Args:
-            number: The shape.
-            name: One of its `DIMENSIONS`.
-            value: [m]
-
-        Raises:
-            InputError: No such size, or one that makes no solid.
-        """
+        """Change one of the `DIMENSIONS` of a shape [m], unless that makes no solid."""
         item = self._item(number)
         if name not in DIMENSIONS[item["type"]]:
             raise InputError("no such size", where=self.label(number), value=name)
@@ -169,17 +143,8 @@ class SceneEditor:
         document: dict[str, Any] = {"shapes": list(self.items.values())}
         return document | ({"payload": copy.deepcopy(self._payload)} if self._payload else {})
 
-    def scene(self) -> Scene:
-        """The scene as the judge sees it."""
-        return scene_from_json(JsonFields(self.to_json()))
-
     def save(self, path: Path) -> None:
-        """Write the scene file; it appears whole or not at all.
-
-        Raises:
-            InputError: A place where no such file can be.
-            JobError: The disk does not take it.
-        """
+        """Write the scene file; it appears whole or not at all."""
         write_json(path, self.to_json())
 
     def _item(self, number: int) -> dict[str, Any]:
@@ -189,11 +154,7 @@ class SceneEditor:
 
 
 def open_scene(path: Path) -> SceneEditor:
-    """Edit a scene file.
-
-    Raises:
-        InputError: It cannot be read, or is no scene.
-    """
+    """Edit a scene file."""
     return SceneEditor(load_object(path).values)
 
 

@@ -1,6 +1,6 @@
 """The page's server: files of the page, its facts, what it asks for, and news as they come.
 
-Who may come in: whoever knows the token, on this machine too.
+Whoever knows the token may come in, on this machine too.
 
 A page in a browser may talk to any address of this machine, and this page can move a robot. So
 requests that another site's page sends are refused: its `Origin` is not ours, and a name that
@@ -11,6 +11,7 @@ import hmac
 import ipaddress
 import json
 import os
+import re
 import secrets
 import socket
 import threading
@@ -63,11 +64,7 @@ class Ruling:
 
 
 def make_door(host: str, token: str | None) -> Door:
-    """The rules for an address.
-
-    Args:
-        host: An address of this machine; `localhost` is 127.0.0.1.
-        token: What visitors must know; None to make one up.
+    """The rules for an address (`localhost` is 127.0.0.1) and a token; None to make one up.
 
     Raises:
         InputError: No address, or a token that is too short or does not fit into one.
@@ -78,7 +75,7 @@ def make_door(host: str, token: str | None) -> Door:
         raise InputError(
             "this is no address", where="--host", value=host, limit="such as 127.0.0.1 or 0.0.0.0"
         ) from error
-    if token is not None and not _hard_to_guess(token):
+    if token is not None and not re.fullmatch(f"[A-Za-z0-9_-]{{{SHORTEST_TOKEN},}}", token):
         raise InputError(
             "the token can be guessed, or cannot stand in an address",
             where="--token",
@@ -89,14 +86,7 @@ def make_door(host: str, token: str | None) -> Door:
 
 
 def rule(door: Door, port: int, path: str, headers: Mapping[str, str]) -> Ruling:
-    """Whether a request may pass.
-
-    Args:
-        door: The rules.
-        port: Where the page listens.
-        path: The request's path, with its query.
-        headers: The request's, by their names in lower case.
-    """
+    """Whether a request to a port may pass: its path with the query, its headers in lower case."""
     host = headers.get("host", "")
     origin = headers.get("origin")
     if origin is not None and _parts(origin).netloc != host:
@@ -123,11 +113,6 @@ def _parts(address: str) -> SplitResult:
     except ValueError:
         # Nonsense is nobody's address.
         return SplitResult("", "", "", "", "")
-
-
-def _hard_to_guess(token: str) -> bool:
-    allowed = all(c.isascii() and (c.isalnum() or c in "-_") for c in token)
-    return allowed and len(token) >= SHORTEST_TOKEN
 
 
 def _names_this_machine(host: str) -> bool:
@@ -352,21 +337,6 @@ def _encoded(value: dict[str, Any]) -> bytes:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StudioOptions:
-    """How to serve the page."""
-
-    path: str | None = None
-    """A robot, a design, a recording or a directory; None for the current directory."""
-    robot: str | None = None
-    """The robot, where the files do not say or it has moved."""
-    host: str = DEFAULT_HOST
-    token: str | None = None
-    """What visitors must know; None to make one up."""
-    port: int | None = None
-    """None for the usual one or the next free one, 0 for any."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Served:
     """Where the page is."""
 
@@ -379,21 +349,34 @@ class Served:
     """Whether this machine alone can reach it."""
 
 
-def serve(options: StudioOptions, ready: Callable[[Served], None], stop: threading.Event) -> None:
+def serve(
+    path: str | None,
+    ready: Callable[[Served], None],
+    stop: threading.Event,
+    *,
+    robot: str | None = None,
+    host: str = DEFAULT_HOST,
+    token: str | None = None,
+    port: int | None = None,
+) -> None:
     """Serve the page until `stop` is set; what still runs is stopped then.
 
     Args:
-        options: What to show, and to whom.
+        path: A robot, a design, a recording or a directory; None for the current directory.
         ready: Told where the page is as soon as it can be opened.
         stop: Ends it.
+        robot: The robot, where the files do not say or it has moved.
+        host: Address to listen on.
+        token: What visitors must know; None to make one up.
+        port: None for the usual one or the next free one, 0 for any.
 
     Raises:
         InputError: Nothing to show, or an address that cannot be listened on.
     """
-    door = make_door(options.host, options.token)
+    door = make_door(host, token)
     # What is shown is read before anybody can come in.
-    page = Page(open_path(options.path, robot=options.robot))
-    server = Server(door, options.port, page)
+    page = Page(open_path(path, robot=robot))
+    server = Server(door, port, page)
     server.start()
     try:
         ready(

@@ -1,19 +1,18 @@
-"""What the page is about, without the page: robot, motions, scene, limits, one job at a time.
-
-Files that the page may write.
-"""
+"""What the page is about, without the page: robot, motions, scene, limits, one job at a time."""
 
 import threading
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dynid.constraints import Certificate, MotionConstraints, Scene, certify, safe_constraints
+from dynid.constraints import Certificate, MotionConstraints, certify
 from dynid.core import Array, DynidError, InputError
+from dynid.robot import joint_poses
 from dynid.studio.jobs import Job, Supervisor
-from dynid.studio.live import Instant, at_rest, instant
+from dynid.studio.live import Instant, instant
 from dynid.studio.opening import Held, Opened, OpenMotion, Playable, PlayedTrajectory, open_motion
 from dynid.studio.scene_editing import SceneEditor
 from dynid.workflow import truth_path
@@ -24,13 +23,8 @@ LONGEST = 120
 def file_in(folder: Path, name: str, suffix: str) -> Path:
     """A file in the studio's folder: a name typed into a page chooses no other place.
 
-    Args:
-        folder: The studio's folder.
-        name: What was typed.
-        suffix: What the name must end in.
-
     Raises:
-        InputError: More than a name, or another ending.
+        InputError: More than a name, or another ending than the suffix.
     """
     odd = not name or name.startswith(".") or any(not c.isprintable() or c in "/\\" for c in name)
     if odd or len(name) > LONGEST or Path(name).suffix.lower() != suffix:
@@ -43,9 +37,7 @@ def file_in(folder: Path, name: str, suffix: str) -> Path:
 def free_name(folder: Path, name: str) -> str:
     """A name that no file of the folder has, nor the truth beside a simulated recording.
 
-    Args:
-        folder: The studio's folder.
-        name: What is wished, such as `design.json`; `design_2.json` comes after it.
+    After `design.json` comes `design_2.json`.
     """
     wished, free, count = Path(name), name, 1
     while (folder / free).exists() or truth_path(folder / free).exists():
@@ -59,7 +51,7 @@ JOB_SCENE = "studio_scene.json"
 """Where designs and runs find the scene of the page."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class ShownVerdict:
     """The certificate of a motion in a scene."""
 
@@ -105,68 +97,38 @@ class Session:
         with self.lock:
             if self._judged == self.editor.changes and self.constraints is not None:
                 return
-            self._judged = self.editor.changes
+            self._judged, self.scene_error = self.editor.changes, ""
+            # What a design was held to is not what holds here: all that is safe does.
+            held = replace(self.limits, preset="safe", collision=True, scene=None)
             try:
-                self.constraints = self._judge(self.editor.scene())
-                self.scene_error = ""
+                around = replace(held, scene=self.editor.to_json())
+                self.constraints = around.constraints(self.robot)
             except InputError as error:
                 self.scene_error = str(error)
-                try:
-                    self.constraints = self._judge(None)
-                except InputError:
-                    # Not even the robot alone can be judged; the page still shows it.
-                    self.constraints = None
-
-    def _judge(self, scene: Scene | None) -> MotionConstraints:
-        held = self.limits
-        return safe_constraints(
-            held.equipped(self.robot),
-            scene,
-            clearance=held.clearance,
-            margin=held.margin_percent / 100.0,
-            floor=held.floor,
-        )
+                # The page shows a robot that cannot even be judged alone.
+                self.constraints = None
+                with suppress(InputError):
+                    self.constraints = held.constraints(self.robot)
 
     def surroundings_for_jobs(self) -> dict[str, Any]:
-        """Options of a job for the scene, the floor and the tool.
-
-        Raises:
-            InputError: A scene without room.
-        """
+        """Options of a job for the scene, the floor and the tool."""
         held = self.limits
-        return {
-            "scene": self.scene_for_jobs(),
-            "floor": held.floor,
-            "tool": held.tool,
-            "payload": held.payload,
-        }
+        around = {"floor": held.floor, "tool": held.tool, "payload": held.payload}
+        return {"scene": self.scene_for_jobs(), **around}
 
     def choose(self, name: str) -> None:
-        """Show another motion; no name holds a pose.
-
-        Raises:
-            InputError: There is no such motion.
-        """
+        """Show another motion; no name holds a pose."""
         with self.lock:
             self.motion = self.motion_named(name).motion if name else Held(self.motion.at(0.0)[0])
 
     def motion_named(self, name: str) -> OpenMotion:
-        """A motion by its name.
-
-        Raises:
-            InputError: There is no such motion.
-        """
-        found = self.motions.get(name)
-        if found is None:
+        """A motion by its name."""
+        if name not in self.motions:
             raise InputError("no such motion", value=name)
-        return found
+        return self.motions[name]
 
     def open(self, path: Path) -> str:
-        """Open a file that a job has made, and choose it; its name.
-
-        Raises:
-            DynidError: It cannot be read, or is of a robot with other joints.
-        """
+        """Open a file that a job has made, and choose it; its name."""
         found = open_motion(path)
         joints = len(found.motion.at(0.0)[0])
         if joints != self.robot.joints:
@@ -182,37 +144,29 @@ class Session:
         return found.motion.name
 
     def look(self, q: Array, dq: Array, ddq: Array) -> Instant:
-        """The limits and the nearest bodies at a pose (n), speed and acceleration.
-
-        Raises:
-            InputError: They are not of this robot's joints, or not finite.
-        """
+        """The limits and the nearest bodies at a pose (n), speed and acceleration."""
         for values in (q, dq, ddq):
             if values.shape != (self.robot.joints,) or not np.isfinite(values).all():
                 raise InputError("this is no pose of the robot", limit=self.robot.joints)
-        constraints = self.constraints
-        if constraints is None:
-            return at_rest(self.robot, q)
-        return instant(constraints, q, dq, ddq)
+        if self.constraints is None:
+            return Instant(poses=joint_poses(self.robot, q), worst={}, near=())
+        return instant(self.constraints, q, dq, ddq)
 
     def certify(self) -> ShownVerdict:
         """Judge the whole motion in the scene; the verdict is kept."""
         with self.lock:
             motion, constraints, changes = self.motion, self.constraints, self.editor.changes
+        certificate, said = None, ""
         try:
             if not isinstance(motion, PlayedTrajectory):
                 raise InputError("only a design can be certified", value=motion.name)
             if constraints is None or self.scene_error:
                 raise InputError(self.scene_error or "the robot's limits contradict each other")
-            found = ShownVerdict(
-                certificate=certify(motion.trajectory, constraints),
-                motion=motion.name,
-                changes=changes,
-            )
+            certificate = certify(motion.trajectory, constraints)
         except DynidError as error:
-            found = ShownVerdict(error=str(error), motion=motion.name, changes=changes)
-        self.verdict = found
-        return found
+            said = str(error)
+        self.verdict = ShownVerdict(certificate, said, motion.name, changes)
+        return self.verdict
 
     @property
     def certifiable(self) -> bool:
@@ -225,19 +179,18 @@ class Session:
         return self.verdict.changes != self.editor.changes
 
     def save_scene(self, name: str) -> Path:
-        """Write the scene into the studio's folder; where it is.
-
-        Raises:
-            DynidError: No name for a file, a scene without room, or it cannot be written.
-        """
+        """Write the scene into the studio's folder; where it is."""
         path = file_in(self.folder, name, ".json")
         with self.lock:
-            self.judge()
-            if self.scene_error:
-                raise InputError(self.scene_error)
-            self.editor.save(path)
+            self._save(path)
             self.scene_name = name
         return path
+
+    def _save(self, path: Path) -> None:
+        self.judge()
+        if self.scene_error:
+            raise InputError(self.scene_error)
+        self.editor.save(path)
 
     def scene_for_jobs(self) -> str | None:
         """The scene as a file for a job; None where the page's scene is an empty one."""
@@ -245,21 +198,13 @@ class Session:
             document = self.editor.to_json()
             if not document["shapes"] and "payload" not in document and not self.editor.changes:
                 return None
-            self.judge()
-            if self.scene_error:
-                raise InputError(self.scene_error)
             # Not the person's own file: an edit on the page is kept there only when asked to.
             path = self.folder / JOB_SCENE
-            self.editor.save(path)
+            self._save(path)
             return str(path)
 
     def start(self, job: Job) -> Supervisor:
-        """Start a job.
-
-        Raises:
-            InputError: Another one is still there, or a file stands where its result goes.
-            JobError: It cannot be started.
-        """
+        """Start a job, unless another one is still there or a file where its result goes."""
         with self.lock:
             self.check_idle()
             if Path(job.output).exists():
@@ -272,11 +217,7 @@ class Session:
             return self.job
 
     def check_idle(self) -> None:
-        """Refuse what cannot be done beside a job.
-
-        Raises:
-            InputError: A job is still there.
-        """
+        """Refuse what cannot be done beside a job."""
         if self.job is not None and not self.job.state.ended:
             raise InputError("another job is still running", value=self.job.job.kind)
 

@@ -1,10 +1,8 @@
-"""Triangles of the arm's bodies and of the shapes of a scene.
-
-The meshes that a URDF gives its links to be looked at.
-"""
+"""Triangles of the arm's bodies, of the shapes of a scene, and of the meshes of a URDF."""
 
 import math
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -103,13 +101,10 @@ _BULGE = 0.7
 
 
 def shaded(vertices: Array, faces: Indices, *, smooth: bool) -> Array:
-    """Corners of triangles for drawing: (3 T, 6) place [m] and unit normal.
+    """Corners of triangles (V, 3) [m], (F, 3) for drawing: (3 T, 6) place [m] and unit normal.
 
-    Args:
-        vertices: (V, 3) [m].
-        faces: (F, 3)
-        smooth: Whether triangles stand for a round surface: they are cut in nine and bulged
-            (Phong tessellation: Boubekeur and Alexa 2008).
+    Smooth ones stand for a round surface: they are cut in nine and bulged (Phong tessellation:
+    Boubekeur and Alexa 2008).
     """
     first, second, third = vertices[faces].transpose(1, 0, 2)
     faces = faces[np.linalg.norm(np.cross(second - first, third - first), axis=1) > _NOTHING]
@@ -138,10 +133,7 @@ def _grid(parts: int) -> list[tuple[int, int]]:
 def corner_normals(vertices: Array, faces: Indices, *, crease: float) -> Array:
     """(3 F, 3) unit normals: at each corner the mean of the faces around that meet smoothly.
 
-    Args:
-        vertices: (V, 3); those at one place count as one.
-        faces: (F, 3)
-        crease: The largest angle between faces that meet smoothly [rad].
+    Vertices (V, 3) at one place count as one; smooth is below the angle `crease` [rad].
     """
     first, second, third = vertices[faces].transpose(1, 0, 2)
     wide = np.cross(second - first, third - first)
@@ -183,11 +175,7 @@ def _sticks(robot: RobotModel) -> tuple[Body, ...]:
 
 
 def shape_mesh(shape: Shape) -> tuple[Array, Indices]:
-    """Triangles of a shape in its own frame; of a half-space, a thin plate.
-
-    Returns:
-        (V, 3) vertices [m] and (F, 3) faces.
-    """
+    """(V, 3) vertices [m] and (F, 3) faces of a shape in its frame; a half-space is a plate."""
     if shape.kind == HALF_SPACE:
         half = np.array([PLANE / 2, PLANE / 2, _THIN / 2])
         points = box_points(half) - np.array([0.0, 0.0, _THIN / 2])
@@ -203,15 +191,12 @@ Triangles = tuple[Array, Any]
 def robot_meshes(robot: RobotModel, reference: str, notes: list[str]) -> tuple[LinkMesh, ...]:
     """What to draw of a robot: a URDF's `visual` elements where they can be read, else its bodies.
 
-    Args:
-        robot: The robot.
-        reference: Its built-in name or path.
-        notes: Where it is said what cannot be drawn.
+    The notes get what cannot be drawn.
     """
     path = Path(reference)
     if path.suffix.lower() == ".urdf" and path.is_file():
         try:
-            found = visual_meshes(robot, path, notes)
+            found = tuple(_visual_meshes(robot, path, notes))
         except DynidError as error:
             # The file was good enough for a robot; what is only to be looked at may be broken.
             notes.append(f"not drawn: {error}")
@@ -221,40 +206,25 @@ def robot_meshes(robot: RobotModel, reference: str, notes: list[str]) -> tuple[L
     return arm_skins(robot)
 
 
-def visual_meshes(robot: RobotModel, path: Path, notes: list[str]) -> tuple[LinkMesh, ...]:
-    """The `visual` elements of a URDF, in the joint frames of the robot's links.
-
-    Args:
-        robot: What the file gave.
-        path: The URDF.
-        notes: Where it is said which meshes were left out.
-
-    Raises:
-        RobotError: The file is not the robot's, or an element is broken.
-    """
+def _visual_meshes(robot: RobotModel, path: Path, notes: list[str]) -> Iterator[LinkMesh]:
+    """The `visual` elements of a URDF, in the joint frames of the robot's links."""
     where = shown_path(path)
     data = read_limited(path, MAX_BYTES)
     tree = parse_urdf(data, where)
     trunk = find_trunk(tree, where, locked=dict(robot.locked))
     poses, carriers = place_links(tree, trunk)
-    found: list[LinkMesh] = []
     for link in parse_root(data, where).iterfind("link"):
         name = (link.get("name") or "").strip()
         for element in link.iterfind("visual"):
             triangles = _triangles(element, where, path.parent, notes)
-            if triangles is None:
-                continue
-            pose = poses[name] @ read_origin(element, where)
-            vertices = triangles[0] @ pose[:3, :3].T + pose[:3, 3]
-            found.append(
-                LinkMesh(
+            if triangles is not None:
+                pose = poses[name] @ read_origin(element, where)
+                yield LinkMesh(
                     name=shown(name, 40),
                     link=carriers[name],
-                    vertices=vertices,
+                    vertices=triangles[0] @ pose[:3, :3].T + pose[:3, 3],
                     faces=triangles[1],
                 )
-            )
-    return tuple(found)
 
 
 def _triangles(element: ET.Element, where: str, folder: Path, notes: list[str]) -> Triangles | None:

@@ -4,25 +4,22 @@ from dynid.workflow.analyze import Analysis, analyze
 from dynid.workflow.choosing import IdentifySettings
 from dynid.workflow.demo import run_demo
 from dynid.workflow.design_files import Check, check, export_motion, read_design, write_design
-from dynid.workflow.design_settings import (
-    DesignLimits,
-    DesignSettings,
-    mesh_folders,
-    parse_floor,
-    parse_payload,
-    parse_tool,
-)
+from dynid.workflow.design_settings import DesignLimits, DesignSettings
 from dynid.workflow.designing import design
-from dynid.workflow.exporting import check_suffix, export_file
-from dynid.workflow.fitting import LogFit, fit
+from dynid.workflow.fitting import LogFit, check_suffix, export_file, fit
 from dynid.workflow.fleet import Fleet, FleetSettings, fleet
 from dynid.workflow.identify import Identification, identify
-from dynid.workflow.payload import identify_gains, identify_gains_from_payload, identify_payload
 from dynid.workflow.recordings import ImportOptions, import_recording, open_records
 from dynid.workflow.reporting import report
 from dynid.workflow.run_settings import RunSettings, parse_thermal, truth_path
 from dynid.workflow.running import Run, run_design, simulate_recording
-from dynid.workflow.shared_inertias import SharedIdentification, identify_shared
+from dynid.workflow.shared_inertias import (
+    SharedIdentification,
+    identify_gains,
+    identify_gains_from_payload,
+    identify_payload,
+    identify_shared,
+)
 from dynid.workflow.temperature import (
     TemperatureIdentification,
     TemperatureModel,
@@ -76,12 +73,8 @@ __all__ = [
     "identify_shared",
     "identify_temperature",
     "import_recording",
-    "mesh_folders",
     "open_records",
-    "parse_floor",
-    "parse_payload",
     "parse_thermal",
-    "parse_tool",
     "read_design",
     "read_temperature",
     "report",

@@ -11,22 +11,25 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import InputError, Progress
+from dynid.core import InputError, Progress, Provenance, check_word, provenance
 from dynid.identification import (
     ESTIMATORS,
     PRIOR_GAIN,
     PURPOSES,
+    AllRows,
+    Estimate,
     Estimator,
     PhysicallyConsistent,
     Selection,
     TowardPublished,
     WeightedLeastSquares,
     estimator_of,
+    fit_estimate,
     select,
     with_load,
     with_ripple,
 )
-from dynid.recording import ExperimentRecord
+from dynid.recording import AnyRecording, ExperimentRecord, fingerprint
 from dynid.regressor import FrictionTerms, InverseDynamicModel
 from dynid.robot import RobotModel
 from dynid.signals import (
@@ -75,14 +78,10 @@ class IdentifySettings:
 
     def __post_init__(self) -> None:
         word = None if isinstance(self.estimator, Estimator) else self.estimator
-        for value, allowed, where in (
-            (self.preset, PRESETS, "--preset"),
-            (self.purpose, PURPOSES, "--for"),
-            (word or "ols", ESTIMATORS, "--estimator"),
-            (self.weighting, WEIGHTINGS, "--weighting"),
-        ):
-            if value not in allowed:
-                raise InputError("unknown", where=where, value=value, limit=", ".join(allowed))
+        check_word(self.preset, PRESETS, "--preset")
+        check_word(self.purpose, PURPOSES, "--for")
+        check_word(word or "ols", ESTIMATORS, "--estimator")
+        check_word(self.weighting, WEIGHTINGS, "--weighting")
 
     @property
     def estimator_word(self) -> str | None:
@@ -109,19 +108,10 @@ REGIONS_FROM = 1e-2
 motion leaves that much to the prior."""
 
 
-def chosen_estimator(
-    settings: IdentifySettings, robot: RobotModel, choice: Choice | None
+def _estimator(
+    settings: IdentifySettings, robot: RobotModel, choice: Selection | None
 ) -> Estimator:
-    """The estimator that settings ask for, or the one that was chosen.
-
-    Args:
-        settings: What the user asked for.
-        robot: The robot.
-        choice: What was chosen by what is left out; None with the preset `paper`.
-
-    Raises:
-        InputError: Weighting by joint size without torque limits.
-    """
+    """The estimator that settings ask for, or the one that was chosen (None: preset `paper`)."""
     if isinstance(settings.estimator, Estimator):
         return settings.estimator
     weight = 0.0 if choice is None else choice.prior_weight
@@ -146,35 +136,16 @@ def chosen_estimator(
     return WeightedLeastSquares(groups=groups, prior_gain=gain)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Choice:
-    """What was chosen, for programs and for people."""
-
-    processing: ProcessingSettings
-    friction: FrictionTerms
-    prior_weight: float
-    near_weights: tuple[float, ...]
-    words: tuple[str, ...]
-
-
 def choose(
     records: Sequence[ExperimentRecord],
     robot: RobotModel,
     settings: IdentifySettings,
     processing: ProcessingSettings,
     progress: Progress | None = None,
-) -> Choice:
+) -> tuple[Selection, tuple[str, ...]]:
     """Choose settings and friction on all records together; a lone periodic one is averaged.
 
-    Args:
-        records: The recordings, in any order.
-        robot: The robot.
-        settings: What the user asked for.
-        processing: Settings given by the user: what is set there stays.
-        progress: Told what is being tried and how far it is (0 to 1).
-
-    Raises:
-        InputError: See `select`.
+    What the processing sets stays; what was chosen is returned for programs and in words.
     """
     recordings = [uniform_signals(record, robot, processing) for record in records]
     averaged: tuple[str, ...] = ()
@@ -203,21 +174,16 @@ def choose(
         purpose=settings.purpose,
         progress=progress,
     )
-    return Choice(
-        processing=chosen.settings,
-        friction=chosen.friction,
-        prior_weight=chosen.prior_weight,
-        near_weights=chosen.near_weights,
-        words=(*averaged, *_words(chosen, any(robot.prismatic))),
-    )
+    return chosen, (*averaged, *_words(chosen, any(robot.prismatic)))
 
 
 def _words(chosen: Selection, slides: bool) -> tuple[str, ...]:
     place, speed, torque = "rad", "rad/s", "N.m"
     if slides:
         place, speed, torque = "rad or m", "rad/s or m/s", "N.m or N"
-    settings, width = chosen.settings, chosen.friction.width
-    widths = width if isinstance(width, tuple) else (width,)
+    settings, friction = chosen.settings, chosen.friction
+    widths = friction.width if isinstance(friction.width, tuple) else (friction.width,)
+    load = "" if friction.load is None else f",{friction.load.describe()}"
     delays = "none" if settings.delays_s is None else _row(1000 * d for d in settings.delays_s)
     sources = {
         "measured": "velocities from measured values",
@@ -228,21 +194,15 @@ def _words(chosen: Selection, slides: bool) -> tuple[str, ...]:
         f"cut-off {settings.cutoff_hz:g} Hz",
         sources[settings.velocity],
         f"torque delays {delays}" + ("" if settings.delays_s is None else " ms"),
-        f"friction terms {_terms(chosen.friction)}",
+        f"friction terms {friction.describe()}{load}",
         f"Coulomb widths {_row(widths)} {speed}",
         f"held-out RMS {_row(chosen.noise)} {torque}",
     ]
-    over = chosen.friction.presliding
-    if over:
-        words.insert(-1, f"presliding over {_row(over)} {place}")
+    if friction.presliding:
+        words.insert(-1, f"presliding over {_row(friction.presliding)} {place}")
     if settings.torque_filter is not None:
         words.insert(0, settings.torque_filter.describe())
     return tuple(words)
-
-
-def _terms(friction: FrictionTerms) -> str:
-    load = friction.load
-    return friction.describe() + ("" if load is None else f",{load.describe()}")
 
 
 def _row(values: Iterable[float]) -> str:
@@ -263,25 +223,53 @@ class Prepared:
     """Samples of each recording."""
     estimator: Estimator
     processing: ProcessingSettings
-    choice: Choice | None
+    choice: Selection | None
+    """What was chosen by what is left out; None with the preset `paper`."""
+    words: tuple[str, ...]
+    """The same in words."""
 
-    @property
-    def words(self) -> tuple[str, ...]:
-        """What was chosen."""
-        return (
-            *(() if self.choice is None else self.choice.words),
-            *(ripple.describe() for ripple in self.model.friction.ripples),
+    def fit(
+        self,
+        records: Sequence[ExperimentRecord],
+        preset: str,
+        made: Provenance,
+        everything: AllRows | None = None,
+        words: tuple[str, ...] = (),
+    ) -> Estimate:
+        """The estimate, from the samples or from all rows of which they are a part."""
+        return fit_estimate(
+            self.model,
+            self.samples,
+            self.estimator,
+            records=records,
+            settings=self.processing,
+            preset=preset,
+            choices=(*self.words, *words),
+            made=made,
+            lengths=self.lengths if everything is None else (),
+            prior_weight=0.0 if self.choice is None else self.choice.prior_weight,
+            near_weights=() if self.choice is None else self.choice.near_weights,
+            everything=everything,
         )
 
-    @property
-    def prior_weight(self) -> float:
-        """Of the published inertias; 0 for none."""
-        return 0.0 if self.choice is None else self.choice.prior_weight
 
-    @property
-    def near_weights(self) -> tuple[float, ...]:
-        """Weights that score as well."""
-        return () if self.choice is None else self.choice.near_weights
+def asked_processing(
+    records: Sequence[ExperimentRecord], settings: IdentifySettings
+) -> ProcessingSettings:
+    """How recordings are processed as far as the user said; rows of long ones are averaged."""
+    return ProcessingSettings(
+        cutoff_hz=settings.cutoff_hz,
+        start_s=settings.start_s,
+        stop_s=settings.stop_s,
+        decimate=settings.preset == "best" or max(r.samples for r in records) > LONG_RECORD,
+    )
+
+
+def made_from(records: Sequence[AnyRecording], settings: IdentifySettings) -> Provenance:
+    """Where an estimate comes from: its recordings and what was asked for."""
+    names = [r.metadata.origin or f"record {k}" for k, r in enumerate(records, start=1)]
+    inputs = dict(zip(names, map(fingerprint, records), strict=True))
+    return provenance(inputs=inputs, settings=settings.to_json())
 
 
 def prepare(
@@ -293,21 +281,16 @@ def prepare(
 ) -> Prepared:
     """Choose, process, and find the shapes that a fit takes as given.
 
-    Args:
-        records: The recordings.
-        robot: The robot.
-        settings: What the user asked for.
-        processing: Settings given by the user: what is set there stays.
-        progress: Told what is being done and how far it is (0 to 1).
+    What the processing sets stays; `progress` is told how far it is (0 to 1).
     """
-    choice = None
+    choice, words = None, ()
     if settings.preset == "best":
-        choice = choose(records, robot, settings, processing, progress)
-        processing = choice.processing
+        choice, words = choose(records, robot, settings, processing, progress)
+        processing = choice.settings
     parts = [process(record, robot, processing) for record in records]
     samples = parts[0] if len(parts) == 1 else joined(parts)
     friction = settings.terms or FrictionTerms() if choice is None else choice.friction
-    estimator = chosen_estimator(settings, robot, choice)
+    estimator = _estimator(settings, robot, choice)
     model = InverseDynamicModel(robot=robot, frames=settings.frames, friction=friction)
     model = with_load(model, samples, estimator)
     if choice is not None and settings.terms is None:
@@ -319,15 +302,12 @@ def prepare(
         estimator=estimator,
         processing=processing,
         choice=choice,
+        words=(*words, *(ripple.describe() for ripple in model.friction.ripples)),
     )
 
 
 def require_cutoff(rate_hz: float, cutoff_hz: float | None) -> None:
-    """Refuse a cut-off that a rate cannot carry; nothing replaces it.
-
-    Args:
-        rate_hz: Samples a second.
-        cutoff_hz: The cut-off; None for none.
+    """Refuse a cut-off [Hz] that a rate cannot carry; nothing replaces it.
 
     Raises:
         InputError: It is too high.

@@ -1,14 +1,9 @@
-"""`dynid demo`: the whole paper on the simulated UR5, beside what the paper reports.
-
-The demo's table: the paper's figures beside ours.
-
-The demo's designs and recordings: through the simulated controller, in virtual time.
-"""
+"""`dynid demo`: the whole paper on the simulated UR5, beside what the paper reports."""
 
 import time
-from collections.abc import Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -20,6 +15,7 @@ from dynid.core import (
     JobError,
     Progress,
     each,
+    make_folder,
     require,
     require_absent,
     silent,
@@ -32,7 +28,7 @@ from dynid.identification import write_estimate
 from dynid.recording import ExperimentRecord, read_record
 from dynid.robot import load_robot
 from dynid.simulation import SERIAL, simulated_arm
-from dynid.validation import ParameterComparison, compare
+from dynid.validation import ParameterComparison, ValidationResult, compare
 from dynid.workflow.analyze import Analysis, analyze
 from dynid.workflow.choosing import IdentifySettings
 from dynid.workflow.designing import DesignSettings, design
@@ -50,144 +46,73 @@ PAPER_ERROR = 0.0550
 """e_N of the paper's validation [N.m]; its N is not given."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class DemoRow:
     """One quantity; None where it does not apply or is not given."""
 
     quantity: str
-    unit: str = ""
     paper: float | None
     preset_paper: float | None
     preset_best: float | None
+    unit: str = ""
     note: str = ""
 
-    def to_json(self) -> dict[str, Any]:
-        """A JSON object."""
-        return {
-            "quantity": self.quantity,
-            "unit": self.unit,
-            "paper": self.paper,
-            "preset_paper": self.preset_paper,
-            "preset_best": self.preset_best,
-            "note": self.note,
-        }
 
-
-def comparison(
+def _comparison(
     analysis: Analysis, design: ExcitationDesign, paper: Identification, best: Identification
-) -> tuple[DemoRow, ...]:
-    """Structure, excitation and prediction.
-
-    Args:
-        analysis: The structure of the UR5.
-        design: The motion that was identified from.
-        paper: Identification with the paper's settings, validated.
-        best: Identification with chosen settings, validated.
-    """
-    both = (paper, best)
+) -> Iterator[DemoRow]:
+    """Structure, excitation and prediction on the other motion, with the settings of both."""
     counts = analysis.to_json()
     frames = f"{counts['frames']} frames; the split depends on the frames"
-    structure = [
-        _same("standard parameters", 78, counts["standard_parameters"]),
-        _same("base parameters", 52, counts["base_parameters"]),
-        _same("identifiable alone", 30, counts["identifiable_alone"], frames),
-        _same("identifiable in combination", 39, counts["identifiable_combined"], frames),
-        _same("not identifiable", 9, counts["unidentifiable"]),
-    ]
-    checks = [item.validation or item.training for item in both]
-    rms = [float(np.sqrt(np.mean(np.square(check.metrics.rmse)))) for check in checks]
-    fits = [
-        DemoRow(
-            quantity="condition number, designed",
-            paper=PAPER_CONDITION,
-            preset_paper=design.condition_number,
-            preset_best=design.condition_number,
-            note="ours inside every safety limit: tool speed, power, torque, self-collision",
-        ),
-        DemoRow(
-            quantity="condition number, as executed",
-            paper=None,
-            preset_paper=both[0].estimate.condition_number,
-            preset_best=both[1].estimate.condition_number,
-            note="the servo follows with a delay; preset best may have more columns",
-        ),
-        DemoRow(
-            quantity="e_N on the other motion",
-            unit="N.m",
-            paper=PAPER_ERROR,
-            preset_paper=checks[0].metrics.normalized_error,
-            preset_best=checks[1].metrics.normalized_error,
-            note="e_N falls as 1/sqrt(N); compare RMS where N differs",
-        ),
-        DemoRow(
-            quantity="N, samples of that motion",
-            paper=None,
-            preset_paper=checks[0].metrics.samples,
-            preset_best=checks[1].metrics.samples,
-            note="the paper does not give its N",
-        ),
-        DemoRow(
-            quantity="RMS error, all joints",
-            unit="N.m",
-            paper=None,
-            preset_paper=rms[0],
-            preset_best=rms[1],
-        ),
-        DemoRow(
-            quantity="relative error, moving joints",
-            unit="%",
-            paper=None,
-            preset_paper=checks[0].moving.relative_error_overall_percent,
-            preset_best=checks[1].moving.relative_error_overall_percent,
-        ),
-    ]
-    return (*structure, *fits)
+    for quantity, known, key, note in (
+        ("standard parameters", 78, "standard_parameters", ""),
+        ("base parameters", 52, "base_parameters", ""),
+        ("identifiable alone", 30, "identifiable_alone", frames),
+        ("identifiable in combination", 39, "identifiable_combined", frames),
+        ("not identifiable", 9, "unidentifiable", ""),
+    ):
+        yield DemoRow(quantity, known, counts[key], counts[key], note=note)
+    number = design.condition_number
+    note = "ours inside every safety limit: tool speed, power, torque, self-collision"
+    yield DemoRow("condition number, designed", PAPER_CONDITION, number, number, note=note)
+    ran, chosen = paper.estimate.condition_number, best.estimate.condition_number
+    note = "the servo follows with a delay; preset best may have more columns"
+    yield DemoRow("condition number, as executed", None, ran, chosen, note=note)
+    ours, others = (item.validation or item.training for item in (paper, best))
 
+    def row(
+        quantity: str, of: Callable[[ValidationResult], float], unit: str = "", note: str = ""
+    ) -> DemoRow:
+        return DemoRow(quantity, None, of(ours), of(others), unit, note)
 
-def warming(change: ParameterComparison, joints: int) -> tuple[DemoRow, ...]:
-    """What warming up changed (paper 3.2, Fig. 4).
-
-    Args:
-        change: From cold to warm, with the paper's settings.
-        joints: Number of joints.
-    """
-    found = dict(zip(change.names, change.change_percent, strict=True))
-    rows = [
-        _ours(
-            f"viscous friction of joint {j}, cold to warm",
-            float(found[f"Fv{j}"]),
-            PAPER_WARMING if j == 1 else None,
-            "paper: by up to 35 % down" if j == 1 else "",
-            unit="%",
-        )
-        for j in range(1, joints + 1)
-        if f"Fv{j}" in found
-    ]
-    for group in change.groups:
-        if group.members:
-            rows.append(
-                _ours(
-                    f"{group.name} parameters, largest |z| cold to warm",
-                    group.largest_z,
-                    None,
-                    f"above {group.limit_z:.1f} something moved",
-                )
-            )
-    return tuple(rows)
-
-
-def _ours(
-    quantity: str, ours: float, paper: float | None, note: str = "", unit: str = ""
-) -> DemoRow:
-    """A figure of the paper's settings alone."""
-    return DemoRow(
-        quantity=quantity, unit=unit, paper=paper, preset_paper=ours, preset_best=None, note=note
+    note = "e_N falls as 1/sqrt(N); compare RMS where N differs"
+    error = row("e_N on the other motion", lambda x: x.metrics.normalized_error, "N.m", note)
+    yield replace(error, paper=PAPER_ERROR)
+    note = "the paper does not give its N"
+    yield row("N, samples of that motion", lambda x: x.metrics.samples, note=note)
+    yield row("RMS error, all joints", _rms, "N.m")
+    yield row(
+        "relative error, moving joints", lambda x: x.moving.relative_error_overall_percent, "%"
     )
 
 
-def _same(quantity: str, paper: float, ours: float, note: str = "") -> DemoRow:
-    """A count that does not depend on the preset."""
-    return DemoRow(quantity=quantity, paper=paper, preset_paper=ours, preset_best=ours, note=note)
+def _rms(result: ValidationResult) -> float:
+    return float(np.sqrt(np.mean(np.square(result.metrics.rmse))))
+
+
+def _warming(change: ParameterComparison, joints: int) -> Iterator[DemoRow]:
+    """What warming up changed, with the paper's settings (paper 3.2, Fig. 4)."""
+    found = dict(zip(change.names, change.change_percent, strict=True))
+    for j in range(1, joints + 1):
+        if f"Fv{j}" in found:
+            known, note = (PAPER_WARMING, "paper: by up to 35 % down") if j == 1 else (None, "")
+            what = f"viscous friction of joint {j}, cold to warm"
+            yield DemoRow(what, known, float(found[f"Fv{j}"]), None, "%", note)
+    for group in change.groups:
+        if group.members:
+            what = f"{group.name} parameters, largest |z| cold to warm"
+            note = f"above {group.limit_z:.1f} something moved"
+            yield DemoRow(what, None, group.largest_z, None, note=note)
 
 
 PERIOD_S, HARMONICS, REPETITIONS = 10.0, 5, 3
@@ -201,31 +126,20 @@ STARTS = 2
 """Starts of the search for a motion; more would find a slightly better one."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Recordings:
-    """Two motions of the UR5, recorded cold and warm."""
-
-    design: ExcitationDesign
-    """The motion that is identified from."""
-    identification: dict[str, ExperimentRecord]
-    """`cold` and `warm`."""
-    validation: dict[str, ExperimentRecord]
-    """The other motion, `cold` and `warm`."""
-    files: tuple[Path, ...]
+Records = dict[tuple[str, str], ExperimentRecord]
+"""By thermal state and what they are recorded for."""
 
 
-def make_recordings(robot: str, folder: Path, quick: bool, tell: Progress) -> Recordings:
+def _make_recordings(
+    robot: str, folder: Path, quick: bool, tell: Progress
+) -> tuple[ExcitationDesign, Records, list[Path]]:
     """Design two motions and run them on a simulated controller, cold and warm.
 
-    Args:
-        robot: A built-in robot with a simulated arm.
-        folder: Where the files go.
-        quick: One repetition in place of three, and a shorter search.
-        tell: Told what is being done and how far it is (0 to 1).
+    Returns:
+        The motion that is identified from, the recordings, and all files.
 
     Raises:
         JobError: No feasible motion was found, or a run was stopped.
-        MissingExtraError: MuJoCo is not installed.
     """
     with workers(1 if quick else 2) as beside:
         designs = _in_order(
@@ -256,17 +170,9 @@ def make_recordings(robot: str, folder: Path, quick: bool, tell: Progress) -> Re
                 words="run on the simulated robot, cold and warm",
             )
         )
-    records = {
-        (thermal, what): read_record(path)
-        for (thermal, what, _, _), path in zip(runs, paths, strict=True)
-    }
+    records = {run[:2]: read_record(path) for run, path in zip(runs, paths, strict=True)}
     files = [folder / f"{name}.json" for name, _ in PURPOSES]
-    return Recordings(
-        design=designs[0],
-        identification={thermal: records[thermal, RECORDED[0]] for thermal in THERMAL},
-        validation={thermal: records[thermal, RECORDED[1]] for thermal in THERMAL},
-        files=(*files, *(file for path in paths for file in (path, truth_path(path)))),
-    )
+    return designs[0], records, [*files, *(f for path in paths for f in (path, truth_path(path)))]
 
 
 def _in_order(found: Iterable[tuple[int, Result]]) -> list[Result]:
@@ -324,12 +230,10 @@ ESTIMATES = (
 class Demo:
     """What the demo found and wrote."""
 
-    analysis: Analysis
-    recordings: Recordings
+    design: ExcitationDesign
+    """The motion that is identified from."""
     best: Identification
     paper: Identification
-    warm: Identification
-    """With the paper's settings, on the warm robot."""
     change: ParameterComparison
     """From cold to warm, with the paper's settings."""
     table: tuple[DemoRow, ...]
@@ -340,14 +244,11 @@ class Demo:
         """The table paper / ours, the warnings of both presets, and the files."""
         return {
             "robot": ROBOT,
-            "table": [row.to_json() for row in self.table],
-            "design": self.recordings.design.to_json(),
+            "table": [asdict(row) for row in self.table],
+            "design": self.design.to_json(),
             "comparison": self.change.to_json(),
             "choices": list(self.best.estimate.choices),
-            "warnings": {
-                "best": told(self.best.warnings),
-                "paper": told(self.paper.warnings),
-            },
+            "warnings": {"best": told(self.best.warnings), "paper": told(self.paper.warnings)},
             "files": [str(path) for path in self.files],
             "wall_s": self.wall_s,
         }
@@ -382,21 +283,24 @@ def run_demo(
     # Said now, not after minutes of search by the process that needs it.
     require("mujoco", "sim")
     tell: Progress = progress or silent
-    folder = _directory(directory)
+    if not str(directory).strip():
+        raise InputError("the directory has no name", where="-o")
+    folder = make_folder(directory)
     require_absent(*(folder / name for name in _names()), force=force)
     robot = load_robot(ROBOT)
-    made = make_recordings(ROBOT, folder, quick, lambda what, share: tell(what, 0.7 * share))
+    motion, records, files = _make_recordings(
+        ROBOT, folder, quick, lambda what, share: tell(what, 0.7 * share)
+    )
     tell("analyze the UR5", 0.7)
     analysis = analyze(robot)
-    files = list(made.files)
     results: dict[str, Identification] = {}
     for k, (preset, thermal, name) in enumerate(ESTIMATES):
         tell(f"identify, {thermal}, preset {preset}", 0.7 + 0.05 * k)
         results[name] = identify(
-            made.identification[thermal],
+            records[thermal, RECORDED[0]],
             robot,
             IdentifySettings(preset=preset),
-            validation=made.validation[thermal],
+            validation=records[thermal, RECORDED[1]],
         )
         path = folder / f"{name}.json"
         write_estimate(results[name].estimate, path)
@@ -407,13 +311,11 @@ def run_demo(
     page, _ = report(folder, folder / "report.html")
     tell("done", 1.0)
     demo = Demo(
-        analysis=analysis,
-        recordings=made,
+        design=motion,
         best=best,
         paper=paper,
-        warm=warm,
         change=change,
-        table=(*comparison(analysis, made.design, paper, best), *warming(change, robot.joints)),
+        table=(*_comparison(analysis, motion, paper, best), *_warming(change, robot.joints)),
         files=(*files, page, folder / "demo.json"),
         wall_s=time.perf_counter() - started,
     )
@@ -425,19 +327,6 @@ def _names() -> Generator[str]:
     """The files of a demo, but for the truths beside its recordings."""
     yield from (f"{name}.json" for name, _ in PURPOSES)
     for thermal in THERMAL:
-        yield from (f"{thermal}_{what}.parquet" for what in ("identification", "validation"))
+        yield from (f"{thermal}_{what}.parquet" for what in RECORDED)
     yield from (f"{name}.json" for _, _, name in ESTIMATES)
     yield from ("report.html", "demo.json")
-
-
-def _directory(directory: str | Path) -> Path:
-    if not str(directory).strip():
-        raise InputError("the directory has no name", where="-o")
-    path = Path(directory)
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"cannot make the directory: {error.strerror or error}", where=str(path)
-        ) from error
-    return path

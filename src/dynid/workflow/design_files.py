@@ -1,8 +1,6 @@
 """Designs as files: a trajectory file with one more object, `design`.
 
-`dynid check`: the certificate of a design or of any trajectory file.
-
-The motion of a design in the formats of others: CSV, URScript, ROS.
+They are checked (`dynid check`), and written in the formats of others: CSV, URScript, ROS.
 """
 
 from collections.abc import Generator, Mapping, Sequence
@@ -16,8 +14,7 @@ import numpy as np
 
 from dynid.constraints import Certificate, certify
 from dynid.core import InputError, JsonFields, content_hash, dynid_version, load_object, write_text
-from dynid.excitation import ExcitationDesign, Purpose, purpose_of
-from dynid.reduction import BaseParametrization
+from dynid.excitation import ExcitationDesign
 from dynid.robot import RobotModel, Tool, load_robot, robot_to_json
 from dynid.signals import process
 from dynid.trajectory import (
@@ -56,25 +53,20 @@ def robot_hash(robot: RobotModel) -> str:
     return content_hash({k: facts[k] for k in facts if k not in ("source", "notes")}, 12)
 
 
-def digest_of(
+def _digest_of(
     stored: StoredTrajectory, facts: Mapping[str, Any], limits: DesignLimits, robot: str, tool: Tool
 ) -> dict[str, str]:
     """Hashes of what a certificate is about, one a subject, and of them all.
 
     They tell that a file was edited, or a robot; whoever forges one can make a digest as well.
-
-    Args:
-        stored: The file, or what becomes one.
-        facts: Its object `design`.
-        limits: Its limits.
-        robot: The robot's `robot_hash`.
-        tool: What its flange carries.
+    `facts` is the object `design` of the file, `robot` the robot's `robot_hash`.
     """
     held = limits.to_json()
     around = {name: held.pop(name) for name in ("scene", "scene_file", "floor")}
     # What was found there is part of the robot.
     del held["mesh_dirs"]
     rest = {name: value for name, value in facts.items() if name not in ("limits", "digest")}
+    more = {name: value for name, value in stored.extra.items() if name != "design"}
     bounds = {name: value.tolist() for name, value in asdict(stored.limits).items()}
     parts = {
         "motion": content_hash(trajectory_to_json(stored.trajectory)),
@@ -82,14 +74,7 @@ def digest_of(
         "scene": content_hash(around),
         "tool": content_hash({name: np.ravel(x).tolist() for name, x in asdict(tool).items()}),
         "limits": content_hash([held, bounds]),
-        "statements": content_hash(
-            [
-                rest,
-                stored.robot,
-                stored.provenance.to_json(),
-                {name: value for name, value in stored.extra.items() if name != "design"},
-            ]
-        ),
+        "statements": content_hash([rest, stored.robot, stored.provenance.to_json(), more]),
         "version": dynid_version(),
     }
     return {**parts, "sha256": content_hash(parts)}
@@ -151,7 +136,7 @@ def write_design(
         folders = tuple(map(Path, limits.mesh_dirs))
         robot = load_robot(design.robot, mount=_mount(facts), mesh_dirs=folders)
     robot = limits.equipped(robot)
-    facts["digest"] = digest_of(
+    facts["digest"] = _digest_of(
         stored, facts, limits, str(facts["limits"].pop(ROBOT, robot_hash(robot))), robot.tool
     )
     write_trajectory(
@@ -185,22 +170,23 @@ def read_design(
     stored = read_trajectory(path)
     found = stored.extra.get("design")
     facts: dict[str, Any] = dict(JsonFields(stored.extra).object("design").values) if found else {}
-    placed = mount if mount is not None else _mount(facts)
     limits = limits_from_json(JsonFields(facts, "design.").object("limits")) if facts else None
     if mesh_dirs is None:
         mesh_dirs = () if limits is None else limits.mesh_dirs
-    folders = tuple(map(Path, mesh_dirs))
     try:
         model = load_robot(
-            stored.robot if robot is None else robot, mount=placed, mesh_dirs=folders
+            stored.robot if robot is None else robot,
+            mount=_mount(facts) if mount is None else mount,
+            mesh_dirs=tuple(map(Path, mesh_dirs)),
         )
     except InputError as error:
+        step = f"{error.next_step} Or pass --robot." if error.next_step else "Pass --robot."
         raise InputError(
             f"the robot of the design: {error.what}",
             where=str(path),
             value=error.value,
             limit=error.limit,
-            next_step=f"{error.next_step} Or pass --robot." if error.next_step else "Pass --robot.",
+            next_step=step,
         ) from error
     if model.joints != stored.trajectory.joints:
         raise InputError(
@@ -209,10 +195,10 @@ def read_design(
             value=f"{stored.trajectory.joints} joints",
             limit=f"{model.joints} of {model.name}",
         )
-    changed: tuple[str, ...] = ()
-    if limits is not None:
-        model = limits.equipped(model)
-        changed = _changed(stored, facts, limits, model)
+    if limits is None:
+        return StoredDesign(stored=stored, robot=model, facts=facts, limits=None)
+    model = limits.equipped(model)
+    changed = _changed(stored, facts, limits, model)
     return StoredDesign(stored=stored, robot=model, facts=facts, limits=limits, changed=changed)
 
 
@@ -234,7 +220,7 @@ def _changed(
     if "digest" not in facts:
         return ()
     before = JsonFields(facts, "design.").object("digest").values
-    now = digest_of(stored, facts, limits, robot_hash(robot), robot.tool)
+    now = _digest_of(stored, facts, limits, robot_hash(robot), robot.tool)
     parts = {name: before.get(name) for name in now if name != "sha256"}
     found = [name for name in parts if parts[name] != now[name]]
     if before.get("sha256") != content_hash(parts) or set(before) != set(now):
@@ -323,7 +309,7 @@ def check(
     held = given_limits(
         limits,
         collision,
-        None if scene is None else Path(scene),
+        scene,
         stored.limits,
         floor=floor,
         tool=tool,
@@ -331,9 +317,8 @@ def check(
         margin_percent=margin_percent,
         clearance=clearance,
     )
-    certificate = certify(stored.stored.trajectory, held.constraints(stored.robot))
-    notes = (*unit_notes(stored.robot), *certificate.notes)
-    certificate = replace(certificate, notes=notes)
+    found = certify(stored.stored.trajectory, held.constraints(stored.robot))
+    certificate = replace(found, notes=(*unit_notes(stored.robot), *found.notes))
     return Check(design=stored, limits=held, certificate=certificate)
 
 
@@ -369,18 +354,10 @@ def export_motion(design: ExcitationDesign, kind: str, path: str | Path) -> None
     write_text(Path(path), text)
 
 
-def purpose_from(paths: Sequence[str], base: BaseParametrization) -> Purpose:
-    """The purpose that the motions of files stand for; see `motions_from`."""
-    return purpose_of(base, motions_from(paths, base.model.robot), ", ".join(paths))
-
-
 def motions_from(paths: Sequence[str], robot: RobotModel) -> list[JointMotion]:
-    """The motions of files.
+    """The motions of designs or other trajectory files, of recordings, and of lists of poses.
 
-    Args:
-        paths: Designs or other trajectory files, recordings, or JSON objects with a list `poses`,
-            through which the arm is moved at half its speed.
-        robot: The robot.
+    A JSON object with a list `poses` stands for a way through them at half the arm's speed.
 
     Raises:
         InputError: A file that is none of these, or one of another robot.
@@ -392,11 +369,11 @@ def motions_from(paths: Sequence[str], robot: RobotModel) -> list[JointMotion]:
             motions.append(JointMotion(t=samples.t, q=samples.q, dq=samples.dq, ddq=samples.ddq))
             continue
         fields = load_object(path)
-        trajectory = (
-            through_poses(fields.matrix("poses"), robot.limits, acceleration=POSE_ACCELERATION)
-            if "poses" in fields.values
-            else read_trajectory(path).trajectory
-        )
+        if "poses" in fields.values:
+            poses = fields.matrix("poses")
+            trajectory = through_poses(poses, robot.limits, acceleration=POSE_ACCELERATION)
+        else:
+            trajectory = read_trajectory(path).trajectory
         times = np.arange(0.0, trajectory.duration, 1 / POSE_RATE_HZ)
         motions.append(trajectory.evaluate(times))
     return motions

@@ -1,11 +1,10 @@
 """Settings of `dynid design`, and the limits of a motion as a value that its file keeps."""
 
 import math
-import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from dynid.constraints import (
     CLEARANCE,
@@ -13,12 +12,11 @@ from dynid.constraints import (
     MARGIN,
     PRESETS,
     MotionConstraints,
-    Scene,
     paper_constraints,
     safe_constraints,
     scene_from_json,
 )
-from dynid.core import InputError, JsonFields, load_object
+from dynid.core import InputError, JsonFields, check_word, load_object
 from dynid.excitation import CRITERIA, METHODS
 from dynid.robot import RobotModel, with_tool
 from dynid.trajectory import FAMILY_NAMES
@@ -119,37 +117,21 @@ class DesignSettings:
     """Address of a Dask scheduler whose workers take part."""
 
     def __post_init__(self) -> None:
-        for name, value, words in (
-            ("--method", self.method, METHODS),
-            ("--for", self.purpose, ("", *PURPOSES)),
-            ("--criterion", self.criterion, ("", *CRITERIA)),
-            ("--trajectory", self.trajectory, FAMILY_NAMES),
-            ("--limits", self.limits, PRESETS),
-        ):
-            if value not in words:
-                raise InputError(
-                    "unknown word", where=name, value=value, limit=", ".join(filter(None, words))
-                )
-        if not 0.1 <= self.period_s <= 3600:
-            raise InputError(
-                "must be a time", where="--period", value=self.period_s, limit="0.1 to 3600 s"
-            )
+        check_word(self.method, METHODS, "--method")
+        check_word(self.purpose, ("", *PURPOSES), "--for")
+        check_word(self.criterion, ("", *CRITERIA), "--criterion")
+        check_word(self.trajectory, FAMILY_NAMES, "--trajectory")
+        check_word(self.limits, PRESETS, "--limits")
         least = 1 if self.trajectory in ("bspline", "points") else 2
-        if not least <= self.order <= MOST_HARMONICS:
-            raise InputError(
-                "too few harmonics to move" if self.order < least else "too many harmonics",
-                where="--harmonics",
-                value=self.order,
-                limit=f"{least} to {MOST_HARMONICS}",
-            )
-        accuracy = self.accuracy_percent
-        if accuracy is not None and not 0.01 <= accuracy <= 100:
-            raise InputError(
-                "must be a share of the torque",
-                where="--accuracy",
-                value=accuracy,
-                limit="0.01 to 100 %",
-            )
+        amount = "few harmonics to move" if self.order < least else "many harmonics"
+        share = "must be a share of the torque"
+        for what, where, value, low, high, unit in (
+            ("must be a time", "--period", self.period_s, 0.1, 3600, " s"),
+            (f"too {amount}", "--harmonics", self.order, least, MOST_HARMONICS, ""),
+            (share, "--accuracy", self.accuracy_percent, 0.01, 100, " %"),
+        ):
+            if value is not None and not low <= value <= high:
+                raise InputError(what, where=where, value=value, limit=f"{low} to {high}{unit}")
         if self.seed < 0:
             raise InputError("must not be negative", where="--seed", value=self.seed)
         for name, numbers in (("--start", self.start_pose), ("--noise", self.noise)):
@@ -194,16 +176,7 @@ class DesignSettings:
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
-        data: dict[str, Any] = asdict(self)
-        for name in ("start_pose", "tool", "payload", "noise", "previous", "motions", "mesh_dirs"):
-            if data[name] is not None:
-                data[name] = list(data[name])
-        return data
-
-    @property
-    def scene_path(self) -> Path | None:
-        """The scene file."""
-        return None if self.scene is None else Path(self.scene)
+        return _with_lists(asdict(self))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -235,12 +208,9 @@ class DesignLimits:
     """Folders where meshes of the robot are looked for, beside the usual places."""
 
     def __post_init__(self) -> None:
-        for name, value, known in (
-            ("--limits", self.preset, PRESETS),
-            ("--floor", self.floor, FLOORS if isinstance(self.floor, str) else (self.floor,)),
-        ):
-            if value not in known:
-                raise InputError("unknown word", where=name, value=value, limit=", ".join(PRESETS))
+        check_word(self.preset, PRESETS, "--limits")
+        if isinstance(self.floor, str):
+            check_word(self.floor, FLOORS, "--floor")
         for name, numbers, count in (("--tool", self.tool, 3), ("--payload", self.payload, 4)):
             if numbers is not None and not (
                 len(numbers) == count and all(math.isfinite(x) for x in numbers)
@@ -268,9 +238,12 @@ class DesignLimits:
         """
         if self.preset == "paper":
             return paper_constraints(robot)
+        scene = None
+        if self.scene is not None:
+            scene = scene_from_json(JsonFields(self.scene), self.scene_file or "scene")
         return safe_constraints(
             self.equipped(robot),
-            self._scene(),
+            scene,
             collision=self.collision,
             clearance=self.clearance,
             margin=self.margin_percent / 100.0,
@@ -279,36 +252,22 @@ class DesignLimits:
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
-        return {
-            "preset": self.preset,
-            "collision": self.collision,
-            "scene": None if self.scene is None else dict(self.scene),
-            "scene_file": self.scene_file or None,
-            "floor": self.floor,
-            "tool": None if self.tool is None else list(self.tool),
-            "payload": None if self.payload is None else list(self.payload),
-            "margin_percent": self.margin_percent,
-            "clearance": self.clearance,
-            "mesh_dirs": list(self.mesh_dirs),
-        }
+        return _with_lists(asdict(self)) | {"scene_file": self.scene_file or None}
 
-    def _scene(self) -> Scene | None:
-        if self.scene is None:
-            return None
-        return scene_from_json(JsonFields(self.scene), self.scene_file or "scene")
+
+def _with_lists(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields as JSON has them: tuples become lists."""
+    return {name: list(x) if isinstance(x, tuple) else x for name, x in fields.items()}  # pyright: ignore[reportUnknownArgumentType]
 
 
 def given_limits(
-    preset: str, collision: bool, scene: Path | None, base: DesignLimits | None = None, **more: Any
+    preset: str,
+    collision: bool,
+    scene: str | Path | None,
+    base: DesignLimits | None = None,
+    **more: Any,
 ) -> DesignLimits:
-    """Limits from the command line's words.
-
-    Args:
-        preset: `safe` or `paper`.
-        collision: Whether to look at collisions.
-        scene: The scene file; None for the one of `base`.
-        base: What holds where nothing is given.
-        more: Other fields of `DesignLimits`; None where they are not given.
+    """Limits from the command line's words; what is None is that of `base`.
 
     Raises:
         InputError: An unknown word, a scene that cannot be read, or surroundings that would not be
@@ -330,83 +289,24 @@ def given_limits(
     return replace(base or DesignLimits(), preset=preset, collision=collision, **given)
 
 
-def mesh_folders(given: Sequence[Path] | None) -> tuple[str, ...] | None:
-    """The folders of `--mesh-dir`, so that they are found again from elsewhere.
-
-    Raises:
-        InputError: One that is none.
-    """
-    for folder in given or ():
-        if not os.path.isdir(folder):
-            raise InputError("there is no such folder", where="--mesh-dir", value=str(folder))
-    return tuple(str(folder.resolve()) for folder in given) if given else None
-
-
-def parse_floor(text: str | None) -> float | str | None:
-    """Read `--floor`: a height [m], `mount` or `none`.
-
-    Raises:
-        InputError: Something else.
-    """
-    if text is None or text in FLOORS:
-        return text
-    return _numbers(text, "--floor", (1,), "HEIGHT, mount or none")[0]
-
-
-def parse_tool(text: str | None) -> tuple[float, ...] | None:
-    """Read `--tool`: x, y, z of the tool's point in the flange's frame [m].
-
-    Raises:
-        InputError: Other than three numbers.
-    """
-    return None if text is None else _numbers(text, "--tool", (3,), "X,Y,Z")
-
-
-def parse_payload(text: str | None) -> tuple[float, ...] | None:
-    """Read `--payload`: a mass [kg], or a mass and its centre x, y, z [m].
-
-    Raises:
-        InputError: Other than one or four numbers, or a negative mass.
-    """
-    if text is None:
-        return None
-    numbers = _numbers(text, "--payload", (1, 4), "KG or KG,X,Y,Z")
-    if numbers[0] < 0:
-        raise InputError("a negative mass", where="--payload", value=text)
-    return numbers if len(numbers) == 4 else (*numbers, 0.0, 0.0, 0.0)
-
-
-def _numbers(text: str, where: str, counts: tuple[int, ...], form: str) -> tuple[float, ...]:
-    try:
-        numbers = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        numbers = ()
-    if len(numbers) not in counts or not all(math.isfinite(number) for number in numbers):
-        raise InputError("not the numbers that this needs", where=where, value=text, limit=form)
-    return numbers
-
-
 def limits_from_json(fields: JsonFields) -> DesignLimits:
     """The inverse of `DesignLimits.to_json`; what release 0.1 did not know has its default.
 
     Raises:
         InputError: Missing keys or values of the wrong type.
     """
-    preset, collision = fields.text("preset"), fields.get("collision")
-    if not isinstance(collision, bool):
-        raise InputError("collision must be true or false", value=collision)
-    found: dict[str, Any] = {}
-    if fields.get("scene") is not None:
+    values = {name: value for name, value in fields.values.items() if value is not None}
+    if not isinstance(values.get("collision"), bool):
+        raise InputError("collision must be true or false", value=values.get("collision"))
+    found: dict[str, Any] = {"preset": fields.text("preset"), "collision": values["collision"]}
+    if "scene" in values:
         found["scene"] = fields.object("scene").values
-    if fields.get("floor") is not None:
-        floor = fields.get("floor")
+    if "floor" in values:
+        floor = values["floor"]
         found["floor"] = floor if isinstance(floor, str) else fields.number("floor")
-    for name in ("margin_percent", "clearance"):
-        if fields.get(name) is not None:
-            found[name] = fields.number(name)
-    for name in ("tool", "payload"):
-        if fields.get(name) is not None:
-            found[name] = tuple(fields.vector(name).tolist())
-    found["mesh_dirs"] = tuple(map(str, cast("list[str]", fields.get("mesh_dirs") or [])))
-    scene_file = str(fields.get("scene_file") or "")
-    return DesignLimits(preset=preset, collision=collision, scene_file=scene_file, **found)
+    for name in {"margin_percent", "clearance"} & set(values):
+        found[name] = fields.number(name)
+    for name in {"tool", "payload"} & set(values):
+        found[name] = tuple(fields.vector(name).tolist())
+    folders = tuple(map(str, values.get("mesh_dirs", ())))
+    return DesignLimits(**found, scene_file=str(values.get("scene_file", "")), mesh_dirs=folders)

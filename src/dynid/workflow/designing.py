@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.constraints import MotionConstraints
 from dynid.core import (
     Array,
     Finding,
@@ -35,23 +34,23 @@ from dynid.excitation import (
     expected,
     parse_criterion,
     prior_scale,
+    purpose_of,
     region_of,
     scaled_condition_number,
     whole_workspace,
     without_friction,
 )
-from dynid.reduction import BaseParametrization, reduce_model
+from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
 from dynid.robot import RobotModel, load_robot, with_mount
 from dynid.signals import process
 from dynid.trajectory import copied_bounds, motion_family
 from dynid.workflow.analyze import unit_notes
-from dynid.workflow.design_files import ROBOT, purpose_from, robot_hash, write_design
+from dynid.workflow.design_files import ROBOT, motions_from, robot_hash, write_design
 from dynid.workflow.design_settings import (
     DEFAULT_STARTS,
     MOST_STARTS,
     PATIENCE,
-    DesignLimits,
     DesignSettings,
     given_limits,
 )
@@ -100,14 +99,13 @@ def design(
             accuracy within ten minutes.
     """
     asked = settings or DesignSettings()
-    model = (
-        robot
-        if isinstance(robot, RobotModel)
-        else load_robot(robot, mount=asked.mount, mesh_dirs=tuple(map(Path, asked.mesh_dirs or ())))
-    )
-    if isinstance(robot, RobotModel) and asked.mount is not None:
-        model = with_mount(model, asked.mount)
-    reference = model.name if isinstance(robot, RobotModel) else robot_reference(robot)
+    if isinstance(robot, RobotModel):
+        model = robot if asked.mount is None else with_mount(robot, asked.mount)
+        reference = robot.name
+    else:
+        folders = tuple(map(Path, asked.mesh_dirs or ()))
+        model = load_robot(robot, mount=asked.mount, mesh_dirs=folders)
+        reference = robot_reference(robot)
     job = _DesignJob(model, reference, asked, progress)
     accuracy = asked.accuracy_percent
     result = job.design(asked.period_s) if accuracy is None else job.shortest(accuracy)
@@ -124,10 +122,10 @@ class _DesignJob:
     ) -> None:
         self.reference = reference
         self.asked, self.progress = asked, progress
-        self.limits: DesignLimits = given_limits(
+        self.limits = given_limits(
             asked.limits,
             asked.collision,
-            asked.scene_path,
+            asked.scene,
             floor=asked.floor,
             tool=asked.tool,
             payload=asked.payload,
@@ -136,18 +134,18 @@ class _DesignJob:
             mesh_dirs=asked.mesh_dirs,
         )
         robot = self.robot = self.limits.equipped(robot)
-        self.judge: MotionConstraints = self.limits.constraints(robot)
+        self.judge = self.limits.constraints(robot)
         if asked.start_pose is not None:
             self.judge.check_pose(_each(asked.start_pose, robot.joints, "--start"))
         terms = parse_terms(asked.terms)
         model = InverseDynamicModel(robot=robot, frames=asked.frames, friction=terms)
-        self.base: BaseParametrization = reduce_model(model)
+        self.base = reduce_model(model)
         given = None if asked.noise is None else _each(asked.noise, robot.joints, "--noise")
         self.noise: Array = assumed_noise(robot) if given is None else given
         self.weights: Array | None = given if asked.minimised in PAPER else self.noise
         check_room(self.judge, region_of(self._problem(asked.period_s, None)))
         self.purpose: Purpose = (
-            purpose_from(asked.motions, self.base)
+            purpose_of(self.base, motions_from(asked.motions, robot), ", ".join(asked.motions))
             if asked.motions
             else whole_workspace(self.base, self.judge)
         )
@@ -242,10 +240,8 @@ class _DesignJob:
         low, high = 1e-3, 1e5
         while high / low > 1.001:
             middle = math.sqrt(low * high)
-            if self._expected(gram, middle).bound_percent > percent:
-                low = middle
-            else:
-                high = middle
+            reached = self._expected(gram, middle).bound_percent <= percent
+            low, high = (low, middle) if reached else (middle, high)
         return high
 
     def _repeated(self, found: ExcitationDesign, count: int) -> ExcitationDesign:
@@ -342,13 +338,7 @@ def _optimised(
         patience = PATIENCE
     effort = Effort(starts=starts, budget_s=asked.budget_s, patience=patience)
     with workers(asked.jobs, asked.dask) as found:
-        return by_gradient(
-            problem,
-            effort,
-            seed=asked.seed,
-            beside=found,
-            tell=progress,
-        )
+        return by_gradient(problem, effort, seed=asked.seed, beside=found, tell=progress)
 
 
 def _each(values: Sequence[float], joints: int, where: str) -> Array:

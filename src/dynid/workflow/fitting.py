@@ -1,20 +1,133 @@
-"""`dynid fit`: the whole job on logs at hand, from recordings to models and a report."""
+"""`dynid fit`: the whole job on logs at hand, to models and a report; `dynid export`."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dynid.core import DynidError, InputError, Progress, silent
+import numpy as np
+
+from dynid.core import Array, DynidError, Finding, InputError, Progress, make_folder, silent, told
+from dynid.export import ExportedFile, write_model
 from dynid.identification import write_estimate
 from dynid.recording import ExperimentRecord, checked_records, write_record
 from dynid.robot import RobotModel, load_robot
 from dynid.workflow.choosing import IdentifySettings
-from dynid.workflow.exporting import Export, export_file
 from dynid.workflow.identify import Identification, identify
-from dynid.workflow.recordings import known_gains, open_record, robot_reference
+from dynid.workflow.recordings import known_gains, of_robot, open_record
 from dynid.workflow.reporting import report
+from dynid.workflow.temperature import estimate_at
 from dynid.workflow.validating import Verdict, verdict
+
+ENDINGS = {
+    "urdf": (".urdf", ".xml"),
+    "mjcf": (".xml", ".mjcf"),
+    "json": (".json",),
+    "c": (".h", ".hpp", ".c"),
+    "python": (".py",),
+}
+"""What files of each format are called."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Export:
+    """A written model and what must be known about it."""
+
+    to: str
+    """The format."""
+    written: ExportedFile
+    warnings: tuple[Finding, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """The object that `--json` prints."""
+        return {
+            "file": str(self.written.path),
+            "format": self.to,
+            "verified": self.written.verified.to_json(),
+            "physical": self.written.model.physical,
+            "standard_parameters": self.written.model.origin,
+            "left_out": list(self.written.left_out),
+            "warnings": told(self.warnings),
+            "findings": [finding.to_json() for finding in self.warnings],
+        }
+
+
+def check_suffix(to: str, output: Path) -> None:
+    """Refuse a name that belongs to another format, such as C in `arm.urdf`.
+
+    Args:
+        to: The format.
+        output: File to write; an ending that belongs to no format is left to the user.
+
+    Raises:
+        InputError: The name ends as those of another format do.
+    """
+    suffix, own = output.suffix.lower(), ENDINGS.get(to, ())
+    if own and suffix not in own and any(suffix in others for others in ENDINGS.values()):
+        raise InputError(
+            f"the name is of another format than {to}",
+            where="-o",
+            value=str(output),
+            limit=", ".join(f"*{ending}" for ending in own),
+        )
+
+
+def export_file(
+    estimate: str | Path, to: str, output: str | Path, *, at_degC: float | None = None
+) -> Export:
+    """Write the model of an estimate and have another program load it.
+
+    Args:
+        estimate: An estimate's JSON file.
+        to: `urdf`, `mjcf`, `json`, `c` or `python`.
+        output: File to write.
+        at_degC: Temperature of all joints, where the file holds temperature laws [degC].
+
+    Raises:
+        InputError: An estimate that cannot be read, an unknown format, or a file that cannot be
+            written.
+        JobError: A model that the format cannot hold, or torques that differ after loading.
+    """
+    known = estimate_at(estimate, at_degC)
+    made = known.provenance
+    note = (
+        f"dynid {made.versions.get('dynid', '')}, estimator {known.estimator}, "
+        f"{known.samples} samples, identified {made.created}."
+    )
+    if any(known.model.friction.presliding):
+        note += "\nIts presliding needs the past: friction here is that of joints that slide."
+    written = write_model(known, to, Path(output), note)
+    return Export(to=to, written=written, warnings=_warnings(to, written, known.noise))
+
+
+def _warnings(to: str, written: ExportedFile, noise: Array) -> tuple[Finding, ...]:
+    model, friction = written.model, written.friction
+    found: list[Finding] = []
+    if not model.physical:
+        found.append(
+            Finding(
+                "not_physical",
+                "no physically consistent links have the identified base parameters"
+                f" ({model.worst}): torques are right, but single masses and inertias have no"
+                " meaning, and simulators may refuse them; use --estimator sdp",
+            )
+        )
+    if friction is not None and (friction.missing > noise).any():
+        joints = ", ".join(
+            f"{j + 1} ({friction.missing[j]:.2g} against {noise[j]:.2g})"
+            for j in np.flatnonzero(friction.missing > noise)
+        )
+        found.append(
+            Finding(
+                "extrapolated",
+                f"{to} cannot represent all identified friction; damping and dry friction"
+                " approximate it over the recorded range. The residual exceeds the noise of the"
+                f" identification at joints {joints}, RMS in N.m or N; c, python and json represent"
+                " all of it",
+            )
+        )
+    return tuple(found)
+
 
 MODELS = {"urdf": "model.urdf", "mjcf": "model.xml", "c": "model.h"}
 """The models that are written, by format."""
@@ -98,11 +211,11 @@ def fit(
     others: list[str | Path] = [] if validation is None else [validation]
     for k, file in enumerate(files + others):
         tell(f"read {Path(file).name}", 0.1 * k / (len(files) + 1))
-        record = open_record(file, model, gains)
-        record, source = known_gains(record, model)
+        record, source = known_gains(open_record(file, model, gains), model)
         records.append(record)
         sources.append("given" if gains is not None and source == "recording" else source)
-        paths.append(folder / f"{_stem(file, k, len(files))}.parquet")
+        kind = "validation" if k >= len(files) else f"log{k + 1}" if len(files) > 1 else "log"
+        paths.append(folder / f"{kind}_{Path(file).stem}.parquet")
     other = None if validation is None else records[-1]
     result = identify(
         checked_records(records[: len(files)]),
@@ -112,7 +225,7 @@ def fit(
         progress=lambda what, share: tell(what, 0.1 + 0.6 * share),
     )
     for record, path in zip(records, paths, strict=True):
-        write_record(_named(record, robot), path)
+        write_record(record if isinstance(robot, RobotModel) else of_robot(record, robot), path)
     write_estimate(result.estimate, folder / ESTIMATE)
     exports: list[Export] = []
     failed: list[tuple[str, str]] = []
@@ -138,13 +251,7 @@ def fit(
 
 
 def _folder(output: str | Path) -> Path:
-    folder = Path(output)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except (OSError, ValueError) as error:
-        raise InputError(
-            "the folder for the results cannot be made", where="-o", value=str(output)
-        ) from error
+    folder = make_folder(output)
     taken = [name for name in (ESTIMATE, REPORT, *MODELS.values()) if (folder / name).exists()]
     if taken:
         raise InputError(
@@ -154,15 +261,3 @@ def _folder(output: str | Path) -> Path:
             next_step="Name another folder, or move these files away.",
         )
     return folder
-
-
-def _stem(file: str | Path, k: int, count: int) -> str:
-    kind = "validation" if k >= count else f"log{k + 1}" if count > 1 else "log"
-    return f"{kind}_{Path(file).stem}"
-
-
-def _named(record: ExperimentRecord, robot: str | Path | RobotModel) -> ExperimentRecord:
-    """The recording, which remembers the robot by name or file."""
-    if isinstance(robot, RobotModel):
-        return record
-    return replace(record, metadata=replace(record.metadata, robot=robot_reference(robot)))

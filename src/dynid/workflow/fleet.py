@@ -14,7 +14,6 @@ from dynid.core import Finding, InputError, Progress, each, silent, told, worker
 from dynid.identification import (
     CONFIDENCE,
     JointState,
-    RobotStates,
     friction_names,
     judge,
     repeated_motions,
@@ -23,7 +22,6 @@ from dynid.identification import (
     trend,
 )
 from dynid.recording import is_url
-from dynid.reduction import BaseParametrization
 from dynid.report import write_fleet_page
 from dynid.workflow.fleet_files import (
     COLUMNS,
@@ -170,7 +168,7 @@ def fleet(
             next_step="Name another folder.",
         )
     with workers(asked.jobs, asked.dask) as beside:
-        read = read_folder(
+        recordings, skipped = read_folder(
             folder,
             target / CACHE,
             model=asked.robot,
@@ -178,14 +176,14 @@ def fleet(
             beside=beside,
             progress=progress or silent,
         )
-        if not read.recordings:
+        if not recordings:
             raise InputError(
                 "no recording in the folder can be used",
                 where=str(folder),
-                value="; ".join(f"{name}: {why}" for name, why in read.skipped[:3]) or None,
+                value="; ".join(f"{name}: {why}" for name, why in skipped[:3]) or None,
                 next_step="dynid import converts other recordings; --robot names their robot.",
             )
-        robots = _by_robot(read.recordings)
+        robots = _by_robot(recordings)
         for robot, group in robots.items():
             if len({one.model for one in group}) > 1:
                 raise InputError(
@@ -200,20 +198,19 @@ def fleet(
         by_robot = dict(each(_robot, tasks, beside, tell=progress, words="robots"))
     joints = [joint for k in sorted(by_robot) for joint in by_robot[k][0]]
     rows = [row for k in sorted(by_robot) for row in by_robot[k][1]]
-    notes = _missing(read.recordings)
     judged, tests = judge(joints, asked.false_alarms)
     result = Fleet(
         folder=folder,
         output=target,
         settings=asked,
-        recordings=read.recordings,
-        skipped=read.skipped,
+        recordings=tuple(recordings),
+        skipped=tuple(skipped),
         joints=judged,
         tests=tests,
-        findings=(*notes, *(_alarm(joint) for joint in judged if joint.alarm)),
+        findings=(*_missing(recordings), *(_alarm(joint) for joint in judged if joint.alarm)),
     )
     write_table(target / TABLE, rows)
-    write_state(target, joints=judged, recordings=len(read.recordings))
+    write_state(target, joints=judged, recordings=len(recordings))
     write_fleet_page(
         target / PAGE,
         joints=judged,
@@ -229,17 +226,9 @@ def _by_robot(recordings: Sequence[FleetRecording]) -> dict[str, list[FleetRecor
 
 def _missing(recordings: Sequence[FleetRecording]) -> list[Finding]:
     """What the recordings do not say, and how to say it."""
-    lacking = {
-        ("another_robot", "name of a robot, and are taken as one robot"): [
-            one.path for one in recordings if not one.robot
-        ],
-        ("clock_mismatch", "time, and are left out of the trends"): [
-            one.path for one in recordings if np.isnan(one.time_s)
-        ],
-        ("extrapolated", "joint temperatures, which cannot be regressed out"): [
-            one.path for one in recordings if np.isnan(one.temperature_degC).any()
-        ],
-    }
+    unnamed = [one.path for one in recordings if not one.robot]
+    undated = [one.path for one in recordings if np.isnan(one.time_s)]
+    unknown = [one.path for one in recordings if np.isnan(one.temperature_degC).any()]
     return [
         Finding(
             kind,
@@ -247,23 +236,22 @@ def _missing(recordings: Sequence[FleetRecording]) -> list[Finding]:
             value=float(len(names)),
             next_step=f"Give it in {MANIFEST} ({','.join(COLUMNS)})",
         )
-        for (kind, what), names in lacking.items()
+        for kind, what, names in (
+            ("another_robot", "name of a robot, and are taken as one robot", unnamed),
+            ("clock_mismatch", "time, and are left out of the trends", undated),
+            ("extrapolated", "joint temperatures, which cannot be regressed out", unknown),
+        )
         if names
     ]
 
 
+@threadpool_limits.wrap(limits=1, user_api="blas")  # pyright: ignore[reportUnknownMemberType]
 def _robot(
     task: tuple[str, Sequence[FleetRecording], FleetSettings, int],
 ) -> tuple[list[JointState], list[dict[str, Any]]]:
     """The joints of one robot, not yet judged, and its rows of the table; runs in a worker."""
-    with threadpool_limits(limits=1, user_api="blas"):
-        return _states_and_rows(*task)
-
-
-def _states_and_rows(
-    robot: str, group: Sequence[FleetRecording], asked: FleetSettings, permutations: int
-) -> tuple[list[JointState], list[dict[str, Any]]]:
-    base = base_of(group[0], asked.terms)
+    robot, group, asked, permutations = task
+    base = base_of(group[0].model, asked.terms)
     model = base.model.robot
     states = solve_robot([one.statistics for one in group])
     time_s = np.array([one.time_s for one in group])
@@ -276,7 +264,14 @@ def _states_and_rows(
         for f, name in enumerate(own):
             weights[j, f] = {"Fc": 1.0, "Fv": float(speed[j])}.get(name.rstrip("0123456789"), 0.0)
     level, level_std = states.level(weights)
-    rows = _inertia_rows(robot, group, base, states)
+    facts = {"robot": robot, "model": group[0].model}
+    # What the robot's recordings share has no recording and no time.
+    rows: list[dict[str, Any]] = [
+        {**facts, "joint": 0, "name": name, "value": float(value), "std": float(std)}
+        for name, value, std in zip(
+            shared_names(base), states.shared, states.shared_std, strict=True
+        )
+    ]
     joints: list[JointState] = []
     for j, name in enumerate(model.joint_names):
         known = np.isfinite(warm[:, j])
@@ -324,7 +319,7 @@ def _states_and_rows(
                 at[:, dated] = over.at_reference, over.std
             rows += [
                 {
-                    **_facts(robot, one),
+                    **facts,
                     "recording": one.path,
                     "time": one.time_s,
                     "joint": j + 1,
@@ -339,23 +334,6 @@ def _states_and_rows(
                 for k, one in enumerate(group)
             ]
     return joints, rows
-
-
-def _facts(robot: str, one: FleetRecording) -> dict[str, Any]:
-    return {"robot": robot, "model": one.model}
-
-
-def _inertia_rows(
-    robot: str,
-    group: Sequence[FleetRecording],
-    base: BaseParametrization,
-    states: RobotStates,
-) -> list[dict[str, Any]]:
-    """What the robot's recordings share: no recording, no time."""
-    return [
-        {**_facts(robot, group[0]), "joint": 0, "name": name, "value": float(v), "std": float(s)}
-        for name, v, s in zip(shared_names(base), states.shared, states.shared_std, strict=True)
-    ]
 
 
 def _alarm(joint: JointState) -> Finding:

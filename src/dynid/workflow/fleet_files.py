@@ -24,12 +24,12 @@ from dynid.core import (
     InputError,
     Progress,
     Workers,
-    cannot_write,
     content_hash,
     each,
     file_hash,
     in_one_piece,
     like_named,
+    make_folder,
     scipy_part,
     write_text,
 )
@@ -82,16 +82,6 @@ class FleetRecording:
     """Whether it was computed now, not taken from the cache."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FleetFolder:
-    """All recordings below a folder."""
-
-    recordings: tuple[FleetRecording, ...]
-    """In the order of robots, then times."""
-    skipped: tuple[tuple[str, str], ...]
-    """Files left out, and why."""
-
-
 def read_folder(
     folder: str | Path,
     cache: Path,
@@ -100,21 +90,18 @@ def read_folder(
     terms: str,
     beside: Workers,
     progress: Progress,
-) -> FleetFolder:
+) -> tuple[list[FleetRecording], list[tuple[str, str]]]:
     """Statistics of all recordings below a folder; only those not in the cache are computed.
 
     Robot, model, time and temperature come from the recording's metadata (`extra`: `robot_id` or
     `serial`, `time`; temperature channels), else from the row of the file in `manifest.csv`, else
     robot and day from the names of folder and file.
 
-    Args:
-        folder: The recordings, `ROBOT/DAY/FILE` or as a manifest says; a path, or the URL of an
-            object store.
-        cache: Where statistics are kept.
-        model: The robot model of recordings that name none.
-        terms: Friction terms as of `--terms`.
-        beside: Who computes recordings beside this process.
-        progress: Told how far it is.
+    The folder (a path, or the URL of an object store) holds `ROBOT/DAY/FILE`, or what a manifest
+    says; `model` is the robot of recordings that name none.
+
+    Returns:
+        The recordings in the order of robots, then times; files left out, and why.
 
     Raises:
         InputError: No such folder, a manifest that cannot be read, or a cache that cannot be
@@ -124,10 +111,7 @@ def read_folder(
     found = list[FleetRecording]()
     skipped, seen = list[tuple[str, str]](), dict[str, str]()
     waiting: dict[str, tuple[str, str, Mapping[str, str]]] = {}
-    try:
-        cache.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise cannot_write(cache, error) from error
+    make_folder(cache)
     for name, place, digest in files:
         row = manifest.get(name, {})
         if digest in seen:
@@ -141,17 +125,18 @@ def read_folder(
             found.append(_placed(name, digest, known, row, computed=False))
     names = list(waiting)
     jobs = [(place, row.get("model") or model, terms) for place, _, row in waiting.values()]
-    for number, outcome in each(contribution, jobs, beside, tell=progress, words="recordings"):
+    for number, outcome in each(_contribution, jobs, beside, tell=progress, words="recordings"):
         name = names[number]
         _, digest, row = waiting[name]
         if isinstance(outcome, str):
             skipped.append((name, outcome))
             continue
         known, packed = outcome
-        _write(cache / f"{digest}.npz", packed)
+        with in_one_piece(cache / f"{digest}.npz") as draft:
+            draft.write_bytes(packed)
         found.append(_placed(name, digest, known, row, computed=True))
     found.sort(key=lambda one: (one.robot, np.nan_to_num(one.time_s, nan=np.inf), one.path))
-    return FleetFolder(recordings=tuple(found), skipped=tuple(sorted(skipped)))
+    return found, sorted(skipped)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,18 +149,16 @@ class _Contribution:
     """`model`, `key` (of model and terms), and where known `robot` and `time`."""
 
 
-def contribution(job: tuple[str, str | None, str]) -> tuple[_Contribution, bytes] | str:
+def _contribution(job: tuple[str, str | None, str]) -> tuple[_Contribution, bytes] | str:
     """The statistics of one file, as they are and packed, or why there are none; in a worker.
 
-    Args:
-        job: The recording, a path or URL; built-in name, URDF or robot file, None for what the
-            recording says; the friction terms.
+    The job is the recording (path or URL), its robot (None for what it says), and friction terms.
     """
     place, model, terms = job
     try:
         with local_files([place]) as (path,):
             reference = stored_robot([path]) if model is None else model
-            base = _base(reference, terms)
+            base = base_of(reference, terms)
             robot = base.model.robot
             record, _ = known_gains(open_record(path, robot), robot)
         with _threads().limit(limits=1, user_api="blas"):  # pyright: ignore[reportUnknownMemberType]
@@ -209,14 +192,10 @@ def _threads() -> ThreadpoolController:
 
 
 @lru_cache(maxsize=16)
-def _base(reference: str, terms: str) -> BaseParametrization:
+def base_of(reference: str, terms: str) -> BaseParametrization:
+    """The base parameters that statistics of a robot are about."""
     model = InverseDynamicModel(robot=load_robot(reference), friction=parse_terms(terms))
     return reduce_model(model)
-
-
-def base_of(recording: FleetRecording, terms: str) -> BaseParametrization:
-    """The base parameters that a recording's statistics are about."""
-    return _base(recording.model, terms)
 
 
 @lru_cache(maxsize=64)
@@ -236,7 +215,11 @@ def _placed(
     when = facts.get("time") or row.get("time") or (day.group() if day else "")
     temperature = known.temperature_degC
     if np.isnan(temperature).any() and row.get("temperature_degC"):
-        given = _number(row["temperature_degC"], name)
+        try:
+            given = float(row["temperature_degC"])
+        except ValueError as error:
+            said = f"a temperature in {MANIFEST} is no number"
+            raise InputError(said, where=name, value=row["temperature_degC"]) from error
         temperature = np.where(np.isnan(temperature), given, temperature)
     return FleetRecording(
         path=name,
@@ -261,15 +244,6 @@ def _seconds(text: str) -> float:
     except ValueError:
         return float("nan")
     return (found if found.tzinfo else found.replace(tzinfo=UTC)).timestamp()
-
-
-def _number(text: str, where: str) -> float:
-    try:
-        return float(text)
-    except ValueError as error:
-        raise InputError(
-            f"a temperature in {MANIFEST} is no number", where=where, value=text
-        ) from error
 
 
 Manifest = dict[str, dict[str, str]]
@@ -374,11 +348,6 @@ def _packed(known: _Contribution) -> bytes:
     return stream.getvalue()
 
 
-def _write(path: Path, packed: bytes) -> None:
-    with in_one_piece(path) as draft:
-        draft.write_bytes(packed)
-
-
 STATE, METRICS = "state.csv", "state.prom"
 ALARMS = ("", "friction_drift", "torque_scale")
 """Their places are the numbers of the metric."""
@@ -426,11 +395,7 @@ def joint_row(joint: JointState) -> dict[str, Any]:
 
 
 def write_table(target: Path, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write the estimates as Parquet; the file appears whole or not at all.
-
-    Args:
-        target: The file.
-        rows: One a quantity and recording; those without a recording are shared.
+    """Write the estimates as Parquet, one row a quantity and recording, whole or not at all.
 
     Raises:
         InputError: A place where no such file can be.
@@ -456,12 +421,7 @@ def write_table(target: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def write_state(folder: Path, *, joints: Sequence[JointState], recordings: int) -> None:
-    """Write the state of each joint as CSV, and for Prometheus.
-
-    Args:
-        folder: Where to.
-        joints: Of all robots.
-        recordings: How many there are.
+    """Write the state of each joint as CSV, and for Prometheus with the count of recordings.
 
     Raises:
         InputError: A place where no such file can be.
@@ -473,12 +433,6 @@ def write_state(folder: Path, *, joints: Sequence[JointState], recordings: int) 
     writer.writeheader()
     writer.writerows(state)
     write_text(folder / STATE, text.getvalue())
-    write_text(folder / METRICS, _metrics(joints, recordings))
-
-
-def _metrics(joints: Sequence[JointState], recordings: int) -> str:
-    """The state in the text format of Prometheus."""
-    rows = [(joint, joint_row(joint)) for joint in joints]
     lines: list[str] = []
     for name, help_text, key in (
         ("friction", "Friction level at the reference speed and temperature, SI units", "friction"),
@@ -487,10 +441,10 @@ def _metrics(joints: Sequence[JointState], recordings: int) -> str:
         ("alarm", "1 for a drift of friction, 2 for one of the torque scale", "alarm"),
     ):
         lines += [f"# HELP dynid_{name} {help_text}", f"# TYPE dynid_{name} gauge"]
-        for joint, row in rows:
-            value = ALARMS.index(joint.alarm) if key == "alarm" else row[key]
-            label = joint.robot.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+        for row in state:
+            value = ALARMS.index(row["alarm"] or "") if key == "alarm" else row[key]
+            label = row["robot"].replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
             if np.isfinite(value):
-                lines.append(f'dynid_{name}{{robot="{label}",joint="{joint.joint + 1}"}} {value:g}')
+                lines.append(f'dynid_{name}{{robot="{label}",joint="{row["joint"]}"}} {value:g}')
     lines += ["# TYPE dynid_recordings gauge", f"dynid_recordings {recordings}"]
-    return "\n".join(lines) + "\n"
+    write_text(folder / METRICS, "\n".join(lines) + "\n")

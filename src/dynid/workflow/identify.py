@@ -1,5 +1,11 @@
-"""`dynid identify`: from recordings to an estimate, validated."""
+"""`dynid identify`: from recordings to an estimate, validated; and how good it is.
 
+The torque error found is that on parts left out, or on recordings left out, without what no model
+of the motion explains. It has a part that falls with time, which the covariance of the parameters
+tells, and the error of the model, which stays.
+"""
+
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,17 +14,119 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core import Finding, InputError, Progress, Workers, provenance, told
+from dynid.core import Finding, InputError, Progress, Workers, told
 from dynid.diagnosis import diagnose
-from dynid.identification import Estimate, fit_estimate
+from dynid.identification import Estimate
 from dynid.recording import LONG, AnyRecording, ExperimentRecord, fingerprint
 from dynid.robot import RobotModel, load_robot
-from dynid.signals import ProcessingSettings
+from dynid.trajectory import JointMotion
 from dynid.validation import ValidationResult, reproduce, validate
-from dynid.workflow.accuracy import Accuracy, accuracy
-from dynid.workflow.choosing import LONG_RECORD, IdentifySettings, prepare, require_cutoff
+from dynid.workflow.choosing import (
+    IdentifySettings,
+    asked_processing,
+    made_from,
+    prepare,
+    require_cutoff,
+)
 from dynid.workflow.long_recordings import Looked, fit_long
-from dynid.workflow.recordings import AnyRecordLike, RecordLike, opened, opened_any
+from dynid.workflow.recordings import AnyRecordLike, RecordLike, as_list, open_any, open_record
+
+PROMISED = "predicted_torque_error_percent"
+"""Key of a recording's metadata: what its design promises for the periods recorded."""
+CONFIDENCE = 1.645
+"""Of the bound of the error found, one-sided 95 %, as a normal quantile."""
+UNSURE = 35 / 9 - 2
+"""Variance of a mean square less that of second differences, of white noise, times N / sigma^4."""
+LONGER = 10.0
+"""A run so many times longer is the most that is thought of."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Accuracy:
+    """Expected and found torque error of one model, as shares of the RMS torque [%]."""
+
+    expected_percent: float
+    """What the designs of its recordings promise together; NaN where none does."""
+    found_percent: float
+    """On what was left out."""
+    bound_percent: float
+    """What it stays below with 95 % probability: noise hides errors in short recordings."""
+    noise_percent: float
+    """The part that falls with time, on the motions that the model is for; NaN if not asked."""
+    left_out: str
+    """`regions` of the only recording, or `recordings`."""
+
+    @property
+    def after_longer_percent(self) -> float:
+        """What a run `LONGER` times as long would leave."""
+        return math.sqrt(self.model_percent**2 + self.noise_percent**2 / LONGER)
+
+    @property
+    def model_percent(self) -> float:
+        """What no time takes away."""
+        return math.sqrt(max(self.found_percent**2 - self.noise_percent**2, 0.0))
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object."""
+        values = {
+            "expected_percent": self.expected_percent,
+            "found_percent": self.found_percent,
+            "found_bound_percent": self.bound_percent,
+            "noise_percent": self.noise_percent,
+        }
+        known = {name: x if math.isfinite(x) else None for name, x in values.items()}
+        return {**known, "left_out": self.left_out}
+
+    def describe(self) -> str:
+        """One sentence."""
+        found = f"{self.found_percent:.2g} % on left-out {self.left_out}"
+        found += f", below {self.bound_percent:.2g} % with 95 % probability"
+        if math.isnan(self.expected_percent):
+            return f"Torque error beyond noise: {found}"
+        return f"Torque error beyond noise: {found}; by the design: {self.expected_percent:.2g} %"
+
+
+def accuracy(
+    estimate: Estimate,
+    records: Sequence[AnyRecording],
+    motions: Sequence[JointMotion] = (),
+) -> Accuracy | None:
+    """Expected beside found; None for an estimate that was not assessed.
+
+    Args:
+        estimate: From all of the records.
+        records: The recordings, with what their designs promised.
+        motions: What the model is for; none to leave the noise's part out.
+    """
+    told = estimate.assessment
+    if told is None:
+        return None
+    promises = [float(r.metadata.extra.get(PROMISED, "nan")) for r in records]
+    left = np.square(told.anywhere).sum() - np.square(told.noise_floor).sum()
+    size = max(float(np.linalg.norm(told.torque)), 1e-12)
+    spread = math.sqrt(UNSURE * float(np.power(told.noise_floor, 4).sum()) / estimate.samples)
+    most = max(float(left), 0.0) + CONFIDENCE * spread
+    return Accuracy(
+        # Variances of independent recordings add as their inverses.
+        expected_percent=float(np.sum(np.power(promises, -2.0)) ** -0.5) if promises else math.nan,
+        found_percent=100 * math.sqrt(max(float(left), 0.0)) / size,
+        bound_percent=100 * math.sqrt(most) / size,
+        noise_percent=_noise_percent(estimate, motions),
+        left_out="regions" if len(records) == 1 else "recordings",
+    )
+
+
+def _noise_percent(estimate: Estimate, motions: Sequence[JointMotion]) -> float:
+    """RMS deviation of predicted torques by the covariance of the parameters, over the torque."""
+    variance, power = 0.0, 0.0
+    for motion in motions:
+        stack = estimate.model.stack(motion.q, motion.dq, motion.ddq)[list(estimate.independent)]
+        spread = np.tensordot(estimate.covariance, stack, axes=1)
+        variance += max(float(np.vdot(stack, spread)), 0.0) / len(motion.q)
+        torque = estimate.predict(motion.q, motion.dq, motion.ddq)
+        power += float(np.square(torque).sum()) / len(motion.q)
+    return 100 * math.sqrt(variance / power) if power > 0 else math.nan
+
 
 OVER_FITTED = 1.6
 """Median ratio of validation to training RMS error above which a result is over-fitted."""
@@ -58,14 +166,12 @@ class Identification:
             "frames": estimate.model.frames,
             "parameters": estimate.parameter_table(),
             "training": self.training.to_json(),
-            "validation": None if self.validation is None else self.validation.to_json(),
+            "validation": self.validation and self.validation.to_json(),
             "warnings": told(self.warnings),
             "findings": [finding.to_json() for finding in self.warnings],
-            "accuracy": None if self.accuracy is None else self.accuracy.to_json(),
+            "accuracy": self.accuracy and self.accuracy.to_json(),
             **({} if estimate.standard is None else {"standard": estimate.standard_table()}),
-            **(
-                {} if estimate.assessment is None else {"assessment": estimate.assessment.to_json()}
-            ),
+            **({"assessment": estimate.assessment.to_json()} if estimate.assessment else {}),
         }
 
 
@@ -104,65 +210,39 @@ def identify(
     """
     if not isinstance(robot, RobotModel):
         robot = load_robot(robot)
-    several = opened_any(records, robot)
-    other = None if validation is None else opened(validation, robot)[0]
+    settings = settings or IdentifySettings()
+    # The same result whatever the order of the files.
+    several = sorted(open_any(as_list(records), robot), key=fingerprint)
+    other = None if validation is None else open_record(validation, robot)
+    if not several:
+        raise InputError("needs at least one record")
+    held = [record for record in several if isinstance(record, ExperimentRecord)]
     # Matrices of sixty columns: a second BLAS thread spins more than it helps.
     with threadpool_limits(limits=1, user_api="blas"):
-        return _identify(
-            several,
-            robot,
-            settings or IdentifySettings(),
-            progress,
-            (other, validation_start_s, validation_stop_s),
-            None if partial is None else Path(partial),
-            beside,
+        if len(held) < len(several) or sum(record.samples for record in held) > LONG:
+            keep = None if partial is None else Path(partial)
+            fitted = fit_long(
+                several, robot, settings, partial=keep, beside=beside, progress=progress
+            )
+        else:
+            fitted = fit_records(held, robot, settings, progress)
+        estimate, training, result = fitted.estimate, fitted.training, None
+        faults = diagnose(fitted.records, robot, fitted.window)
+        warnings = [*gains_nothing(estimate), *estimate.warnings, *faults]
+        for record in (*several, *fitted.records):
+            warnings += [notice for notice in record.problems if notice not in warnings]
+        if other is not None:
+            result = validate(estimate, other, start_s=validation_start_s, stop_s=validation_stop_s)
+            warnings += result.warnings
+            if not any(finding.kind == "payload" for finding in result.warnings):
+                warnings += over_fitted(training, result)
+        return Identification(
+            estimate=replace(estimate, warnings=tuple(warnings)),
+            training=training,
+            validation=result,
+            warnings=tuple(warnings),
+            accuracy=accuracy(estimate, several),
         )
-
-
-def _identify(
-    records: Sequence[AnyRecording],
-    robot: RobotModel,
-    settings: IdentifySettings,
-    progress: Progress | None,
-    other: tuple[ExperimentRecord | None, float | None, float | None],
-    partial: Path | None,
-    beside: Workers | None,
-) -> Identification:
-    if not records:
-        raise InputError("needs at least one record")
-    # The same result whatever the order of the files.
-    records = sorted(records, key=fingerprint)
-    held = [record for record in records if isinstance(record, ExperimentRecord)]
-    if len(held) < len(records) or sum(record.samples for record in held) > LONG:
-        fitted = fit_long(
-            records, robot, settings, partial=partial, beside=beside, progress=progress
-        )
-    else:
-        fitted = fit_records(held, robot, settings, progress)
-    estimate, training = fitted.estimate, fitted.training
-    result = None
-    warnings = [
-        *gains_nothing(estimate),
-        *estimate.warnings,
-        *diagnose(fitted.records, robot, fitted.window),
-    ]
-    for record in (*records, *fitted.records):
-        warnings += [notice for notice in record.problems if notice not in warnings]
-    validation, validation_start_s, validation_stop_s = other
-    if validation is not None:
-        result = validate(
-            estimate, validation, start_s=validation_start_s, stop_s=validation_stop_s
-        )
-        warnings += result.warnings
-        if not any(finding.kind == "payload" for finding in result.warnings):
-            warnings += over_fitted(training, result)
-    return Identification(
-        estimate=replace(estimate, warnings=tuple(warnings)),
-        training=training,
-        validation=result,
-        warnings=tuple(warnings),
-        accuracy=accuracy(estimate, records),
-    )
 
 
 def fit_records(
@@ -171,41 +251,10 @@ def fit_records(
     settings: IdentifySettings,
     progress: Progress | None = None,
 ) -> Looked:
-    """Choose, process and fit.
-
-    Args:
-        records: The recordings.
-        robot: The robot.
-        settings: What to do.
-        progress: Told what is being done and how far it is (0 to 1).
-    """
+    """Choose, process and fit recordings that are held in memory."""
     require_cutoff(min(record.rate_hz for record in records), settings.cutoff_hz)
-    processing = ProcessingSettings(
-        cutoff_hz=settings.cutoff_hz,
-        start_s=settings.start_s,
-        stop_s=settings.stop_s,
-        decimate=settings.preset == "best" or max(r.samples for r in records) > LONG_RECORD,
-    )
-    found = prepare(records, robot, settings, processing, progress)
-    estimate = fit_estimate(
-        found.model,
-        found.samples,
-        found.estimator,
-        records=records,
-        settings=found.processing,
-        preset=settings.preset,
-        choices=found.words,
-        made=provenance(
-            inputs={
-                r.metadata.origin or f"record {k + 1}": fingerprint(r)
-                for k, r in enumerate(records)
-            },
-            settings=settings.to_json(),
-        ),
-        lengths=found.lengths,
-        prior_weight=found.prior_weight,
-        near_weights=found.near_weights,
-    )
+    found = prepare(records, robot, settings, asked_processing(records, settings), progress)
+    estimate = found.fit(records, settings.preset, made_from(records, settings))
     training = reproduce(estimate, records[0], start_s=settings.start_s, stop_s=settings.stop_s)
     return Looked(
         estimate=estimate, training=training, records=tuple(records), window=estimate.settings

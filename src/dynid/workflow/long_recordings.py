@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, InputError, Progress, Workers, each, in_one_piece, provenance, silent
+from dynid.core import Array, InputError, Progress, Workers, each, in_one_piece, silent
 from dynid.identification import (
     AllRows,
     Estimate,
@@ -19,7 +19,6 @@ from dynid.identification import (
     PassPlan,
     PhysicallyConsistent,
     RowSums,
-    fit_estimate,
     no_sums,
     plan_pass,
     sum_rows,
@@ -37,7 +36,7 @@ from dynid.signals import (
     uniform_signals,
 )
 from dynid.validation import ValidationResult, reproduce
-from dynid.workflow.choosing import IdentifySettings, prepare, require_cutoff
+from dynid.workflow.choosing import IdentifySettings, made_from, prepare, require_cutoff
 
 CHOOSING_ROWS = 90_000
 """Rows that choices are made on: three minutes at 500 Hz."""
@@ -69,7 +68,7 @@ class Looked:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Subset:
+class _Subset:
     """A part of long recordings that stands for all."""
 
     pieces: tuple[ExperimentRecord, ...]
@@ -88,18 +87,12 @@ def fit_long(
     beside: Workers | None = None,
     progress: Progress | None = None,
 ) -> Looked:
-    """Choose on a part of the recordings, then fit all of their rows.
+    """Choose on a part of the recordings, then fit all of their rows; see `identify`.
 
-    Args:
-        recordings: The recordings.
-        robot: The robot.
-        settings: What to do.
-        partial: File that keeps the sums while the pass runs.
-        beside: Who takes part in the pass; None for this process alone.
-        progress: Told what is being done and how far it is (0 to 1).
+    The file `partial` keeps the sums while the pass runs.
 
     Raises:
-        InputError: An estimator that needs all rows at once; see `identify`.
+        InputError: An estimator that needs all rows at once, or a recording given twice.
     """
     tell = progress or silent
     tell("looking at the recordings", 0.0)
@@ -108,7 +101,7 @@ def fit_long(
     window = ProcessingSettings(start_s=settings.start_s, stop_s=settings.stop_s)
     grids = [survey(recording, window) for recording in recordings]
     require_cutoff(min(grid.rate_hz for grid in grids), settings.cutoff_hz)
-    part = subset(recordings, grids)
+    part = _subset(recordings, grids)
     looked_at = checked_records([part.stretch])[0]
     processing = ProcessingSettings(cutoff_hz=settings.cutoff_hz, decimate=True)
     if settings.preset != "best" and settings.cutoff_hz is None:
@@ -123,9 +116,10 @@ def fit_long(
         processing,
         lambda what, share: tell(what, CHOOSING_SHARE * share),
     )
-    estimator, processing = found.estimator, found.processing
+    estimator = found.estimator
     if isinstance(estimator, PhysicallyConsistent):
         estimator = replace(estimator, by_regions=False)
+        found = replace(found, estimator=estimator)
     if not estimator.by_factors:
         raise InputError(
             "this estimator needs all rows at once, and the recordings are too long for that",
@@ -133,18 +127,14 @@ def fit_long(
             value=estimator.name,
             next_step="Take ols, wls, tls or sdp, or a window with --from and --to.",
         )
+    settled = replace(
+        found.processing,
+        cutoff_hz=found.samples.cutoff_hz,
+        start_s=settings.start_s,
+        stop_s=settings.stop_s,
+    )
     everything = [
-        LongSignals(
-            recording=recording,
-            robot=robot,
-            settings=replace(
-                processing,
-                cutoff_hz=found.samples.cutoff_hz,
-                start_s=settings.start_s,
-                stop_s=settings.stop_s,
-            ),
-            grid=grid,
-        )
+        LongSignals(recording=recording, robot=robot, settings=settled, grid=grid)
         for recording, grid in zip(recordings, grids, strict=True)
     ]
     rows = sum(_rows(signals) for signals in everything)
@@ -153,10 +143,7 @@ def fit_long(
         groups = [_left_out_with(k, len(recordings)) for k in part.sources]
         sources = np.repeat(np.array(groups, dtype=np.intp), found.lengths)
     planned = plan_pass(found.model, found.samples, estimator, rows, sources)
-    inputs = {
-        r.metadata.origin or f"record {k + 1}": fingerprint(r) for k, r in enumerate(recordings)
-    }
-    sums = run_pass(
+    sums = _run_pass(
         everything,
         planned.plan,
         beside=beside or Workers(),
@@ -165,40 +152,27 @@ def fit_long(
     )
     method = "factors" if planned.plan.factors else "products"
     duration = np.median([piece.duration_s for piece in part.pieces])
-    estimate = fit_estimate(
-        found.model,
-        found.samples,
-        estimator,
-        records=part.pieces,
-        settings=processing,
-        preset=settings.preset,
-        choices=(
-            *found.words,
-            f"long recordings: choices from {len(part.pieces)} stretches of {duration:.3g} s, fit "
-            f"of all {rows} rows by {method}",
-        ),
-        made=provenance(inputs=inputs, settings=settings.to_json()),
-        prior_weight=found.prior_weight,
-        near_weights=found.near_weights,
-        everything=AllRows(sums=sums, part=planned),
+    words = (
+        f"long recordings: choices from {len(part.pieces)} stretches of {duration:.3g} s, fit of "
+        f"all {rows} rows by {method}"
     )
-    training = reproduce(estimate, looked_at)
-    estimate = replace(
-        estimate,
-        settings=replace(estimate.settings, start_s=settings.start_s, stop_s=settings.stop_s),
+    estimate = found.fit(
+        part.pieces,
+        settings.preset,
+        made_from(recordings, settings),
+        AllRows(sums=sums, part=planned),
+        (words,),
     )
     return Looked(
-        estimate=estimate, training=training, records=(looked_at,), window=ProcessingSettings()
+        estimate=replace(estimate, settings=settled),
+        training=reproduce(estimate, looked_at),
+        records=(looked_at,),
+        window=ProcessingSettings(),
     )
 
 
-def subset(recordings: Sequence[AnyRecording], grids: Sequence[StreamGrid]) -> Subset:
-    """Stretches spread evenly over the recordings, where the arm moves most.
-
-    Args:
-        recordings: The recordings.
-        grids: Their grids, whose windows are meant.
-    """
+def _subset(recordings: Sequence[AnyRecording], grids: Sequence[StreamGrid]) -> _Subset:
+    """Stretches spread evenly over the windows of the recordings, where the arm moves most."""
     counts = np.array([grid.last_row - grid.first_row for grid in grids])
     ends = np.cumsum(counts)
     number = int(np.clip(len(recordings), FEWEST_PIECES, MOST_PIECES))
@@ -221,7 +195,7 @@ def subset(recordings: Sequence[AnyRecording], grids: Sequence[StreamGrid]) -> S
     grid, half = grids[source], LOOKED_AT_ROWS // 2
     middle = min(max((first + last) // 2, grid.first_row + half), grid.last_row - half)
     begin, end = max(middle - half, grid.first_row), min(middle + half, grid.last_row)
-    return Subset(
+    return _Subset(
         pieces=tuple(rows_of(recordings[k], a, b) for _, k, a, b in best),
         sources=tuple(k for _, k, _, _ in best),
         stretch=rows_of(recordings[source], begin, end),
@@ -229,7 +203,7 @@ def subset(recordings: Sequence[AnyRecording], grids: Sequence[StreamGrid]) -> S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PassPart:
+class _PassPart:
     """Some samples of one recording, for a worker."""
 
     signals: LongSignals
@@ -242,7 +216,7 @@ class PassPart:
     left_out_with: int
 
 
-def sum_part(part: PassPart) -> RowSums:
+def _sum_part(part: _PassPart) -> RowSums:
     """The sums of a part, in any process."""
     signals, passed = part.signals, part.signals.settings.torque_filter
     reach = 0 if passed is None else passed.reach(signals.grid.rate_hz)
@@ -255,26 +229,15 @@ def sum_part(part: PassPart) -> RowSums:
     )
 
 
-def run_pass(
+def _run_pass(
     everything: Sequence[LongSignals],
     plan: PassPlan,
     *,
     beside: Workers,
-    partial: Path | None = None,
-    tell: Progress = silent,
+    partial: Path | None,
+    tell: Progress,
 ) -> RowSums:
-    """Sum all rows, from where an interrupted pass stopped.
-
-    Args:
-        everything: The recordings.
-        plan: What is summed.
-        beside: Who takes part.
-        partial: File that keeps the sums; another pass's is replaced.
-        tell: Told how far the pass is.
-
-    Raises:
-        InputError: A place where no such file can be.
-    """
+    """Sum all rows, from where the interrupted pass of the file `partial` stopped."""
     parts = list(_parts(everything, plan))
     sums = no_sums(everything[0].robot.joints, plan.base.rank)
     done, key = 0, _key(parts)
@@ -283,7 +246,7 @@ def run_pass(
     waiting: dict[int, RowSums] = {}
     saved = time.monotonic()
     offset, todo = done, parts[done:]
-    for number, found in each(sum_part, todo, beside, words="summing all rows", tell=None):
+    for number, found in each(_sum_part, todo, beside):
         # In their order, whoever was first: the same result to the last bit.
         waiting[offset + number] = found
         while done in waiting:
@@ -306,7 +269,7 @@ def _rows(signals: LongSignals) -> int:
     return (signals.used.stop - signals.used.start) // signals.block
 
 
-def _parts(everything: Sequence[LongSignals], plan: PassPlan) -> Iterator[PassPart]:
+def _parts(everything: Sequence[LongSignals], plan: PassPlan) -> Iterator[_PassPart]:
     rows = sum(_rows(signals) for signals in everything)
     before = 0
     for recording, signals in enumerate(everything):
@@ -314,7 +277,7 @@ def _parts(everything: Sequence[LongSignals], plan: PassPlan) -> Iterator[PassPa
         step = max(1, PART // signals.block) * signals.block
         for first in range(start, start + count, step):
             last = min(first + step, start + count)
-            yield PassPart(
+            yield _PassPart(
                 signals=signals,
                 plan=plan,
                 first=first,
@@ -326,7 +289,7 @@ def _parts(everything: Sequence[LongSignals], plan: PassPlan) -> Iterator[PassPa
         before += _rows(signals)
 
 
-def _key(parts: Sequence[PassPart]) -> str:
+def _key(parts: Sequence[_PassPart]) -> str:
     """What tells a pass from every other: its recordings, its plan, its parts."""
     plan = parts[0].plan
     digest = hashlib.sha256()

@@ -7,7 +7,7 @@ import math
 import os
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,7 @@ from dynid.recording import (
     write_record,
 )
 from dynid.robot import RobotModel, builtin_names, load_robot
-from dynid.workflow.payload import identify_gains
+from dynid.workflow.shared_inertias import TARGETS, identify_gains
 
 RecordLike = ExperimentRecord | str | Path
 """A recording, or its file in any format that is read without options."""
@@ -51,13 +51,18 @@ def robot_reference(name_or_path: str | Path) -> str:
     return str(Path(text).expanduser().resolve())
 
 
+def of_robot(record: ExperimentRecord, robot: str | Path) -> ExperimentRecord:
+    """The recording, which remembers its robot so that its file is found again."""
+    return replace(record, metadata=replace(record.metadata, robot=robot_reference(robot)))
+
+
 def open_record(
-    path: str | Path, robot: RobotModel, gains: Sequence[float] | None = None
+    record: RecordLike, robot: RobotModel, gains: Sequence[float] | None = None
 ) -> ExperimentRecord:
     """A recording of a robot: our own Parquet, or anything else that can be read without options.
 
     Args:
-        path: The recording, or a folder with the text files of one run.
+        record: The recording or its file, or a folder with the text files of one run.
         robot: The robot it was made on.
         gains: (n) drive gains [N.m/A]; they override those of the recording and of the robot.
 
@@ -65,16 +70,23 @@ def open_record(
         RecordError: Not a recording, or not one of this robot.
         InputError: Gains that do not fit the robot.
     """
-    if _was_cut_off(path):
-        record = read_record(path)
+    if isinstance(record, ExperimentRecord):
+        found = record
+    elif not isinstance(record, str | Path):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise InputError("not a recording or its file", value=record)
+    elif _was_cut_off(record):
+        found = read_record(record)
     else:
-        _refuse_results(Path(path))
+        _refuse_results(Path(record))
         try:
-            record = read_recording(_files_of(Path(path)), robot=robot)
+            # A folder stands for the text files of one run.
+            files = sorted(Path(record).iterdir()) if os.path.isdir(record) else []
+            tables = [file for file in files if file.suffix.lower() in _TEXT_SUFFIXES]
+            found = read_recording(tables or Path(record), robot=robot)
         except RecordError as error:
-            if error.next_step is None or not os.path.exists(path):
+            if error.next_step is None or not os.path.exists(record):
                 raise
-            command = f"dynid import {shlex.quote(str(path))} --robot ROBOT -o RECORD.parquet"
+            command = f"dynid import {shlex.quote(str(record))} --robot ROBOT -o RECORD.parquet"
             raise RecordError(
                 error.what,
                 where=error.where,
@@ -82,67 +94,35 @@ def open_record(
                 limit=error.limit,
                 next_step=f"{error.next_step} (Options for reading a file: {command})",
             ) from error
-    return record if gains is None else with_gains(record, robot, gains)
+    return found if gains is None else _with_gains(found, robot, gains)
 
 
-def opened(records: RecordLike | Sequence[RecordLike], robot: RobotModel) -> list[ExperimentRecord]:
-    """Recordings, read where they are files.
-
-    Args:
-        records: One or several.
-        robot: The robot they were made on.
-
-    Raises:
-        InputError: What is no recording, or not one of this robot.
-    """
-    single = isinstance(records, ExperimentRecord | str | Path)
-    found: list[ExperimentRecord] = []
-    for record in [records] if single else records:
-        if isinstance(record, str | Path):
-            found.append(open_record(record, robot))
-        elif isinstance(record, ExperimentRecord):  # pyright: ignore[reportUnnecessaryIsInstance]
-            found.append(record)
-        else:
-            raise InputError("not a recording or its file", value=record)
-    return found
-
-
-def opened_any(
-    records: AnyRecordLike | Sequence[AnyRecordLike], robot: RobotModel
-) -> list[AnyRecording]:
-    """As `opened`; recordings of ours that are long together stay in their files.
-
-    Args:
-        records: One or several.
-        robot: The robot they were made on.
-
-    Raises:
-        InputError: What is no recording, or not one of this robot.
-    """
+def as_list(records: AnyRecordLike | Sequence[AnyRecordLike]) -> list[AnyRecordLike]:
+    """One or several recordings as a list."""
     single = isinstance(records, ExperimentRecord | StoredRecording | str | Path)
-    several = [records] if single else list(records)
-    paths = [record for record in several if isinstance(record, str | Path)]
-    files = iter(open_any(paths, robot)[0] if paths else ())
+    return [records] if single else list(records)
+
+
+def open_any(
+    records: Sequence[AnyRecordLike], robot: RobotModel, gains: Sequence[float] | None = None
+) -> list[AnyRecording]:
+    """As `open_record`, several; those of ours that are long together stay in their files."""
+    rows = [stored_rows(Path(r)) if isinstance(r, str | Path) else 0 for r in records]
     found: list[AnyRecording] = []
-    for record in several:
+    for record, count in zip(records, rows, strict=True):
         if isinstance(record, StoredRecording):
             found.append(record)
+        elif isinstance(record, str | Path) and count and sum(rows) > LONG:
+            found.append(open_stored(record, robot, gains))
         else:
-            found.append(
-                next(files) if isinstance(record, str | Path) else opened([record], robot)[0]
-            )
+            found.append(open_record(record, robot, gains))
     return found
 
 
-def with_gains(
+def _with_gains(
     record: ExperimentRecord, robot: RobotModel, gains: Sequence[float]
 ) -> ExperimentRecord:
-    """The recording with drive gains of its own.
-
-    Args:
-        record: The recording.
-        robot: Its robot.
-        gains: (n) drive gains [N.m/A].
+    """The recording with (n) drive gains of its own [N.m/A].
 
     Raises:
         InputError: Not one finite gain a joint, other than zero.
@@ -162,14 +142,8 @@ def known_gains(record: ExperimentRecord, robot: RobotModel) -> tuple[Experiment
     """The recording with the drive gains that its torque needs, and where they come from.
 
     Where neither the recording nor the robot has gains, they are found in the recording itself:
-    from the target currents and target moments of the controller.
-
-    Args:
-        record: The recording.
-        robot: Its robot.
-
-    Returns:
-        The recording, and `effort` (no gains needed), `recording`, `robot` or `targets`.
+    from the target currents and target moments of the controller. They come from `effort` (no
+    gains needed), `recording`, `robot` or `targets`.
 
     Raises:
         InputError: No gains, and no targets to find them in.
@@ -181,8 +155,7 @@ def known_gains(record: ExperimentRecord, robot: RobotModel) -> tuple[Experiment
         return record, "recording"
     if np.isfinite(robot.drives.gain).all():
         return record, "robot"
-    needed = ("target_current", "target_moment")
-    if "current" not in record.signals or any(name not in record.signals for name in needed):
+    if not {"current", *TARGETS} <= set(record.signals):
         raise InputError(
             "torque from current needs drive gains [N.m/A], and neither the robot nor the"
             " recording has them",
@@ -198,15 +171,7 @@ def known_gains(record: ExperimentRecord, robot: RobotModel) -> tuple[Experiment
             value=", ".join(missing),
             next_step="Pass --gains g1,..,gn, or record a motion that loads every joint.",
         )
-    return with_gains(record, robot, found.gain.tolist()), "targets"
-
-
-def _files_of(path: Path) -> list[Path] | Path:
-    """The text files in a folder of one run; any other path as it is."""
-    if not path.is_dir():
-        return path
-    files = sorted(item for item in path.iterdir() if item.suffix.lower() in _TEXT_SUFFIXES)
-    return files or path
+    return _with_gains(record, robot, found.gain.tolist()), "targets"
 
 
 def open_records(
@@ -224,41 +189,8 @@ def open_records(
     Raises:
         InputError: No recordings, a robot that is not known, or recordings that do not fit it.
     """
-    if not paths:
-        raise InputError("needs at least one recording")
     model = load_robot(stored_robot(paths) if robot is None else robot)
     return [open_record(path, model, gains) for path in paths], model
-
-
-def open_any(
-    paths: Sequence[str | Path],
-    robot: str | Path | RobotModel | None = None,
-    gains: Sequence[float] | None = None,
-) -> tuple[list[AnyRecording], RobotModel]:
-    """As `open_records`; recordings of ours that are long together stay in their files.
-
-    Args:
-        paths: The recordings.
-        robot: Built-in name, URDF or robot file, or a robot; None to take what they say.
-        gains: (n) drive gains [N.m/A]; they override those of the recordings and of the robot.
-
-    Raises:
-        InputError: See `open_records`.
-    """
-    if not paths:
-        raise InputError("needs at least one recording")
-    if isinstance(robot, RobotModel):
-        model = robot
-    else:
-        model = load_robot(stored_robot(paths) if robot is None else robot)
-    rows = [stored_rows(Path(path)) for path in paths]
-    found: list[AnyRecording] = []
-    for path, count in zip(paths, rows, strict=True):
-        if count and sum(rows) > LONG:
-            found.append(open_stored(path, model, gains))
-        else:
-            found.append(open_record(path, model, gains))
-    return found, model
 
 
 def stored_robot(paths: Sequence[str | Path]) -> str:
@@ -267,19 +199,17 @@ def stored_robot(paths: Sequence[str | Path]) -> str:
     Raises:
         InputError: A recording does not say, they disagree, or the robot's file has gone.
     """
-    found: list[str] = []
-    for path in paths:
-        name = _robot_in(path)
-        if name is None:
-            raise InputError(
-                "the recording does not say which robot it is of", where=str(path), next_step=_NEXT
-            )
-        found.append(name)
+    if not paths:
+        raise InputError("needs at least one recording")
+    found = [_robot_in(path) for path in paths]
     if len(set(found)) > 1:
-        raise InputError(
-            "the recordings are of different robots", value=", ".join(found), next_step=_NEXT
-        )
+        value = ", ".join(map(str, found))
+        raise InputError("the recordings are of different robots", value=value, next_step=_NEXT)
     name = found[0]
+    if name is None:
+        raise InputError(
+            "the recording does not say which robot it is of", where=str(paths[0]), next_step=_NEXT
+        )
     if Path(name).is_absolute() and not Path(name).exists():
         raise InputError(
             "the robot file of the recording does not exist any more",
@@ -403,26 +333,12 @@ def import_recording(
             be.
         JobError: The disk does not take the recording.
     """
-    how = options or ImportOptions()
     require_absent(Path(output), force=force)
     model = None if robot is None else load_robot(robot)
-    record = read_recording(
-        [Path(file) for file in files],
-        robot=model,
-        format=how.format,
-        columns=how.columns,
-        header=how.header,
-        delimiter=how.delimiter,
-        gains=how.gains,
-        rate_hz=how.rate_hz,
-        degrees=how.degrees,
-        joint_order=how.joint_order,
-        topic=how.topic,
-    )
+    how = asdict(options or ImportOptions())
+    record = read_recording([Path(file) for file in files], robot=model, **how)
     if robot is not None:
-        # The name alone would not find a robot file again.
-        metadata = replace(record.metadata, robot=robot_reference(robot))
-        record = replace(record, metadata=metadata)
+        record = of_robot(record, robot)
     write_record(record, output, force=force)
     return Imported(record=record, path=Path(output), needs=tuple(_needs(record, model)))
 

@@ -1,20 +1,29 @@
 """`dynid report`: what lies in a directory becomes one page.
 
-A design as the report shows it: judged over time, with the search that found it.
-
-An estimate as the report shows it: beside its record, and beside what confirms it.
+A design is judged over time; an estimate stands beside its record and beside what confirms it.
 """
 
 import itertools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from dynid.constraints import DISTANCES
-from dynid.core import Array, DynidError, InputError, Progress, like_named, load_object, silent
+from dynid.core import (
+    Array,
+    DynidError,
+    InputError,
+    JsonFields,
+    Progress,
+    like_named,
+    load_object,
+    silent,
+)
 from dynid.diagnosis import contact_stretches
 from dynid.identification import FORMAT, Estimate, read_estimate, standard_posterior
 from dynid.recording import ExperimentRecord, identity, read_record
@@ -48,15 +57,8 @@ FACTS = {
 }
 
 
-def reported_design(path: Path) -> ReportedDesign:
-    """Read a design or a trajectory and judge it at instants.
-
-    Args:
-        path: The file.
-
-    Raises:
-        InputError: Not a design, or its robot cannot be read.
-    """
+def _reported_design(path: Path) -> ReportedDesign:
+    """Read a design or a trajectory and judge it at instants."""
     found = read_design(path)
     stored, facts = found.stored, found.facts
     return ReportedDesign(
@@ -79,19 +81,13 @@ def _text(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def _search(history: object) -> tuple[Array, Array] | None:
-    if not isinstance(history, list):
+def _search(history: Any) -> tuple[Array, Array] | None:
+    """Evaluations and the best criterion so far; None where a file does not hold them."""
+    try:
+        table = np.array([(row["evaluations"], row["value"]) for row in history], dtype=np.float64)
+    except (TypeError, KeyError, ValueError):
         return None
-    rows: list[tuple[float, float]] = []
-    for entry in history:  # pyright: ignore[reportUnknownVariableType]
-        if isinstance(entry, dict):
-            value, count = entry.get("value"), entry.get("evaluations")  # pyright: ignore
-            if isinstance(value, int | float) and isinstance(count, int | float):
-                rows.append((float(count), float(value)))
-    if len(rows) < 2:
-        return None
-    table = np.array(rows)
-    return table[:, 0], np.minimum.accumulate(table[:, 1])
+    return None if len(table) < 2 else (table[:, 0], np.fmin.accumulate(table[:, 1]))
 
 
 def _judged(found: StoredDesign) -> JudgedMotion | None:
@@ -99,14 +95,11 @@ def _judged(found: StoredDesign) -> JudgedMotion | None:
         return None
     judge = found.limits.constraints(found.robot)
     t = _instants(found)
-    count = len(t)
     motion = found.stored.trajectory.evaluate(t)
-    shares = np.empty((count, len(KINDS)))
-    gaps = np.empty((count, len(DISTANCES)))
-    for k in range(count):
-        usage = judge.usage(motion.q[k : k + 1], motion.dq[k : k + 1], motion.ddq[k : k + 1])
-        shares[k] = [usage.ratio(kind) for kind in KINDS]
-        gaps[k] = [usage.distance(kind) for kind in DISTANCES]
+    rows = zip(motion.q[:, None], motion.dq[:, None], motion.ddq[:, None], strict=True)
+    usages = [judge.usage(*row) for row in rows]
+    shares = np.array([[usage.ratio(kind) for kind in KINDS] for usage in usages])
+    gaps = np.array([[usage.distance(kind) for kind in DISTANCES] for usage in usages])
     if not np.isfinite(shares).any() and not np.isfinite(gaps).any():
         return None
     # Beyond what each kind must keep, so that one line at zero is the limit of both.
@@ -126,22 +119,19 @@ def _judged(found: StoredDesign) -> JudgedMotion | None:
 def _instants(found: StoredDesign) -> Array:
     """When to judge: evenly, and where the certificate of the design is tightest."""
     duration = found.stored.trajectory.duration
-    times = [np.linspace(0.0, duration, SAMPLES)]
-    worst = found.facts.get("worst")
-    for entry in worst.values() if isinstance(worst, dict) else ():  # pyright: ignore
-        when = entry.get("t") if isinstance(entry, dict) else None  # pyright: ignore
-        if isinstance(when, int | float) and 0.0 <= when <= duration:
-            times.append(np.array([float(when)]))
-    return np.unique(np.concatenate(times))
+    worst: Any = found.facts.get("worst")
+    rows: list[Any] = list(worst.values()) if isinstance(worst, dict) else []  # pyright: ignore
+    tight: list[Any] = [row.get("t") for row in rows if isinstance(row, dict)]  # pyright: ignore
+    known = [float(t) for t in tight if isinstance(t, int | float) and 0.0 <= t <= duration]
+    return np.union1d(np.linspace(0.0, duration, SAMPLES), known)
 
 
 SHORTEST_REST_S = 2.0
 """A shorter stretch of a record, left out by `--from` or `--to`, confirms nothing."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Partner:
-    """A motion that an estimate was not identified from."""
+class _Partner(NamedTuple):
+    """A motion that an estimate was not identified from, and which window of it [s]."""
 
     name: str
     record: ExperimentRecord
@@ -149,19 +139,10 @@ class _Partner:
     stop_s: float | None = None
 
 
-def reported_estimate(
+def _reported_estimate(
     path: Path, estimate: Estimate, records: Mapping[str, ExperimentRecord]
 ) -> ReportedEstimate:
-    """Predict an estimate's own record and another motion, and judge it by them.
-
-    Args:
-        path: Its file; recordings and truths lie beside it.
-        estimate: The estimate; it knows its record by its hash.
-        records: All recordings at hand, by name.
-
-    Raises:
-        InputError: A record that cannot be predicted.
-    """
+    """Predict an estimate's own record (known by its hash) and another motion, and judge it."""
     inputs = set(estimate.provenance.inputs.values())
     own = {key: record for key, record in records.items() if identity(record) in inputs}
     findings = estimate.warnings
@@ -184,9 +165,8 @@ def reported_estimate(
     training = reproduce(estimate, record, start_s=settings.start_s, stop_s=settings.stop_s)
     partner, validation = _partner(estimate, own, records), None
     if partner is not None:
-        validation = validate(
-            estimate, partner.record, start_s=partner.start_s, stop_s=partner.stop_s
-        )
+        _, other, start_s, stop_s = partner
+        validation = validate(estimate, other, start_s=start_s, stop_s=stop_s)
         findings = (*findings, *validation.warnings, *over_fitted(training, validation))
     findings = tuple(dict.fromkeys(findings))
     judged = Identification(
@@ -225,23 +205,16 @@ def _conditions(record: ExperimentRecord) -> tuple[str, ...]:
 
 def _truth(recordings: list[Path], estimate: Estimate) -> KnownTruth | None:
     """What a simulation wrote beside a recording, in the estimate's frames."""
-    for recording in recordings:
-        file = truth_path(recording)
-        if not file.exists():
-            continue
-        robot, n = estimate.model.robot, estimate.model.robot.joints
-        try:
+    robot = estimate.model.robot
+    for file in filter(Path.exists, map(truth_path, recordings)):
+        with suppress(InputError):
             rows = load_object(file).matrix("links")
-        except InputError:
-            continue
-        if rows.shape != (n, 13):
-            continue
-        inverses = np.linalg.inv(robot.parameter_frames[estimate.model.frames])
-        return KnownTruth(
-            inertials=np.array([move(rows[i, :10], inverses[i]) for i in range(n)]),
-            coulomb=rows[:, 10],
-            viscous=rows[:, 11],
-        )
+            if rows.shape == (robot.joints, 13):
+                inverses = np.linalg.inv(robot.parameter_frames[estimate.model.frames])
+                links = [move(row[:10], turn) for row, turn in zip(rows, inverses, strict=True)]
+                return KnownTruth(
+                    inertials=np.array(links), coulomb=rows[:, 10], viscous=rows[:, 11]
+                )
     return None
 
 
@@ -268,26 +241,19 @@ def _partner(
 ) -> _Partner | None:
     """The likeliest other record: as warm, named so, else the first; or the rest of its own."""
     robot = estimate.model.robot
+    thermal = {record.metadata.extra.get("thermal") for record in own.values()}
     others = [
-        key
+        (record.metadata.extra.get("thermal") not in thermal, "valid" not in key, key)
         for key, record in records.items()
         if key not in own
         and record.joints == robot.joints
         and _may_be(record.metadata.robot, robot.name)
     ]
-    thermal = {record.metadata.extra.get("thermal") for record in own.values()}
-    for key in sorted(
-        others,
-        key=lambda key: (
-            records[key].metadata.extra.get("thermal") not in thermal,
-            "valid" not in key,
-            key,
-        ),
-    ):
-        return _Partner(name=key, record=records[key])
-    for key, record in own.items():
-        return _rest(estimate, key, record)
-    return None
+    if others:
+        _, _, key = min(others)
+        return _Partner(key, records[key])
+    key, record = next(iter(own.items()))
+    return _rest(estimate, key, record)
 
 
 def _rest(estimate: Estimate, name: str, record: ExperimentRecord) -> _Partner | None:
@@ -298,8 +264,8 @@ def _rest(estimate: Estimate, name: str, record: ExperimentRecord) -> _Partner |
     if max(before, after) < SHORTEST_REST_S:
         return None
     if before > after:
-        return _Partner(name=f"{name} up to {before:g} s", record=record, stop_s=start)
-    return _Partner(name=f"{name} from {stop:g} s on", record=record, start_s=stop)
+        return _Partner(f"{name} up to {before:g} s", record, stop_s=start)
+    return _Partner(f"{name} from {stop:g} s on", record, start_s=stop)
 
 
 def _may_be(recorded: str | None, name: str) -> bool:
@@ -311,12 +277,11 @@ MOST_ESTIMATES = 6
 """A page with more would no longer be light."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Found:
+class _Found(NamedTuple):
     estimates: dict[str, Estimate]
     records: dict[str, ExperimentRecord]
-    designs: tuple[ReportedDesign, ...]
-    skipped: tuple[tuple[str, str], ...]
+    designs: list[ReportedDesign]
+    skipped: list[tuple[str, str]]
 
 
 def report(
@@ -338,15 +303,11 @@ def report(
     """
     folder = Path(directory)
     if not folder.is_dir():
-        raise InputError(
-            "this is a file, and a report is of a directory"
-            if folder.exists()
-            else "there is no such directory",
-            where=str(directory),
-            next_step=f"Run: dynid report {folder.parent}"
-            if folder.exists()
-            else like_named(folder),
-        )
+        what, step = "there is no such directory", like_named(folder)
+        if folder.exists():
+            what = "this is a file, and a report is of a directory"
+            step = f"Run: dynid report {folder.parent}"
+        raise InputError(what, where=str(directory), next_step=step)
     tell: Progress = progress or silent
     found = _reporting_search(folder, tell)
     if not found.estimates:
@@ -359,7 +320,7 @@ def report(
     estimates: list[ReportedEstimate] = []
     for k, (name, estimate) in enumerate(chosen.items()):
         tell(f"predict with {name}", 0.3 + 0.5 * k / len(chosen))
-        estimates.append(reported_estimate(folder / name, estimate, found.records))
+        estimates.append(_reported_estimate(folder / name, estimate, found.records))
     tell("write the page", 0.9)
     compared = tuple(_comparisons(estimates))
     estimates.sort(key=_decides)
@@ -368,7 +329,7 @@ def report(
         date=_date(estimates[0].estimate.provenance.created),
         directory=folder,
         estimates=tuple(estimates),
-        designs=found.designs,
+        designs=tuple(found.designs),
         comparisons=compared,
         skipped=(
             *found.skipped,
@@ -379,38 +340,23 @@ def report(
 
 
 def _reporting_search(folder: Path, tell: Progress) -> _Found:
-    estimates: dict[str, Estimate] = {}
-    records: dict[str, ExperimentRecord] = {}
-    designs: list[ReportedDesign] = []
-    skipped: list[tuple[str, str]] = []
+    found = _Found({}, {}, [], [])
     for path in sorted(folder.glob("*.json")) + sorted(folder.glob("*.parquet")):
         tell(f"read {path.name}", 0.1)
         try:
             if path.suffix == ".parquet":
-                records[path.name] = read_record(path)
+                found.records[path.name] = read_record(path)
                 continue
-            kind = _kind(path)
-            if kind == FORMAT:
-                estimates[path.name] = read_estimate(path)
-            elif kind == "trajectory":
-                designs.append(reported_design(path))
+            fields = JsonFields({})
+            with suppress(InputError):
+                fields = load_object(path)
+            if fields.get("format") == FORMAT:
+                found.estimates[path.name] = read_estimate(path)
+            elif str(fields.get("kind")).startswith("dynid."):
+                found.designs.append(_reported_design(path))
         except DynidError as error:
-            skipped.append((path.name, str(error)))
-    return _Found(
-        estimates=estimates, records=records, designs=tuple(designs), skipped=tuple(skipped)
-    )
-
-
-def _kind(path: Path) -> str:
-    """What a JSON file holds; empty for anything else."""
-    try:
-        fields = load_object(path)
-    except InputError:
-        return ""
-    if fields.get("format") == FORMAT:
-        return FORMAT
-    kind = str(fields.get("kind") or "")
-    return "trajectory" if kind.startswith("dynid.") else ""
+            found.skipped.append((path.name, str(error)))
+    return found
 
 
 def _comparisons(

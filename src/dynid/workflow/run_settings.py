@@ -1,9 +1,4 @@
-"""How to run a design, and the words of the command line for it.
-
-The files of a run: the design it starts from, the mark of a stop, the truth of a simulation.
-
-Before a real robot moves: its checks, its way to the start, and a person who agrees.
-"""
+"""How to run a design, the files of a run, and what happens before a real robot moves."""
 
 import math
 from collections.abc import Callable
@@ -14,8 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from dynid.constraints import DISTANCES, RATIOS, MotionConstraints
-from dynid.core import Array, DynidError, Finding, InputError, JobError, file_hash, write_json
+from dynid.constraints import DISTANCES, RATIOS
+from dynid.core import (
+    Array,
+    DynidError,
+    Finding,
+    InputError,
+    JobError,
+    check_word,
+    file_hash,
+    write_json,
+)
 from dynid.drivers import Abort, ControllerState, inspect
 from dynid.experiment import ExperimentPlan, check_design, check_robot, plan_approach, require_ready
 from dynid.recording import read_record, write_record
@@ -74,38 +78,19 @@ class RunSettings:
     """Replace a recording that exists, once the new one is complete."""
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
-            raise InputError(
-                "unknown method", where="--method", value=self.method, limit=", ".join(METHODS)
-            )
-        known = (*RATIOS, *DISTANCES)
         kinds = tuple(kind.replace("-", "_") for kind in self.accept_unjudged)
         object.__setattr__(self, "accept_unjudged", kinds)
-        if not set(kinds) <= set(known):
-            raise InputError(
-                "unknown kind of limit",
-                where="--accept-unjudged",
-                value=list(kinds),
-                limit=", ".join(known),
-            )
-        if self.repeat < 1:
-            raise InputError(
-                "needs a period to record", where="--repeat", value=self.repeat, limit="1 or more"
-            )
-        if not (math.isfinite(self.warm_up_s) and self.warm_up_s >= 0):
-            raise InputError(
-                "the time to warm up",
-                where="--warm-up",
-                value=self.warm_up_s,
-                limit="0 s or more",
-            )
-        if self.slow is not None and not 0.0 < self.slow <= 1.0:
-            raise InputError(
-                "the share of the speed",
-                where="--slow",
-                value=self.slow,
-                limit="above 0, at most 1",
-            )
+        check_word(self.method, METHODS, "--method")
+        for kind in kinds:
+            check_word(kind, (*RATIOS, *DISTANCES), "--accept-unjudged")
+        time_s, slow = self.warm_up_s, 1.0 if self.slow is None else self.slow
+        for holds, what, where, value, limit in (
+            (self.repeat >= 1, "needs a period to record", "--repeat", self.repeat, "1 or more"),
+            (0 <= time_s < math.inf, "the time to warm up", "--warm-up", time_s, "0 s or more"),
+            (0 < slow <= 1, "the share of the speed", "--slow", slow, "above 0, at most 1"),
+        ):
+            if not holds:
+                raise InputError(what, where=where, value=value, limit=limit)
 
 
 def parse_thermal(text: str) -> Thermal:
@@ -134,26 +119,28 @@ def parse_thermal(text: str) -> Thermal:
 class LoadedDesign:
     """What a run needs of a design."""
 
-    trajectory: Trajectory
-    """One period."""
-    robot: RobotModel
-    """The robot it was made for, as mounted, with its tool."""
+    stored: StoredDesign
+    """As it was read, its robot with the tool."""
     reference: str
     """Built-in name or path of that robot."""
     limits: DesignLimits
     """All that is safe, in the surroundings that it was made for."""
     sha256: str
     """Of the file."""
-    stored: StoredDesign
-    """As it was read."""
+
+    @property
+    def robot(self) -> RobotModel:
+        """The robot it was made for, as mounted, with its tool."""
+        return self.stored.robot
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """One period."""
+        return self.stored.stored.trajectory
 
 
 def load_design(path: Path, asked: RunSettings) -> LoadedDesign:
-    """Read a design, or any trajectory file.
-
-    Args:
-        path: The file.
-        asked: Another robot, mounting or scene than the design's.
+    """Read a design, or any trajectory file, for the robot and surroundings asked for.
 
     Raises:
         InputError: Not a design, or one for a robot that cannot be read.
@@ -163,19 +150,17 @@ def load_design(path: Path, asked: RunSettings) -> LoadedDesign:
     limits = given_limits(
         "safe",
         True,
-        None if asked.scene is None else Path(asked.scene),
+        asked.scene,
         found.limits,
         floor=asked.floor,
         tool=asked.tool,
         payload=asked.payload,
     )
     return LoadedDesign(
-        trajectory=found.stored.trajectory,
-        robot=limits.equipped(found.robot),
+        stored=replace(found, robot=limits.equipped(found.robot)),
         reference=found.stored.robot if asked.robot is None else robot_reference(asked.robot),
         limits=limits,
         sha256=file_hash(path),
-        stored=found,
     )
 
 
@@ -201,11 +186,7 @@ def write_truth(
 ) -> None:
     """Write what a simulated arm was made of beside its recording; reports draw it.
 
-    Args:
-        recording: The recording.
-        arm: The simulated arm.
-        temperature_degC: (n) mean joint temperatures of the recording.
-        more: Further keys.
+    Fc and Fv are those at (n) mean joint temperatures of the recording.
 
     Raises:
         InputError: A place where no such file can be.
@@ -224,9 +205,8 @@ def write_truth(
         "links": truth.standard_parameters_at(temperature_degC).tolist(),
         "drive_gain": truth.gain.tolist(),
         "friction_beyond_the_paper": {
-            "breakaway": truth.friction.breakaway.tolist(),
-            "stribeck_velocity": truth.friction.stribeck_velocity.tolist(),
-            "load_factor": truth.friction.load_factor.tolist(),
+            name: getattr(truth.friction, name).tolist()
+            for name in ("breakaway", "stribeck_velocity", "load_factor")
         },
         **more,
     }
@@ -242,25 +222,19 @@ MOVED = 0.01
 def made_ready(
     plan: ExperimentPlan,
     state: ControllerState,
-    constraints: MotionConstraints,
-    confirm: Confirm | None,
     loaded: LoadedDesign,
     accepted: tuple[str, ...],
+    confirm: Confirm | None,
 ) -> ExperimentPlan:
     """The plan with its way to the start: check the design, then the robot, then ask.
 
-    Args:
-        plan: What is to be executed.
-        state: The robot's controller, as it says it is.
-        constraints: What the motion and the way to its start are held to.
-        confirm: Shown what is about to move; None agrees to everything.
-        loaded: The design, as it was read.
-        accepted: Kinds of limits that need not be judged.
+    Kinds of limits that are `accepted` need not be judged.
 
     Raises:
         InputError: A design that must not run, or nobody agrees.
-        JobError: The robot is not ready.
+        JobError: The robot is not ready, or has moved since it was checked.
     """
+    constraints = loaded.limits.constraints(loaded.robot)
     certificate = check_design(plan, constraints, accepted)
     approach = plan_approach(state.q, plan.start, constraints)
     checks = check_robot(plan, state, approach)
@@ -278,22 +252,14 @@ def made_ready(
             for step in plan.passes()
         ]
         confirm("\n".join(f"- {line}" for line in lines), state.host)
-        _check_still_there(state)
+        # The way was planned from where the robot stood before a person thought it over.
+        away = float(np.abs(inspect(state.host).q - state.q).max())
+        if away > MOVED:
+            raise JobError(
+                "the robot has moved since it was checked",
+                where=state.host,
+                value=f"{away:.3g} rad",
+                limit=f"{MOVED:g} rad",
+                next_step="Start again.",
+            )
     return replace(plan, via=approach.via)
-
-
-def _check_still_there(state: ControllerState) -> None:
-    """The way was planned from where the robot stood before a person thought it over.
-
-    Raises:
-        JobError: It has moved since.
-    """
-    away = float(np.abs(inspect(state.host).q - state.q).max())
-    if away > MOVED:
-        raise JobError(
-            "the robot has moved since it was checked",
-            where=state.host,
-            value=f"{away:.3g} rad",
-            limit=f"{MOVED:g} rad",
-            next_step="Start again.",
-        )

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from dynid.core import InputError, JobError, Progress, require_absent
-from dynid.drivers import Abort, Driver, SimulatedDriver, UrDriver, inspect
+from dynid.drivers import Abort, Driver, ServojDriver, SimulatedDriver, UrDriver, inspect
 from dynid.excitation import ExcitationDesign
 from dynid.experiment import ExperimentPlan, RunResult, run
 from dynid.recording import ExperimentRecord, RecordMetadata, RecordWriter, partial_path
@@ -25,11 +25,12 @@ from dynid.simulation import (
     Thermal,
     simulate,
     simulated_arm,
+    warm_up,
     with_payload,
 )
 from dynid.trajectory import Trajectory
-from dynid.workflow.accuracy import PROMISED
 from dynid.workflow.design_files import StoredDesign, design_file
+from dynid.workflow.identify import PROMISED
 from dynid.workflow.run_settings import (
     Confirm,
     LoadedDesign,
@@ -66,14 +67,8 @@ def simulate_recording(
         JobError: The simulated arm ran away.
         MissingExtraError: MuJoCo is not installed.
     """
-    run = simulate(
-        _equipped_arm(robot),
-        trajectory,
-        rate_hz=rate_hz,
-        periods=periods,
-        thermal=thermal,
-        seed=seed,
-    )
+    arm = _equipped_arm(robot)
+    run = simulate(arm, trajectory, rate_hz=rate_hz, periods=periods, thermal=thermal, seed=seed)
     record = record_of(run)
     return replace(record, metadata=replace(record.metadata, joint_names=robot.joint_names))
 
@@ -127,16 +122,14 @@ class Run:
 
     def to_json(self) -> dict[str, Any]:
         """The keys that `dynid run --json` prints."""
-        outcome = self.result.outcome
+        outcome, abort = self.result.outcome, self.abort
         return {
             "samples": outcome.samples,
             "periods": outcome.periods,
             "gaps": outcome.gaps,
-            "aborted": outcome.abort is not None,
-            "cause": None
-            if outcome.abort is None
-            else {"code": outcome.abort.code, "message": outcome.abort.message},
-            "record": None if self.record is None else str(self.record),
+            "aborted": abort is not None,
+            "cause": abort and {"code": abort.code, "message": abort.message},
+            "record": self.record and str(self.record),
             "digest": self.design.digest,
             "changed": list(self.design.changed),
         }
@@ -150,15 +143,13 @@ class Run:
         abort = self.abort
         if abort is None:
             return
-        samples = self.result.outcome.samples
-        kept = f"{samples} samples are kept in {self.record}" if self.record else "nothing is kept"
-        raise JobError(
-            f"the robot was stopped in the pass '{self.result.stopped_in}': "
-            f"{abort.message}; {kept}",
-            next_step=f"Read it: dynid import {self.record} -o OTHER.parquet"
-            if self.record is not None and self.record.suffix != ".parquet"
-            else None,
-        )
+        kept, step = "nothing is kept", None
+        if self.record is not None:
+            kept = f"{self.result.outcome.samples} samples are kept in {self.record}"
+            if self.record.suffix != ".parquet":
+                step = f"Read it: dynid import {self.record} -o OTHER.parquet"
+        where = f"the robot was stopped in the pass '{self.result.stopped_in}'"
+        raise JobError(f"{where}: {abort.message}; {kept}", next_step=step)
 
 
 def run_design(
@@ -204,9 +195,18 @@ def run_design(
         loaded = load_design(file, asked)
     written = (path, truth_path(path)) if on == SIMULATED else (path,)
     require_absent(*written, force=asked.force)
-    if on == SIMULATED:
+    state = None if on == SIMULATED else inspect(_host(on))
+    plan = ExperimentPlan(
+        robot=loaded.robot,
+        trajectory=loaded.trajectory,
+        periods=asked.repeat,
+        settle=asked.settle,
+        slow=asked.slow,
+        warm_up_s=0.0 if state is None else asked.warm_up_s,
+        rate_hz=RATE_HZ if state is None else state.rate_hz,
+    )
+    if state is None:
         driver = _simulated(loaded, asked)
-        plan = _plan(loaded, asked, RATE_HZ, warm_up_s=0.0)
         finished = _execute(plan, driver, loaded, asked, path, cancel, progress)
         if finished.record is not None and driver.states:
             torque = np.stack([state.torque for state in driver.states])
@@ -218,16 +218,8 @@ def run_design(
                 torque_rms=np.sqrt(np.square(torque).mean(axis=0)).tolist(),
             )
         return finished
-    state = inspect(_host(on))
-    plan = _plan(loaded, asked, state.rate_hz, warm_up_s=asked.warm_up_s)
-    judge = loaded.limits.constraints(loaded.robot)
-    plan = made_ready(plan, state, judge, confirm, loaded, asked.accept_unjudged)
-    if asked.method == "servoj":
-        from dynid.drivers import ServojDriver
-
-        driver = ServojDriver(state)
-    else:
-        driver = UrDriver(state)
+    plan = made_ready(plan, state, loaded, asked.accept_unjudged, confirm)
+    driver = ServojDriver(state) if asked.method == "servoj" else UrDriver(state)
     return _execute(plan, driver, loaded, asked, path, cancel, progress)
 
 
@@ -236,20 +228,6 @@ def _host(on: str) -> str:
     if (scheme, found) != ("ur", "://") or not host or "/" in host:
         raise InputError("unknown robot to run on", where="--on", value=on, limit="sim, ur://HOST")
     return host
-
-
-def _plan(
-    loaded: LoadedDesign, asked: RunSettings, rate_hz: float, warm_up_s: float
-) -> ExperimentPlan:
-    return ExperimentPlan(
-        robot=loaded.robot,
-        trajectory=loaded.trajectory,
-        periods=asked.repeat,
-        settle=asked.settle,
-        slow=asked.slow,
-        warm_up_s=warm_up_s,
-        rate_hz=rate_hz,
-    )
 
 
 def _equipped_arm(robot: RobotModel) -> SimulatedArm:
@@ -265,8 +243,6 @@ def _simulated(loaded: LoadedDesign, asked: RunSettings) -> SimulatedDriver:
     thermal = asked.thermal
     if asked.warm_up_s > 0:
         # Heat flows far more slowly than the arm moves: no need to simulate every second.
-        from dynid.simulation import warm_up
-
         thermal = warm_up(arm, loaded.trajectory, asked.warm_up_s, thermal=thermal)
     return SimulatedDriver(arm, thermal=thermal, seed=asked.seed)
 
@@ -316,7 +292,24 @@ def _execute(
         return opened[0]
 
     result = run(plan, driver, open_recorder, cancel=cancel, progress=progress)
-    return _finished(result, opened[0] if opened else None, loaded, plan)
+    if not opened:
+        return Run(result=result, record=None, design=loaded.stored)
+    # What was appended need not have been written: the disk is what counts.
+    samples, record = opened[0].saved_samples, opened[0].record_path
+    abort, outcome = result.outcome.abort, result.outcome
+    if abort is not None:
+        if samples < 2:
+            # One row is no recording: nothing is kept, and nothing lies about.
+            partial_path(path).unlink(missing_ok=True)
+        elif record.suffix == path.suffix:
+            mark_aborted(record, abort)
+        whole = int(samples / (plan.trajectory.duration * plan.rate_hz))
+        outcome = replace(outcome, samples=samples, periods=min(outcome.periods, whole))
+    return Run(
+        result=replace(result, outcome=outcome),
+        record=record if samples >= 2 else None,
+        design=loaded.stored,
+    )
 
 
 def _promise(loaded: LoadedDesign, periods: int) -> dict[str, str]:
@@ -326,26 +319,3 @@ def _promise(loaded: LoadedDesign, periods: int) -> dict[str, str]:
     if not isinstance(value, float):
         return {}
     return {PROMISED: repr(value * math.sqrt(facts.get("repetitions", 1) / periods))}
-
-
-def _finished(
-    result: RunResult, writer: RecordWriter | None, loaded: LoadedDesign, plan: ExperimentPlan
-) -> Run:
-    if writer is None:
-        return Run(result=result, record=None, design=loaded.stored)
-    # What was appended need not have been written: the disk is what counts.
-    samples, record = writer.saved_samples, writer.record_path
-    abort, outcome = result.outcome.abort, result.outcome
-    if abort is not None:
-        if samples < 2:
-            # One row is no recording: nothing is kept, and nothing lies about.
-            partial_path(writer.path).unlink(missing_ok=True)
-        elif record.suffix == writer.path.suffix:
-            mark_aborted(record, abort)
-        whole = int(samples / (plan.trajectory.duration * plan.rate_hz))
-        outcome = replace(outcome, samples=samples, periods=min(outcome.periods, whole))
-    return Run(
-        result=replace(result, outcome=outcome),
-        record=record if samples >= 2 else None,
-        design=loaded.stored,
-    )

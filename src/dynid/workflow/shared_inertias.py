@@ -1,30 +1,44 @@
-"""Several recordings of one robot at once: shared inertias, friction of each record's own."""
+"""Several recordings of one robot at once: shared inertias; payloads and drive gains.
+
+Friction is each record's own. Drive gains come from the controller's own targets, or from runs with
+and without a payload that was weighed.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core import InputError, Progress, provenance, told
+from dynid.core import Array, Finding, InputError, Progress, frozen, told
 from dynid.identification import (
+    LARGEST_STD,
     PRIOR_GAIN,
+    WIDTH,
+    DriveGains,
     Estimate,
     IdentificationProblem,
+    Payload,
     SharedFit,
     SharedProblem,
+    WeighedGains,
     WeightedLeastSquares,
+    drive_gains,
     fit_shared,
+    payload_of,
     shared_estimates,
+    weighed_gains,
     with_load,
 )
 from dynid.recording import ExperimentRecord, identity
 from dynid.reduction import reduce_model
-from dynid.regressor import FrictionTerms, InverseDynamicModel
-from dynid.robot import RobotModel, load_robot
-from dynid.signals import ProcessingSettings, process
-from dynid.workflow.choosing import LONG_RECORD, IdentifySettings, choose
+from dynid.regressor import FrictionTerms, InverseDynamicModel, LoadFriction
+from dynid.robot import RobotModel, frame_map, from_body, load_robot
+from dynid.signals import ProcessingSettings, Samples, process
+from dynid.workflow.choosing import IdentifySettings, asked_processing, choose, made_from
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,45 +114,252 @@ def identify_shared(
             value=(settings.estimator, settings.weighting),
             limit="wls, joint",
         )
-    model = robot if isinstance(robot, RobotModel) else load_robot(robot)
-    with threadpool_limits(limits=1, user_api="blas"):
-        return _identify(list(records), model, settings, progress)
-
-
-def _identify(
-    records: list[ExperimentRecord],
-    robot: RobotModel,
-    settings: IdentifySettings,
-    progress: Progress | None,
-) -> SharedIdentification:
-    processing = ProcessingSettings(
-        cutoff_hz=settings.cutoff_hz,
-        start_s=settings.start_s,
-        stop_s=settings.stop_s,
-        decimate=settings.preset == "best" or max(r.samples for r in records) > LONG_RECORD,
-    )
+    robot = robot if isinstance(robot, RobotModel) else load_robot(robot)
+    processing = asked_processing(records, settings)
     friction, words = settings.terms or FrictionTerms(), ()
-    if settings.preset == "best":
-        choice = choose(records, robot, settings, processing, progress)
-        # Periods are averaged record by record or not at all: here every sample counts.
-        processing = replace(choice.processing, period_s=None)
-        friction, words = choice.friction, choice.words
-    plain = InverseDynamicModel(robot=robot, frames=settings.frames, friction=friction)
-    problems: list[IdentificationProblem] = []
-    for record in records:
-        samples = process(record, robot, processing)
-        found = with_load(plain, samples, WeightedLeastSquares(prior_gain=PRIOR_GAIN))
-        problems.append(IdentificationProblem(base=reduce_model(found), samples=samples))
-    problem = SharedProblem(problems=tuple(problems))
-    fit = fit_shared(problem)
-    origins = {r.metadata.origin or f"record {k + 1}": identity(r) for k, r in enumerate(records)}
-    estimates = shared_estimates(
-        problem,
-        fit,
-        records=records,
-        settings=processing,
-        preset=settings.preset,
-        choices=words,
-        made=provenance(inputs=origins, settings=settings.to_json()),
-    )
+    with threadpool_limits(limits=1, user_api="blas"):
+        if settings.preset == "best":
+            choice, words = choose(records, robot, settings, processing, progress)
+            # Periods are averaged record by record or not at all: here every sample counts.
+            processing, friction = replace(choice.settings, period_s=None), choice.friction
+        model = InverseDynamicModel(robot=robot, frames=settings.frames, friction=friction)
+        samples = [process(record, robot, processing) for record in records]
+        problem = SharedProblem(problems=tuple(problem_of(model, one) for one in samples))
+        fit = fit_shared(problem)
+        estimates = shared_estimates(
+            problem,
+            fit,
+            records=records,
+            settings=processing,
+            preset=settings.preset,
+            choices=words,
+            made=made_from(records, settings),
+        )
     return SharedIdentification(estimates=estimates, problem=problem, fit=fit)
+
+
+def problem_of(model: InverseDynamicModel, samples: Samples) -> IdentificationProblem:
+    """One record's part of a shared problem: its load friction as its own samples show it."""
+    found = with_load(model, samples, WeightedLeastSquares(prior_gain=PRIOR_GAIN))
+    return IdentificationProblem(base=reduce_model(found), samples=samples)
+
+
+SMOOTHING_VELOCITY = 0.01
+"""Width of the Coulomb step, unless other friction is asked for [rad/s or m/s]."""
+
+
+def identify_payload(
+    unloaded: ExperimentRecord | Sequence[ExperimentRecord],
+    loaded: ExperimentRecord | Sequence[ExperimentRecord],
+    robot: RobotModel | str | Path,
+    *,
+    friction: FrictionTerms | None = None,
+    cutoff_hz: float | None = None,
+) -> Payload:
+    """The payload that the loaded runs carry and the unloaded ones do not.
+
+    Best with one motion for both: what the model gets wrong then cancels. Friction is each
+    record's own, as gears warm up between runs.
+
+    Args:
+        unloaded: Recordings without the payload.
+        loaded: Recordings with it.
+        robot: The robot, or its name or file, as it is without the payload.
+        friction: Friction terms; the default is Coulomb, viscous, motor inertia, and friction
+            that grows with the load.
+        cutoff_hz: Low-pass cut-off of the motion [Hz]; None: from the first record's spectrum.
+
+    Raises:
+        InputError: No records, one record as both, or records that do not fit the robot.
+        JobError: Motions that do not show all ten parameters.
+    """
+    without, carrying = _several(unloaded, loaded)
+    seen = {identity(record) for record in without}
+    if any(identity(record) in seen for record in carrying):
+        raise InputError(
+            "a recording with the payload is one without it",
+            next_step="Record the same motion again with the payload.",
+        )
+    model = robot if isinstance(robot, RobotModel) else load_robot(robot)
+    if friction is None:
+        joints = tuple(range(model.joints))
+        nothing = LoadFriction(joints=joints, parameters=(0.0,) * 10 * model.joints)
+        friction = FrictionTerms(width=SMOOTHING_VELOCITY, load=nothing)
+    with threadpool_limits(limits=1, user_api="blas"):
+        plain = InverseDynamicModel(robot=model, friction=friction)
+        problem = _problem(without, carrying, plain, cutoff_hz)
+        return payload_of(problem, fit_shared(problem, one_noise=True))
+
+
+def _problem(
+    without: list[ExperimentRecord],
+    carrying: list[ExperimentRecord],
+    model: InverseDynamicModel,
+    cutoff_hz: float | None,
+) -> SharedProblem:
+    settings = ProcessingSettings(cutoff_hz=cutoff_hz, decimate=True)
+    problems: list[IdentificationProblem] = []
+    for record in (*without, *carrying):
+        samples = process(record, model.robot, settings)
+        # One filter for all: what it takes from the motion then cancels too.
+        settings = replace(settings, cutoff_hz=samples.cutoff_hz)
+        problems.append(problem_of(model, samples))
+    flags = (False,) * len(without) + (True,) * len(carrying)
+    return SharedProblem(problems=tuple(problems), loaded=flags)
+
+
+def _several(
+    *groups: ExperimentRecord | Sequence[ExperimentRecord],
+) -> list[list[ExperimentRecord]]:
+    """Recordings without and with the payload, at least one of each."""
+    found = [[g] if isinstance(g, ExperimentRecord) else list(g) for g in groups]
+    if not all(found):
+        counts = tuple(map(len, found))
+        raise InputError("needs recordings with and without the payload", value=counts)
+    return found
+
+
+TARGETS = ("target_current", "target_moment")
+"""Signals that drive gains are found in."""
+
+
+def identify_gains(
+    record: ExperimentRecord, robot: RobotModel | str, *, width: float = WIDTH
+) -> DriveGains:
+    """Drive gains from a recording of target currents and target moments.
+
+    Target velocities are used where they were recorded: the controller's friction follows them,
+    without the noise of measured ones.
+
+    Args:
+        record: The recording.
+        robot: The robot, or its name or file.
+        width: Speed over which the controller's dry friction changes sign [rad/s].
+
+    Raises:
+        InputError: A recording without targets or velocities, or of another number of joints.
+        JobError: No joint's gain can be told.
+    """
+    model = robot if isinstance(robot, RobotModel) else load_robot(robot)
+    if record.joints != model.joints:
+        raise InputError(
+            "the recording is of another robot", value=record.joints, limit=model.joints
+        )
+    missing = [name for name in TARGETS if name not in record.signals]
+    velocity = record.signals.get("target_qd", record.signals.get("qd"))
+    if velocity is None:
+        missing.append("target_qd or qd")
+    if missing or velocity is None:
+        raise InputError(
+            "drive gains need the controller's own targets",
+            value=f"no {', '.join(missing)}",
+            next_step="Record with dynid run, or import with --columns ...,target_current=A:B.",
+        )
+    return drive_gains(
+        record.signals["target_current"],
+        record.signals["target_moment"],
+        velocity,
+        rate_hz=record.rate_hz,
+        names=model.joint_names,
+        width=width,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GainsFromPayload:
+    """Drive gains, and what could not be told."""
+
+    gain: Array
+    """(n) joint torque per motor current [N.m/A], NaN where the runs do not show it."""
+    std: Array
+    """(n) standard deviations [N.m/A], given for all."""
+    found: WeighedGains
+    """The fit behind them."""
+    warnings: tuple[Finding, ...]
+
+
+def identify_gains_from_payload(
+    unloaded: ExperimentRecord | Sequence[ExperimentRecord],
+    loaded: ExperimentRecord | Sequence[ExperimentRecord],
+    robot: RobotModel | str | Path,
+    *,
+    mass: float,
+    centre: ArrayLike | None = None,
+    inertia: ArrayLike | None = None,
+    friction: FrictionTerms | None = None,
+    cutoff_hz: float | None = None,
+) -> GainsFromPayload:
+    """Drive gains from currents with and without a known payload.
+
+    Best with one motion for both, fast and wide: joint 1 shows its gain by inertia alone.
+
+    Args:
+        unloaded: Recordings with currents, without the payload.
+        loaded: Recordings with it.
+        robot: The robot, or its name or file; its own drive gains are no
+            more than a start.
+        mass: Mass of the payload [kg].
+        centre: (3) its centre of mass in the flange frame [m], if known.
+        inertia: (3, 3) tensor about that centre, along the flange's axes [kg.m^2], if known.
+        friction: Friction terms; the default is Coulomb, viscous and motor inertia.
+        cutoff_hz: Low-pass cut-off of the motion [Hz]; None: from the first record's spectrum.
+
+    Raises:
+        InputError: Records without currents, a mass that is not positive, a tensor without a
+            centre, or a robot with counterbalances.
+        JobError: Motions or a payload that leave a gain open.
+    """
+    model = robot if isinstance(robot, RobotModel) else load_robot(robot)
+    if model.counterbalances:
+        # Their torque is known in N.m, and would have to be scaled with the unknown gains.
+        raise InputError("drive gains of a robot with counterbalances", value=model.name)
+    without, carrying = ([_as_currents(r) for r in rs] for rs in _several(unloaded, loaded))
+    known = known_payload(mass, centre, inertia)
+    friction = friction or FrictionTerms(width=SMOOTHING_VELOCITY)
+    plain = InverseDynamicModel(robot=model, friction=friction)
+    with threadpool_limits(limits=1, user_api="blas"):
+        problem = _problem(without, carrying, plain, cutoff_hz)
+        link = np.asarray(np.linalg.inv(model.parameter_frames[plain.frames][-1]), dtype=np.float64)
+        own = model.drives.gain if (model.drives.gain > 0).all() else None
+        found = weighed_gains(problem, frame_map(link @ model.flange), known, own)
+    lost = found.std > LARGEST_STD * found.gain
+    return GainsFromPayload(
+        gain=np.where(lost, np.nan, found.gain),
+        std=found.std,
+        found=found,
+        warnings=tuple(
+            Finding(
+                "low_excitation",
+                f"no drive gain for {model.joint_names[j]}: its standard deviation would be "
+                f"{100 * found.std[j] / found.gain[j]:.0f} %",
+            )
+            for j in np.flatnonzero(lost)
+        ),
+    )
+
+
+def known_payload(mass: float, centre: ArrayLike | None, inertia: ArrayLike | None) -> Array:
+    """(10) inertial parameters about the flange, NaN where unknown.
+
+    Raises:
+        InputError: A mass that is not positive, or a tensor without a centre.
+    """
+    if not (np.isfinite(mass) and mass > 0):
+        raise InputError("the payload's mass must be positive", value=mass)
+    known = np.full(10, np.nan)
+    known[0] = mass
+    if centre is None:
+        if inertia is not None:
+            raise InputError("a tensor about the centre of mass needs the centre of mass")
+        return known
+    known[1:4] = mass * frozen(centre, shape=(3,), name="centre of mass")
+    return known if inertia is None else from_body(mass, centre, inertia)
+
+
+def _as_currents(record: ExperimentRecord) -> ExperimentRecord:
+    """The record with its currents read as torques: gains of one."""
+    if "current" not in record.signals:
+        raise InputError("drive gains need recorded currents", value=", ".join(record.signals))
+    signals = {name: values for name, values in record.signals.items() if name != "effort"}
+    ones = (1.0,) * record.joints
+    return replace(record, signals=signals, metadata=replace(record.metadata, drive_gains=ones))

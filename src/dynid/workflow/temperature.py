@@ -1,10 +1,7 @@
 """Friction at any joint temperature, from recordings at several.
 
-Shared inertias and laws of friction: an estimate for any joint temperatures.
-
-Temperature laws as files: an estimate's file with one more object, `temperature`.
-
-Whatever reads estimates reads it, as the estimate in the middle of the records' temperatures.
+Temperature laws stand in an estimate's file as one more object, `temperature`: whatever reads
+estimates reads it, as the estimate in the middle of the records' temperatures.
 """
 
 from collections.abc import Sequence
@@ -87,11 +84,8 @@ class TemperatureModel:
         joints = len(self.laws)
         wanted = np.asarray(temperature_degC, dtype=np.float64)
         if wanted.shape not in ((), (joints,)) or not np.isfinite(wanted).all():
-            raise InputError(
-                "needs one temperature, or one a joint",
-                value=temperature_degC,
-                limit=f"{joints} joints",
-            )
+            said, limit = "needs one temperature, or one a joint", f"{joints} joints"
+            raise InputError(said, value=temperature_degC, limit=limit)
         wanted = np.broadcast_to(wanted, (joints,))
         known = self.estimate
         values, turn = known.values.copy(), np.zeros((len(self.order), len(self.covariance)))
@@ -110,11 +104,11 @@ class TemperatureModel:
             covariance=covariance,
             naive_std=np.sqrt(np.maximum(np.diag(naive), 0.0)),
             choices=(*choices, f"{CHOICE}{' '.join(f'{x:.3g}' for x in wanted)} degC"),
-            warnings=beyond(self.laws, wanted.tolist()),
+            warnings=_beyond(self.laws, wanted.tolist()),
         )
 
 
-def beyond(laws: Sequence[JointTemperatureLaw], wanted: Sequence[float]) -> tuple[Finding, ...]:
+def _beyond(laws: Sequence[JointTemperatureLaw], wanted: Sequence[float]) -> tuple[Finding, ...]:
     """A word about temperatures [degC] that the records did not have; nothing if they had."""
     far = [
         f"joint {j + 1} at {degC:.3g} degC (records: {law.range_degC[0]:.3g} to "
@@ -128,80 +122,39 @@ def beyond(laws: Sequence[JointTemperatureLaw], wanted: Sequence[float]) -> tupl
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TemperatureIdentification:
+class TemperatureIdentification(TemperatureModel):
     """Shared inertias, and friction as a function of joint temperature."""
 
     shared: SharedIdentification
     """The inertias, and the friction of each record."""
-    laws: tuple[JointTemperatureLaw, ...]
-    """One a joint."""
-    temperature_degC: Array
-    """(R, n) mean joint temperatures of the records [degC]."""
-    warnings: tuple[Finding, ...]
-    """Findings of all recordings."""
-
-    def estimate_at(self, temperature_degC: ArrayLike) -> Estimate:
-        """The estimate for joint temperatures: it predicts, validates and exports as any other.
-
-        Args:
-            temperature_degC: One temperature, or (n) one a joint [degC].
-
-        Raises:
-            InputError: Another number of joints.
-        """
-        return self.model.estimate_at(temperature_degC)
-
-    @property
-    def model(self) -> TemperatureModel:
-        """What `write_temperature` keeps of it."""
-        problem, fit = self.shared.problem, self.shared.fit
-        records, own = fit.solution.own.shape
-        columns = joint_columns(self.shared)
-        return TemperatureModel(
-            estimate=self.shared.estimates[0],
-            laws=self.laws,
-            temperature_degC=self.temperature_degC,
-            places=tuple(tuple(problem.own[c] for c in joint) for joint in columns),
-            seen=tuple(
-                tuple(k * own + c for k in range(records) for c in joint) for joint in columns
-            ),
-            order=tuple(base_order(problem, fit, 0)),
-            covariance=fit.covariance,
-            naive=fit.naive,
-            warnings=self.warnings,
-        )
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
         names = self.shared.problem.problems[0].base.model.robot.joint_names
-        return {
-            "temperature_degC": self.temperature_degC.tolist(),
-            "laws": [
+        keys = ("name", "value", "std", "fall_per_K", "fall_std")
+        laws: list[dict[str, Any]] = []
+        for name, law in zip(names, self.laws, strict=True):
+            std, fall_std = np.sqrt(np.diag(law.covariance)).reshape(2, -1)
+            columns = (law.reference, std, law.slope, fall_std)
+            rows = zip(law.symbols, *(column.tolist() for column in columns), strict=True)
+            laws.append(
                 {
                     "joint": name,
                     "law": law.law,
                     "reference_degC": law.reference_degC,
                     "range_degC": list(law.range_degC),
-                    "parameters": [
-                        {
-                            "name": symbol,
-                            "value": float(law.reference[k]),
-                            "std": float(np.sqrt(law.covariance[k, k])),
-                            "fall_per_K": float(law.slope[k]),
-                            "fall_std": float(np.sqrt(law.covariance[f + k, f + k])),
-                        }
-                        for f in (len(law.symbols),)
-                        for k, symbol in enumerate(law.symbols)
-                    ],
+                    "parameters": [dict(zip(keys, row, strict=True)) for row in rows],
                 }
-                for name, law in zip(names, self.laws, strict=True)
-            ],
+            )
+        return {
+            "temperature_degC": self.temperature_degC.tolist(),
+            "laws": laws,
             "warnings": told(self.warnings),
             "findings": [finding.to_json() for finding in self.warnings],
         }
 
 
-def joint_columns(shared: SharedIdentification) -> list[list[int]]:
+def _joint_columns(shared: SharedIdentification) -> list[list[int]]:
     """For each joint, which of a record's own parameters are its friction."""
     problem = shared.problem
     base = problem.problems[0].base
@@ -243,29 +196,44 @@ def identify_temperature(
             next_step="Record with dynid run, or import with --columns ...,temperature=A:B.",
         )
     settings = settings or IdentifySettings()
-    mean = np.array([_mean_temperature(record, settings) for record in records])
-    shared = identify_shared(records, robot, settings, progress=progress)
-    names, own = shared.own, shared.fit.solution.own
-    laws: list[JointTemperatureLaw] = []
-    for j, columns in enumerate(joint_columns(shared)):
-        places = [k * own.shape[1] + c for k in range(len(own)) for c in columns]
-        laws.append(
-            fit_law(
-                own[:, columns],
-                shared.fit.covariance[np.ix_(places, places)],
-                mean[:, j],
-                [names[c].rstrip("0123456789") for c in columns],
-                law=law,
+    mean = np.array(
+        [
+            record.signals["temperature"][window(record.t, settings.start_s, settings.stop_s)].mean(
+                0
             )
-        )
-    return TemperatureIdentification(
-        shared=shared, laws=tuple(laws), temperature_degC=mean, warnings=_findings(laws)
+            for record in records
+        ]
     )
-
-
-def _mean_temperature(record: ExperimentRecord, settings: IdentifySettings) -> Array:
-    part = window(record.t, settings.start_s, settings.stop_s)
-    return record.signals["temperature"][part].mean(axis=0)
+    shared = identify_shared(records, robot, settings, progress=progress)
+    problem, solved = shared.problem, shared.fit
+    names, own = shared.own, solved.solution.own
+    columns = _joint_columns(shared)
+    # Where the friction of a joint stands in the covariance, record by record.
+    seen = [
+        tuple(k * own.shape[1] + c for k in range(len(own)) for c in joint) for joint in columns
+    ]
+    laws = tuple(
+        fit_law(
+            own[:, joint],
+            solved.covariance[np.ix_(places, places)],
+            mean[:, j],
+            [names[c].rstrip("0123456789") for c in joint],
+            law=law,
+        )
+        for j, (joint, places) in enumerate(zip(columns, seen, strict=True))
+    )
+    return TemperatureIdentification(
+        shared=shared,
+        estimate=shared.estimates[0],
+        laws=laws,
+        temperature_degC=mean,
+        places=tuple(tuple(problem.own[c] for c in joint) for joint in columns),
+        seen=tuple(seen),
+        order=tuple(base_order(problem, solved, 0)),
+        covariance=solved.covariance,
+        naive=solved.naive,
+        warnings=_findings(laws),
+    )
 
 
 def _findings(laws: Sequence[JointTemperatureLaw]) -> tuple[Finding, ...]:
@@ -284,9 +252,7 @@ def _findings(laws: Sequence[JointTemperatureLaw]) -> tuple[Finding, ...]:
 KEY = "temperature"
 
 
-def write_temperature(
-    found: TemperatureIdentification | TemperatureModel, path: str | Path
-) -> None:
+def write_temperature(found: TemperatureModel, path: str | Path) -> None:
     """Write what `identify_temperature` found; it appears whole or not at all.
 
     Args:
@@ -298,9 +264,8 @@ def write_temperature(
         InputError: A place where no such file can be.
         JobError: The disk does not take it.
     """
-    model = found.model if isinstance(found, TemperatureIdentification) else found
-    middle = model.estimate_at(model.reference_degC)
-    write_json(Path(path), {**estimate_to_json(middle), KEY: _to_json(model)})
+    middle = found.estimate_at(found.reference_degC)
+    write_json(Path(path), {**estimate_to_json(middle), KEY: _to_json(found)})
 
 
 def read_temperature(path: str | Path) -> TemperatureModel:

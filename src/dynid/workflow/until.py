@@ -15,13 +15,12 @@ from dynid.excitation import safe_motions
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.trajectory import JointMotion
-from dynid.workflow.accuracy import LONGER, Accuracy, accuracy
 from dynid.workflow.choosing import IdentifySettings
 from dynid.workflow.design_files import StoredDesign, motions_from, read_design
 from dynid.workflow.design_settings import DesignSettings
 from dynid.workflow.designing import design
-from dynid.workflow.identify import identify
-from dynid.workflow.recordings import opened
+from dynid.workflow.identify import LONGER, Accuracy, accuracy, identify
+from dynid.workflow.recordings import open_record
 from dynid.workflow.run_settings import Confirm, RunSettings
 from dynid.workflow.running import SIMULATED, Run, run_design
 
@@ -42,12 +41,7 @@ class Round:
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
         told = {} if self.accuracy is None else self.accuracy.to_json()
-        record = self.run.record
-        return {
-            "design": str(self.design),
-            "record": None if record is None else str(record),
-            **told,
-        }
+        return {"design": str(self.design), "record": self.run.to_json()["record"], **told}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,21 +89,23 @@ class RunUntil:
         told = self.rounds[-1].accuracy
         if self.ended_by == REACHED or told is None:
             return
-        why = (
-            f"a run {LONGER:g} times as long would leave {told.after_longer_percent:.2g} %, of "
-            f"which {told.model_percent:.2g} % is the model's own error"
-            if self.ended_by == OUT_OF_REACH
-            else f"{len(self.rounds)} rounds are the most that are run"
-        )
+        why = f"{len(self.rounds)} rounds are the most that are run"
+        step = "Ask for less, or give the arm more room."
+        if self.ended_by == OUT_OF_REACH:
+            why = (
+                f"a run {LONGER:g} times as long would leave {told.after_longer_percent:.2g} %, of "
+                f"which {told.model_percent:.2g} % is the model's own error"
+            )
+            step = (
+                "Identify the recordings together: richer friction terms, gains or a warm arm may "
+                "be what the model lacks."
+            )
         raise JobError(
             "the accuracy was not reached",
             where="--until",
             value=f"{told.found_percent:.2g} %",
             limit=f"{self.asked_percent:g} %: {why}",
-            next_step="Identify the recordings together: richer friction terms, gains or a warm "
-            "arm may be what the model lacks."
-            if self.ended_by == OUT_OF_REACH
-            else "Ask for less, or give the arm more room.",
+            next_step=step,
         )
 
 
@@ -149,26 +145,34 @@ def run_until(
         )
     asked, path, place = settings or RunSettings(), Path(output), Path(first)
     stored = read_design(place, robot=asked.robot, mount=asked.mount, mesh_dirs=asked.mesh_dirs)
-    again, motions = _settings(stored, place), _purpose(stored, place)
+    again = _settings(stored, place)
+    motions = _purpose(stored, again)
     rounds: list[Round] = []
     records: list[Path] = []
+    ended = ""
     for number in range(1, MOST_ROUNDS + 1):
         record = path if number == 1 else path.with_name(f"{path.stem}_{number}{path.suffix}")
         if number > 1:
             place = path.with_name(f"{path.stem}_{number}_design.json")
             require_absent(place, force=asked.force)
-            more = replace(again, previous=(*again.previous, *map(str, records)),
-                           seed=again.seed + number - 1)  # fmt: skip
+            previous = (*again.previous, *map(str, records))
+            more = replace(again, previous=previous, seed=again.seed + number - 1)
             design(stored.stored.robot, more, output=place, progress=progress)
         run = run_design(
-            place, record, on=on, settings=replace(asked, seed=asked.seed + number - 1),
-            confirm=confirm, cancel=cancel, progress=progress,
-        )  # fmt: skip
+            place,
+            record,
+            on=on,
+            settings=replace(asked, seed=asked.seed + number - 1),
+            confirm=confirm,
+            cancel=cancel,
+            progress=progress,
+        )
         if run.abort is not None or run.record is None:
             rounds.append(Round(design=place, run=run, accuracy=None))
-            return RunUntil(asked_percent=percent, rounds=tuple(rounds), ended_by=STOPPED)
+            ended = STOPPED
+            break
         records.append(run.record)
-        several = opened(records, stored.robot)
+        several = [open_record(path, stored.robot) for path in records]
         result = identify(several, stored.robot, identification, progress=progress)
         told = accuracy(result.estimate, several, motions)
         rounds.append(Round(design=place, run=run, accuracy=told))
@@ -180,8 +184,8 @@ def run_until(
             )
         ended = _ended(told, percent, number)
         if ended:
-            return RunUntil(asked_percent=percent, rounds=tuple(rounds), ended_by=ended)
-    return RunUntil(asked_percent=percent, rounds=tuple(rounds), ended_by=TOO_LONG)
+            break
+    return RunUntil(asked_percent=percent, rounds=tuple(rounds), ended_by=ended or TOO_LONG)
 
 
 def _ended(told: Accuracy, percent: float, rounds: int) -> str:
@@ -208,9 +212,8 @@ def _settings(stored: StoredDesign, place: Path) -> DesignSettings:
     return replace(DesignSettings(**values), accuracy_percent=None)
 
 
-def _purpose(stored: StoredDesign, place: Path) -> list[JointMotion]:
+def _purpose(stored: StoredDesign, asked: DesignSettings) -> list[JointMotion]:
     """The motions that the model is for."""
-    asked = _settings(stored, place)
     if asked.motions:
         return motions_from(asked.motions, stored.robot)
     base = reduce_model(InverseDynamicModel(robot=stored.robot, frames=asked.frames))

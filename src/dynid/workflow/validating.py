@@ -1,18 +1,11 @@
-"""`dynid validate`: an estimate against a recording, from their files.
-
-`dynid identify`: from the files of recordings to an estimate in a file.
-
-`dynid compare`: two estimates, from their files.
-
-Can a result be trusted, and what for?
-"""
+"""`dynid identify`, `validate` and `compare` from files, and the verdict on a result."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from dynid.core import InputError, Progress, workers
+from dynid.core import InputError, Progress, check_word, workers
 from dynid.diagnosis import USELESS_PREDICTION, Verdict, judge
 from dynid.export import simulator_obstacle
 from dynid.identification import read_estimate, write_estimate
@@ -24,6 +17,7 @@ from dynid.recording import (
     checked_records,
     local_files,
 )
+from dynid.robot import load_robot
 from dynid.signals import ProcessingSettings, rows_of, survey, window
 from dynid.validation import (
     MOVING_SPEED,
@@ -36,7 +30,7 @@ from dynid.validation import (
 )
 from dynid.workflow.choosing import IdentifySettings
 from dynid.workflow.identify import Identification, identify
-from dynid.workflow.recordings import open_any, open_record
+from dynid.workflow.recordings import open_any, open_record, stored_robot
 from dynid.workflow.temperature import estimate_at
 
 POOR_DEVIATION = 50.0
@@ -79,13 +73,13 @@ def identify_files(
     """
     others = [] if validation is None else [validation]
     with local_files([*recordings, *others]) as paths:
-        found, model = open_any(paths[: len(recordings)], robot, gains)
+        files = paths[: len(recordings)]
+        model = load_robot(stored_robot(files) if robot is None else robot)
+        found = open_any(files, model, gains)
         held = [record for record in found if isinstance(record, ExperimentRecord)]
         # Of those that stay in their files, a part is checked when it is looked at.
-        records: list[AnyRecording] = [
-            *checked_records(held),
-            *(record for record in found if isinstance(record, StoredRecording)),
-        ]
+        stored = [record for record in found if isinstance(record, StoredRecording)]
+        records: list[AnyRecording] = [*checked_records(held), *stored]
         other: ExperimentRecord | None = None
         if validation is not None:
             other = open_record(paths[-1], model, gains)
@@ -162,8 +156,7 @@ def validate_files(
     Raises:
         InputError: Files that cannot be read, or do not belong together.
     """
-    if refit not in (None, "friction"):
-        raise InputError("unknown part to refit", where="--refit", value=refit, limit="friction")
+    check_word(refit or "friction", ("friction",), "--refit")
     if output is not None and refit is None:
         raise InputError("nothing to write without --refit", where="--output", value=str(output))
     known = estimate_at(estimate, at_degC)
