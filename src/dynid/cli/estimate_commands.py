@@ -70,8 +70,6 @@ def print_metrics(
 
 
 COLOURS = {"usable": "bold green", "care": "bold yellow", "do_not_use": "bold red"}
-
-
 MOST_FINDINGS = 4
 """Findings that are printed unasked, strongest first."""
 
@@ -98,7 +96,6 @@ def _print_identification(screen: Console, result: Identification, *, everything
         for choice in estimate.choices:
             screen.print(f"- {choice}")
         _print_parameters(screen, result)
-        _print_standard(screen, result)
     slides = estimate.model.robot.prismatic
     if result.validation is None or everything:
         print_metrics(screen, "Training", result.training, slides)
@@ -125,6 +122,8 @@ def _print_identification(screen: Console, result: Identification, *, everything
 
 
 def _print_parameters(screen: Console, result: Identification) -> None:
+    """Base parameters, and consistent standard ones where the estimator finds them."""
+    columns = ("combination", "value", "std", "std %", "unit", "")
     rows = [
         (
             row["expression"],
@@ -136,20 +135,11 @@ def _print_parameters(screen: Console, result: Identification) -> None:
         )
         for row in result.estimate.parameter_table()
     ]
-    print_table(
-        screen,
-        "Base parameters",
-        ("combination", "value", "std", "std %", "unit", ""),
-        rows,
-        words=(0, 4, 5),
-    )
-
-
-def _print_standard(screen: Console, result: Identification) -> None:
-    """Consistent standard parameters, where the estimator finds them."""
+    print_table(screen, "Base parameters", columns, rows, words=(0, 4, 5))
     table = result.estimate.standard_table()
     if table is None:
         return
+    columns = ("name", "value", "std", "prior", "unit", "from")
     rows = [
         (
             row["name"],
@@ -161,13 +151,8 @@ def _print_standard(screen: Console, result: Identification) -> None:
         )
         for row in table
     ]
-    print_table(
-        screen,
-        "Standard parameters, physically consistent (from: mostly data or mostly the prior)",
-        ("name", "value", "std", "prior", "unit", "from"),
-        rows,
-        words=(0, 4, 5),
-    )
+    title = "Standard parameters, physically consistent (from: mostly data or mostly the prior)"
+    print_table(screen, title, columns, rows, words=(0, 4, 5))
 
 
 PurposeOption = Annotated[

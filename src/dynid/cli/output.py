@@ -60,15 +60,7 @@ def print_table(
     *,
     words: Iterable[int] = (0,),
 ) -> None:
-    """Print a table.
-
-    Args:
-        screen: Where to.
-        title: A line above it.
-        columns: Headings.
-        rows: Cells.
-        words: The columns that hold words; the others hold numbers, which never wrap.
-    """
+    """Print a table below a title; columns that are not of words hold numbers, which never wrap."""
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
@@ -138,86 +130,57 @@ def check_output(
     where: str = "-o",
     force: bool = True,
 ) -> None:
-    """Find out before a long job whether its result can be written.
-
-    Args:
-        path: Where the result goes.
-        inputs: Files that it must not overwrite.
-        suffix: What the name must end in.
-        where: The option that named it.
-        force: Whether it may replace a file that exists.
+    """Find out before a long job whether its result can be written to the path of an option.
 
     Raises:
-        InputError: The directory is missing or closed, or the path is no place for the result.
+        InputError: Another ending than the suffix, an input, a directory, a file that exists and
+            must not be replaced, or a folder that is missing or closed.
     """
-    if suffix is not None and path.suffix.lower() != suffix:
-        raise InputError(
-            "the output has another format", where=where, value=str(path), limit=f"*{suffix}"
-        )
-    # os.path says False where Path raises, as for names that no file can have.
-    if os.path.isdir(path):
-        raise InputError("the output is a directory", where=where, value=str(path))
-    if os.path.exists(path) and any(
-        os.path.exists(source) and os.path.samefile(path, source) for source in inputs
-    ):
-        raise InputError("the output would overwrite an input", where=where, value=str(path))
-    if str(path) == "-" or (os.path.exists(path) and not os.path.isfile(path)):
-        raise InputError("the output must be a file that can be kept", where=where, value=str(path))
-    require_absent(path, force=force)
-    directory = path.parent
-    if not os.path.isdir(directory):
-        raise InputError(
-            "the output's directory does not exist",
-            where=where,
-            value=str(directory),
-            next_step=f"Run: mkdir -p {directory}",
-        )
-    if not _takes_files(directory):
-        raise InputError(
-            "the output's directory cannot be written to", where=where, value=str(directory)
-        )
-
-
-def _takes_files(directory: Path) -> bool:
-    """Whether a file can be made there: permissions alone do not tell, least of all to root."""
     import tempfile
 
+    # os.path says False where Path raises, as for names that no file can have.
+    there, folder = os.path.exists(path), str(path.parent)
+    inputs = [source for source in inputs if os.path.exists(source)]
+    for wrong, what, limit in (
+        (suffix and path.suffix.lower() != suffix, "has another format", f"*{suffix}"),
+        (os.path.isdir(path), "is a directory", None),
+        (
+            there and any(os.path.samefile(path, x) for x in inputs),
+            "would overwrite an input",
+            None,
+        ),
+        (str(path) == "-" or (there and not os.path.isfile(path)), "must be a file to keep", None),
+    ):
+        if wrong:
+            raise InputError(f"the output {what}", where=where, value=str(path), limit=limit)
+    require_absent(path, force=force)
+    if not os.path.isdir(folder):
+        said, step = "the output's directory does not exist", f"Run: mkdir -p {folder}"
+        raise InputError(said, where=where, value=folder, next_step=step)
     try:
-        with tempfile.TemporaryFile(dir=directory):
-            return True
-    except OSError:
-        return False
+        # Permissions alone do not tell, least of all to root.
+        with tempfile.TemporaryFile(dir=folder):
+            return
+    except OSError as error:
+        said = "the output's directory cannot be written to"
+        raise InputError(said, where=where, value=folder) from error
 
 
 @contextmanager
 def progress_bar(title: str) -> Generator[Callable[[str, float], None] | None]:
-    """Show how far a job is.
-
-    Args:
-        title: What is being done.
-
-    Yields:
-        To be told what is being done and how far it is (0 to 1); None where stderr is no
-        terminal, and nothing is shown.
-    """
+    """Show how far a job is; None, and nothing is shown, where stderr is no terminal."""
     if not sys.stderr.isatty():
         yield None
         return
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        TaskProgressColumn,
-        TextColumn,
-        TimeRemainingColumn,
-    )
+    from rich import progress as bars
 
     columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(bar_width=None),
-        TaskProgressColumn(),
-        TimeRemainingColumn(),
+        bars.TextColumn("{task.description}", markup=False),
+        bars.BarColumn(bar_width=None),
+        bars.TaskProgressColumn(),
+        bars.TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console(stderr=True), transient=True) as progress:
+    with bars.Progress(*columns, console=console(stderr=True), transient=True) as progress:
         task = progress.add_task(title, total=1.0)
 
         def tell(what: str, share: float) -> None:

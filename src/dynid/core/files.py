@@ -198,15 +198,10 @@ def provenance(
     seed: int | None = None,
 ) -> Provenance:
     """A provenance stamped now."""
-    versions = {"python": platform.python_version()}
-    for package in ("dynid", "numpy", "scipy", "numba"):
-        try:
-            versions[package] = version(package)
-        except PackageNotFoundError:
-            versions[package] = "unknown"
+    packages = ("dynid", "numpy", "scipy", "numba")
     return Provenance(
         created=datetime.now(UTC).isoformat(timespec="seconds"),
-        versions=versions,
+        versions={"python": platform.python_version(), **{p: _version_of(p) for p in packages}},
         inputs=dict(inputs or {}),
         settings=dict(settings or {}),
         seed=seed,
@@ -215,8 +210,12 @@ def provenance(
 
 def dynid_version() -> str:
     """The version of this package; `unknown` where it is not installed."""
+    return _version_of("dynid")
+
+
+def _version_of(package: str) -> str:
     try:
-        return version("dynid")
+        return version(package)
     except PackageNotFoundError:
         return "unknown"
 

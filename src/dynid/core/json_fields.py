@@ -55,8 +55,7 @@ class JsonFields:
 
     def vector(self, name: str, *, null: bool = False) -> Array:
         """(N) numbers; with `null`, null stands for NaN."""
-        label = self.prefix + name
-        return _row(self.get(name), label, null=null)
+        return _row(self.get(name), self.prefix + name, null=null)
 
     def matrix(self, name: str) -> Array:
         """(N, M) numbers, given as rows."""
@@ -120,17 +119,14 @@ def load_object(path: str | Path) -> JsonFields:
     where = str(path)
     try:
         if Path(path).stat().st_size > MAX_JSON_BYTES:
-            raise InputError(
-                "the file is too large", where=where, limit=f"{MAX_JSON_BYTES >> 20} MB"
-            )
+            limit = f"{MAX_JSON_BYTES >> 20} MB"
+            raise InputError("the file is too large", where=where, limit=limit)
         content = Path(path).read_bytes()
     except OSError as error:
-        step = None
-        if isinstance(error, FileNotFoundError):
-            step = like_named(Path(path)) or f"Looked in {Path.cwd()}."
-        raise InputError(
-            f"the file cannot be read: {error.strerror or error}", where=where, next_step=step
-        ) from error
+        missing = isinstance(error, FileNotFoundError)
+        step = like_named(Path(path)) or f"Looked in {Path.cwd()}." if missing else None
+        what = f"the file cannot be read: {error.strerror or error}"
+        raise InputError(what, where=where, next_step=step) from error
     except ValueError as error:
         raise InputError("this is not a valid file name", where=where) from error
     try:

@@ -231,24 +231,25 @@ class Page:
             with session.lock:
                 session.editor = SceneEditor(open_scene(path).to_json(), session.editor.changes + 1)
             return f"the scene of {path.name} is taken"
-        output = session.folder / free_name(session.folder, f"{path.stem}.parquet")
         if suffix == ".parquet":
             with contextlib.suppress(DynidError):
                 return f"{session.open(path)} is open"
-        job = Job(
-            kind="import",
-            source=str(path),
-            output=str(output),
-            options={"robot": session.reference},
-        )
-        session.start(job)
+        name = free_name(session.folder, f"{path.stem}.parquet")
+        self._start("import", path, name, {"robot": session.reference})
         return f"{path.name} is read"
 
-    def _choose(self, asked: JsonFields) -> dict[str, Any] | None:
-        name = asked.text("name")
-        self.session.choose(name)
+    def _start(
+        self, kind: str, source: object, name: str, options: dict[str, Any], target: str = "sim"
+    ) -> Path:
+        """Start a job that makes a file of the studio's folder; where it is."""
+        output = file_in(self.session.folder, name, Path(FILES[kind]).suffix)
+        job = Job(kind=kind, source=str(source), output=str(output), options=options, target=target)
+        self.session.start(job)
+        return output
+
+    def _choose(self, asked: JsonFields) -> None:
+        self.session.choose(asked.text("name"))
         self._certify()
-        return None
 
     def _judge(self, asked: JsonFields) -> dict[str, Any]:
         """Limits and nearest bodies at a time of the motion, or at a pose that the page shows."""
@@ -261,10 +262,9 @@ class Page:
             ddq = np.zeros(len(q))
         return facts.instant_facts(session.look(q, dq, ddq))
 
-    def _certify(self) -> dict[str, Any] | None:
+    def _certify(self) -> None:
         if self.session.certifiable:
             self.session.certify()
-        return None
 
     def _add_shape(self, asked: JsonFields) -> dict[str, Any]:
         with self.session.lock:
@@ -302,33 +302,22 @@ class Page:
             "budget_s": asked.number("budget_s"),
             "seed": asked.whole("seed"),
             "mount": None if session.robot.mount == "file" else session.robot.mount,
+            **session.surroundings_for_jobs(),
         }
-        output = file_in(session.folder, asked.text("file"), ".json")
-        options |= session.surroundings_for_jobs()
-        session.start(
-            Job(kind="design", source=session.reference, output=str(output), options=options)
-        )
+        self._start("design", session.reference, asked.text("file"), options)
 
     def _run(self, asked: JsonFields) -> None:
         session = self.session
         chosen = session.motions.get(session.motion.name)
         if chosen is None or not chosen.design:
             raise InputError("choose a design first", value=session.motion.name)
-        output = file_in(session.folder, asked.text("file"), ".parquet")
         options = {
             "repeat": asked.whole("repeat"),
             "slow": 0.2 if asked.get("slow") is True else None,
             **session.surroundings_for_jobs(),
         }
-        session.start(
-            Job(
-                kind="run",
-                source=str(chosen.path),
-                output=str(output),
-                target=asked.text("target").strip(),
-                options=options,
-            )
-        )
+        target = asked.text("target").strip()
+        output = self._start("run", chosen.path, asked.text("file"), options, target)
         self._reader, self._tail = TailReader(output), None
 
     def _identify(self, asked: JsonFields) -> None:
@@ -342,10 +331,7 @@ class Page:
             "robot": session.reference,
             "validate": None if other is None else str(other.path),
         }
-        output = file_in(session.folder, asked.text("file"), ".json")
-        session.start(
-            Job(kind="identify", source=str(chosen.path), output=str(output), options=options)
-        )
+        self._start("identify", chosen.path, asked.text("file"), options)
 
     def _answer(self, asked: JsonFields) -> None:
         if self.session.job is not None:

@@ -1,7 +1,4 @@
-"""`dynid analyze`: how many parameters a robot's motion can show, and which.
-
-Numbers of a robot file that look like degrees or millimetres, in words.
-"""
+"""`dynid analyze`: how many parameters a robot's motion can show, and which."""
 
 import math
 from dataclasses import dataclass
@@ -10,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Finding, told
+from dynid.core import Finding, told
 from dynid.reduction import BaseParametrization, reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel, parse_terms
 from dynid.robot import RobotModel, load_robot
@@ -26,12 +23,7 @@ LONGEST = 20.0
 
 
 def unit_notes(robot: RobotModel) -> tuple[str, ...]:
-    """What in a robot's description is probably not in SI units; nothing where all is well.
-
-    Args:
-        robot: The robot.
-    """
-    turning = [j for j, slides in enumerate(robot.prismatic) if not slides]
+    """What in a robot's description is probably not in SI units; nothing where all is well."""
     limits = robot.limits
     reach = float(np.linalg.norm(robot.placements[:, :3, 3], axis=1).sum())
     found: list[str] = []
@@ -40,7 +32,9 @@ def unit_notes(robot: RobotModel) -> tuple[str, ...]:
         ("position", "rad", position, MOST_TURNS * 2 * math.pi, "degrees"),
         ("velocity", "rad/s", limits.velocity, FASTEST, "degrees a second"),
     ):
-        joints = _beyond(values, most, turning)
+        # A comparison with an unknown limit (NaN) is false.
+        beyond = (values > most) & (values < UNLIMITED) & ~np.array(robot.prismatic)
+        joints = np.flatnonzero(beyond).tolist()
         if joints:
             found.append(
                 f"the {what} limits of joint {', '.join(str(j + 1) for j in joints)} reach "
@@ -49,11 +43,6 @@ def unit_notes(robot: RobotModel) -> tuple[str, ...]:
     if reach > LONGEST:
         found.append(f"the arm is {reach:.4g} m long: its lengths look like millimetres")
     return tuple(found)
-
-
-def _beyond(values: Array, most: float, turning: list[int]) -> list[int]:
-    # A comparison with an unknown limit (NaN) is false.
-    return [j for j in turning if most < values[j] < UNLIMITED]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
