@@ -65,7 +65,7 @@ def short_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(long_module, "FEWEST_PIECES", 3)
     monkeypatch.setattr(long_module, "LOOKED_AT_ROWS", 2000)
     monkeypatch.setattr("dynid.recording.stored.BATCH", 4096)
-    monkeypatch.setattr(identify_module, "LONG_RECORD", 0)
+    monkeypatch.setattr("dynid.workflow.choosing.LONG_RECORD", 0)
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +137,7 @@ def test_an_interrupted_pass_goes_on(
     keep, source = tmp_path / "e.json.partial", open_stored(stored, UR5)
     whole = fit_long([source], UR5, PAPER).estimate
     done: list[Any] = []
-    plain = long_module.sum_part
+    plain = long_module._sum_part
 
     def counted(part: Any) -> RowSums:
         done.append(part)
@@ -147,7 +147,7 @@ def test_an_interrupted_pass_goes_on(
         if what == "summing all rows" and share > 0.5:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(long_module, "sum_part", counted)
+    monkeypatch.setattr(long_module, "_sum_part", counted)
     with pytest.raises(KeyboardInterrupt):
         fit_long([source], UR5, PAPER, partial=keep, progress=tell)
     first = len(done)
