@@ -141,6 +141,7 @@ def check_output(
     # os.path says False where Path raises, as for names that no file can have.
     there, folder = os.path.exists(path), str(path.parent)
     inputs = [source for source in inputs if os.path.exists(source)]
+    kept = "must be a file that can be kept"
     for wrong, what, limit in (
         (suffix and path.suffix.lower() != suffix, "has another format", f"*{suffix}"),
         (os.path.isdir(path), "is a directory", None),
@@ -149,7 +150,7 @@ def check_output(
             "would overwrite an input",
             None,
         ),
-        (str(path) == "-" or (there and not os.path.isfile(path)), "must be a file to keep", None),
+        (str(path) == "-" or (there and not os.path.isfile(path)), kept, None),
     ):
         if wrong:
             raise InputError(f"the output {what}", where=where, value=str(path), limit=limit)
