@@ -8,8 +8,8 @@ import numpy as np
 
 from dynid.core import Array, Finding, RecordError
 from dynid.recording.clocks import Clock, rises
-from dynid.recording.headers import Match, match_headers, spelled
-from dynid.recording.names import Name, parse_name
+from dynid.recording.headers import Family, Match, match_headers, spelled
+from dynid.recording.names import parse_name
 from dynid.recording.record import JOINT_QUANTITIES
 from dynid.recording.repair.motion import common_slope, velocity_slopes
 from dynid.recording.table import Mask, plain
@@ -153,7 +153,8 @@ def assign(
     said: set[str] = set()
     notices: list[Finding] = []
     for quantity, numbers in mapping.items():
-        units = _units_of([parse_name(names[k]) for k in numbers])
+        family = Family(members=[(parse_name(names[k]), k) for k in numbers])
+        units = [family.unit_of(k) for k in numbers]
         factors[quantity], unknown = factors_of(quantity, units)
         if unknown is not None:
             text = (
@@ -181,14 +182,6 @@ def assign(
         notes=_conversions(factors),
         notices=tuple(notices),
     )
-
-
-def _units_of(parsed: Sequence[Name]) -> list[str]:
-    """Units of columns; what stands in brackets is a joint's name where each has another."""
-    joints = {name.joint for name in parsed}
-    if all(joints) and len(joints) == len(parsed) > 1:
-        return [name.unit if name.joint not in name.unit else "" for name in parsed]
-    return [name.unit for name in parsed]
 
 
 def _joints_of(names: Sequence[str], joints: Sequence[str]) -> tuple[str, ...]:

@@ -156,7 +156,7 @@ def zstd_module() -> ModuleType:
     )
 
 
-def said(error: Exception) -> str:
+def said(error: BaseException) -> str:
     """What a library's error says, on one line."""
     return " ".join(str(error).split())[:200] or type(error).__name__
 

@@ -17,9 +17,9 @@ from dynid.recording.units import factor_of, factors_of, refuse_unit
 class Family:
     """Columns of the same name, each of another joint."""
 
-    base: str
-    scope: str
-    rank: int
+    base: str = ""
+    scope: str = ""
+    rank: int = 0
     """Place of the name among those of its quantity; the first is the surest."""
     members: list[tuple[Name, int]] = field(default_factory=list[tuple[Name, int]])
     """Name and column number."""

@@ -46,7 +46,7 @@ _LOOK_S = 0.25
 """Between two looks at the CPU time."""
 _TICKS = 1.5
 """The limit of the kernel's own, rougher count."""
-_ARRAYS = ("rows", "index", "t", "reported")
+_ARRAYS = ("rows", "t", "reported")
 _SMALLER = "Save only the signals of the joints, or split the recording into shorter ones."
 
 
@@ -237,7 +237,7 @@ def _send(found: Read, answers: IO[bytes]) -> None:
         facts = {
             item.name: getattr(found, item.name)
             for item in fields(RawTable)
-            if item.name not in (*_ARRAYS, "signals", "channels")
+            if item.name not in (*_ARRAYS, "index", "signals", "channels")
         }
         facts["said"] = sorted(found.said)
         facts["notices"] = [notice.to_json() for notice in found.notices]
@@ -252,7 +252,7 @@ def _send(found: Read, answers: IO[bytes]) -> None:
 def _unpack(answer: dict[str, Any], stream: IO[bytes]) -> Read | None:
     facts: dict[str, Any] = {**answer["facts"], "signals": {}, "channels": {}}
     if not answer["own"]:
-        facts |= dict.fromkeys(_ARRAYS)
+        facts["t"] = None
     for name, kind, shape in answer["arrays"]:
         value = np.empty(shape, dtype=np.dtype(kind))
         view = value.reshape(-1).view(np.uint8).data

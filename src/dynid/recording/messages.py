@@ -284,8 +284,7 @@ def read_states(
         RecordError: No topic has positions, several have, or their messages are not defined.
     """
     joints, columns, topic = options.joints, options.columns, options.topic
-    chosen = _choose(read, topics, topic, joints, where)
-    first = _first_of(read, [chosen])[chosen.name]
+    chosen, first = _choose(read, topics, topic, joints, where)
     names = _field_names(first)
     found = assign(names, columns, len(names), f"{where} {chosen.name}", joints)
     if columns is None:
@@ -351,8 +350,8 @@ def _choose(
     wanted: str | None,
     joints: Sequence[str],
     where: str,
-) -> Topic:
-    """The topic that is asked for, or the only one that has positions; best with torques."""
+) -> tuple[Topic, Decoded]:
+    """The topic that is asked for, or the only one that has positions, and its first message."""
     if wanted is not None and wanted not in topics:
         raise RecordError("no such topic", where=where, value=wanted, limit=sorted(topics))
     asked = [topics[wanted]] if wanted is not None else list(topics.values())
@@ -364,7 +363,7 @@ def _choose(
         if item.name not in samples:
             continue
         if wanted is not None:
-            return item
+            return item, samples[item.name]
         try:
             match = match_headers(_field_names(samples[item.name]), f"{where} {item.name}", joints)
         except NotRecognised:
@@ -376,7 +375,7 @@ def _choose(
         (full if torque else some).append(item)
     fits = full or some
     if len(fits) == 1:
-        return fits[0]
+        return fits[0], samples[fits[0].name]
     described = [f"{item.name} ({item.kind})" for item in fits or topics.values()][:20]
     if fits:
         raise RecordError(

@@ -12,20 +12,23 @@ import numpy as np
 from dynid.core import Array, Finding, RecordError, finding_from_json, frozen
 from dynid.robot import RobotModel
 
-JOINT_QUANTITIES = (
-    "q",
-    "qd",
-    "qdd",
-    "current",
-    "effort",
-    "target_q",
-    "target_qd",
-    "target_qdd",
-    "target_current",
-    "target_moment",
-    "temperature",
-)
-"""Signals with one column a joint, in SI units (A for currents, degC for temperature)."""
+UNITS: dict[str, str] = {
+    "t": "s",
+    "q": "rad",
+    "qd": "rad/s",
+    "qdd": "rad/s^2",
+    "current": "A",
+    "effort": "N.m",
+    "target_q": "rad",
+    "target_qd": "rad/s",
+    "target_qdd": "rad/s^2",
+    "target_current": "A",
+    "target_moment": "N.m",
+    "temperature": "degC",
+}
+"""Unit of each column; m and N instead of rad and N.m on prismatic joints."""
+JOINT_QUANTITIES = tuple(name for name in UNITS if name != "t")
+"""Signals with one column a joint."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,21 +126,6 @@ class ExperimentRecord:
 
 
 VERSION = 1
-UNITS: dict[str, str] = {
-    "t": "s",
-    "q": "rad",
-    "qd": "rad/s",
-    "qdd": "rad/s^2",
-    "current": "A",
-    "effort": "N.m",
-    "target_q": "rad",
-    "target_qd": "rad/s",
-    "target_qdd": "rad/s^2",
-    "target_current": "A",
-    "target_moment": "N.m",
-    "temperature": "degC",
-}
-"""Unit of each column; m and N instead of rad and N.m on prismatic joints."""
 
 
 def metadata_to_json(metadata: RecordMetadata) -> dict[str, Any]:

@@ -57,7 +57,7 @@ class RawTable:
     """The format it was read as."""
     rows: Rows
     """(N) line, message or sample number in the file, from 1."""
-    index: Rows | None = None
+    index: Rows = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     """(N) place of each row in the table as it was read, to know where rows have gone."""
     row_word: str = "line"
     """What `rows` counts: `line`, `message` or `sample`."""
@@ -83,7 +83,7 @@ class RawTable:
     """Joint names in column order, where the file gives them."""
     channels: Mapping[str, Array] = field(default_factory=dict[str, Array])
     """Other columns, name to (N)."""
-    reported: Mask | None = None
+    reported: Mask = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
     """(N) rows whose loss `notices` reports already."""
     notices: tuple[Finding, ...] = ()
     """What was found so far."""
@@ -93,6 +93,17 @@ class RawTable:
     """Rows thrown away so far."""
     extra: Mapping[str, str] = field(default_factory=dict[str, str])
     """Facts for the record's metadata."""
+
+    def __post_init__(self) -> None:
+        if len(self.index) != len(self.rows):
+            object.__setattr__(self, "index", np.arange(len(self.rows), dtype=np.int64))
+        if len(self.reported) != len(self.rows):
+            object.__setattr__(self, "reported", np.zeros(len(self.rows), dtype=np.bool_))
+
+    @property
+    def ticks(self) -> Array:
+        """(N - 1) how many rows each step spans, those that were left out counted."""
+        return np.diff(self.index).astype(np.float64)
 
     @property
     def stamps(self) -> Array:
@@ -170,10 +181,10 @@ class RawTable:
         return replace(
             self,
             rows=self.rows[mask],
-            index=None if self.index is None else self.index[mask],
+            index=self.index[mask],
             t=None if self.t is None else self.t[mask],
             signals={name: value[mask] for name, value in self.signals.items()},
             channels={name: value[mask] for name, value in self.channels.items()},
-            reported=None if self.reported is None else self.reported[mask],
+            reported=self.reported[mask],
             dropped=self.dropped + (int((~mask).sum()) if counted else 0),
         )

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dynid.core import Array, Finding, InputError, JobError, RecordError, require_absent
+from dynid.recording.content import said
 from dynid.recording.record import RecordMetadata, check_quantities, metadata_to_json
 from dynid.recording.store import (
     MARK,
@@ -226,8 +227,7 @@ class RecordWriter:
         # A disk that takes no more; what it has is closed all the same.
         with suppress(JobError):
             if error is not None and self._file is not None and not self._aborted:
-                what = " ".join(str(error).split())[:200] or type(error).__name__
-                self.report(Finding("aborted", f"the recording was stopped: {what}"))
+                self.report(Finding("aborted", f"the recording was stopped: {said(error)}"))
         try:
             self.close()
         except (InputError, JobError):
@@ -249,23 +249,21 @@ class RecordWriter:
                 # Half a segment would hide all that may still follow.
                 os.ftruncate(self._file, self._end)
                 os.lseek(self._file, self._end, os.SEEK_SET)
-            raise JobError(
-                f"the recording cannot be written; {self._saved} samples are on the disk",
-                where=str(self._partial),
-                value=error.strerror,
-                next_step=read_partial(self._partial),
-            ) from error
+            raise self._unwritten(str(error.strerror)) from error
         self._end += len(data)
 
     def _raise_sync(self) -> None:
         if self._sync is not None and self._sync.done() and (error := self._sync.exception()):
             self._aborted = True
-            raise JobError(
-                "the recording cannot be written to the disk",
-                where=str(self._partial),
-                value=str(error),
-                next_step=read_partial(self._partial),
-            ) from error
+            raise self._unwritten(str(error)) from error
+
+    def _unwritten(self, why: str) -> JobError:
+        return JobError(
+            f"the recording cannot be written; {self._saved} samples are on the disk",
+            where=str(self._partial),
+            value=why,
+            next_step=read_partial(self._partial),
+        )
 
 
 def _require_space(path: Path, width: int, samples: int | None) -> None:

@@ -27,10 +27,8 @@ def settle_unit(table: RawTable) -> RawTable:
     Raises:
         RecordError: The time counts rows.
     """
-    if table.t is None:
-        return table
-    first = float(table.t[0])
-    t = table.t - first
+    first = float(table.stamps[0])
+    t = table.stamps - first
     scale = table.time_scale
     guessed = scale is None
     if scale is None:
@@ -65,7 +63,7 @@ def _scale(t: Array, table: RawTable) -> float:
                 for factor in (1.0, DEGREE, 1 / DEGREE):
                     if abs(slope / (scale * factor) - 1) < 0.25:
                         return scale
-    first = 0.0 if table.t is None else float(table.t[0])
+    first = float(table.stamps[0])
     if step < _FASTEST and any(low < first < high for low, high in _DAY_COUNTS):
         return _DAY
     if step < 0.5:
@@ -99,15 +97,12 @@ def _refuse_row_counts(seconds: Array, t: Array, table: RawTable) -> None:
 
 def report_clock(table: RawTable) -> RawTable:
     """Report gaps and jitter of the stamps."""
-    if table.t is None or table.samples < 4 or table.clock == "rate":
+    if table.samples < 4 or table.clock == "rate":
         return table
-    steps = np.diff(table.t)
-    # Where rows were left out the step is wide by our own doing, and reported as such.
-    ours = np.zeros(len(steps), dtype=np.bool_)
-    if table.index is not None:
-        ours = np.diff(table.index) > 1
+    steps = np.diff(table.stamps)
     nominal = float(np.median(steps))
-    steps = np.where(ours, nominal, steps)
+    # Where rows were left out the step is wide by our own doing, and reported as such.
+    steps = np.where(table.ticks > 1, nominal, steps)
     # A late stamp is followed, or was preceded, by a short step; a gap is not.
     padded = np.pad(steps, 1, constant_values=nominal)
     lonely = np.minimum(steps + padded[2:], steps + padded[:-2]) > 2.5 * nominal
@@ -151,10 +146,9 @@ def mend_jumps(table: RawTable) -> RawTable:
     Over rows that are missing, a moving robot has gone as far as the stamps say. Where it has
     gone one step only, the clock was set, or its counter began again.
     """
-    if table.t is None or table.clock == "rate" or table.samples < _FEWEST_ROWS:
+    if table.clock == "rate" or table.samples < _FEWEST_ROWS:
         return table
-    t, q = table.t, table.signals["q"]
-    ticks = np.ones(len(t) - 1) if table.index is None else np.diff(table.index).astype(np.float64)
+    t, q, ticks = table.stamps, table.signals["q"], table.ticks
     steps = np.diff(t)
     forward = steps[steps > 0] / ticks[steps > 0]
     nominal = float(np.median(forward)) if len(forward) else 0.0
@@ -207,9 +201,9 @@ def _moves_on(q: Array, ticks: Array, k: int) -> bool:
 
 def shorten_gaps(table: RawTable) -> RawTable:
     """Shorten pauses of the recorder that are far longer than the recording itself."""
-    if table.t is None or table.samples < _FEWEST_ROWS:
+    if table.samples < _FEWEST_ROWS:
         return table
-    steps = np.diff(table.t)
+    steps = np.diff(table.stamps)
     nominal = float(np.median(steps))
     filled = nominal * len(steps)
     if nominal <= 0 or float(steps.sum()) <= _LONGEST_SPAN * filled:
@@ -220,7 +214,7 @@ def shorten_gaps(table: RawTable) -> RawTable:
     places: Rows = np.flatnonzero(long)
     seconds = float(steps[long].sum())
     steps[long] = _GAP_STEPS * nominal
-    t = np.concatenate([[table.t[0]], table.t[0] + np.cumsum(steps)])
+    t = float(table.stamps[0]) + np.pad(np.cumsum(steps), (1, 0))
     return replace(table, t=t).report(
         "clock_jitter",
         f"{len(places)} pauses of the recorder, {seconds / filled:.3g} times as long as all that "
@@ -239,9 +233,9 @@ def join_runs(table: RawTable) -> RawTable:
 
     A run that is there twice, number by number, is left out.
     """
-    if table.t is None or table.samples < 2 * _FEWEST_ROWS or table.clock != "recorded":
+    if table.samples < 2 * _FEWEST_ROWS or table.clock != "recorded":
         return table
-    t = table.t
+    t = table.stamps
     steps = np.diff(t)
     nominal = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
     if nominal <= 0:
@@ -252,8 +246,7 @@ def join_runs(table: RawTable) -> RawTable:
         return table
     q = table.signals["q"]
     kept = np.ones(len(t), dtype=np.bool_)
-    joined, index = t.copy(), table.index
-    counted = np.arange(len(t), dtype=np.int64) if index is None else index.copy()
+    joined, counted = t.copy(), table.index.copy()
     last = float(t[ends[0] - 1])
     for number in range(1, len(starts)):
         rows = slice(int(starts[number]), int(ends[number]))
@@ -296,10 +289,9 @@ def spread_stamps(table: RawTable) -> RawTable:
     Stamps of 10 ms for rows that come every 8 ms repeat; their places in time are known by the
     rows, as long as none is more than one digit off an even clock.
     """
-    if table.t is None or table.samples < 24:
+    if table.samples < 24:
         return table
-    t, index = table.t, table.index
-    rows = np.arange(len(t), dtype=np.float64) if index is None else index.astype(np.float64)
+    t, rows = table.stamps, table.index.astype(np.float64)
     steps = np.diff(t)
     rising = steps[steps > 0]
     if len(rising) < 8 or table.clock != "recorded" or (steps < 0).any():

@@ -6,7 +6,7 @@ import numpy as np
 
 from dynid.core import Array, RecordError
 from dynid.recording.headers import by_rows
-from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, Mask, RawTable, Rows, rows_with
+from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, Mask, RawTable, rows_with
 
 ABSURD = 1e12
 """No robot signal is larger, in any unit; larger values count as missing."""
@@ -25,19 +25,17 @@ def drop_missing(table: RawTable) -> RawTable:
             name: np.where(np.abs(value) < ABSURD, value, np.nan)
             for name, value in table.signals.items()
         }
-        t = None if table.t is None else np.where(np.abs(table.t) < 1e20, table.t, np.nan)
+        t: Array = np.where(np.abs(table.stamps) < 1e20, table.stamps, np.nan)
     table = replace(table, signals=signals, t=t)
     rows = table.samples
-    alive = rows_with(np.isfinite(signals["q"]))
-    if t is not None:
-        if np.isnan(t).mean() > _MOST_LOST:
-            raise RecordError(
-                "the time column has no numbers on most rows",
-                where=table.source,
-                value=f"{int(np.isnan(t).sum())} of {rows}",
-                next_step=by_rows(table.columns),
-            )
-        alive &= np.isfinite(t)
+    alive = rows_with(np.isfinite(signals["q"])) & np.isfinite(t)
+    if np.isnan(t).mean() > _MOST_LOST:
+        raise RecordError(
+            "the time column has no numbers on most rows",
+            where=table.source,
+            value=f"{int(np.isnan(t).sum())} of {rows}",
+            next_step=by_rows(table.columns),
+        )
     _require_positions(table, alive)
     for quantity in [name for name in signals if name != "q"]:
         table = _judge(table, quantity, alive)
@@ -53,8 +51,7 @@ def drop_missing(table: RawTable) -> RawTable:
             "with --columns, for example current=13:19.",
         )
     good = np.all([np.isfinite(value).all(axis=1) for value in table.signals.values()], axis=0)
-    if table.t is not None:
-        good &= np.isfinite(table.t)
+    good &= np.isfinite(t)
     if (~good).mean() > _MOST_LOST:
         raise RecordError(
             f"{int((~good).sum())} of {rows} rows cannot be used",
@@ -62,7 +59,7 @@ def drop_missing(table: RawTable) -> RawTable:
             limit="half of the rows",
             next_step=f"The first is {_place(table, int(np.argmax(~good)))}.",
         )
-    fresh = ~good if table.reported is None else ~good & ~table.reported
+    fresh = ~good & ~table.reported
     if fresh.any():
         table = table.report(
             "corrupt_rows",
@@ -137,7 +134,7 @@ def _judge(table: RawTable, quantity: str, alive: Mask) -> RawTable:
 
 
 def _place(table: RawTable, index: int) -> str:
-    if table.t is not None and not np.isfinite(table.t[index]):
+    if not np.isfinite(table.stamps[index]):
         return f"{table.row(index)}, time"
     for quantity, value in table.signals.items():
         if not np.isfinite(value[index]).all():
@@ -296,16 +293,15 @@ def drop_broken_ends(table: RawTable) -> RawTable:
     most = min(_TAILS_MOST, table.samples // 50)
     if most < 2:
         return table
-    # A step over rows that were left out is a step of as many rows.
-    ticks = np.ones(table.samples - 1) if table.index is None else np.diff(table.index)
     bad = np.zeros(table.samples, dtype=np.bool_)
     for quantity in ("q", "qd"):
         if quantity in table.signals:
-            bad |= _broken(table.signals[quantity], ticks, most)
+            # A step over rows that were left out is a step of as many rows.
+            bad |= _broken(table.signals[quantity], table.ticks, most)
     return table.leave_out(bad, "break off from the motion at an end")
 
 
-def _broken(value: Array, ticks: Array | Rows, most: int) -> Mask:
+def _broken(value: Array, ticks: Array, most: int) -> Mask:
     steps = np.abs(np.diff(value, axis=0)) / ticks[:, None]
     inner = steps[most:-most].max(axis=0)
     over = (steps > _TIMES * inner) & (steps > 1e-3) & (inner > 0)

@@ -59,9 +59,7 @@ def check_velocities(table: RawTable, rate_hz: float | None) -> RawTable:
 
     Velocities in another unit than positions are left out: both cannot be right.
     """
-    if table.t is None:
-        return table
-    nominal = 1.0 / float(np.median(np.diff(table.t)))
+    nominal = 1.0 / float(np.median(np.diff(table.stamps)))
     if rate_hz is not None and table.clock != "rate" and abs(rate_hz / nominal - 1) > 0.03:
         table = table.report(
             "clock_mismatch",
@@ -159,13 +157,8 @@ def drop_bursts(table: RawTable) -> RawTable:
 
 def _ticks(table: RawTable) -> Array:
     """(N - 1) how many ordinary steps each step spans: rows were left out, or are missing."""
-    ticks = np.ones(table.samples - 1)
-    if table.index is not None:
-        ticks = np.maximum(ticks, np.diff(table.index))
-    if table.t is not None:
-        steps = np.diff(table.t)
-        ticks = np.maximum(ticks, steps / float(np.median(steps)))
-    return ticks
+    steps = np.diff(table.stamps)
+    return np.maximum(table.ticks, steps / float(np.median(steps)))
 
 
 def _stretches(x: Array, ticks: Array, longest: int) -> tuple[list[tuple[int, int]], list[int]]:
@@ -211,9 +204,9 @@ def check_counted_rows(table: RawTable) -> RawTable:
     is twice as long as those before and after.
     """
     q, index = table.signals["q"], table.index
-    if table.clock != "rate" or index is None or table.samples < 50:
+    if table.clock != "rate" or table.samples < 50:
         return table
-    steps, ticks = np.diff(q, axis=0), np.diff(index)
+    steps, ticks = np.diff(q, axis=0), table.ticks
     last = len(steps) - 6
     around = 0.25 * (steps[:last] + steps[1 : last + 1] + steps[5 : last + 5] + steps[6:])
     # Rows that were left out are known: they widen the window, they do not shift the clock.

@@ -152,13 +152,14 @@ _FAR_BEYOND, _FAR_BELOW = 3.0, 0.06
 
 def _report_rest(table: RawTable) -> RawTable:
     """Report long standstill at the start and end; the rows are kept."""
-    if table.t is None or table.samples < 10:
+    if table.samples < 10:
         return table
-    moving = _moving(table.t, table.signals["q"])
+    t = table.stamps
+    moving = _moving(t, table.signals["q"])
     if not moving.any():
         return table.report("at_rest", "the robot does not move in this recording")
-    start = float(table.t[int(np.argmax(moving))] - table.t[0])
-    end = float(table.t[-1] - table.t[len(moving) - 1 - int(np.argmax(moving[::-1]))])
+    rows = np.flatnonzero(moving)
+    start, end = float(t[rows[0]] - t[0]), float(t[-1] - t[rows[-1]])
     parts = [
         f"{seconds:.2g} s at the {where}"
         for seconds, where in ((start, "start"), (end, "end"))
@@ -182,9 +183,9 @@ def _moving(t: Array, q: Array) -> Mask:
 
 def _report_saturation(table: RawTable) -> RawTable:
     """Report torques and currents that are clipped."""
-    if table.t is None or table.samples < 50:
+    if table.samples < 50:
         return table
-    moving = _moving(table.t, table.signals["q"])
+    moving = _moving(table.stamps, table.signals["q"])
     for quantity in ("effort", "current"):
         value = table.signals.get(quantity)
         if value is None:

@@ -33,12 +33,11 @@ def drop_spikes(table: RawTable) -> RawTable:
     """Leave out samples that stand far off the curve through their neighbours."""
     if table.samples < 24:
         return table
-    t = table.t if table.t is not None else table.rows.astype(np.float64)
     bad = np.zeros(table.samples, dtype=np.bool_)
     found: list[str] = []
     for quantity, value in table.signals.items():
         bar = _BARS.get(quantity, _DEFAULT_BAR)
-        heights = np.column_stack([_find_spikes(t, column, *bar) for column in value.T])
+        heights = np.column_stack([_find_spikes(table.stamps, x, *bar) for x in value.T])
         if quantity in ("q", "target_q"):
             heights = _without_late_readings(value, heights)
         elif quantity in TORQUE_SOURCES and rows_with(heights > 0).mean() > _ROUGH:

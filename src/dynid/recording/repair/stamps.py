@@ -20,9 +20,9 @@ def repair_stamps(table: RawTable) -> RawTable:
     Raises:
         RecordError: Time does not run forwards, or more than a fifth of the rows would go.
     """
-    if table.t is None or table.samples < 2:
+    if table.samples < 2:
         return table
-    t = table.t
+    t = table.stamps
     steps = np.diff(t)
     forward = steps[steps > 0]
     if len(forward) == 0 or (len(forward) < 0.5 * np.count_nonzero(steps)):
@@ -131,9 +131,7 @@ _FARTHEST = 5.0
 
 def lay_together(table: RawTable) -> RawTable:
     """Bring signals with rows of their own to the rows of q; drop rows of other topics."""
-    if table.t is None or "q" not in table.signals:
-        return table
-    t = table.t
+    t = table.stamps
     there = np.isfinite(t) & np.isfinite(table.signals["q"]).all(axis=1)
     if there.sum() < _FEWEST_ROWS or there.all():
         return table
@@ -171,8 +169,7 @@ def _between(t: Array, value: Array, at: Array) -> Array:
 def _without_blank(table: RawTable, there: Mask) -> RawTable:
     """Without rows that hold nothing of the joints."""
     blank = np.all([np.isnan(value).all(axis=1) for value in table.signals.values()], axis=0)
-    if table.reported is not None:
-        blank &= ~table.reported
+    blank &= ~table.reported
     partly = ~there & ~blank
     if blank.mean() > 0.05:
         # Beside them stand rows that held another quantity only, which is on q's rows by now.
@@ -198,9 +195,8 @@ def drop_repeats(table: RawTable) -> RawTable:
         return table
     stacked = np.concatenate(list(table.signals.values()), axis=1)
     same = np.concatenate([[False], (stacked[1:] == stacked[:-1]).all(axis=1)])
-    if table.t is not None:
-        twice = same & np.concatenate([[False], table.t[1:] == table.t[:-1]])
-        table, same = table.leave_out(twice, "were written twice", "dropped_rows"), same[~twice]
+    twice = same & np.concatenate([[False], table.stamps[1:] == table.stamps[:-1]])
+    table, same = table.leave_out(twice, "were written twice", "dropped_rows"), same[~twice]
     moving = _moves(table.signals["q"])
     held = same & moving
     if held.sum() < max(3, 0.002 * table.samples) or held.mean() > 0.9:
