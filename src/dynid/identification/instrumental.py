@@ -186,11 +186,8 @@ def _mass(torque: Array, gravity: Array) -> Array:
     """(B, n, n) mass matrices from the torques at rest and at each unit acceleration."""
     count, joints = gravity.shape
     units = torque[count:].reshape(joints, count, joints).transpose(1, 2, 0)
-    return _positive(units - gravity[:, :, None])
-
-
-def _positive(mass: Array) -> Array:
-    """(B, n, n) the nearest symmetric matrices with positive eigenvalues."""
+    mass = units - gravity[:, :, None]
+    # The nearest symmetric matrices with positive eigenvalues.
     values, vectors = np.linalg.eigh((mass + mass.transpose(0, 2, 1)) / 2)
     raised = np.maximum(values, LEAST_MASS * values[:, -1:])
     return np.asarray((vectors * raised[:, None]) @ vectors.transpose(0, 2, 1), dtype=np.float64)

@@ -132,15 +132,16 @@ def nominal_geometry(robot: RobotModel) -> RobotModel:
         step = _link(near[k - 1], far[k - 1]) @ _joint(far[k - 1], near[k])
         placements[k] = inverse(joint_frames[k - 1]) @ step @ joint_frames[k]
     placements = tidy(placements)
+    back = inverse(joint_frames)
     frames = {
-        name: _moved_frames(joint_frames, in_near @ values)
+        name: tidy(back @ np.array([_snap(pose) for pose in in_near @ values]))
         for name, values in robot.parameter_frames.items()
     }
     differences = [placements - robot.placements]
     differences += [frames[name] - values for name, values in robot.parameter_frames.items()]
     if max(float(np.abs(values).max()) for values in differences) <= _SAME:
         return robot
-    moves = inverse(joint_frames) @ in_near
+    moves = back @ in_near
     return replace(
         robot,
         placements=placements,
@@ -209,11 +210,6 @@ def _joint(far: Array, near: Array) -> Array:
 
 def _met(distance: float) -> float:
     return 0.0 if abs(distance) < MEET_WITHIN else distance
-
-
-def _moved_frames(joint_frames: Array, in_near: Array) -> Array:
-    snapped = np.array([_snap(pose) for pose in in_near])
-    return tidy(inverse(joint_frames) @ snapped)
 
 
 def _right(angle: float) -> float | None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,6 @@ from dynid.robot.model import (
     FRAMES,
     Counterbalance,
     Drives,
-    JointLimits,
     RobotModel,
     SafetyLimits,
     Tool,
@@ -33,9 +33,6 @@ from dynid.robot.transforms import from_body, from_xyz_rpy, move
 from dynid.robot.urdf import load_urdf
 from dynid.robot.urdf_bodies import with_collision_geometry
 
-Part = tuple[dict[str, Any], list[str]]
-"""Fields of RobotModel that change, and sources."""
-
 _SIDES = ("joint", "motor")
 _BODY_FRAMES = ("dh", "mdh", "urdf", "joint")
 _LIMITS = ("lower", "upper", "velocity", "acceleration", "torque")
@@ -44,60 +41,50 @@ _SAFETY = ("tcp_speed", "elbow_speed", "momentum", "power")
 _STRONGEST = 30.0
 
 
-def read_mount(values: object, robot: RobotModel) -> Part:
-    """The table `mount`: a kind, or gravity in the base frame."""
-    del robot
-    table = TomlTable(values, "", "mount", ("kind", "gravity"))
+def _read_mount(rows: list[TomlTable], _: RobotModel) -> dict[str, Any]:
+    """A kind, or gravity in the base frame."""
+    (table,) = rows
     if ("kind" in table) == ("gravity" in table):
         raise RobotError("give either kind or gravity")
     if "kind" in table:
         kind = table.text("kind")
-        return {"mount": kind, "gravity": mount_gravity(kind)}, table.sources("mount")
+        return {"mount": kind, "gravity": mount_gravity(kind)}
     gravity = table.numbers("gravity", 3)
     if float(np.linalg.norm(gravity)) > _STRONGEST:
         raise RobotError(
             "gravity is too strong", value=gravity.tolist(), limit=f"{_STRONGEST} m/s^2"
         )
-    return {"mount": "file", "gravity": gravity}, table.sources("mount")
+    return {"mount": "file", "gravity": gravity}
 
 
-def read_limits(values: object, robot: RobotModel) -> Part:
-    """The table `limits`; what it leaves out stays as it was."""
-    table = TomlTable(values, "", "limits", _LIMITS)
-    found = {
-        key: table.numbers(key, robot.joints, unknown=True)
-        if key in table
-        else getattr(robot.limits, key)
-        for key in _LIMITS
-    }
-    return {"limits": JointLimits(**found)}, table.sources("limits")
+def _read_limits(rows: list[TomlTable], robot: RobotModel) -> dict[str, Any]:
+    """What the table leaves out stays as it was."""
+    (table,), n = rows, robot.joints
+    given = {key: table.numbers(key, n, unknown=True) for key in _LIMITS if key in table}
+    return {"limits": replace(robot.limits, **given)}
 
 
-def read_safety(values: object, robot: RobotModel) -> Part:
-    """The table `safety`; `elbow` is the joint at whose `urdf` frame the elbow is."""
-    table = TomlTable(values, "", "safety", (*_SAFETY, "elbow"))
+def _read_safety(rows: list[TomlTable], robot: RobotModel) -> dict[str, Any]:
+    """`elbow` is the joint at whose `urdf` frame the elbow is."""
+    (table,) = rows
     found: dict[str, Any] = {key: table.number(key) for key in _SAFETY if key in table}
     if "elbow" in table:
         found["elbow"] = 1 + robot.joint_names.index(table.text("elbow", robot.joint_names))
     elif "elbow_speed" in table:
         raise RobotError("'elbow_speed' needs 'elbow', the name of a joint")
-    return {"safety": SafetyLimits(**found)}, table.sources("safety")
+    return {"safety": SafetyLimits(**found)}
 
 
-def read_tool(values: object, robot: RobotModel) -> Part:
-    """The table `tool`: what the flange carries, in its frame."""
-    del robot
-    table = TomlTable(values, "", "tool", ("tcp", "mass", "com", "radius"))
+def _read_tool(rows: list[TomlTable], _: RobotModel) -> dict[str, Any]:
+    """What the flange carries, in its frame."""
+    (table,) = rows
     found: dict[str, Any] = {key: table.numbers(key, 3) for key in ("tcp", "com") if key in table}
     found |= {key: table.number(key) for key in ("mass", "radius") if key in table}
-    return {"tool": Tool(**found)}, table.sources("tool")
+    return {"tool": Tool(**found)}
 
 
-def read_drives(values: object, robot: RobotModel) -> Part:
-    """The table `drives`."""
-    known = ("gain", "gear_ratio", "coupling", "offset", "position_side", "torque_side")
-    table = TomlTable(values, "", "drives", known)
-    n = robot.joints
+def _read_drives(rows: list[TomlTable], robot: RobotModel) -> dict[str, Any]:
+    (table,), n = rows, robot.joints
     found: dict[str, Any] = {
         key: table.numbers(key, n, unknown=True) if key in table else np.full(n, np.nan)
         for key in ("gain", "gear_ratio")
@@ -109,83 +96,61 @@ def read_drives(values: object, robot: RobotModel) -> Part:
     for key in ("position_side", "torque_side"):
         if key in table:
             found[key] = table.text(key, _SIDES)
-    return {"drives": Drives(**found)}, table.sources("drives")
+    return {"drives": Drives(**found)}
 
 
-def read_inertias(values: object, robot: RobotModel) -> Part:
-    """The table `inertia`: masses, centres of mass and tensors in frames of one convention."""
-    table = TomlTable(values, "", "inertia", ("frames", "mass", "com", "tensor"))
-    n = robot.joints
-    frames = _frames(table, robot)
-    mass = table.numbers("mass", n, unknown=True)
+def _read_inertias(rows: list[TomlTable], robot: RobotModel) -> dict[str, Any]:
+    """Masses, centres of mass and tensors in frames of one convention."""
+    (table,), n = rows, robot.joints
+    frames, mass = _frames(table, robot), table.numbers("mass", n, unknown=True)
     com = table.rows("com", n, 3, unknown=True) if "com" in table else np.full((n, 3), np.nan)
     six = table.rows("tensor", n, 6, unknown=True) if "tensor" in table else np.full((n, 6), np.nan)
-    rows = [_body(mass[k], com[k], six[k], frames[k]) for k in range(n)]
-    return {"inertias": np.array(rows)}, table.sources("inertia")
+    return {"inertias": np.array([_body(mass[k], com[k], six[k], frames[k]) for k in range(n)])}
 
 
-def read_counterbalances(values: object, robot: RobotModel) -> Part:
-    """The tables `counterbalance`."""
-    found: list[Counterbalance] = []
-    texts: list[str] = []
-    for table in tables(values, "counterbalance", "", ("joint", *_CYLINDER)):
-        joint = robot.joint_names.index(table.text("joint", robot.joint_names))
-        numbers = {key: table.number(key) for key in _CYLINDER}
-        found.append(Counterbalance(joint=joint, **numbers))
-        texts += table.sources("counterbalance")
-    return {"counterbalances": tuple(found)}, texts
+def _read_counterbalances(rows: list[TomlTable], robot: RobotModel) -> dict[str, Any]:
+    names = robot.joint_names
+    found = [
+        Counterbalance(
+            joint=names.index(table.text("joint", names)),
+            **{key: table.number(key) for key in _CYLINDER},
+        )
+        for table in rows
+    ]
+    return {"counterbalances": tuple(found)}
 
 
-def read_bodies(values: object, robot: RobotModel) -> Part:
-    """The tables `body`; `link` is `base` or the joint that moves the link."""
-    return _bodies(values, robot, "body", lambda table: table.rows("points", None, 3))
-
-
-def read_capsules(values: object, robot: RobotModel) -> Part:
-    """The tables `capsule`: bodies of two points, `start` and `end`."""
-    return _bodies(
-        values,
-        robot,
-        "capsule",
-        lambda table: np.array([table.numbers(key, 3) for key in ("start", "end")]),
-    )
-
-
-def _bodies(
-    values: object, robot: RobotModel, kind: str, points: Callable[[TomlTable], Array]
-) -> Part:
+def _read_bodies(
+    rows: list[TomlTable], robot: RobotModel, *, capsules: bool = False
+) -> dict[str, Any]:
+    """`link` is `base` or the joint that moves the link; a capsule goes from `start` to `end`."""
     found: list[Body] = []
-    texts: list[str] = []
-    known = ("name", "link", "frames", "points", "start", "end", "radius")
-    for k, table in enumerate(tables(values, kind, "", known)):
-        links = ("base", *robot.joint_names)
+    links = ("base", *robot.joint_names)
+    for k, table in enumerate(rows):
         link = links.index(table.text("link", links))
         placed = _frames(table, robot)[link - 1] if link else np.eye(4)
+        if capsules:
+            points = np.array([table.numbers(key, 3) for key in ("start", "end")])
+        else:
+            points = table.rows("points", None, 3)
         found.append(
             Body(
                 name=table.text("name") if "name" in table else f"{links[link]} {k + 1}",
                 link=link,
-                points=points(table) @ placed[:3, :3].T + placed[:3, 3],
+                points=points @ placed[:3, :3].T + placed[:3, 3],
                 radius=table.number("radius") if "radius" in table else 0.0,
             )
         )
-        texts += table.sources(kind)
-    return {"bodies": (*robot.bodies, *found)}, texts
+    return {"bodies": (*robot.bodies, *found)}
 
 
-def read_collision(values: object, robot: RobotModel) -> Part:
-    """The table `collision`: a note on the bodies.
-
-    What release 0.1 took on trust, `apart` and `overlap`, is read and counts no more.
-    """
-    table = TomlTable(values, "", "collision", ("note", "apart", "overlap", "overlap_by"))
+def _read_collision(rows: list[TomlTable], robot: RobotModel) -> dict[str, Any]:
+    """A note on the bodies; what release 0.1 took on trust is read and counts no more."""
+    (table,) = rows
     notes = (*robot.body_notes, *((table.text("note"),) if "note" in table else ()))
     told = ["'apart' and 'overlap' of the table 'collision' count no more: bodies are judged"]
     trusted = "apart" in table or "overlap" in table
-    return {
-        "body_notes": notes,
-        "notes": (*robot.notes, *(told if trusted else [])),
-    }, table.sources("collision")
+    return {"body_notes": notes, "notes": (*robot.notes, *(told if trusted else []))}
 
 
 def _frames(table: TomlTable, robot: RobotModel) -> Array:
@@ -215,6 +180,24 @@ _TOP = (
     "body", "capsule", "collision",
 )  # fmt: skip
 _TYPES = ("revolute", "prismatic")
+_BODY = ("name", "link", "frames", "radius")
+_READERS: dict[str, tuple[tuple[str, ...], Callable[..., dict[str, Any]]]] = {
+    "mount": (("kind", "gravity"), _read_mount),
+    "limits": (_LIMITS, _read_limits),
+    "safety": ((*_SAFETY, "elbow"), _read_safety),
+    "tool": (("tcp", "mass", "com", "radius"), _read_tool),
+    "drives": (
+        ("gain", "gear_ratio", "coupling", "offset", "position_side", "torque_side"),
+        _read_drives,
+    ),
+    "inertia": (("frames", "mass", "com", "tensor"), _read_inertias),
+    "counterbalance": (("joint", *_CYLINDER), _read_counterbalances),
+    "body": ((*_BODY, "points"), _read_bodies),
+    "capsule": ((*_BODY, "start", "end"), partial(_read_bodies, capsules=True)),
+    "collision": (("note", "apart", "overlap", "overlap_by"), _read_collision),
+}
+"""Table to its keys, and what makes fields of the robot of its rows."""
+_SEVERAL = ("counterbalance", "body", "capsule")
 
 
 def robot_from_toml(
@@ -233,29 +216,20 @@ def robot_from_toml(
         top = TomlTable(parse_toml(data), "", "", _TOP)
         robot = _kinematics(top, path)
         sources = [robot.source] if robot.source else []
-        changes: dict[str, Any] = {}
-        for name, read in (
-            ("mount", read_mount),
-            ("limits", read_limits),
-            ("safety", read_safety),
-            ("tool", read_tool),
-            ("drives", read_drives),
-            ("inertia", read_inertias),
-            ("counterbalance", read_counterbalances),
-            ("body", read_bodies),
-            ("capsule", read_capsules),
-            ("collision", read_collision),
-        ):
+        for name, (keys, read) in _READERS.items():
             if name in top:
                 with located(name):
-                    found, texts = read(top.raw(name), robot)
+                    values = top.raw(name)
+                    one = [] if name in _SEVERAL else [TomlTable(values, "", name, keys)]
+                    rows = one or tables(values, name, "", keys)
+                    found = read(rows, robot)
                 robot = replace(robot, **found)
-                sources += texts
+                sources += [text for row in rows for text in row.sources(name)]
         if "name" in top:
-            changes["name"] = top.text("name")
+            robot = replace(robot, name=top.text("name"))
         if "frames" in top:
-            changes["default_frames"] = top.text("frames", FRAMES)
-        robot = replace(robot, **changes, source="; ".join(top.sources("") + sources))
+            robot = replace(robot, default_frames=top.text("frames", FRAMES))
+        robot = replace(robot, source="; ".join(top.sources("") + sources))
         if collision and "urdf" in top:
             tip = top.text("tip") if "tip" in top else None
             file = path.parent / top.text("urdf")

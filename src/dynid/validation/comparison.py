@@ -53,7 +53,8 @@ def transfer_report(estimate: Estimate, samples: Samples, error: Array) -> Trans
     rest = np.zeros_like(samples.q)
     gravity = model.inverse_dynamics(samples.q, rest, rest, parameters)
     moving = model.inverse_dynamics(samples.q, samples.dq, samples.ddq, parameters) - gravity
-    moving += samples.ddq * _motor_inertia(estimate)
+    known = dict(zip(model.names, estimate.standard_parameters(), strict=True))
+    moving += samples.ddq * np.array([known.get(f"Im{j + 1}", 0.0) for j in range(n)])
     rows, fast = samples.rows, np.percentile(np.abs(samples.dq), 98, axis=0)
     rms, share, left = np.zeros((len(CAUSES), n)), np.full((2, n), np.nan), np.zeros(n)
     for j in range(n):
@@ -81,14 +82,6 @@ def _fit(columns: tuple[Array, ...], error: Array) -> tuple[Array, list[Array]]:
     values = np.full(stack.shape[1], np.nan)
     values[seen] = np.linalg.lstsq(stack[:, seen] / size[seen], error, rcond=1e-6)[0] / size[seen]
     return values, [np.nan_to_num(v) * column for v, column in zip(values, columns, strict=True)]
-
-
-def _motor_inertia(estimate: Estimate) -> Array:
-    n, names = estimate.model.robot.joints, estimate.model.names
-    values = estimate.standard_parameters()
-    return np.array(
-        [values[names.index(f"Im{j + 1}")] if f"Im{j + 1}" in names else 0.0 for j in range(n)]
-    )
 
 
 def refit_friction(estimate: Estimate, samples: Samples) -> Estimate:

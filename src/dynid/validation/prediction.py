@@ -201,6 +201,7 @@ class ValidationResult:
 
     def to_json(self) -> dict[str, Any]:
         """METRICS, the same under `moving` and `at_rest`, and the warnings."""
+        covered = {"level": INTERVAL, "covered": plain(self.covered)}
         return {
             **self.metrics.to_json(),
             "moving": self.moving.to_json(),
@@ -209,11 +210,8 @@ class ValidationResult:
             "warnings": told(self.warnings),
             "findings": [finding.to_json() for finding in self.warnings],
             **({} if self.transfer is None else {"transfer": self.transfer.to_json()}),
-            **({} if self.covered is None else {"interval": self._coverage()}),
+            **({} if self.covered is None else {"interval": covered}),
         }
-
-    def _coverage(self) -> dict[str, Any]:
-        return {"level": INTERVAL, "covered": plain(self.covered)}
 
 
 def validate(
