@@ -3,10 +3,6 @@
 All are functions of G = W_B' Omega^-1 W_B alone, smaller is better. The noise of the joints is in
 G already (`GramKernel`); every criterion can add the information of earlier records, G + G_0, and
 scale the parameters by their magnitudes, D (G + G_0) D. See methods.md 2.3.
-
-Eigenvalues and inverses of Gram matrices that may be nearly singular.
-
-How large the base parameters of a robot are, before they are known.
 """
 
 import math

@@ -1,10 +1,8 @@
 """One start of the gradient method: a random motion, improved with exact derivatives.
 
-The extreme eigenvalues are smoothed less and less and the barrier of the bounds gets lower stage
-by stage (`smoothing`, `descent`); limits beside the bounds are a penalty that grows, held a
-little tighter than asked because they are seen at samples only.
-
-Quasi-Newton descent inside a polytope: the barrier's exact curvature, BFGS for the rest.
+Quasi-Newton descent inside a polytope: the barrier's exact curvature, BFGS for the rest. The
+extreme eigenvalues are smoothed less and less and the barrier gets lower stage by stage; limits
+beside the bounds are a penalty that grows, held tighter than asked as they are seen at samples.
 """
 
 import math

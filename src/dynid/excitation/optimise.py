@@ -1,8 +1,4 @@
-"""One door to both optimisers: a problem in, a certified motion out.
-
-Of the candidates the certificate decides, and repairs are tried; the finished design is the motion,
-what it is worth, and the proof that it is safe.
-"""
+"""One door to both optimisers: a problem in, a certified motion out, with what it is worth."""
 
 import math
 from collections.abc import Mapping

@@ -1,7 +1,4 @@
-"""The free numbers whose motion stays within bounds: a polytope, and its logarithmic barrier.
-
-Random starts: shapes whose velocities are white, scaled onto the limits.
-"""
+"""The free numbers whose motion stays within bounds: a polytope, its barrier, random starts."""
 
 import math
 from dataclasses import dataclass

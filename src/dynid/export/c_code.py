@@ -1,9 +1,4 @@
-"""Inverse dynamics as one C header: C99, no allocation, nothing but math.h.
-
-Numbers, tables and comments of the generated C header.
-
-Friction in the generated C header: of speed, of load, and ripple of gears.
-"""
+"""Inverse dynamics as one C header: C99, no allocation, nothing but math.h."""
 
 import re
 from collections.abc import Iterator, Sequence

@@ -2,8 +2,6 @@
 
 `@` stands for the robot's prefix in lower case, `$` for the one in upper case, and `FRICTION` for
 the call of friction, which takes what the robot's friction depends on.
-
-Momentum and its observer in the generated C header; marks as in `c_template`.
 """
 
 FRICTION = "<friction>"

@@ -4,8 +4,6 @@ Motion shows the base parameters alone. Files want ten parameters a link, so wha
 show is taken from the prior: of all standard parameters with the same torques, those whose bodies
 are nearest to the prior's in the log-det divergence of Lee, Wensing and Park (2020), which only
 physically consistent bodies have.
-
-How far standard parameters are from physically consistent ones, and from the prior's.
 """
 
 from __future__ import annotations

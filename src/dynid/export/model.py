@@ -1,19 +1,11 @@
 """What every exported file holds: bodies in their joint frames, and joint friction by its terms.
 
-Coulomb and viscous friction in place of all that was identified, for files with no other.
-
-Where other terms were identified too, the first two alone would be too small, or negative: what
-grows with load or falls with speed is missing from them. Then the two that come nearest to all
-friction over the recorded range stand in for it.
-
-What friction depends on beside speed, in words for the heads of files.
-
-Torque ripple as a list of waves, which is what generated code adds up.
-
-Where each joint frame stands in the previous one, as a sum of three fixed matrices.
+For files with a place for Coulomb and viscous friction alone: where other terms were identified
+too, those two would be too small, or negative; what grows with load or falls with speed is missing
+from them. Then the two that come nearest to all friction over the recorded range stand in for it.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from textwrap import wrap
 from types import MappingProxyType
@@ -129,9 +121,8 @@ def export_model(estimate: Estimate) -> ExportModel:
 def completed_model(estimate: Estimate) -> tuple[ExportModel, Completion]:
     """The model of an estimate, and the standard parameters that it was completed to.
 
-    Args:
-        estimate: The estimate. Physically consistent ones carry their standard parameters;
-            others are completed by the bodies nearest to the prior with the same torques.
+    Physically consistent estimates carry theirs; others are completed by the bodies nearest to the
+    prior with the same torques.
     """
     model, robot = estimate.model, estimate.model.robot
     found = complete(estimate)
@@ -283,7 +274,7 @@ def _joints(model: ExportModel, symbol: str) -> str:
     return ", ".join(str(j + 1) for j in np.flatnonzero(model.terms[symbol]).tolist())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Wave:
     """C(s) cos(number q) + S(s) sin(number q), polynomials of s = clip(dq / speed, -1, 1)."""
 
@@ -303,10 +294,7 @@ class Wave:
 
 def ripple_waves(model: ExportModel) -> tuple[Wave, ...]:
     """The waves of a model; none where `Fw` is zero."""
-    return tuple(_waves(model))
-
-
-def _waves(model: ExportModel) -> Iterator[Wave]:
+    found: list[Wave] = []
     for ripple in model.ripples:
         factor = float(model.terms["Fw"][ripple.joint])
         if not factor:
@@ -316,14 +304,9 @@ def _waves(model: ExportModel) -> Iterator[Wave]:
             own, left = left[: gear.size], left[gear.size :]
             pairs = own.reshape(len(gear.waves), gear.powers, 2).tolist()
             for number, rows in zip(gear.waves, pairs, strict=True):
-                yield Wave(
-                    joint=ripple.joint,
-                    gear=gear.joint,
-                    speed=gear.speed,
-                    number=number,
-                    cosine=tuple(row[0] for row in rows),
-                    sine=tuple(row[1] for row in rows),
-                )
+                cosine, sine = (tuple(row[k] for row in rows) for k in (0, 1))
+                found.append(Wave(ripple.joint, gear.joint, gear.speed, number, cosine, sine))
+    return tuple(found)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,11 +1,7 @@
 """Inverse dynamics as a Python file that needs nothing but NumPy.
 
-The functions of the generated Python file, the same for every robot.
-
-`FRICTION` stands for what friction is called with, `STILL` for the same without acceleration, which
-`NOTE` explains.
-
-Friction in the generated Python file: of speed, of load, and ripple of gears.
+In its functions, the same for every robot, `FRICTION` stands for what friction is called with,
+`STILL` for the same without acceleration, which `NOTE` explains.
 """
 
 from collections.abc import Iterator

@@ -1,7 +1,4 @@
-"""URDF and MJCF: inertias, armature, damping and dry friction of an identified arm.
-
-Bodies have a centre of mass; rotations are in the forms that robot files use.
-"""
+"""URDF and MJCF: inertias, armature, damping and dry friction of an identified arm."""
 
 import math
 from collections.abc import Iterable, Iterator

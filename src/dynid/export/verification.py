@@ -1,9 +1,4 @@
-"""Whether a written file gives our torques when another program loads it.
-
-Torques of generated code, run in a process of its own.
-
-Torques of URDF and MJCF files, by the programs that load them.
-"""
+"""Whether a written file gives our torques when another program loads it."""
 
 import importlib
 import json

@@ -64,14 +64,7 @@ from dynid.identification.least_squares import (
 from dynid.identification.likelihood import Likelihood, MaximumLikelihood, motion_noise
 from dynid.identification.payload import Payload, payload_of
 from dynid.identification.physical import PhysicallyConsistent, standard_posterior
-from dynid.identification.problem import (
-    ILL_CONDITIONED,
-    IdentificationProblem,
-    block_mean,
-    chunk_size,
-    motion_state,
-    recorded_rows,
-)
+from dynid.identification.problem import IdentificationProblem, block_mean, motion_state
 from dynid.identification.ripple import with_ripple
 from dynid.identification.selection import (
     PURPOSES,
@@ -112,7 +105,6 @@ __all__ = [
     "CONFIDENCE",
     "ESTIMATORS",
     "FORMAT",
-    "ILL_CONDITIONED",
     "LARGEST_STD",
     "LEAST_SPREAD_K",
     "MASS_SPREAD",
@@ -164,7 +156,6 @@ __all__ = [
     "base_order",
     "base_prior",
     "block_mean",
-    "chunk_size",
     "deviations",
     "drive_gains",
     "essential_parameters",
@@ -190,7 +181,6 @@ __all__ = [
     "published_prior",
     "read_estimate",
     "record_statistics",
-    "recorded_rows",
     "repeated_motions",
     "select",
     "shared_estimates",

@@ -1,7 +1,4 @@
-"""Can the result be trusted? Findings in words, with codes.
-
-Whether the identified gravity looks like that of the masses that are known.
-"""
+"""Can the result be trusted? Findings in words, with codes."""
 
 import numpy as np
 

@@ -274,12 +274,8 @@ def judged(
 ) -> Estimate:
     """The estimate of a fit, with its conditioning and its findings.
 
-    Args:
-        problem: The problem.
-        fit: Its solution.
-        records: The records, whose motions are judged for conditioning.
-        settings: How they were processed.
-        **known: The fields of `Estimate` that are known already.
+    The motions of the records, processed by the settings, are judged for conditioning; `known` are
+    the fields of `Estimate` that are known already.
     """
     base, model, root = problem.base, problem.base.model, observation_root(problem)
     signals = [uniform_signals(record, model.robot, settings) for record in records]

@@ -1,6 +1,6 @@
 """Maximum likelihood with noise in positions as well as in torques.
 
-How noisy the measured motion is, read off its spectrum above the motion.
+How noisy the measured motion is, is read off its spectrum above the motion.
 """
 
 from __future__ import annotations

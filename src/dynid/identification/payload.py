@@ -3,8 +3,6 @@
 Runs without the payload pin the arm; in runs with it the columns of the last link appear once
 more, for the payload alone (Khalil, Gautier, Lemoine 2007). What both runs get wrong alike is
 in the arm's parameters of both, and leaves the payload alone.
-
-The physically consistent body nearest to an estimate, in the measure of its covariance.
 """
 
 from dataclasses import dataclass

@@ -2,9 +2,7 @@
 
 from dynid.reduction.base import (
     BaseParametrization,
-    ColumnPanel,
     GramLayout,
-    acting_joints,
     fill_beside,
     gram_layout,
     random_states,
@@ -13,9 +11,7 @@ from dynid.reduction.base import (
 
 __all__ = [
     "BaseParametrization",
-    "ColumnPanel",
     "GramLayout",
-    "acting_joints",
     "fill_beside",
     "gram_layout",
     "random_states",

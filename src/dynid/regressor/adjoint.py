@@ -1,24 +1,16 @@
 """Exact derivatives of torques and of the regressor by the motion, batched over samples.
 
 Reverse mode: a weighted sum is differentiated by all positions, velocities and accelerations in
-one pass, whatever the weights. Coulomb steps of the paper's width have slopes that say little;
-`InverseDynamicModel.with_coulomb_width` gives a model with wider ones.
+one pass, whatever the weights. The entries of link i in joint row k, weighted, are one function of
+the screw of joint k and of the motion of link i: with the weights o_0, o = (o_1 o_2 o_3) and M, the
+symmetric matrix of the last six, f.(o_0 c + B o) + s.(o x c) + s.M dw + (s x w).M w, where c is the
+acceleration of the frame's origin and B = [dw]x + [w]x [w]x. The adjoints of all screws, velocities
+and accelerations go back from tip to base together; turning joint i by dq changes X m by -S_i x X m
+(Featherstone, Rigid Body Dynamics Algorithms, ch. 2).
 
-The derivative of a weighted sum of inertial columns, batched over samples.
-
-The entries of link i in joint row k, weighted, are one function of the screw of joint k and of
-the motion of link i: with the weights o_0, o = (o_1 o_2 o_3) and M, the symmetric matrix of the
-last six, f.(o_0 c + B o) + s.(o x c) + s.M dw + (s x w).M w, where c is the acceleration of the
-frame's origin and B = [dw]x + [w]x [w]x. The adjoints of all screws, velocities and accelerations
-go back from tip to base together; turning joint i by dq changes X m by -S_i x X m.
-
-The derivative of weighted joint torques, batched over samples.
-
-With the multipliers taken for joint speeds, nu_i = sum_k S_k multiplier_k is the virtual velocity
-of link i, and the weighted torque is the virtual power sum_i nu_i . f_i of the links' wrenches
-f = I a + v x* I v. One recursion carries v, a and nu to the tip, one carries their adjoints back;
-turning joint i by dq changes X m by -S_i x X m (Featherstone, Rigid Body Dynamics Algorithms,
-ch. 2).
+Weighted torques: with the multipliers taken for joint speeds, nu_i = sum_k S_k multiplier_k is the
+virtual velocity of link i, and their sum is the virtual power sum_i nu_i . f_i of the links'
+wrenches f = I a + v x* I v. One recursion carries v, a and nu to the tip, one their adjoints back.
 """
 
 from __future__ import annotations

@@ -242,12 +242,7 @@ def coupled_motors(robot: RobotModel) -> tuple[int, ...]:
 
 
 def column_blocks(friction: FrictionTerms, *, coupled: bool = False) -> tuple[ColumnBlock, ...]:
-    """The blocks for a choice of terms, in the order of `TERMS`.
-
-    Args:
-        friction: Terms, their joints, their shapes.
-        coupled: Add the columns of coupled motors.
-    """
+    """The blocks for a choice of terms, in the order of `TERMS`, and those of coupled motors."""
     terms = dict(friction.terms)
     blocks = tuple(
         JointColumns(term=term, shape=friction, joints=terms[term])
