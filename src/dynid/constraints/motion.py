@@ -85,17 +85,12 @@ class MotionConstraints:
         bounds, joints = self.settings.bounds, self.robot.joint_names
         kinds = ("position", "velocity", "acceleration")
         free = self.settings.required
-        limits = (bounds.upper, bounds.velocity, bounds.acceleration)
+        end = np.where(q - bounds.lower < bounds.upper - q, bounds.lower, bounds.upper)
+        limits = (end, bounds.velocity, bounds.acceleration)
         ratios = bound_ratios(bounds, q, dq, ddq)
         for kind, value, limit, ratio in zip(kinds, (q, dq, ddq), limits, ratios, strict=True):
             if np.isfinite(limit).any():
                 worst[kind] = _largest(ratio, value, limit, times, joints, free(kind))
-        position = worst["position"]
-        if position.what:
-            joint = joints.index(position.what)
-            if position.value < (bounds.lower[joint] + bounds.upper[joint]) / 2:
-                lower = float(bounds.lower[joint])
-                worst["position"] = replace(position, limit=lower)
         if self.torque is not None:
             torque, power = self.torque.largest(q, dq, ddq)
             if np.isfinite(self.torque.limits).any():
@@ -307,7 +302,7 @@ def _largest(
         t=float(times[k]),
         what=joints[j],
         value=float(value[k, j]),
-        limit=float(limit[j]) / (1.0 - free),
+        limit=float(np.broadcast_to(limit, ratio.shape)[k, j]) / (1.0 - free),
         required=free,
     )
 

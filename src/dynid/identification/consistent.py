@@ -93,19 +93,19 @@ def reduced_problem(
 
 def sign_constraints(model: InverseDynamicModel) -> Array:
     """C (k, p) with C p >= 0: friction opposes motion, motor inertia is not negative."""
-    names = model.names
+    names, unit = model.names, np.eye(len(model.names))
     place = {name: k for k, name in enumerate(names)}
     rows: list[Array] = []
     for name, k in place.items():
         symbol = symbol_of(name)
         if symbol in NOT_NEGATIVE:
-            rows.append(_row(len(names), k))
+            rows.append(unit[k])
         base = BOUNDED_BY.get(symbol)
         if base is None:
             continue
         other = place.get(base + name[len(symbol) :])
         for sign in (1.0,) if symbol == "Fs" else (1.0, -1.0):
-            row = sign * _row(len(names), k)
+            row = sign * unit[k]
             if other is not None:
                 row[other] += 1.0
             rows.append(row)
@@ -118,7 +118,7 @@ def body_constraints(model: InverseDynamicModel) -> tuple[Array, Array]:
     A published mass is right to `MASS_FACTOR`; the last link may carry a tool besides. A centre
     of mass lies in the box of its link's joint and the next, wider by `CENTRE_MARGIN`.
     """
-    robot, width = model.robot, len(model.columns)
+    robot, unit = model.robot, np.eye(len(model.columns))
     ends = [*robot.placements[1:, :3, 3], robot.flange[:3, 3]]
     margin = CENTRE_MARGIN * float(sum(np.linalg.norm(end) for end in ends))
     rows: list[Array] = []
@@ -127,10 +127,10 @@ def body_constraints(model: InverseDynamicModel) -> tuple[Array, Array]:
         known = robot.inertias[i]
         here = slice(10 * i, 10 * i + 10)
         if known[0] > 0:
-            rows.append(_row(width, 10 * i))
+            rows.append(unit[10 * i])
             floors.append(float(known[0]) / MASS_FACTOR)
             if i < robot.joints - 1:
-                rows.append(-_row(width, 10 * i))
+                rows.append(-unit[10 * i])
                 floors.append(-float(known[0]) * MASS_FACTOR)
         published = known[1:4] / known[0] if known[0] > 0 else np.zeros(3)
         corners = np.array([np.zeros(3), end, np.nan_to_num(published)])
@@ -138,17 +138,11 @@ def body_constraints(model: InverseDynamicModel) -> tuple[Array, Array]:
         first = frame_map(robot.parameter_frames[model.frames][i])[:4]
         for axis in range(3):
             for sign, bound in ((1.0, lower[axis]), (-1.0, upper[axis])):
-                row = np.zeros(width)
+                row = np.zeros(len(unit))
                 row[here] = sign * (first[1 + axis] - bound * first[0])
                 rows.append(row)
                 floors.append(0.0)
     return np.array(rows), np.array(floors)
-
-
-def _row(width: int, place: int) -> Array:
-    row = np.zeros(width)
-    row[place] = 1.0
-    return row
 
 
 TRIANGLE = tuple((a, b) for a in range(4) for b in range(a + 1))

@@ -69,14 +69,8 @@ def segments(t: Array, rate_hz: float) -> list[slice]:
 
 def picked(samples: Samples, indices: Indices) -> Samples:
     """The samples at some indices."""
-    return replace(
-        samples,
-        t=samples.t[indices],
-        q=samples.q[indices],
-        dq=samples.dq[indices],
-        ddq=samples.ddq[indices],
-        tau=samples.tau[indices],
-    )
+    names = ("t", "q", "dq", "ddq", "tau")
+    return replace(samples, **{name: getattr(samples, name)[indices] for name in names})
 
 
 SERVO_HZ = 5.0

@@ -47,22 +47,20 @@ class JointTemperatureLaw:
 
     def at(self, temperature_degC: float) -> Array:
         """(f) friction parameters at a temperature [degC]."""
-        return _values(
-            self.law, self.symbols, self.reference, self.slope, self._rise(temperature_degC)
-        )
+        return self._at(temperature_degC)[0]
 
     def sensitivity(self, temperature_degC: float) -> Array:
         """(f, 2 f) derivative of `at` by `reference` and `slope`."""
-        rise = self._rise(temperature_degC)
-        return _slopes(self.law, self.symbols, self.reference, self.slope, rise)
+        return self._at(temperature_degC)[1]
 
     def std_at(self, temperature_degC: float) -> Array:
         """(f) standard deviations of `at`."""
         turn = self.sensitivity(temperature_degC)
         return np.sqrt(np.maximum(np.diag(turn @ self.covariance @ turn.T), 0.0))
 
-    def _rise(self, temperature_degC: float) -> float:
-        return temperature_degC - self.reference_degC
+    def _at(self, temperature_degC: float) -> tuple[Array, Array]:
+        rise = temperature_degC - self.reference_degC
+        return _evaluate(self.law, self.symbols, self.reference, self.slope, rise)
 
 
 def fit_law(
@@ -119,8 +117,8 @@ def _fit(
     reference, slope = values.mean(axis=0), np.zeros(count)
     inner = np.zeros((len(free), records * count))
     for _ in range(ITERATIONS):
-        predicted = np.array([_values(law, symbols, reference, slope, rise) for rise in rises])
-        turn = np.vstack([_slopes(law, symbols, reference, slope, rise)[:, free] for rise in rises])
+        found = [_evaluate(law, symbols, reference, slope, rise) for rise in rises]
+        predicted, turn = np.array([v for v, _ in found]), np.vstack([s[:, free] for _, s in found])
         inner = np.linalg.pinv(white @ turn) @ white
         step = np.zeros(2 * count)
         step[free] = inner @ (values - predicted).ravel()
@@ -131,7 +129,7 @@ def _fit(
         raise JobError("the temperature law does not converge", value=law)
     gain = np.zeros((2 * count, records * count))
     gain[free] = inner
-    predicted = np.array([_values(law, symbols, reference, slope, rise) for rise in rises])
+    predicted = np.array([_evaluate(law, symbols, reference, slope, rise)[0] for rise in rises])
     return JointTemperatureLaw(
         symbols=symbols,
         law=law,
@@ -145,21 +143,12 @@ def _fit(
     )
 
 
-def _factors(law: str, symbols: tuple[str, ...], slope: Array, rise: float) -> tuple[Array, Array]:
-    """(f) value over reference value at a rise of temperature, and its derivative by slope."""
+def _evaluate(
+    law: str, symbols: tuple[str, ...], reference: Array, slope: Array, rise: float
+) -> tuple[Array, Array]:
+    """Values (f) at a rise of temperature, and their slopes (f, 2 f) by reference and slope."""
     curved = np.array([law == "exponential" and VARIES.get(s) == "law" for s in symbols])
     decay = np.exp(-slope * rise)
-    return np.where(curved, decay, 1.0 - slope * rise), -rise * np.where(curved, decay, 1.0)
-
-
-def _values(
-    law: str, symbols: tuple[str, ...], reference: Array, slope: Array, rise: float
-) -> Array:
-    return reference * _factors(law, symbols, slope, rise)[0]
-
-
-def _slopes(
-    law: str, symbols: tuple[str, ...], reference: Array, slope: Array, rise: float
-) -> Array:
-    factor, change = _factors(law, symbols, slope, rise)
-    return np.hstack([np.diag(factor), np.diag(reference * change)])
+    factor = np.where(curved, decay, 1.0 - slope * rise)
+    change = -rise * np.where(curved, decay, 1.0)
+    return reference * factor, np.hstack([np.diag(factor), np.diag(reference * change)])

@@ -324,23 +324,15 @@ def compare(a: Estimate | str | Path, b: Estimate | str | Path) -> ParameterComp
 
 def _group(word: str, members: Indices, z: Array, change: Array, known: Mask) -> ParameterGroup:
     indices = tuple(int(k) for k in members)
-    if not indices:
-        return ParameterGroup(
-            name=word,
-            members=(),
-            largest=None,
-            largest_z=0.0,
-            limit_z=float("nan"),
-            median_change_percent=float("nan"),
-        )
-    largest = max(indices, key=lambda k: abs(float(z[k])))
+    largest = max(indices, key=lambda k: abs(float(z[k])), default=None)
     changes = [float(change[k]) for k in indices if known[k]]
-    share = 1.0 - (1.0 - FALSE_ALARM) ** (1.0 / len(indices))
+    share = 1.0 - (1.0 - FALSE_ALARM) ** (1.0 / max(len(indices), 1))
+    limit = -NormalDist().inv_cdf(share / 2.0)
     return ParameterGroup(
         name=word,
         members=indices,
         largest=largest,
-        largest_z=abs(float(z[largest])),
-        limit_z=-NormalDist().inv_cdf(share / 2.0),
+        largest_z=0.0 if largest is None else abs(float(z[largest])),
+        limit_z=limit if indices else float("nan"),
         median_change_percent=float(np.median(changes)) if changes else float("nan"),
     )
