@@ -19,6 +19,10 @@ from urtwin.urscript import CompiledProgram, ScriptError, ScriptRun, compile_scr
 from urtwin.variables import READERS, Inputs, InputValue, OutputValue
 
 _SECONDARY = 10
+_TOO_MUCH: dict[type[Exception], str] = {
+    RecursionError: "nested too deeply to compile",
+    MemoryError: "the script needs more memory than there is",
+}
 _LINE = re.compile(r"\bline (\d+)\b")
 
 
@@ -32,13 +36,10 @@ def compile_program(text: str) -> CompiledProgram:
         return compile_script(text, BUILTINS)
     except ScriptError:
         raise
-    except RecursionError as error:
-        raise ScriptError("nested too deeply to compile", 1) from error
-    except MemoryError as error:
-        raise ScriptError("the script needs more memory than there is", 1) from error
     except Exception as error:
         # A fault of ours refuses one script; it ends neither the compiler nor the controller.
-        raise ScriptError(f"internal fault: {type(error).__name__}: {error}", 1) from error
+        fault = f"internal fault: {type(error).__name__}: {error}"
+        raise ScriptError(_TOO_MUCH.get(type(error), fault), 1) from error
 
 
 class Programs:

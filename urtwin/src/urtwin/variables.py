@@ -7,6 +7,7 @@ have no physics here: they are constants. Nothing touches the arm, so forces at 
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
+from operator import attrgetter
 
 import numpy as np
 
@@ -72,9 +73,8 @@ def _acceleration(core: Core) -> OutputValue:
 
 
 def _status(core: Core) -> OutputValue:
-    powered = core.mode not in (RobotMode.POWER_OFF,)
     bits = (
-        (RobotStatus.POWER_ON, powered),
+        (RobotStatus.POWER_ON, core.mode != RobotMode.POWER_OFF),
         (RobotStatus.PROGRAM_RUNNING, core.playing),
         (RobotStatus.TEACH_BUTTON, core.teaching),
     )
@@ -105,20 +105,39 @@ def _current_window(core: Core) -> OutputValue:
 
 def _registers() -> dict[str, _Reader]:
     found: dict[str, _Reader] = {}
-    sides: dict[str, Callable[[Core], Registers]] = {
-        "input": lambda core: core.inputs,
-        "output": lambda core: core.outputs,
-    }
-    for side, bank in sides.items():
+    for side in ("input", "output"):
+        bank: Callable[[Core], Registers] = attrgetter(f"{side}s")
         for kind, k in _REGISTERS:
-            found[f"{side}_{kind}_register_{k}"] = lambda core, bank=bank, kind=kind, k=k: bank(
-                core
-            ).banks[kind][k]
+            name = f"{side}_{kind}_register_{k}"
+            found[name] = lambda core, bank=bank, kind=kind, k=k: bank(core).banks[kind][k]
         found[f"{side}_bit_registers0_to_31"] = lambda core, bank=bank: bank(core).word(0)
         found[f"{side}_bit_registers32_to_63"] = lambda core, bank=bank: bank(core).word(32)
     return found
 
 
+_CONSTANTS: tuple[tuple[OutputValue, str], ...] = (
+    (
+        [0.0] * 6,
+        """actual_TCP_force wrench_calc_from_currents target_base_wrench target_base_acceleration
+        ft_raw_wrench""",
+    ),
+    (
+        0.0,
+        """tcp_force_scalar collision_detection_ratio actual_robot_energy_consumed
+        actual_robot_braking_energy_dissipated euromap67_24V_voltage euromap67_24V_current
+        tool_analog_input0 tool_analog_input1 tool_output_current""",
+    ),
+    (
+        0,
+        """script_control_line encoder0_raw encoder1_raw euromap67_input_bits euromap67_output_bits
+        tool_analog_input_types tool_output_mode tool_digital_output0_mode
+        tool_digital_output1_mode""",
+    ),
+    (0.1, "actual_execution_time"),
+    (0.05, "io_current"),
+    (_BUS, "actual_main_voltage"),
+    (_REFERENCE_DEGC, "tool_temperature"),
+)
 READERS: dict[str, _Reader] = {
     "timestamp": lambda core: core.now,
     "target_q": _target("q"),
@@ -143,13 +162,7 @@ READERS: dict[str, _Reader] = {
     "target_TCP_speed": lambda core: tool_speed(core, core.arm.state.target),
     "actual_TCP_acceleration": lambda core: _tool_acceleration(core, core.arm.state),
     "target_TCP_acceleration": lambda core: _tool_acceleration(core, core.arm.state.target),
-    "actual_TCP_force": _constant([0.0] * 6),
-    "wrench_calc_from_currents": _constant([0.0] * 6),
-    "target_base_wrench": _constant([0.0] * 6),
-    "target_base_acceleration": _constant([0.0] * 6),
     "target_gravity": lambda core: core.gravity,
-    "tcp_force_scalar": _constant(0.0),
-    "ft_raw_wrench": _constant([0.0] * 6),
     "actual_tool_accelerometer": _acceleration,
     "elbow_position": lambda core: core.arm.kinematics.elbow(core.arm.state.q.tolist())[0],
     "elbow_velocity": lambda core: (
@@ -170,13 +183,9 @@ READERS: dict[str, _Reader] = {
     "target_speed_fraction": lambda core: core.speed_fraction,
     "actual_momentum": lambda core: core.arm.plant.tracker.momentum(),
     "joint_position_deviation_ratio": _deviation,
-    "collision_detection_ratio": _constant(0.0),
     "time_scale_source": lambda core: int(core.playing),
-    "actual_execution_time": _constant(0.1),
     "target_execution_time": lambda core: 1e3 * core.arm.cycle,
     "control_step": lambda core: core.cycles,
-    "script_control_line": _constant(0),
-    "actual_main_voltage": _constant(_BUS),
     "actual_robot_voltage": lambda core: 0.0 if core.mode == RobotMode.POWER_OFF else _BUS,
     "actual_robot_current": _robot_current,
     "actual_joint_voltage": lambda core: [0.0 if core.mode == RobotMode.POWER_OFF else _BUS] * 6,
@@ -190,26 +199,10 @@ READERS: dict[str, _Reader] = {
     "standard_analog_output0": lambda core: core.signals.analog_out[0],
     "standard_analog_output1": lambda core: core.signals.analog_out[1],
     "tool_output_voltage": lambda core: core.signals.tool_voltage,
-    "io_current": _constant(0.05),
-    "encoder0_raw": _constant(0),
-    "encoder1_raw": _constant(0),
-    "actual_robot_energy_consumed": _constant(0.0),
-    "actual_robot_braking_energy_dissipated": _constant(0.0),
-    "euromap67_input_bits": _constant(0),
-    "euromap67_output_bits": _constant(0),
-    "euromap67_24V_voltage": _constant(0.0),
-    "euromap67_24V_current": _constant(0.0),
     "tool_mode": lambda core: int(
         JointMode.RUNNING if core.mode == RobotMode.RUNNING else JointMode.IDLE
     ),
-    "tool_analog_input_types": _constant(0),
-    "tool_analog_input0": _constant(0.0),
-    "tool_analog_input1": _constant(0.0),
-    "tool_output_current": _constant(0.0),
-    "tool_temperature": _constant(_REFERENCE_DEGC),
-    "tool_output_mode": _constant(0),
-    "tool_digital_output0_mode": _constant(0),
-    "tool_digital_output1_mode": _constant(0),
+    **{name: _constant(value) for value, names in _CONSTANTS for name in names.split()},
     **_registers(),
 }
 """How each output is read; nothing is computed that nobody asks for."""

@@ -70,7 +70,7 @@ class ScriptReader:
         programs: list[str] = []
         while (end := self._scan()) is not None:
             program = bytes(self._text[:end])
-            worth, code = self._has_code, self._text[end:]
+            worth, code = self.unfinished, self._text[end:]
             self._pool.take(-end)
             self._text, self._seen = code, 0
             self._forget()
@@ -88,11 +88,6 @@ class ScriptReader:
         """The client has left: what it sent last needs no line end."""
         return self.feed(b"\n")
 
-    @property
-    def unfinished(self) -> bool:
-        """Whether there is code that is no whole program yet."""
-        return self._has_code
-
     def close(self) -> None:
         """Give the memory back."""
         self._pool.take(-len(self._text))
@@ -100,7 +95,8 @@ class ScriptReader:
 
     def _forget(self) -> None:
         self._depth = 0
-        self._has_code = False
+        self.unfinished = False
+        """Whether there is code that is no whole program yet."""
         self._inside = b""
 
     def _scan(self) -> int | None:
@@ -124,9 +120,9 @@ class ScriptReader:
                     return self._seen
             elif token in (b'"', b"'", _COMMENT):
                 self._inside = token
-                self._has_code |= token != _COMMENT
+                self.unfinished |= token != _COMMENT
             else:
-                self._has_code = True
+                self.unfinished = True
                 self._depth += (token in _OPENERS) - (token == b"end")
 
     def _skip(self) -> bool:

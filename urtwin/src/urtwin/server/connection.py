@@ -86,17 +86,13 @@ class Connection:
         self._waiting = bytearray()
         self._gathered, self._count = bytearray(), 0
         self._full_since = 0.0
-        self._gone = False
+        self.gone = False
+        """Whether nobody is at the other end any more."""
 
     @property
     def full(self) -> bool:
         """Whether the socket has not taken all yet."""
         return bool(self._waiting)
-
-    @property
-    def gone(self) -> bool:
-        """Whether nobody is at the other end any more."""
-        return self._gone
 
     def still_full(self) -> bool:
         """Try again; whether something waits even so."""
@@ -119,7 +115,7 @@ class Connection:
         if data:
             self.silent = False
         else:
-            self.lost, self._gone = self.lost or LEFT, True
+            self.lost, self.gone = self.lost or LEFT, True
         return data
 
     def send(self, data: bytes) -> None:
@@ -152,7 +148,7 @@ class Connection:
 
     def flush(self) -> None:
         """Send what waits, as far as the socket takes it."""
-        if not self._waiting or self._gone:
+        if not self._waiting or self.gone:
             return
         try:
             sent = self.socket.send(self._waiting)
@@ -183,4 +179,4 @@ class Connection:
 
     def _broken(self, error: OSError) -> None:
         self.lost = self.lost or f"connection broken: {error.strerror}"
-        self._gone = True
+        self.gone = True

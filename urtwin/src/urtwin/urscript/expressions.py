@@ -134,10 +134,6 @@ WEIGHT = 20
 """What a call costs, in operations."""
 
 
-def _append(x: ScriptRun, items: list[Any], value: Value) -> None:
-    _insert(x, items, len(items), value)
-
-
 def _insert(x: ScriptRun, items: list[Any], index: Value, value: Value) -> None:
     (kept,) = listed(x, value)
     where = len(items) if index == len(items) else place(items, index)
@@ -161,34 +157,28 @@ def _remove(x: ScriptRun, items: list[Any], index: Value) -> None:
     del items[place(items, index)]
 
 
-def _clear(x: ScriptRun, items: list[Any]) -> None:
-    items.clear()
-
-
 def _slice(x: ScriptRun, items: list[Any], begin: Value, end: Value) -> Value:
     first = len(items) if begin == len(items) else place(items, begin)
     last = len(items) if end == len(items) else place(items, end)
     return listed(x, *items[first:last])
 
 
-def _length(x: ScriptRun, items: list[Any]) -> int:
-    return len(items)
-
-
-def _to_string(x: ScriptRun, items: list[Any]) -> str:
-    return shown(items)
-
-
+_ALONE: dict[str, Callable[[ScriptRun, list[Any]], Value]] = {
+    "clear": lambda x, items: items.clear(),
+    "length": lambda x, items: len(items),
+    "pop": _pop,
+    "to_string": lambda x, items: shown(items),
+}
+_WITH_ONE: dict[str, Callable[[ScriptRun, list[Any], Value], Value]] = {
+    "append": lambda x, items, value: _insert(x, items, len(items), value),
+    "extend": _extend,
+    "remove": _remove,
+}
 METHODS: dict[str, tuple[Callable[..., Value], int]] = {
-    "append": (_append, 1),
-    "clear": (_clear, 0),
-    "extend": (_extend, 1),
+    **{name: (method, 0) for name, method in _ALONE.items()},
+    **{name: (method, 1) for name, method in _WITH_ONE.items()},
     "insert": (_insert, 2),
-    "length": (_length, 0),
-    "pop": (_pop, 0),
-    "remove": (_remove, 1),
     "slice": (_slice, 2),
-    "to_string": (_to_string, 0),
 }
 """Each method and how many arguments it takes."""
 _LEAVE_IT = frozenset(("length", "slice", "to_string"))

@@ -163,12 +163,7 @@ def pose_of(matrix: Array) -> Pose:
     return Pose(to_pose(matrix))
 
 
-def inverse_pose(p_from: Value) -> Pose:
-    """The way back.
-
-    Raises:
-        ScriptFault: No pose.
-    """
+def _pose_inv(p_from: Value) -> Pose:
     return pose_of(inverse(matrix_of(p_from)))
 
 
@@ -227,7 +222,7 @@ _BETWEEN_POSES: dict[str, Callable[[Value, Value], Value]] = {
 }
 _OF_POSES: dict[str, Any] = {
     **_BETWEEN_POSES,
-    "pose_inv": inverse_pose,
+    "pose_inv": _pose_inv,
     "interpolate_pose": _interpolate_pose,
     "rpy2rotvec": _rpy2rotvec,
     "rotvec2rpy": _rotvec2rpy,
@@ -236,25 +231,20 @@ POSES = builtins(_OF_POSES, Calling.PURE, _WEIGHT)
 """Built-ins for poses."""
 
 
-def rows_of(value: Value) -> list[list[Any]]:
-    """The rows of a matrix.
-
-    Raises:
-        ScriptFault: No matrix.
-    """
+def _rows(value: Value) -> list[list[Any]]:
     if not is_matrix(value):
         raise ScriptFault("a matrix expected", value=described(value))
     return cast("list[list[Any]]", value)
 
 
 def _transpose(m: Value) -> Value:
-    return [list(column) for column in zip(*rows_of(m), strict=True)]
+    return [list(column) for column in zip(*_rows(m), strict=True)]
 
 
 def _inv(m: Value) -> Value:
     if isinstance(m, Pose):
-        return inverse_pose(m)
-    rows = rows_of(m)
+        return _pose_inv(m)
+    rows = _rows(m)
     square = [numbers(row, len(rows), "a row of a square matrix") for row in rows]
     try:
         return np.linalg.inv(np.array(square, dtype=np.float64)).tolist()

@@ -21,12 +21,18 @@ _RANKS: tuple[tuple[str, ...], ...] = (
     ("*", "/", "%"),
 )
 _POSE = 6
+_DEFINITIONS = ("def", "thread", "sec")
+_SETTABLE = ("get_digital_out", "get_analog_out")
+_SIMPLE = ("break", "continue", "halt", "enter_critical", "exit_critical")
 SIGNALS = ("digital_in", "digital_out", "analog_in", "analog_out")
 """Names that stand for the signals of the controller where they have an index."""
 
 
-class ExpressionParser:
-    """Reads expressions, one word of look-ahead; two where a name may be an argument's."""
+class _Parser:
+    """Reads a script; where it breaks the grammar, methods raise a `ScriptError`.
+
+    One word of look-ahead, two where a name may be an argument's.
+    """
 
     def __init__(self, tokens: list[syntax.Token]) -> None:
         self._tokens, self._place, self._depth = tokens, 0, 0
@@ -60,21 +66,13 @@ class ExpressionParser:
         return False
 
     def expect(self, text: str) -> syntax.Token:
-        """Take this very word.
-
-        Raises:
-            ScriptError: The next word is another.
-        """
+        """Take this very word."""
         if not self.at(text):
             raise self.wrong(f"'{text}' expected")
         return self.take()
 
     def name(self) -> str:
-        """Take a name.
-
-        Raises:
-            ScriptError: The next word is none.
-        """
+        """Take a name."""
         if self.token.kind != "name":
             raise self.wrong("a name expected")
         return self.take().text
@@ -85,11 +83,7 @@ class ExpressionParser:
         return ScriptError(what, token.line, value=token.text or token.kind)
 
     def deeper(self) -> None:
-        """One level down.
-
-        Raises:
-            ScriptError: Too deep.
-        """
+        """One level down, if that is not too deep."""
         self._depth += 1
         if self._depth > MAX_NESTING:
             raise ScriptError("nested too deeply", self.token.line, limit=MAX_NESTING)
@@ -99,22 +93,14 @@ class ExpressionParser:
         self._depth -= 1
 
     def expression(self) -> syntax.Expression:
-        """Read an expression.
-
-        Raises:
-            ScriptError: There is none, or it is nested too deeply.
-        """
+        """Read an expression."""
         self.deeper()
         found = self._rank(0)
         self.higher()
         return found
 
     def call(self) -> syntax.Call:
-        """Read a call.
-
-        Raises:
-            ScriptError: There is none.
-        """
+        """Read a call."""
         line, name = self.token.line, self.name()
         self.expect("(")
         positional: list[syntax.Expression] = []
@@ -237,22 +223,6 @@ class ExpressionParser:
             return syntax.Variable(token.line, token.text)
         raise self.wrong("an expression expected")
 
-
-_DEFINITIONS = ("def", "thread", "sec")
-_SETTABLE = ("get_digital_out", "get_analog_out")
-_SIMPLE = ("break", "continue", "halt", "enter_critical", "exit_critical")
-
-
-def parse(text: str) -> syntax.Script:
-    """The tree of a script.
-
-    Raises:
-        ScriptError: The script breaks the grammar, is too long or nested too deeply.
-    """
-    return _Parser(syntax.tokenize(text)).script()
-
-
-class _Parser(ExpressionParser):
     def script(self) -> syntax.Script:
         definitions: list[syntax.Definition] = []
         statements: list[syntax.Statement] = []
@@ -363,3 +333,12 @@ class _Parser(ExpressionParser):
             raise ScriptError("'=' expected", target.line, value=base.name)
         self.expect("=")
         return syntax.Assign(target.line, base.name, indices, self.expression(), scope)
+
+
+def parse(text: str) -> syntax.Script:
+    """The tree of a script.
+
+    Raises:
+        ScriptError: The script breaks the grammar, is too long or nested too deeply.
+    """
+    return _Parser(syntax.tokenize(text)).script()

@@ -144,11 +144,6 @@ def described(value: Value) -> str:
     return kinds.get(value.__class__, f"the number {value}")
 
 
-def compared(same: bool) -> Callable[[Value, Value], bool]:
-    """`==` or `!=`."""
-    return (lambda a, b: a == b) if same else (lambda a, b: a != b)
-
-
 def _nested(items: list[Any]) -> bool:
     return any(isinstance(item, list) for item in items)
 
@@ -244,8 +239,8 @@ OPERATORS: dict[str, Callable[[Value, Value], Value]] = {
     "*": _multiply,
     "/": _divide,
     "%": _remainder,
-    "==": compared(True),
-    "!=": compared(False),
+    "==": lambda a, b: a == b,
+    "!=": lambda a, b: a != b,
     "<": lambda a, b: number(a) < number(b),
     ">": lambda a, b: number(a) > number(b),
     "<=": lambda a, b: number(a) <= number(b),
@@ -266,11 +261,11 @@ def negated(value: Value) -> Value:
     return _number_result(-number(value))
 
 
-def _inverted(value: Value) -> bool:
-    return not truth(value)
-
-
-SIGNS: dict[str, Callable[[Value], Value]] = {"-": negated, "+": number, "not": _inverted}
+SIGNS: dict[str, Callable[[Value], Value]] = {
+    "-": negated,
+    "+": number,
+    "not": lambda value: not truth(value),
+}
 """Operators of one value."""
 
 
