@@ -8,20 +8,22 @@ least five times as fast as real time, end to end. Run it on an idle machine.
 from __future__ import annotations
 
 import json
-import socket
 import sys
 import tempfile
 import time
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 
-from dynid.protocol import Framer, Kind, Recipe, rtde
+from dynid.drivers.ur.link import RtdeLink, ScriptPort
+from dynid.protocol import Numbers
 from urtwin import RunningController, controller_process
 
 SECONDS = 60.0
 ASKED_SPEED_UP = 5.0
 STEP_ERROR = 1e-12
+TIME, INDEX = "timestamp", "output_int_register_24"
 FIELDS = (
     "timestamp target_q target_qd target_qdd target_current target_moment actual_q actual_qd "
     "actual_current joint_control_output joint_temperatures speed_scaling target_speed_fraction "
@@ -39,35 +41,20 @@ end
 """
 
 
-def record(controller: RunningController, seconds: float) -> tuple[np.ndarray, float]:
-    """Every package of a time, and how long that took by the wall clock [s]."""
-    cycle = 1 / controller.rate_hz
-    framer, packets = Framer(), []
-    with socket.create_connection((controller.host, controller.ports["rtde"])) as sock:
-
-        def reply(kind: Kind) -> bytes:
-            while True:
-                while not packets:
-                    packets.extend(framer.feed(sock.recv(1 << 16)))
-                found, payload = packets.pop(0)
-                if found == kind:
-                    return payload
-
-        sock.sendall(rtde.request_protocol(2))
-        reply(Kind.REQUEST_PROTOCOL_VERSION)
-        names = FIELDS.split()
-        sock.sendall(rtde.request_outputs(names, controller.rate_hz))
-        number, types = rtde.read_setup_answer(
-            Kind.SETUP_OUTPUTS, reply(Kind.SETUP_OUTPUTS), protocol=2
-        )
-        recipe = Recipe.of(names, types, number)
-        with socket.create_connection((controller.host, controller.ports["secondary"])) as script:
-            script.sendall(PROGRAM.format(step=2.0 * cycle, cycle=cycle).encode())
-        sock.sendall(rtde.frame(rtde.Kind.START))
-        reply(Kind.START)
+def record(controller: RunningController, seconds: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Time stamps and indices of every package of a time, and how long that took [s]."""
+    cycle, rows = 1 / controller.rate_hz, list[Numbers]()
+    with closing(RtdeLink(controller.host)) as link:
+        recipe = link.ask_outputs(FIELDS.split())
+        with closing(ScriptPort(controller.host)) as port:
+            port.send(PROGRAM.format(step=2.0 * cycle, cycle=cycle))
+        link.start()
         begin = time.perf_counter()
-        rows = [reply(Kind.DATA_PACKAGE) for _ in range(round(seconds / cycle) + 1)]
-        return recipe.table(rows), time.perf_counter() - begin
+        while len(rows) <= round(seconds / cycle):
+            rows += link.packages()
+        wall = time.perf_counter() - begin
+    found = [recipe.by_name(row) for row in rows]
+    return *(np.array([x[name] for x in found]) for name in (TIME, INDEX)), wall
 
 
 def measure(robot: str, *, virtual: bool) -> dict[str, float]:
@@ -75,21 +62,20 @@ def measure(robot: str, *, virtual: bool) -> dict[str, float]:
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder) / "report.json"
         with controller_process(robot, virtual_time=virtual, report=report) as controller:
-            rows, wall = record(controller, SECONDS)
+            stamps, moving, wall = record(controller, SECONDS)
             controller.end()
             cycle = 1 / controller.rate_hz
         kept = json.loads(report.read_text())
-    steps = np.diff(rows["timestamp"])
-    moving = rows["output_int_register_24"]
+    steps = np.diff(stamps)
     return {
         "rate": 1 / cycle,
-        "rows": len(rows),
+        "rows": len(stamps),
         "missing": float(np.sum(np.round(steps / cycle) - 1)),
         "step_error": float(np.max(np.abs(steps - cycle))),
         "moving": float(np.mean(moving > 0)),
         # The controller works alone in this sense: what an idle machine could reach.
         "by_cpu": kept["controller_s"] / kept["cpu_s"],
-        "speed": float(rows["timestamp"][-1] - rows["timestamp"][0]) / wall,
+        "speed": float(stamps[-1] - stamps[0]) / wall,
         **{share: value for share, value in kept["late_us"].items() if not virtual},
     }
 

@@ -12,7 +12,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -118,31 +117,25 @@ def controller_process(
     }
     words = [f"{name}={value}" for name, value in options.items() if value is not None]
     words += [flag for flag, on in (("--virtual-time", virtual_time), ("--hold", hold)) if on]
-    with tempfile.NamedTemporaryFile(prefix="urtwin-", suffix=".log") as log:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "urtwin", "--json", *words],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=log,
-        )
+    command = [sys.executable, "-m", "urtwin", "--json", *words]
+    with (
+        tempfile.NamedTemporaryFile(prefix="urtwin-", suffix=".log") as file,
+        subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=file
+        ) as process,
+    ):
+        log = Path(file.name)
         try:
-            about = _ready(process, Path(log.name))
+            about = _ready(process, log)
+            names = ("host", "ports", "rate_hz", "version")
             running = RunningController(
-                host=about["host"],
-                ports=about["ports"],
-                rate_hz=about["rate_hz"],
-                version=about["version"],
-                process=process,
-                log=Path(log.name),
+                **{name: about[name] for name in names}, process=process, log=log
             )
             yield running
             running.end()
         finally:
             if process.poll() is None:
                 process.kill()
-                process.wait()
-            if process.stdout is not None:
-                process.stdout.close()
 
 
 def _ready(process: subprocess.Popen[bytes], log: Path) -> dict[str, Any]:
@@ -152,16 +145,9 @@ def _ready(process: subprocess.Popen[bytes], log: Path) -> dict[str, Any]:
         JobError: It ended, or took too long.
     """
     stream = process.stdout
-    line = b""
-    until = time.monotonic() + READY_S
-    while stream is not None and not line.endswith(b"\n"):
-        left = until - time.monotonic()
-        if left <= 0 or not select.select([stream], [], [], left)[0]:
-            break
-        piece = os.read(stream.fileno(), 65536)
-        if not piece:
-            break
-        line += piece
+    # The line comes at once, or never.
+    ready = stream is not None and select.select([stream], [], [], READY_S)[0]
+    line = stream.readline() if stream is not None and ready else b""
     if not line.endswith(b"\n"):
         raise JobError(
             "the simulated controller did not start",
