@@ -90,7 +90,8 @@ class DashboardSession:
         }
         self._answers |= {
             "play": lambda: self._try("play", machine.play(), words.STARTING),
-            "stop": self._stop,
+            # Stopping what stands still succeeds on the real pendant too.
+            "stop": lambda: _after(machine.stop, words.STOPPED),
             "pause": lambda: self._try("pause", machine.pause(), words.PAUSING),
             "running": lambda: f"Program running: {str(machine.program_running).lower()}",
             "robotmode": lambda: f"Robotmode: {machine.robot_mode.name}",
@@ -105,15 +106,15 @@ class DashboardSession:
                 "brake release", machine.brake_release(), words.RELEASING
             ),
             "unlock protective stop": self._unlock,
-            "close popup": self._close_popup,
+            "close popup": lambda: _after(machine.close_popup, "closing popup"),
             "close safety popup": lambda: "closing safety popup",
             "getuserrole": lambda: self._role,
             "get operational mode": lambda: self._mode,
             "clear operational mode": self._clear_mode,
             "restart safety": self._restart_safety,
             "savelog": lambda: words.LOG_SAVED,
-            "shutdown": self._shut_down,
-            "quit": self._quit,
+            "shutdown": lambda: _after(machine.power_off, self._end(words.SHUTTING_DOWN)),
+            "quit": lambda: self._end(words.DISCONNECTED),
         }
         self._with_text: dict[str, Callable[[str], str]] = {
             "load installation": lambda name: f"Loading installation: {name}",
@@ -154,18 +155,9 @@ class DashboardSession:
     def _try(self, command: str, done: bool, reply: str) -> str:
         return reply if done else words.failed(command)
 
-    def _stop(self) -> str:
-        # Stopping what stands still succeeds on the real pendant too.
-        self._machine.stop()
-        return words.STOPPED
-
     def _unlock(self) -> str:
         unlocked = self._machine.unlock_protective_stop() or not self._machine.core.safety.stopped
         return words.UNLOCKING if unlocked else words.UNLOCK_TOO_EARLY
-
-    def _close_popup(self) -> str:
-        self._machine.close_popup()
-        return "closing popup"
 
     def _loaded(self) -> str:
         name = self._machine.program_name
@@ -203,14 +195,14 @@ class DashboardSession:
         self._machine.restart_safety()
         return "Restarting safety"
 
-    def _shut_down(self) -> str:
-        self._machine.power_off()
+    def _end(self, reply: str) -> str:
         self.over = True
-        return words.SHUTTING_DOWN
+        return reply
 
-    def _quit(self) -> str:
-        self.over = True
-        return words.DISCONNECTED
+
+def _after(action: Callable[[], object], reply: str) -> str:
+    action()
+    return reply
 
 
 def _dotted(machine: ControllerMachine) -> str:

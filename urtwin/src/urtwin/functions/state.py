@@ -88,12 +88,6 @@ def _history(core: Core, steps: Value = 0) -> Value:
     return list(core.history[int(steps)])
 
 
-def _joint_torques(core: Core) -> Value:
-    """What is left of the torque after the controller's own model of the arm."""
-    state = core.arm.state
-    return (state.torque - state.target.feedforward).tolist()
-
-
 def _is_steady(core: Core) -> bool:
     arm = core.arm
     speed = float(np.max(np.abs(arm.state.target.dq)))
@@ -146,7 +140,10 @@ _ASK: dict[str, Callable[[Core], Value]] = {
     "get_target_joint_positions": lambda core: core.arm.state.target.q.tolist(),
     "get_target_joint_speeds": lambda core: core.arm.state.target.dq.tolist(),
     "get_target_joint_accelerations": lambda core: core.arm.state.target.ddq.tolist(),
-    "get_joint_torques": _joint_torques,
+    # What is left of the torque after the controller's own model of the arm.
+    "get_joint_torques": lambda core: (
+        core.arm.state.torque - core.arm.state.target.feedforward
+    ).tolist(),
     "get_controller_temp": lambda core: 25.0,
     "get_steptime": lambda core: core.arm.cycle,
     "get_gravity": lambda core: list(core.gravity),
