@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from dynid.core import Array, RecordError
 from dynid.recording.cells import past_midnight
 from dynid.recording.names import Name
-from dynid.recording.table import Mask, Rows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,24 +88,10 @@ def _shared(one: str, other: str) -> int:
     return count
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Stamps:
-    """Time stamps of a table."""
-
-    t: Array | None
-    """(N) stamps from `t0` on, or None where there are none."""
-    scale: float | None
-    """Seconds per unit; None where it is not known."""
-    t0: str = ""
-    """The stamp at which `t` is zero; empty where `t` is the stamp itself."""
-    note: str = ""
-    """A choice made, in words."""
-
-
 def stamps_of(
-    clocks: Sequence[Clock], column: Callable[[int], Array], moments: frozenset[int] = frozenset()
-) -> Stamps:
-    """The stamps of the best clock that runs: drivers leave headers empty.
+    clocks: Sequence[Clock], column: Callable[[int], Array], moments: frozenset[int]
+) -> dict[str, Any]:
+    """Time of a raw table by the best clock that runs, with notes: drivers leave headers empty.
 
     `moments` are columns that were dates, in seconds by now.
     """
@@ -118,15 +104,16 @@ def stamps_of(
         note = f"time is read from {clock.label!r}" if len(clocks) > 1 else ""
         if passed:
             note += f"; empty or at rest: {', '.join(map(repr, passed))}"
+        facts = {"t": values, "time_scale": clock.scale, "notes": (note,) if note else ()}
         if len(clock.columns) == 2:
             finite = values[np.isfinite(values)]
             start = float(np.floor(finite[0])) if len(finite) else 0.0
             t = (values - start) + 1e-9 * column(clock.columns[1])
-            return Stamps(t=t, scale=1.0, t0=str(int(start)), note=note)
-        if clock.columns[0] in moments:
-            return Stamps(t=past_midnight(values), scale=1.0, note=note)
-        return Stamps(t=values, scale=clock.scale, note=note)
-    return Stamps(t=None, scale=None)
+            facts |= {"t": t, "time_scale": 1.0, "t0": str(int(start))}
+        elif clock.columns[0] in moments:
+            facts |= {"t": past_midnight(values), "time_scale": 1.0}
+        return facts
+    return {"notes": ()}
 
 
 def rises(values: Array) -> bool:
@@ -142,11 +129,3 @@ def _runs(values: Array) -> bool:
         return False
     # Whole seconds of a split stamp change rarely, but they do over a recording.
     return bool(np.ptp(finite) > 0)
-
-
-def clock_of(stamps: Rows, receive: Rows) -> tuple[str, Rows]:
-    """`header` or `receive`, and those stamps (N) [ns]: drivers leave headers empty."""
-    empty: Mask = stamps <= 0
-    if empty.mean() > 0.5 or np.unique(stamps).size <= max(1, len(stamps) // 10):
-        return "receive", receive
-    return "header", stamps

@@ -130,18 +130,14 @@ def _named_in_rows(sheets: list[Sheet], joints: int) -> tuple[str, ...]:
 
 
 def _all_names(sheets: list[Sheet]) -> tuple[str, ...] | None:
-    """Names of all columns, with the units of a line of their own in brackets."""
+    """Names of all columns; each file may have the time: that of the first is taken."""
     if any(sheet.dialect.names is None for sheet in sheets):
         return None
     found: list[str] = []
     for number, sheet in enumerate(sheets):
-        names = sheet.dialect.names or ()
-        for name, unit in zip(names, sheet.dialect.units or ("",) * len(names), strict=True):
-            meaning = parse_name(name).meaning
-            again = number > 0 and name in found and meaning is not None and meaning[0] == "t"
-            # Each file may have the time: that of the first is taken.
-            path = f"file{number}/" if again else ""
-            found.append(f"{path}{name} [{unit}]" if unit.strip("- ") else f"{path}{name}")
+        for name in sheet.dialect.names or ():
+            again = number > 0 and name in found and (parse_name(name).meaning or ("",))[0] == "t"
+            found.append(f"file{number}/{name}" if again else name)
     return tuple(found)
 
 

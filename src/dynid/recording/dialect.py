@@ -224,8 +224,6 @@ class Dialect:
     """Cells of a header that does not fit the rows; 0 where it fits or is absent."""
     numeric: frozenset[int]
     """Columns that hold numbers in the first rows."""
-    units: tuple[str, ...]
-    """Units from a line of their own under the header, one a column, or none."""
     stamps: frozenset[int]
     """Columns that hold dates or times of day."""
     lists: bool
@@ -279,10 +277,9 @@ def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
         raise RecordError("too many columns", where=path.name, value=width, limit=MAX_COLUMNS)
     first = _first_row(lines, best, sign, header, width)
     names = None
-    units: tuple[str, ...] = ()
     if header is not False:
         sizes = _widths(written[first], best) if lists else []
-        names, units = _names(written[:first], best, width, sizes, forced=bool(header))
+        names = _names(written[:first], best, width, sizes, forced=bool(header))
     misfit = 0
     if names is not None and len(names) != width:
         misfit = len(names)
@@ -306,7 +303,6 @@ def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
         names=names,
         header_cells=misfit,
         numeric=numeric,
-        units=units,
         stamps=stamps,
         lists=lists,
         joint_names=tuple(whole[0][k].strip() for k in named),
@@ -369,30 +365,31 @@ def _between_lists(line: str) -> str:
 
 def _names(
     above: list[str], delimiter: str, width: int, sizes: list[int], *, forced: bool
-) -> tuple[tuple[str, ...] | None, tuple[str, ...]]:
-    """The header above the first row, and the units of a line under it.
+) -> tuple[str, ...] | None:
+    """The header above the first row, with the units of a line under it in brackets.
 
     The header is the nearest line of names that is no line of units.
     """
     misfit: tuple[str, ...] | None = None
-    units: tuple[str, ...] = ()
+    units = [""] * width
     for line in reversed(above):
         text = line.strip().lstrip("#%/ ") if line.lstrip().startswith(COMMENT) else line
         cells = [cell.strip().strip("\"'").strip() for cell in split(text, delimiter)]
         if not any(cells):
             continue
         if all(map(is_unit, filter(None, (cell.strip("[]()") for cell in cells)))):
-            fits = len(cells) == width
-            units = tuple(cell.strip("[]()") for cell in cells) if fits else units
+            units = [cell.strip("[]()- ") for cell in cells] if len(cells) == width else units
             continue
         if len(cells) == width - 1 and delimiter != " ":
             # Rows that end in a delimiter have one empty cell more than the header.
             cells.append("")
         wide = _spread(cells, sizes) if sizes else None
         if wide is not None and len(wide) == width:
-            return wide, units
-        if len(cells) == width and (forced or 2 * sum(map(is_name, cells)) >= len(cells) - 1):
-            return tuple(cells), units
-        if misfit is None and not line.lstrip().startswith(COMMENT) and len(cells) > 1:
-            misfit = tuple(cells)
-    return misfit, units
+            cells = list(wide)
+        elif len(cells) != width or not (forced or 2 * sum(map(is_name, cells)) >= width - 1):
+            if misfit is None and not line.lstrip().startswith(COMMENT) and len(cells) > 1:
+                misfit = tuple(cells)
+            continue
+        pairs = zip(cells, units, strict=True)
+        return tuple(f"{name} [{unit}]" if unit else name for name, unit in pairs)
+    return misfit

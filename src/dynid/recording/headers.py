@@ -269,16 +269,14 @@ class Match:
             moments: Columns that were dates, in seconds by now.
             **facts: More of the table.
         """
-        stamps = stamps_of(self.clocks, column, moments)
+        time = stamps_of(self.clocks, column, moments)
+        notes = (*self.notes, *time.pop("notes"))
         return RawTable(
             signals={
                 name: np.column_stack([column(k) for k in numbers])
                 * np.array(self.factors.get(name, (1.0,)))
                 for name, numbers in self.columns.items()
             },
-            t=stamps.t,
-            time_scale=stamps.scale,
-            t0=stamps.t0,
             labels={
                 name: tuple(names[k] if names else f"column {k}" for k in numbers)
                 for name, numbers in self.columns.items()
@@ -288,7 +286,8 @@ class Match:
             said=self.said,
             joint_names=self.joint_names,
             notices=self.notices,
-            notes=(*self.notes, *filter(None, (stamps.note,))),
+            notes=notes,
+            **time,
             **facts,
         )
 

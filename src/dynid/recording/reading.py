@@ -178,10 +178,14 @@ def read_recording(
         joints=robot.joint_names if robot is not None else (),
         joint_order=settings.joint_order,
         topic=topic,
-        degrees=degrees,
     )
     table = read_isolated(given, options)
     if isinstance(table, ExperimentRecord):
+        if columns is not None or degrees or joint_order is not None:
+            raise RecordError(
+                "a dynid recording is complete: columns, degrees and joint order do not apply",
+                where=given[0].name,
+            )
         return fitted(table, robot, known, given[0].name)
     record = repair(table, settings)
     metadata = replace(
@@ -233,11 +237,6 @@ def read_table(
     with unpacked(given, budget) as files:
         kind = _format(files, options.format)
         if kind == "parquet":
-            if options.columns is not None or options.degrees or options.joint_order is not None:
-                raise RecordError(
-                    "a dynid recording is complete: columns, degrees and joint order do not apply",
-                    where=files[0].name,
-                )
             return read_own(files[0])
         table = _READERS[kind](files, replace(options, format=kind), budget)
     values = sum(value.size for value in (*table.signals.values(), *table.channels.values()))

@@ -44,7 +44,6 @@ class ReadOptions:
     """The robot's joint names, base to tip; empty if the robot is not known."""
     joint_order: tuple[str, ...] | None = None
     topic: str | None = None
-    degrees: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
