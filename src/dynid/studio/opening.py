@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -26,24 +26,6 @@ REST = "nothing moves"
 """Name of the motion that is none."""
 
 
-class Playable(Protocol):
-    """A motion with a name and an end."""
-
-    @property
-    def name(self) -> str:
-        """What the page calls it."""
-        ...
-
-    @property
-    def duration(self) -> float:
-        """When it ends [s]."""
-        ...
-
-    def at(self, t: float) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations (n) at a time [s]."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class PlayedTrajectory:
     """A trajectory; the certificate is about it."""
@@ -57,7 +39,7 @@ class PlayedTrajectory:
         return self.trajectory.duration
 
     def at(self, t: float) -> tuple[Array, Array, Array]:
-        """See `Playable.at`."""
+        """Positions, velocities and accelerations (n) at a time [s]."""
         q, dq, ddq = self.sampled(np.array([np.clip(t, 0.0, self.duration)]))
         return q[0], dq[0], ddq[0]
 
@@ -92,7 +74,7 @@ class PlayedRecord:
         return float(self._t[-1])
 
     def at(self, t: float) -> tuple[Array, Array, Array]:
-        """See `Playable.at`."""
+        """Positions, velocities and accelerations (n) at a time [s]."""
         after = int(np.clip(np.searchsorted(self._t, t), 1, len(self._t) - 1))
         low, high = self._t[after - 1], self._t[after]
         share = float(np.clip((t - low) / (high - low), 0.0, 1.0))
@@ -118,6 +100,8 @@ class Held:
         return self.q, rest, rest
 
 
+Playable = PlayedTrajectory | PlayedRecord | Held
+"""A motion with a name and an end."""
 DEFAULT_ROBOT = "ur5"
 MAX_JSON = 64 << 20
 _LONGEST = 120

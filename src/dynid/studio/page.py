@@ -5,8 +5,9 @@ import json
 import threading
 import time
 from collections.abc import Callable
+from io import BufferedIOBase
 from pathlib import Path
-from typing import IO, Any, Protocol
+from typing import IO, Any
 
 import numpy as np
 
@@ -37,14 +38,6 @@ ROBOT_FILES = (".urdf", ".toml")
 _TICK_S = 0.1
 _TICK_WHILE_RUNNING_S = 0.2
 """A recording needs the machine more than the page does."""
-
-
-class Readable(Protocol):
-    """What a file arrives through."""
-
-    def read(self, size: int, /) -> bytes:
-        """At most `size` bytes."""
-        ...
 
 
 class Page:
@@ -183,7 +176,7 @@ class Page:
                 "tail": self._tail,
             }
 
-    def take_file(self, name: str, stream: Readable, length: int) -> dict[str, Any]:
+    def take_file(self, name: str, stream: BufferedIOBase, length: int) -> dict[str, Any]:
         """Take a file that was dropped onto the page, and open it.
 
         Robots, designs, estimates and scenes are known by what they hold; all else is a log.
@@ -443,7 +436,7 @@ _ENDINGS = {
 }
 
 
-def _copy(stream: Readable, file: IO[bytes], length: int) -> None:
+def _copy(stream: BufferedIOBase, file: IO[bytes], length: int) -> None:
     while length > 0:
         part = stream.read(min(length, 1 << 20))
         if not part:

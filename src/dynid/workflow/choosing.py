@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -90,17 +90,10 @@ class IdentifySettings:
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
-        return {
-            "preset": self.preset,
-            "estimator": self.estimator_word,
-            "terms": None if self.terms is None else self.terms.to_json(),
-            "cutoff_hz": self.cutoff_hz,
-            "start_s": self.start_s,
-            "stop_s": self.stop_s,
-            "weighting": self.weighting,
-            "frames": self.frames,
-            "for": self.purpose,
-        }
+        data: dict[str, Any] = {item.name: getattr(self, item.name) for item in fields(self)}
+        data["for"] = data.pop("purpose")
+        terms = self.terms and self.terms.to_json()
+        return data | {"estimator": self.estimator_word, "terms": terms}
 
 
 REGIONS_FROM = 1e-2

@@ -5,7 +5,7 @@ estimates reads it, as the estimate in the middle of the records' temperatures.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -127,6 +127,11 @@ class TemperatureIdentification(TemperatureModel):
 
     shared: SharedIdentification
     """The inertias, and the friction of each record."""
+
+    @property
+    def model(self) -> TemperatureModel:
+        """What `write_temperature` keeps of it: all but the identification itself."""
+        return self
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
@@ -303,29 +308,21 @@ def estimate_at(path: str | Path, temperature_degC: float | None) -> Estimate:
 
 
 def _to_json(model: TemperatureModel) -> dict[str, Any]:
+    laws: list[dict[str, Any]] = []
+    for law, places, seen in zip(model.laws, model.places, model.seen, strict=True):
+        values = asdict(law) | {"places": places, "seen": seen}
+        laws.append({name: _plain(value) for name, value in values.items()})
+    arrays = ("temperature_degC", "order", "covariance", "naive")
     return {
-        "temperature_degC": model.temperature_degC.tolist(),
-        "laws": [
-            {
-                "symbols": list(law.symbols),
-                "law": law.law,
-                "reference": law.reference.tolist(),
-                "slope": law.slope.tolist(),
-                "covariance": law.covariance.tolist(),
-                "gain": law.gain.tolist(),
-                "reference_degC": law.reference_degC,
-                "range_degC": list(law.range_degC),
-                "chi_squared": law.chi_squared,
-                "places": list(places),
-                "seen": list(seen),
-            }
-            for law, places, seen in zip(model.laws, model.places, model.seen, strict=True)
-        ],
-        "order": list(model.order),
-        "covariance": model.covariance.tolist(),
-        "naive": model.naive.tolist(),
+        **{name: _plain(getattr(model, name)) for name in arrays},
+        "laws": laws,
         "warnings": [notice.to_json() for notice in model.warnings],
     }
+
+
+def _plain(value: Any) -> Any:
+    """Arrays and tuples as lists."""
+    return np.asarray(value).tolist() if isinstance(value, np.ndarray | tuple) else value  # pyright: ignore[reportUnknownArgumentType]
 
 
 def _model(estimate: Estimate, fields: JsonFields) -> TemperatureModel:
