@@ -61,13 +61,15 @@ def encoded(values: Array | Indices) -> str:
 
 def robot(model: RobotModel, meshes: tuple[LinkMesh, ...]) -> dict[str, Any]:
     """The arm: how it moves, and what it looks like."""
-    low, high = _ranges(model)
+    low, high = model.limits.lower, model.limits.upper
+    # Of what is drawn of joints without limits.
+    widest = np.where(model.prismatic, 2.0, 2 * np.pi)
     return {
         "name": plain(model.name),
         "joints": [_title(name) for name in model.joint_names],
         "prismatic": [bool(slides) for slides in model.prismatic],
-        "lower": low.tolist(),
-        "upper": high.tolist(),
+        "lower": np.where(np.isfinite(low), low, -widest).tolist(),
+        "upper": np.where(np.isfinite(high), high, widest).tolist(),
         "placements": model.placements.reshape(model.joints, 16).tolist(),
         "axes": model.axes.tolist(),
         "tool": (model.flange[:3, :3] @ model.tool.tcp + model.flange[:3, 3]).tolist(),
@@ -85,12 +87,6 @@ def _mesh(item: LinkMesh) -> dict[str, Any]:
         "link": item.link,
         "corners": encoded(shaded(item.vertices, item.faces, smooth=item.smooth)),
     }
-
-
-def _ranges(model: RobotModel) -> tuple[Array, Array]:
-    widest = np.where(model.prismatic, 2.0, 2 * np.pi)
-    low, high = model.limits.lower, model.limits.upper
-    return np.where(np.isfinite(low), low, -widest), np.where(np.isfinite(high), high, widest)
 
 
 def scene_shapes(editor: SceneEditor) -> dict[str, Any]:
@@ -171,9 +167,9 @@ def verdict(session: Session) -> dict[str, Any] | None:
     found = session.verdict
     if not session.certifiable or found.motion != session.motion.name:
         return None
-    if found.certificate is None:
-        return {"level": "bad", "words": found.error, "margins": [], "notes": []}
     made = found.certificate
+    if made is None:
+        return {"level": "bad", "words": found.error, "margins": [], "notes": []}
     words = "Every limit holds over the whole motion" if made.feasible else made.headline
     level = "good" if made.feasible else "warn" if made.holds else "bad"
     if session.stale:

@@ -1,14 +1,13 @@
 """What `dynid studio PATH` shows: a robot, a design, or all that lies in a directory."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, DynidError, InputError
+from dynid.core import Array, DynidError, InputError, load_object
 from dynid.identification import FORMAT
 from dynid.recording import ExperimentRecord, read_record
 from dynid.robot import RobotModel, load_robot
@@ -103,7 +102,6 @@ class Held:
 Playable = PlayedTrajectory | PlayedRecord | Held
 """A motion with a name and an end."""
 DEFAULT_ROBOT = "ur5"
-MAX_JSON = 64 << 20
 _LONGEST = 120
 """Characters of a file's name."""
 _SCENE_KEYS = frozenset({"shapes", "payload"})
@@ -194,14 +192,9 @@ def open_motion(path: Path, robot: str | None = None) -> OpenMotion:
 def kind_of(path: Path) -> str:
     """What a JSON file holds: `design`, `estimate`, `scene`, or nothing of ours."""
     try:
-        if path.stat().st_size > MAX_JSON:
-            return ""
-        document: object = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        fields = load_object(path).values
+    except InputError:
         return ""
-    if not isinstance(document, dict):
-        return ""
-    fields = cast("dict[str, object]", document)
     if fields.get("format") == FORMAT:
         return "estimate"
     if str(fields.get("kind", "")).startswith("dynid."):
@@ -222,15 +215,12 @@ def _files(paths: list[Path], folder: Path, robot: str | None, *, strict: bool) 
             if kind == "estimate":
                 estimates.append(path)
             elif kind == "scene" and scene is None:
-                scene = json.loads(path.read_text(encoding="utf-8"))
-                scene_file = str(path)
+                scene, scene_file = load_object(path).values, str(path)
             elif kind in ("design", "recording"):
                 opened = open_motion(path, robot)
                 if model is None:
-                    model, reference = (
-                        opened.robot or load_robot(opened.reference),
-                        opened.reference,
-                    )
+                    reference = opened.reference
+                    model = opened.robot or load_robot(reference)
                 motions.append(opened)
             elif strict:
                 raise InputError("neither a design nor a recording", where=str(path))

@@ -203,7 +203,7 @@ class Session:
             self._save(path)
             return str(path)
 
-    def start(self, job: Job) -> Supervisor:
+    def start(self, job: Job) -> None:
         """Start a job, unless another one is still there or a file where its result goes."""
         with self.lock:
             self.check_idle()
@@ -214,7 +214,6 @@ class Session:
                     next_step="Name another file.",
                 )
             self.job = Supervisor(job)
-            return self.job
 
     def check_idle(self) -> None:
         """Refuse what cannot be done beside a job."""
