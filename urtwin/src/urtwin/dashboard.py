@@ -21,11 +21,6 @@ _ON_THE_ROBOT = "programs"
 _SUFFIXES = (".urp", ".script")
 
 
-def no_programs(name: str) -> str | None:
-    """A controller without files."""
-    return None
-
-
 def program_folder(folder: Path) -> FindProgram:
     """Finds the programs of a folder; each is read when it is loaded.
 

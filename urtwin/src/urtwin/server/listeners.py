@@ -13,7 +13,7 @@ from pathlib import Path
 from dynid.core import InputError, JobError
 from dynid.protocol import dashboard, rtde
 from dynid.simulation import Thermal
-from urtwin.dashboard import DashboardSession, no_programs, program_folder
+from urtwin.dashboard import DashboardSession, FindProgram, program_folder
 from urtwin.machine import ControllerMachine
 from urtwin.rtde import Owners, RtdeSession
 from urtwin.server.clients import (
@@ -147,7 +147,7 @@ class Reception:
         self._owners, self._pool = Owners(), Pool()
         self._model = machine.core.arm.plant.arm.robot.name.removesuffix("e").upper()
         folder = settings.programs
-        self._programs = no_programs if folder is None else program_folder(folder)
+        self._programs: FindProgram = program_folder(folder) if folder else lambda _: None
 
     def client(self, connection: Connection) -> Client:
         """The client behind a connection."""
