@@ -86,11 +86,6 @@ _ALWAYS: dict[DataType, str] = {
         euromap67_input_bits euromap67_output_bits tool_mode tool_analog_input_types""",
     DataType.UINT64: "actual_digital_input_bits actual_digital_output_bits",
 }
-# In the lists of UR's client library of 2026 (Universal_Robots_Client_Library,
-# tests/resources/exhaustive_rtde_output_recipe.txt, types in tests/fake_rtde_server.cpp), not in
-# guides before 5.23, with which the energies came (tests/test_rtde_client.cpp); no source found
-# names the version of the others.
-_NEWEST = (5, 23, 0)
 _LATER: tuple[tuple[str, DataType, Version | None, Version | None], ...] = (
     ("elbow_position", DataType.VECTOR3D, (3, 5, 0), (5, 0, 0)),
     ("elbow_velocity", DataType.VECTOR3D, (3, 5, 0), (5, 0, 0)),
@@ -107,26 +102,22 @@ _LATER: tuple[tuple[str, DataType, Version | None, Version | None], ...] = (
     ("tool_digital_output0_mode", DataType.UINT8, None, (5, 2, 0)),
     ("tool_digital_output1_mode", DataType.UINT8, None, (5, 2, 0)),
     ("actual_current_as_torque", DataType.VECTOR6D, None, (5, 23, 0)),
-    *(
-        (name, DataType.VECTOR6D, None, _NEWEST)
-        for name in (
-            "actual_TCP_acceleration",
-            "target_TCP_acceleration",
-            "wrench_calc_from_currents",
-            "target_base_acceleration",
-            "target_base_wrench",
-        )
-    ),
-    ("target_gravity", DataType.VECTOR3D, None, _NEWEST),
-    ("target_execution_time", DataType.DOUBLE, None, _NEWEST),
-    ("actual_configurable_digital_input_bits", DataType.UINT64, None, _NEWEST),
-    ("actual_configurable_digital_output_bits", DataType.UINT64, None, _NEWEST),
-    ("control_step", DataType.UINT64, None, _NEWEST),
-    ("encoder0_raw", DataType.INT32, None, _NEWEST),
-    ("encoder1_raw", DataType.INT32, None, _NEWEST),
-    ("actual_robot_energy_consumed", DataType.DOUBLE, None, _NEWEST),
-    ("actual_robot_braking_energy_dissipated", DataType.DOUBLE, None, _NEWEST),
 )
+# In the lists of UR's client library of 2026 (Universal_Robots_Client_Library,
+# tests/resources/exhaustive_rtde_output_recipe.txt, types in tests/fake_rtde_server.cpp), not in
+# guides before 5.23, with which the energies came (tests/test_rtde_client.cpp); no source found
+# names the version of the others.
+_NEWEST: tuple[Version | None, Version | None] = (None, (5, 23, 0))
+_NEW: dict[DataType, str] = {
+    DataType.VECTOR6D: """actual_TCP_acceleration target_TCP_acceleration
+        wrench_calc_from_currents target_base_acceleration target_base_wrench""",
+    DataType.VECTOR3D: "target_gravity",
+    DataType.DOUBLE: """target_execution_time actual_robot_energy_consumed
+        actual_robot_braking_energy_dissipated""",
+    DataType.UINT64: """actual_configurable_digital_input_bits
+        actual_configurable_digital_output_bits control_step""",
+    DataType.INT32: "encoder0_raw encoder1_raw",
+}
 _INPUTS: dict[DataType, str] = {
     DataType.UINT32: "speed_slider_mask",
     DataType.DOUBLE: "speed_slider_fraction standard_analog_output_0 standard_analog_output_1",
@@ -155,9 +146,11 @@ def _registers(side: str) -> list[Field]:
     return found
 
 
-def _same(table: dict[DataType, str]) -> list[Field]:
-    """Fields that every controller with RTDE has."""
-    return [Field(name, type_, *_RTDE) for type_, names in table.items() for name in names.split()]
+def _same(
+    table: dict[DataType, str], since: tuple[Version | None, Version | None] = _RTDE
+) -> list[Field]:
+    """Fields of the same age: by default those that every controller with RTDE has."""
+    return [Field(name, type_, *since) for type_, names in table.items() for name in names.split()]
 
 
 OUTPUTS: dict[str, Field] = {
@@ -165,6 +158,7 @@ OUTPUTS: dict[str, Field] = {
     for field in (
         *_same(_ALWAYS),
         *(Field(*row) for row in _LATER),
+        *_same(_NEW, _NEWEST),
         *_registers("output"),
         *_registers("input"),
     )
