@@ -8,7 +8,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -60,12 +60,7 @@ class Verification:
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
-        return {
-            "max_torque_difference": self.max_torque_difference,
-            "tolerance": self.tolerance,
-            "loaded_with": self.loaded_with,
-            "states": self.states,
-        }
+        return asdict(self)
 
 
 def random_motion(joints: int, prismatic: Iterable[bool]) -> States:

@@ -47,7 +47,8 @@ def find_trunk(
         locked: Joints to freeze, and where [rad or m].
 
     Raises:
-        RobotError: Unknown tip or joint, or no joint left to move; the message lists tips.
+        RobotError: Unknown tip or joint, no joint left to move (the message lists tips), or a
+            floating or planar joint within the arm.
     """
     frozen = dict(locked or {})
     for name, value in frozen.items():
@@ -72,6 +73,9 @@ def find_trunk(
             limit=survey.tips(),
             next_step='Name the tip link of the arm: tip = "..." in a robot file',
         )
+    within = path[path.index(chosen[0]) : path.index(chosen[-1])]
+    if any(j.kind in ("floating", "planar") for j in within):
+        raise RobotError("a floating or planar joint within the arm", where=where)
     end = tip if tip is not None else survey.flange(chosen[-1].child)
     return Trunk(
         joints=tuple(j.name for j in chosen),
@@ -277,8 +281,6 @@ def robot_from_urdf(
     """
     tree = parse_urdf(data, where)
     trunk = find_trunk(tree, where, tip=tip, locked=locked)
-    if any(tree.joints[name].kind in ("floating", "planar") for name in _between(tree, trunk)):
-        raise RobotError("a floating or planar joint within the arm", where=where)
     poses, carriers = place_links(tree, trunk)
     joints = [tree.joints[name] for name in trunk.joints]
     notes = [*tree.notes, *trunk.notes]
@@ -302,17 +304,6 @@ def robot_from_urdf(
         return replace(
             robot, limits=limits, inertias=inertias, locked=trunk.locked, source=f"URDF {where}"
         )
-
-
-def _between(tree: UrdfTree, trunk: Trunk) -> list[str]:
-    """The joints between the first and the last joint of the arm."""
-    above = {joint.child: joint for joint in tree.joints.values()}
-    names: list[str] = []
-    joint = tree.joints[trunk.joints[-1]]
-    while joint.name != trunk.joints[0]:
-        joint = above[joint.parent]
-        names.append(joint.name)
-    return names
 
 
 def place_links(tree: UrdfTree, trunk: Trunk) -> tuple[dict[str, Array], dict[str, int]]:
