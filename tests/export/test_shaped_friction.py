@@ -3,6 +3,7 @@
 import inspect
 import runpy
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -193,21 +194,23 @@ def test_what_friction_takes(
 
 @pytest.mark.long
 def test_wrong_shapes_leave_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = writing._text
+    real = dict(writing._FORMATS)
     estimate = shaped(load_robot("ur10"))
 
-    def heavier(model: ExportModel, to: str, note: str) -> str:
+    def heavier(model: ExportModel) -> ExportModel:
         assert model.load is not None
-        return real(replace(model, load=model.load + 1e-6), to, note)
+        return replace(model, load=model.load + 1e-6)
 
-    def shaken(model: ExportModel, to: str, note: str) -> str:
+    def shaken(model: ExportModel) -> ExportModel:
         first = model.ripples[0]
         moved = replace(first, coefficients=(first.coefficients[0] + 1e-6, *first.coefficients[1:]))
-        return real(replace(model, ripples=(moved, *model.ripples[1:])), to, note)
+        return replace(model, ripples=(moved, *model.ripples[1:]))
 
     for spoiled in (heavier, shaken):
-        monkeypatch.setattr(writing, "_text", spoiled)
         for to in ("json", "c", "python"):
+            text = partial(lambda model, note, make, kind: kind.text(make(model), note),
+                           make=spoiled, kind=real[to])  # fmt: skip
+            monkeypatch.setitem(writing._FORMATS, to, replace(real[to], text=text))
             with pytest.raises(JobError, match="torques differ"):
                 write_model(estimate, to, tmp_path / "arm")
     assert list(tmp_path.iterdir()) == []

@@ -1,4 +1,5 @@
 import runpy
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from dynid.robot import RobotModel, load_robot
 
 # The asked agreement of torques [N.m or N].
 EXACT, MUJOCO = 1e-9, 1e-6
+Text = Callable[[ExportModel, str], str]
 ROBOTS = {"ur5": load_robot("ur5"), "tilted": load_robot("ur3e", mount="tilt:30")}
 
 
@@ -208,16 +210,15 @@ def test_what_a_format_cannot_hold_is_named(tmp_path: Path) -> None:
 
 
 def test_wrong_torques_leave_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path, real = tmp_path / "arm", writing._text
+    path, estimate = tmp_path / "arm", truth(ROBOTS["ur5"])
+    for to, kind in writing._FORMATS.items():
 
-    def spoiled(model: ExportModel, to: str, note: str) -> str:
-        wrong = model.inertials.copy()
-        wrong[2, 1] += 1e-6
-        return real(replace(model, inertials=wrong), to, note)
+        def spoiled(model: ExportModel, note: str, real: Text = kind.text) -> str:
+            wrong = model.inertials.copy()
+            wrong[2, 1] += 1e-6
+            return real(replace(model, inertials=wrong), note)
 
-    monkeypatch.setattr(writing, "_text", spoiled)
-    estimate = truth(ROBOTS["ur5"])
-    for to in FORMATS:
+        monkeypatch.setitem(writing._FORMATS, to, replace(kind, text=spoiled))
         with pytest.raises(JobError, match="torques differ"):
             write_model(estimate, to, path)
         assert list(tmp_path.iterdir()) == []
