@@ -271,10 +271,8 @@ def read_json(files: list[Path], options: ReadOptions, budget: Budget) -> RawTab
     """Read arrays of numbers from a JSON file; see `Reader`."""
     path = files[0]
     data = all_bytes(path, _JSON_MAX_BYTES)
-    try:
+    with refused("the JSON file is damaged", path.name):
         content = _parse(data.decode("utf-8-sig"))
-    except (ValueError, RecursionError) as error:
-        raise RecordError("the JSON file is damaged", where=path.name, value=str(error)) from error
     variables: dict[str, Array] = {}
     _collect_json(content, "", variables, 0)
     return table_of(variables, options, where=path.name, format="json")

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from dynid.core import Finding, RecordError, require
-from dynid.recording.content import MAX_BYTES, InflateError, inflate, unreadable
+from dynid.recording.content import MAX_BYTES, InflateError, inflate, refused, unreadable
 
 DEFINITION_LANGUAGES = ("ros1msg", "ros2msg", "ros2idl")
 JOINT_STATE_TYPES = frozenset({"sensor_msgs/msg/JointState", "sensor_msgs/JointState"})
@@ -67,10 +67,6 @@ class Catalog:
         """Tell of damage."""
         self.findings.append(Finding(kind, text))
 
-    def described(self) -> list[str]:
-        """Topics with their types, for messages."""
-        return [f"{topic.name} ({topic.kind})" for topic in self.topics.values()]
-
 
 _MOST_RESUMES = 60
 _LARGEST_MESSAGE = 1 << 26
@@ -117,15 +113,11 @@ def db3_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
 
 def _topics(database: sqlite3.Connection, path: Path, catalog: Catalog) -> dict[int, str]:
     """Number to name of each topic that is wanted."""
-    try:
+    with refused("this is no readable ROS 2 bag", path.name, _NO_BAG):
         for table in ("topics", "messages", "message_definitions"):
             _require_table(database, table, path)
         definitions = _definitions(database)
         rows = database.execute("SELECT id, name, type FROM topics").fetchall()
-    except (sqlite3.Error, OverflowError) as error:
-        raise RecordError(
-            "this is no readable ROS 2 bag", where=path.name, value=str(error), next_step=_NO_BAG
-        ) from error
     wanted: dict[int, str] = {}
     for number, name, kind in rows:
         language, text = definitions.get(str(kind), ("", ""))
@@ -173,20 +165,15 @@ def _connection(path: Path) -> Generator[sqlite3.Connection]:
     """The database, opened so that neither it nor its folder is written to."""
     log = path.with_name(path.name + "-wal")
     with tempfile.TemporaryDirectory(prefix="dynid-") as folder:
-        try:
+        with refused("the bag cannot be opened", path.name):
+            uri = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
             if log.is_file() and log.stat().st_size:
                 # A killed recorder leaves its last messages in the log: merge them in a copy.
                 copy = Path(folder) / "bag.db3"
                 shutil.copyfile(path, copy)
                 shutil.copyfile(log, Path(folder) / "bag.db3-wal")
-                uri = f"{copy.as_uri()}"
-            else:
-                uri = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
+                uri = copy.as_uri()
             database = sqlite3.connect(uri, uri=True)
-        except (OSError, sqlite3.Error) as error:
-            raise RecordError(
-                "the bag cannot be opened", where=path.name, value=str(error)
-            ) from error
         with closing(database):
             # Damaged text must not raise in the middle of a row.
             database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LARGEST_MESSAGE)

@@ -230,19 +230,14 @@ def read_mat(files: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     try:
         table = table_of(contents.arrays, options, where=path.name, format="mat")
     except RecordError as error:
-        if contents.objects and not harm:
-            raise RecordError(
-                f"{error.what}; {contents.objects} variables are timeseries or tables, which only "
-                "MATLAB can read",
-                where=path.name,
-                value=error.value,
-                next_step=_PLAIN,
-            ) from error
-        if not harm:
+        if not harm and not contents.objects:
             raise
-        raise RecordError(
-            "the MATLAB file is damaged", where=path.name, value=f"{harm}; {error}", next_step=_SAVE
-        ) from error
+        what, value, step = "the MATLAB file is damaged", f"{harm}; {error}", _SAVE
+        if not harm:
+            objects = f"{contents.objects} variables are timeseries or tables"
+            what, value = f"{error.what}; {objects}, which only MATLAB can read", error.value
+            step = _PLAIN
+        raise RecordError(what, where=path.name, value=value, next_step=step) from error
     if contents.cut:
         table = table.report("truncated_file", f"{path.name} is cut off: what precedes is taken")
     if contents.damaged:

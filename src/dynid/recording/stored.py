@@ -9,7 +9,7 @@ import tempfile
 import threading
 from collections import deque
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
@@ -202,12 +202,11 @@ def stored_rows(path: Path) -> int:
     if not path.is_file() or path.stat().st_size < SMALLEST or not is_own(path):
         return 0
     parquet = importlib.import_module("pyarrow.parquet")
-    try:
+    # pyarrow raises many kinds on damaged bytes; whoever reads the file says what is wrong.
+    with suppress(Exception):
         footer = parquet.read_metadata(path)
         return int(footer.num_rows) if KEY in (footer.metadata or {}) else 0
-    # pyarrow raises many kinds on damaged bytes; whoever reads the file says what is wrong.
-    except Exception:
-        return 0
+    return 0
 
 
 def open_stored(
