@@ -52,7 +52,7 @@ def _load(path: Path, budget: Budget) -> Any:
         return importlib.import_module("pyarrow.feather").read_table(path, memory_map=False)
     parquet = importlib.import_module("pyarrow.parquet")
     facts = parquet.read_metadata(path)
-    budget.require_values(facts.num_rows, facts.num_columns, where=path.name)
+    budget.require_values(facts.num_rows * facts.num_columns, path.name)
     return parquet.read_table(path, use_threads=False)
 
 
@@ -189,7 +189,7 @@ def _collect(
             _collect(file, _own(item, name, path), f"{path}.{name}", into, depth + 1, budget)
         return
     taken = sum(value.size for value in into.values())
-    budget.require_values(item.size + taken, where=path, times=max(1, len(item.dtype.names or ())))
+    budget.require_values((item.size + taken) * max(1, len(item.dtype.names or ())), path)
     if item.dtype.kind == "O" and item.dtype.metadata and "ref" in item.dtype.metadata:
         for number, reference in enumerate(item[()].ravel(order="F")[:_MAX_ELEMENTS]):
             if reference:
@@ -205,7 +205,7 @@ def _collect(
 def _keep_block(item: Any, name: str, path: str, into: dict[str, Array], budget: Budget) -> bool:
     """Keep each column of a block of a pandas table under its own name."""
     parts = [_own(item, part, path) for part in (name.replace("_values", "_items"), name)]
-    budget.require_values(sum(part.size for part in parts), where=path)
+    budget.require_values(sum(part.size for part in parts), path)
     labels: list[Any] = parts[0][()].ravel().tolist()
     values = parts[1][()]
     if values.ndim != 2 or values.shape[1] != len(labels):

@@ -8,7 +8,6 @@ long recordings have no bound of their own.
 from __future__ import annotations
 
 import importlib
-import math
 import shutil
 import tempfile
 from collections.abc import Generator, Sequence
@@ -48,21 +47,12 @@ class Budget:
             values=16_000_000 + 4 * more,
         )
 
-    def require_values(self, *shape: int, where: str, times: int = 1) -> int:
-        """Check a size that a file claims before anything of that size is made.
-
-        Args:
-            *shape: Sizes along the axes.
-            where: The file or the array, for messages.
-            times: How many of them there are.
-
-        Returns:
-            The number of values.
+    def require_values(self, count: int, where: str) -> None:
+        """Check a number of values that a file claims before anything of that size is made.
 
         Raises:
             RecordError: More values than a file of this size may have.
         """
-        count = math.prod(shape) * times
         if count > self.values:
             raise RecordError(
                 "the header states more numbers than a file of this size may contain",
@@ -71,7 +61,6 @@ class Budget:
                 limit=f"{self.values:.3g}",
                 next_step="Save only the signals of the joints, or split the recording.",
             )
-        return count
 
     def require_space(self, folder: str | None = None) -> int:
         """Bytes that unpacking may write: the budget, as far as the disk has them.
@@ -101,12 +90,7 @@ class InflateError(ValueError):
 
 
 def inflate(data: bytes, method: str, size: int | None = None) -> bytes:
-    """Decompress one piece of a bag.
-
-    Args:
-        data: The compressed bytes.
-        method: `zstd`, `lz4`, or empty for none.
-        size: How many bytes must come out, where that is known.
+    """Decompress one piece of a bag: by zstd, lz4 or nothing; to `size` bytes where it is known.
 
     Raises:
         InflateError: Damaged bytes, an unknown method, or the wrong size.

@@ -263,11 +263,8 @@ class Match:
     ) -> RawTable:
         """The raw table of these columns, in SI units.
 
-        Args:
-            names: Column names.
-            column: Gives the (N) numbers of a column.
-            moments: Columns that were dates, in seconds by now.
-            **facts: More of the table.
+        `column` gives the (N) numbers of a column; `moments` are columns that were dates, in
+        seconds by now; `facts` are more of the table.
         """
         time = stamps_of(self.clocks, column, moments)
         notes = (*self.notes, *time.pop("notes"))

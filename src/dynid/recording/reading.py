@@ -240,7 +240,7 @@ def read_table(
             return read_own(files[0])
         table = _READERS[kind](files, replace(options, format=kind), budget)
     values = sum(value.size for value in (*table.signals.values(), *table.channels.values()))
-    budget.require_values(values, where=table.source)
+    budget.require_values(values, table.source)
     return table
 
 

@@ -208,17 +208,10 @@ def _at(values: Array, t: Array) -> Array:
 def names_by_files(
     files: Sequence[Path], widths: Sequence[int], clocks: Sequence[int] = ()
 ) -> tuple[str, ...] | None:
-    """Column names made of the files' names, where each tells another quantity.
+    """Column names made of the files' names, as `positions[0]`; None where they do not say.
 
-    Args:
-        files: The files, side by side.
-        widths: Columns of each.
-        clocks: The column of time of each, where they have one; then files whose names say no
-            quantity, or one that another says as well, are left out.
-
-    Returns:
-        Names such as `positions[0]`, empty ones for columns that are left out; None where the
-        files' names do not say what they hold.
+    Each file tells another quantity. Where files have a column of time each (`clocks`), those whose
+    names say no quantity, or one that another says as well, are left out: their names are empty.
     """
     words = [quantity_word(file.stem) for file in files]
     quantities = [(parse_name(word).meaning or ("",))[0] for word in words]

@@ -87,29 +87,20 @@ def recover(path: Path, *, finished: bool = False) -> ExperimentRecord:
         data = path.read_bytes()
     except OSError as error:
         raise unreadable(path, error) from error
-    description: Any = None
-    blocks: list[bytes] = []
-    notices: list[Any] = []
-    used = len(MARK)
-    try:
-        for kind, payload in _segments(data):
-            used += _HEAD.size + len(payload)
-            if kind == b"H":
-                description = parse_json(payload.decode())
-            elif kind == b"R":
-                blocks.append(payload)
-            elif kind == b"N":
-                notices.append(parse_json(payload.decode()))
-    except ValueError as error:
-        raise RecordError("the recording's description is damaged", where=path.name) from error
-    if not isinstance(description, dict):
+    segments = list(_segments(data))
+    parts = {kind: [part for own, part in segments if own == kind] for kind in (b"H", b"R", b"N")}
+    if not parts[b"H"]:
         raise RecordError("the recording's description is lost", where=path.name)
+    with refused("the recording's description is damaged", path.name):
+        description = parse_json(parts[b"H"][-1].decode())
+        notices = [parse_json(part.decode()) for part in parts[b"N"]]
     found = Description.of(description, notices, path.name)
     with refused("the recording's rows are damaged", path.name):
-        table = np.frombuffer(b"".join(blocks), dtype="<f8").reshape(-1, len(found.names))
+        table = np.frombuffer(b"".join(parts[b"R"]), dtype="<f8").reshape(-1, len(found.names))
     record = found.record(list(table.T))
     if finished:
         return record
+    used = len(MARK) + sum(_HEAD.size + len(part) for _, part in segments)
     lost = f", {len(data) - used} bytes after them are lost" if len(data) > used else ""
     message = f"the recording was interrupted; {record.samples} samples were kept{lost}"
     return replace(record, problems=(*record.problems, Finding("truncated_file", message)))
