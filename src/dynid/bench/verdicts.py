@@ -131,7 +131,7 @@ def recorded(case: Case) -> Recorded:
         # The first axis of these arms is vertical: no torque tells where it counts from.
         shown = shown[1:]
     if case.fault in ("encoder_zero", "quarter_turn", "flexibility"):
-        # Nor that of the last, whose link may as well be another; and nothing bends its gear.
+        # A zero of the last joint is the same as another last link; little torque bends its gear.
         shown = [j for j in shown if j < n - 1]
     joint = int(draw.choice(shown))
     size = FAULTS.get(case.fault or "", 0.0) * SIZES[case.size]

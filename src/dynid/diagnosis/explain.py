@@ -94,7 +94,7 @@ def _friction_power(ref: Reference, values: Array) -> Array:
 
 def _rivals(rec: Recording, paired: list[int]) -> Iterator[WholeSignal]:
     robot, n = rec.robot, rec.robot.joints
-    # The last link turns with its own zero: no torque tells.
+    # A turned zero of the last joint is the same as another last link.
     turning = [j for j in range(n - 1) if not robot.prismatic[j]]
     light = replace(rec, robot=replace(robot, gravity=1e-6 * robot.gravity))
     yield WholeSignal(recording=light, kind="gravity_compensated", joints=(), value=1.0, unit="")
@@ -215,16 +215,13 @@ def _objective(thin: Recording, prior: tuple[Array, Array], counts: Array) -> fl
 
 LIKELY = 14.0
 """Drop of the left-out negative log likelihood that an explanation needs [nats]."""
-WORTH_A_LOOK, LOOKS, HOPES = 4.0, 4, 2
-"""Score with the noise of the reference from which a rival gets its own fit, and how many do; and
-how many beside them that might leave white noise."""
+WORTH_A_LOOK, LOOKS = 4.0, 4
+"""Score with the noise of the reference from which a rival gets its own fit, and how many do."""
 WHOLE_LIKELY, OFFSET_LIKELY = 24.0, 40.0
 """... of a signal that is reversed or exchanged: there are hundreds to choose from; and of one that
 was shifted in time, which short motions without repetition bear better [nats]."""
 CERTAIN = 4.0
-"""... and its size over the standard deviation, from leaving blocks out."""
-SURELY_HEAVY = 2.0
-"""... and that of a payload's mass."""
+"""... and one of its sizes over the standard deviation, from leaving blocks out."""
 EQUAL = 0.8
 """Share of the best explanation's score from which another cannot be told from it."""
 ROUNDS = 6
@@ -323,9 +320,7 @@ def _ranked(ref: Reference, values: Array, found: list[Explanation]) -> tuple[li
     sums, _ = fits(ref, np.concatenate([rival.columns for rival in rivals]))
     scored, errors = scores(sums, rivals)
     worth = [s for s in scored if s.score > WORTH_A_LOOK][:LOOKS]
-    hoped = sorted(scored[len(worth) :], key=lambda s: -s.hope)[:HOPES]
-    tried = [*worth, *(s for s in hoped if s.hope > LIKELY)]
-    admitted = [s for s in (_alone(ref, s.hypothesis) for s in tried) if _admitted(s, found)]
+    admitted = [s for s in (_alone(ref, s.hypothesis) for s in worth) if _admitted(s, found)]
     admitted.sort(key=lambda s: -s.score)
     return admitted, np.sqrt(errors / sums.rows)
 
@@ -388,9 +383,8 @@ def _admitted(scored: Scored, found: list[Explanation]) -> bool:
     known, size = scored.hypothesis, abs(scored.value)
     # A size that was found before may be corrected downwards.
     physical = scored.value > known.lowest or any(_same(item, known) for item in found)
-    # Of the ten sizes of a payload the mass is one: the score says how sure they are together.
-    sure = SURELY_HEAVY if known.kind == "payload" else CERTAIN
-    return physical and scored.score > LIKELY and size > max(sure * scored.std, known.least)
+    sure = scored.certainty > CERTAIN and size > known.least
+    return physical and sure and scored.score > LIKELY
 
 
 def _explanation(best: Scored, others: list[Scored], before: Explanation | None) -> Explanation:

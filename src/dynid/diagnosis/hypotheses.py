@@ -55,8 +55,8 @@ class Scored:
     """(m) its sizes."""
     score: float
     """Drop of the negative log likelihood of left-out blocks and of the prior [nats]."""
-    hope: float
-    """The same if it left white noise: errors that it explains hardly count as such."""
+    certainty: float
+    """The largest of its sizes over their standard deviations."""
 
 
 class _Torques:
@@ -179,7 +179,7 @@ def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
         lowest=0.0,
     )  # fmt: skip
     slides = rec.robot.prismatic[j]
-    # The last link turns or slides with its own zero: as well it is another body.
+    # A zero of the last joint that is off is the same as another last link.
     if j < torques.joints - 1:
         moved = np.zeros((3, *rec.q.shape))
         moved[0, :, j] = 1e-3
@@ -321,8 +321,10 @@ def scores(found: Fits, rivals: list[Hypothesis]) -> tuple[list[Scored], Array]:
         spread = np.sqrt((BLOCKS - 1) / BLOCKS * np.square(away).sum(axis=0))
         deviation, likely = known[h]
         drops = 0.5 * np.log(base / np.maximum(left, 1e-300))
-        gain, hope = float(found.counts @ drops), found.rows * float(drops.sum())
-        value, std = _one_number(rival.kind, each[BLOCKS], np.hypot(spread, deviation))
+        gain = float(found.counts @ drops)
+        stds = np.hypot(spread, deviation)
+        value, std = _one_number(rival.kind, each[BLOCKS], stds)
+        ratios = np.abs(np.append(each[BLOCKS], value)) / np.append(stds, std)
         out.append(
             Scored(
                 hypothesis=rival,
@@ -330,7 +332,7 @@ def scores(found: Fits, rivals: list[Hypothesis]) -> tuple[list[Scored], Array]:
                 std=std,
                 values=each[BLOCKS],
                 score=gain + likely,
-                hope=hope + likely,
+                certainty=float(ratios.max()),
             )
         )
     return sorted(out, key=lambda s: -s.score), base

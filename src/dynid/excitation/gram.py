@@ -31,8 +31,8 @@ Pullback = Callable[[Array], Gradient]
 class GramKernel:
     """Gram matrices of many motions of one robot, in memory that is used again.
 
-    One caller at a time: each worker makes its own. Callers limit the threads of BLAS to one:
-    such small products gain nothing from more, and changing their number costs as much.
+    One caller at a time: each worker makes its own. A search limits BLAS to one thread for all its
+    calls: such small products gain nothing from more, and to set the limit costs as much as one.
 
     Args:
         model: The inverse dynamic model.
