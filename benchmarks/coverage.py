@@ -1,6 +1,6 @@
 """How often 95 % intervals of parameters and payloads hold the truth, on arms of MuJoCo.
 
-    python benchmarks/coverage.py [known|chosen|sdp|payload] [--seed 1] [--count 12]
+    python benchmarks/coverage.py [known|chosen|sdp|payload|delays] [--seed 1] [--count 12]
 
 `known`: Coulomb and viscous friction as planted, nothing chosen (wls). `chosen`: preset best.
 `sdp`: the same by consistent bodies. Friction is what the terms can say, noise is white and slow
@@ -8,6 +8,8 @@ in equal parts, links differ from what is published as real ones do. `base`: bas
 which `data` are those that the prior does not dominate; `links`: link parameters from data.
 `payload`: the same motion without and with 0.5 to 3 kg on another day: friction of each joint is
 up to 20 % different, and each drive gain is off by 2 %; mass and centre.
+`delays`: torques of one joint between 20 ms early and 60 ms late, with the scoreboard's friction,
+presliding on every second arm.
 """
 
 from __future__ import annotations
@@ -22,12 +24,13 @@ from scipy.signal import lfilter
 import dynid
 from dynid.bench.plants import Motion, Plant, arm, motion, plant
 from dynid.core import Array, DynidError
-from dynid.identification import standard_posterior
+from dynid.identification import select, standard_posterior
 from dynid.identification.bayesian import deviations
 from dynid.identification.problem import base_mapping
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms
 from dynid.robot import from_pseudo_inertia, move
+from dynid.signals import ProcessingSettings, fold_periods, uniform_signals
 from dynid.workflow import identify_payload
 
 CONFIDENCE = 1.96
@@ -35,6 +38,7 @@ WIDTH = 0.02
 """Smoothing velocity of the planted Coulomb friction [rad/s]."""
 ARMS = ("ur5", "ur10e", "ur3", "seven", "heavy")
 GAINS_OFF, FRICTION_OFF = 0.02, 0.2
+IN_TIME_S = 2e-3
 SETTINGS = {
     "known": dynid.IdentifySettings(
         preset="paper", estimator="wls", terms=FrictionTerms(width=WIDTH)
@@ -130,10 +134,38 @@ def payload(_: str, seed: int) -> tuple[str, dict[str, Array]]:
     return f"{told.name} {mass:.2f} kg: {found.mass:.3f} +- {found.mass_std:.3f}", groups
 
 
+def delay(_: str, seed: int) -> tuple[str, dict[str, Array]]:
+    """The delay measured, its errors over 2 ms, and over its deviation."""
+    draw = np.random.default_rng(seed)
+    told = arm(ARMS[seed % len(ARMS)])
+    n, rate = told.joints, float(draw.choice([125.0, 125.0, 250.0, 500.0]))
+    real = plant(told, seed)
+    if seed // len(ARMS) % 2 == 0:
+        real = replace(real, presliding=np.full(n, 1e-6))
+    path = motion(told, "fourier", seed, rate, 30.0 if rate < 250.0 else 20.0)
+    joint, late = int(draw.integers(n)), float(draw.uniform(-0.02, 0.06))
+    rigid = real.torque(path.q, path.dq, path.ddq)
+    torque = rigid + real.friction(path.dq, rigid, 1 / rate)
+    torque[:, joint] = np.interp(path.t - late, path.t, torque[:, joint])
+    torque += real.torque_noise * draw.normal(size=torque.shape)
+    settings = ProcessingSettings(period_s=10.0)
+    signals = uniform_signals(recording(path, torque, draw), told, settings)
+    found = select(told, "urdf", [fold_periods(signals, 10.0)], settings)
+    assert found.delays_std_s is not None
+    std = found.delays_std_s[joint]
+    taken = 0.0 if found.settings.delays_s is None else found.settings.delays_s[joint]
+    name = f"{told.name} joint {joint + 1} of {n}, {rate:g} Hz, {1e3 * late:.1f} ms:"
+    away = np.array([taken - late])
+    if taken == 0.0 and abs(late) > IN_TIME_S:
+        return f"{name} not identifiable, +- {1e3 * std:.1f}", {"told": np.array([np.inf])}
+    groups = {"told": np.zeros(1), "2 ms": CONFIDENCE * away / IN_TIME_S, "deviation": away / std}
+    return f"{name} {1e3 * taken:.1f} +- {1e3 * std:.1f}", groups
+
+
 def main() -> None:
     """Print a line a recording, and how many intervals hold."""
     asked = argparse.ArgumentParser(description=__doc__)
-    asked.add_argument("kind", choices=(*SETTINGS, "payload"))
+    asked.add_argument("kind", choices=(*SETTINGS, "payload", "delays"))
     asked.add_argument("--seed", type=int, default=1)
     asked.add_argument("--count", type=int, default=12)
     words = asked.parse_args()
@@ -141,7 +173,8 @@ def main() -> None:
     made = 0
     for k in count(1000 * words.seed):
         try:
-            name, groups = (payload if words.kind == "payload" else parameters)(words.kind, k)
+            judged = {"payload": payload, "delays": delay}.get(words.kind, parameters)
+            name, groups = judged(words.kind, k)
         except DynidError as error:
             print(f"{k}: refused, {error}", flush=True)
             continue
@@ -155,7 +188,7 @@ def main() -> None:
     for group, parts in total.items():
         away = np.concatenate(parts)
         held = 100 * (np.abs(away) <= CONFIDENCE).mean()
-        size = np.sqrt(np.square(away).mean())
+        size = np.sqrt(np.square(away[np.isfinite(away)]).mean())
         print(f"{group}: {held:.1f} % of {len(away)} within 95 %, error {size:.2f} deviations")
 
 

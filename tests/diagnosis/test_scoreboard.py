@@ -16,6 +16,8 @@ PLANTED = (
     ("ur5", "waypoints", 125.0, 10.0, 570712269, "joint_delay", "large"),
     ("sliding", "teach", 125.0, 10.0, 514993393, "clock", "large"),
     ("sliding", "fourier", 1000.0, 15.0, 767711293, "contact", "medium"),
+    # Of its ten sizes the centre is sure, the mass is not.
+    ("heavy", "fourier", 125.0, 20.0, 957102595, "payload", "large"),
     # Two thirds of all torques: no payload, which would leave the last link a negative mass.
     ("sliding", "fourier", 125.0, 20.0, 911654613, "gains", "large"),
 )

@@ -5,17 +5,18 @@ import pytest
 from known_robot import oracle, recording, ur5
 
 from dynid import identify
-from dynid.identification import Estimate, IdentificationProblem, WeightedLeastSquares
+from dynid.identification import Estimate, IdentificationProblem, WeightedLeastSquares, select
 from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
-from dynid.signals import ProcessingSettings, process
+from dynid.signals import ProcessingSettings, process, uniform_signals
 from dynid.validation import validate
 from dynid.workflow import IdentifySettings
 from dynid.workflow.identify import fit_records
 
 EXACT = 2e-3
 """Noise-free: what filtering and differentiating 125 Hz samples leave, relative."""
+RATE = 125.0
 LATE = 2e-3
 """Error of a delay that was planted [s]."""
 PRESETS = ("paper", "best")
@@ -153,3 +154,19 @@ def test_more_records_mean_more_certainty() -> None:
     one, two = fitted(recording(1)), fitted(recording(1), recording(2))
     assert two.samples > 1.8 * one.samples
     assert np.median(two.naive_std / one.naive_std) < 0.8
+
+
+def test_delays_have_deviations() -> None:
+    delay = np.array([0.0, 2, 0, 0, 1, 0]) / RATE
+    record = recording(7, noise=0.3, seconds=20.0, period=20.0, delay_samples=RATE * delay)
+    free = ProcessingSettings()
+    signals = uniform_signals(record, ur5(), free)
+    found = select(ur5(), "dh", [signals], free)
+    assert found.settings.delays_s is not None
+    assert found.delays_std_s is not None
+    std = np.array(found.delays_std_s)
+    assert (np.abs(found.settings.delays_s - delay) < 4 * std + LATE).all()
+    assert std.min() > 0
+    assert std.max() < 4 * LATE
+    given = select(ur5(), "dh", [signals], replace(free, delays_s=(0.0,) * 6))
+    assert given.delays_std_s is None

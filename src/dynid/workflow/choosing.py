@@ -177,7 +177,9 @@ def _words(chosen: Selection, slides: bool) -> tuple[str, ...]:
     settings, friction = chosen.settings, chosen.friction
     widths = friction.width if isinstance(friction.width, tuple) else (friction.width,)
     load = "" if friction.load is None else f",{friction.load.describe()}"
-    delays = "none" if settings.delays_s is None else _row(1000 * d for d in settings.delays_s)
+    delays = "none" if settings.delays_s is None else f"{_ms(settings.delays_s)} ms"
+    if chosen.delays_std_s is not None:
+        delays += f", standard deviations {_ms(chosen.delays_std_s)} ms"
     sources = {
         "measured": "velocities from measured values",
         "position": "velocities differentiated from positions",
@@ -186,7 +188,7 @@ def _words(chosen: Selection, slides: bool) -> tuple[str, ...]:
         f"chosen for {chosen.purpose}",
         f"cut-off {settings.cutoff_hz:g} Hz",
         sources[settings.velocity],
-        f"torque delays {delays}" + ("" if settings.delays_s is None else " ms"),
+        f"torque delays {delays}",
         f"friction terms {friction.describe()}{load}",
         f"Coulomb widths {_row(widths)} {speed}",
         f"held-out RMS {_row(chosen.noise)} {torque}",
@@ -196,6 +198,10 @@ def _words(chosen: Selection, slides: bool) -> tuple[str, ...]:
     if settings.torque_filter is not None:
         words.insert(0, settings.torque_filter.describe())
     return tuple(words)
+
+
+def _ms(seconds: Iterable[float]) -> str:
+    return _row(1000 * value for value in seconds)
 
 
 def _row(values: Iterable[float]) -> str:

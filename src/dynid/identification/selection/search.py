@@ -10,14 +10,14 @@ A delay and friction that builds up late look alike where a joint reverses, and 
 friction that is known stands beside the delays, at once and without a choice.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynid.core import Array, Progress, silent
+from dynid.core import Array, Indices, Progress, silent
 from dynid.identification.selection.columns import LOAD, PLAIN_WIDTH, CandidateColumns, JointChoice
-from dynid.identification.selection.gram import RIDGE, joint_weights
+from dynid.identification.selection.gram import RIDGE, GramBlocks, joint_weights
 from dynid.identification.selection.scoring import (
     GAIN_OF_SHAPE,
     LEAST_GAIN,
@@ -42,12 +42,22 @@ DELAY_STEP_S, FINE_STEP_S = 0.008, 0.002
 """Between delays that are tried, and between those beside the best where the rate allows."""
 
 
-def measured_delays(search: ScoreSearch, settings: ProcessingSettings) -> tuple[float, ...] | None:
-    """How much later each joint's torque was recorded than its motion [s]; None for not at all.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Delays:
+    """How much later torques were recorded than the motion."""
+
+    taken_s: tuple[float, ...] | None = None
+    """(n) delays that pay, 0 for the others; None where none does [s]."""
+    std_s: tuple[float, ...] | None = None
+    """(n) their standard deviations, from leaving parts out; None where none was measured [s]."""
+
+
+def measured_delays(search: ScoreSearch, settings: ProcessingSettings) -> Delays:
+    """Measure each joint's delay.
 
     Beside every column of friction that is known here, those of presliding among them: what
-    only looks like a delay when a joint reverses is not one. Each delay must lower the errors
-    on what is left out by more than its standard error, on every partition.
+    only looks like a delay when a joint reverses is not one. Each delay that is taken must lower
+    the errors on what is left out by more than their standard error, on every partition.
 
     Args:
         search: The recordings.
@@ -56,12 +66,12 @@ def measured_delays(search: ScoreSearch, settings: ProcessingSettings) -> tuple[
     smooth = settings.torque_filter
     if smooth is not None and smooth.cutoff_hz * LONGEST_DELAY_S < 0.5:
         # The filter has spread every reversal over more time than any delay.
-        return None
+        return Delays()
     rate, n = search.recordings[0].rate_hz, search.robot.joints
     extras = tuple(term for term in search.columns.extras if term != LOAD)
     columns = replace(search.columns, extras=extras)
     places = [tuple(range(len(columns.positive)))] * n
-    found, reach = np.zeros(n), LONGEST_DELAY_S
+    found, std, reach = np.zeros(n), np.zeros(n), LONGEST_DELAY_S
     steps = [max(1, round(length * rate)) / rate for length in (DELAY_STEP_S, FINE_STEP_S)]
     for step in dict.fromkeys(steps):
         # On the samples: between them straight lines take noise away, and would be preferred.
@@ -69,7 +79,9 @@ def measured_delays(search: ScoreSearch, settings: ProcessingSettings) -> tuple[
         count = max(1, round(reach / step))
         trials = np.asarray(np.arange(-count, count + 1) * step, dtype=np.float64)
         blocks = search.summed(settings, columns, near + trials[:, None])
-        found, reach = near + _best_delays(search, blocks, columns, places, trials), 2 * step
+        found, reach = near + _best_delays(search, blocks.all, columns, places, trials), 2 * step
+        each = np.array([_best_delays(search, b, columns, places, trials) for b in _parts(blocks)])
+        std = np.sqrt((len(each) - 1) * each.var(axis=0))
     near = np.where(np.abs(found) < LONGEST_DELAY_S, np.round(found * rate) / rate, 0.0)
     blocks = search.summed(settings, columns, np.stack([np.zeros(n), near]))
     taken = (near != 0).astype(int).tolist()
@@ -86,13 +98,25 @@ def measured_delays(search: ScoreSearch, settings: ProcessingSettings) -> tuple[
             gains = scored(taken).gains(scored(without))
             if min(gain - error for gain, error in gains) < LEAST_GAIN:
                 taken = without
-    return tuple(np.where(taken, found, 0.0).tolist()) if any(taken) else None
+    late = tuple(np.where(taken, found, 0.0).tolist()) if any(taken) else None
+    return Delays(taken_s=late, std_s=tuple(std.tolist()))
+
+
+def _parts(blocks: CandidateBlocks) -> Iterator[GramBlocks]:
+    """The sums of all parts but one, in turn."""
+    parts = blocks.parts[0][0]
+    every: Indices = np.arange(int(parts.rows.shape[1]))
+    for part in range(len(every)):
+        yield parts.merged(np.where(every == part, -1, 0))
 
 
 def refined_delays(
     search: ScoreSearch, settings: ProcessingSettings, choices: tuple[JointChoice, ...]
 ) -> tuple[float, ...] | None:
-    """The delays of the settings, measured again beside the friction that was chosen."""
+    """The delays of the settings, measured again beside the friction that was chosen.
+
+    Not where that is presliding: a displacement that is a little off looks like a delay.
+    """
     if settings.delays_s is None:
         return None
     rate, late = search.recordings[0].rate_hz, np.array(settings.delays_s)
@@ -103,13 +127,15 @@ def refined_delays(
         replace(settings, delays_s=None), search.columns, near + trials[:, None] * (late != 0)
     )
     places = [search.columns.places(j, c.step, c.terms) for j, c in enumerate(choices)]
-    by = _best_delays(search, blocks, search.columns, places, trials)
-    return tuple(np.where(late != 0, np.round(near + by, 4), 0.0).tolist())
+    by = _best_delays(search, blocks.all, search.columns, places, trials)
+    steps = np.array([choice.displacement is None for choice in choices])
+    again = np.where(steps & (late != 0), near + by, late)
+    return tuple(np.round(again, 4).tolist())
 
 
 def _best_delays(
     search: ScoreSearch,
-    blocks: CandidateBlocks,
+    blocks: GramBlocks,
     columns: CandidateColumns,
     places: Sequence[tuple[int, ...]],
     delays: Array,
@@ -121,15 +147,15 @@ def _best_delays(
     serves all choices.
     """
     n, rank, count = search.robot.joints, search.base.rank, len(delays)
-    products = blocks.all.products.sum(axis=1)
+    products = blocks.products.sum(axis=1)
     size, torque = rank + sum(map(len, places)), rank + len(columns.positive) + np.arange(count)
-    shrinkage = search.prior.times(PRIOR_OF_PLAIN * blocks.rows)
+    shrinkage = search.prior.times(PRIOR_OF_PLAIN * float(blocks.rows.sum(axis=1).mean()))
     chosen = np.full(n, int(np.argmin(np.abs(delays))))
     joints, costs = np.arange(n), np.empty((n, count))
     for _ in range(2):
         picks = search.picks_at(places, columns, chosen.tolist())
         weights = joint_weights(
-            blocks.all, picks, search.prior.times(PRIOR_OF_PLAIN), search.positive(picks)
+            blocks, picks, search.prior.times(PRIOR_OF_PLAIN), search.positive(picks)
         )
         matrix, cross = np.zeros((size, size)), np.zeros((size, n * count + 1))
         energy = np.zeros((n * count + 1, n * count + 1))
@@ -191,6 +217,8 @@ class Selection:
     noise: Array
     """(n) left-out RMS error of these rows [N.m or N]."""
     purpose: str
+    delays_std_s: tuple[float, ...] | None
+    """(n) standard deviations of the measured delays [s]; None where they were given."""
 
 
 def select(
@@ -224,10 +252,11 @@ def select(
     search = ScoreSearch(robot, frames, recordings, terms, presliding=presliding, purpose=purpose)
     tell = progress or silent
     choices = (JointChoice(PLAIN_WIDTH, frozenset()),) * robot.joints
-    delays_are_free = settings.delays_s is None
+    delays_are_free, late = settings.delays_s is None, Delays()
     if delays_are_free and not smoothed:
         tell("delays", 0.0)
-        settings = replace(settings, delays_s=measured_delays(search, settings))
+        late = measured_delays(search, settings)
+        settings = replace(settings, delays_s=late.taken_s)
     trials = _settings_to_try(recordings, settings)
     scored: list[float] = []
     for index, trial in enumerate(trials):
@@ -240,7 +269,7 @@ def select(
         trials = tuple(replace(trial, torque_filter=passed) for trial in trials)
     if delays_are_free and smoothed:
         late = measured_delays(search, trials[best])
-        trials = tuple(replace(trial, delays_s=late) for trial in trials)
+        trials = tuple(replace(trial, delays_s=late.taken_s) for trial in trials)
     tell("friction", 0.4)
     blocks = search.blocks(trials[best])
     near, _ = search.prior_weights(blocks, choices, search.weights(blocks, choices, PRIOR_OF_PLAIN))
@@ -269,6 +298,7 @@ def select(
         score=now.value,
         noise=now.noise,
         purpose=purpose,
+        delays_std_s=late.std_s,
     )
 
 
