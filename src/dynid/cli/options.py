@@ -106,7 +106,7 @@ def numbers(
         found = tuple(float(part) for part in text.split(","))
         if all(map(math.isfinite, found)) and (not counts or len(found) in counts):
             return found
-    said = "must be numbers with commas between"
+    said = "needs finite numbers with commas between"
     raise InputError(said, where=where, value=text, limit=form or None)
 
 

@@ -41,7 +41,7 @@ def _given_files(paths: str | Path | Sequence[str | Path]) -> list[Path]:
     files = [Path(paths)] if isinstance(paths, (str, Path)) else [Path(path) for path in paths]
     if not files:
         raise RecordError("no recording was given")
-    if len(files) == 1 and partial_path(files[0]).is_file() and not files[0].exists():
+    if len(files) == 1 and not files[0].exists() and partial_path(files[0]).is_file():
         # A recording that was interrupted: what there is of it.
         return [partial_path(files[0])]
     for file in files:

@@ -122,16 +122,21 @@ class DesignSettings:
         check_word(self.criterion, ("", *CRITERIA), "--criterion")
         check_word(self.trajectory, FAMILY_NAMES, "--trajectory")
         check_word(self.limits, PRESETS, "--limits")
-        least = 1 if self.trajectory in ("bspline", "points") else 2
-        amount = "few harmonics to move" if self.order < least else "many harmonics"
-        share = "must be a share of the torque"
         for what, where, value, low, high, unit in (
-            ("must be a time", "--period", self.period_s, 0.1, 3600, " s"),
-            (f"too {amount}", "--harmonics", self.order, least, MOST_HARMONICS, ""),
-            (share, "--accuracy", self.accuracy_percent, 0.01, 100, " %"),
+            ("must be a time", "--period", self.period_s, 0.1, 3600, "s"),
+            ("must be a share of the torque", "--accuracy", self.accuracy_percent, 0.01, 100, "%"),
         ):
             if value is not None and not low <= value <= high:
-                raise InputError(what, where=where, value=value, limit=f"{low} to {high}{unit}")
+                limit = f"{low} to {high} {unit}"
+                raise InputError(what, where=where, value=value, limit=limit)
+        least = 1 if self.trajectory in ("bspline", "points") else 2
+        if not least <= self.order <= MOST_HARMONICS:
+            raise InputError(
+                "too few harmonics to move" if self.order < least else "too many harmonics",
+                where="--harmonics",
+                value=self.order,
+                limit=f"{least} to {MOST_HARMONICS}",
+            )
         if self.seed < 0:
             raise InputError("must not be negative", where="--seed", value=self.seed)
         for name, numbers in (("--start", self.start_pose), ("--noise", self.noise)):
