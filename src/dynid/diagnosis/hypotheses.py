@@ -324,7 +324,7 @@ def scores(found: Fits, rivals: list[Hypothesis]) -> tuple[list[Scored], Array]:
         gain = float(found.counts @ drops)
         stds = np.hypot(spread, deviation)
         value, std = _one_number(rival.kind, each[BLOCKS], stds)
-        ratios = np.abs(np.append(each[BLOCKS], value)) / np.append(stds, std)
+        ratios = np.abs(np.append(each[BLOCKS], value)) / np.maximum(np.append(stds, std), 1e-300)
         out.append(
             Scored(
                 hypothesis=rival,
