@@ -1,6 +1,6 @@
 """How often 95 % intervals of parameters and payloads hold the truth, on arms of MuJoCo.
 
-    python benchmarks/coverage.py [known|chosen|sdp|payload|delays] [--seed 1] [--count 12]
+    python benchmarks/intervals.py [known|chosen|sdp|payload|delays] [--seed 1] [--count 12]
 
 `known`: Coulomb and viscous friction as planted, nothing chosen (wls). `chosen`: preset best.
 `sdp`: the same by consistent bodies. Friction is what the terms can say, noise is white and slow
