@@ -179,7 +179,7 @@ def _words(chosen: Selection, slides: bool) -> tuple[str, ...]:
     load = "" if friction.load is None else f",{friction.load.describe()}"
     delays = "none" if settings.delays_s is None else f"{_ms(settings.delays_s)} ms"
     if chosen.delays_std_s is not None:
-        delays += f", standard deviations {_ms(chosen.delays_std_s)} ms"
+        delays += f" (standard deviations {_ms(chosen.delays_std_s)} ms)"
     sources = {
         "measured": "velocities from measured values",
         "position": "velocities differentiated from positions",
