@@ -40,6 +40,8 @@ from dynid.signals import (
 LONGEST_DELAY_S = 0.08
 DELAY_STEP_S, FINE_STEP_S = 0.008, 0.002
 """Between delays that are tried, and between those beside the best where the rate allows."""
+CERTAIN = 4.0
+"""Size of a delay over its standard deviation from which it is taken in any case."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,8 +58,9 @@ def measured_delays(search: ScoreSearch, settings: ProcessingSettings) -> Delays
     """Measure each joint's delay.
 
     Beside every column of friction that is known here, those of presliding among them: what
-    only looks like a delay when a joint reverses is not one. Each delay that is taken must lower
-    the errors on what is left out by more than their standard error, on every partition.
+    only looks like a delay when a joint reverses is not one. A delay is taken that is sure from
+    leaving parts out, or that lowers the errors on these by more than their standard error, on
+    every partition: so many columns foretell parts left out poorly.
 
     Args:
         search: The recordings.
@@ -96,7 +99,8 @@ def measured_delays(search: ScoreSearch, settings: ProcessingSettings) -> Delays
         if taken[j]:
             without = [*taken[:j], 0, *taken[j + 1 :]]
             gains = scored(taken).gains(scored(without))
-            if min(gain - error for gain, error in gains) < LEAST_GAIN:
+            unsure = abs(found[j]) < CERTAIN * std[j]
+            if unsure and min(gain - error for gain, error in gains) < LEAST_GAIN:
                 taken = without
     late = tuple(np.where(taken, found, 0.0).tolist()) if any(taken) else None
     return Delays(taken_s=late, std_s=tuple(std.tolist()))
