@@ -40,8 +40,8 @@ ANY_KERNEL = 1e-4
 """Relative tolerance where another processor's BLAS has computed them."""
 SMALL = 1e-3
 """Share of a list's largest number below which its numbers are not compared relatively."""
-ZERO = 2e-7
-"""Numbers as small as this are rounding errors, or deviations of numbers without noise."""
+ZERO = 1e-9
+"""Numbers as small as this are rounding errors."""
 LONGEST = 400
 """Numbers of a list that are kept; longer ones keep their length alone."""
 LEFT_OUT = frozenset(

@@ -26,6 +26,8 @@ LARGEST_STD = 0.05
 LEAST_SHARE = 1e-12
 """Part of the current that the moment must move apart from friction, over the current: less is
 rounding. Whether more is enough, the residuals say."""
+ROUNDING = 1e-12
+"""Share of the largest current below which a residual is rounding, not noise."""
 _COLUMNS = ("gain", "std", "coulomb", "viscous", "r2")
 
 
@@ -145,6 +147,7 @@ def _joint(columns: Array, current: Array, rate_hz: float) -> tuple[Array, str]:
     inverse = inverse_upper(upper[:3, :3])
     solution = inverse @ upper[:3, 3]
     residual = current - scaled @ solution
+    residual[np.abs(residual) < ROUNDING * np.abs(current).max()] = 0.0
     if moved < np.linalg.norm(residual):
         return nothing, "the effect of its moment on the current is below the residual"
     scores = scaled.T * residual

@@ -83,8 +83,10 @@ def measured_delays(search: ScoreSearch, settings: ProcessingSettings) -> Delays
         trials = np.asarray(np.arange(-count, count + 1) * step, dtype=np.float64)
         blocks = search.summed(settings, columns, near + trials[:, None])
         found, reach = near + _best_delays(search, blocks.all, columns, places, trials), 2 * step
-        each = np.array([_best_delays(search, b, columns, places, trials) for b in _parts(blocks)])
-        std = np.sqrt((len(each) - 1) * each.var(axis=0))
+        if step == steps[-1]:
+            parts = _parts(blocks)
+            each = np.array([_best_delays(search, b, columns, places, trials) for b in parts])
+            std = np.sqrt((len(each) - 1) * each.var(axis=0))
     near = np.where(np.abs(found) < LONGEST_DELAY_S, np.round(found * rate) / rate, 0.0)
     blocks = search.summed(settings, columns, np.stack([np.zeros(n), near]))
     taken = (near != 0).astype(int).tolist()
