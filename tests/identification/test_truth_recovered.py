@@ -5,11 +5,12 @@ import pytest
 from known_robot import oracle, recording, ur5
 
 from dynid import identify
+from dynid.bench.plants import arm, motion, plant
 from dynid.identification import Estimate, IdentificationProblem, WeightedLeastSquares, select
 from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
-from dynid.signals import ProcessingSettings, process, uniform_signals
+from dynid.signals import ProcessingSettings, fold_periods, process, uniform_signals
 from dynid.validation import validate
 from dynid.workflow import IdentifySettings
 from dynid.workflow.identify import fit_records
@@ -170,3 +171,19 @@ def test_delays_have_deviations() -> None:
     assert std.max() < 4 * LATE
     given = select(ur5(), "dh", [signals], replace(free, delays_s=(0.0,) * 6))
     assert given.delays_std_s is None
+
+
+def test_a_sure_delay_is_taken_whatever_is_left_out() -> None:
+    told, late = arm("ur3"), 0.0425
+    path = motion(told, "fourier", 1012, 250.0, 20.0)
+    real = replace(plant(told, 1012), presliding=np.full(6, 1e-6))
+    rigid = real.torque(path.q, path.dq, path.ddq)
+    torque = rigid + real.friction(path.dq, rigid, 1 / 250.0)
+    torque[:, 1] = np.interp(path.t - late, path.t, torque[:, 1])
+    torque += real.torque_noise * np.random.default_rng(0).normal(size=torque.shape)
+    record = ExperimentRecord(t=path.t, signals={"q": path.q, "effort": torque})
+    periodic = ProcessingSettings(period_s=10.0)
+    signals = fold_periods(uniform_signals(record, told, periodic), 10.0)
+    found = select(told, "urdf", [signals], periodic).settings.delays_s
+    assert found is not None
+    assert found[1] == pytest.approx(late, abs=LATE)
