@@ -115,9 +115,9 @@ class Interpreter:
                 yield
                 continue
             self._executed, addition = self._queue.popleft()
-            new = len(addition.context.names.shared) - len(execution.shared)
+            new = len(addition.context.shared) - len(execution.shared)
             execution.shared += [None] * new
-            yield from addition.routine(execution)
+            addition.run(execution)
             self._held = self._held and not addition.called & _LAST_OF_ITS_KIND
         self._active = False
         self._queue.clear()
@@ -143,7 +143,7 @@ class Interpreter:
             if id(thread.function) in gone:
                 execution.kill(thread.handle)
         self._context = self._base
-        del execution.shared[len(self._base.names.shared) :]
+        del execution.shared[len(self._base.shared) :]
 
     def take_abort(self) -> bool:
         """Whether the move that runs is to be given up; asked once."""

@@ -203,7 +203,8 @@ class ControllerMachine(Programs):
     """A simulated UR controller with its arm.
 
     `tick` is one control cycle: scripts run, the arm moves, safety judges; then `output` tells
-    the state at the start of that cycle. The same seed and inputs give the same outputs.
+    the state at the start of that cycle. The same seed and inputs give the same outputs. A program
+    has to be ticked in the thread of this process in which it started.
 
     Args:
         arm: The simulated arm, six joints.

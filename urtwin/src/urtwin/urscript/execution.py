@@ -1,9 +1,15 @@
-"""A running program: its threads, its memory and how much it may still do this cycle."""
+"""A running program: its threads, its memory and how much it may still do this cycle.
+
+Threads are greenlets: what takes time waits wherever it is called, so that there is no second kind
+of code beside plain functions.
+"""
 
 import time
 from collections import deque
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from typing import Any
+
+from greenlet import GreenletExit, getcurrent, greenlet
 
 from dynid.core import DynidError
 from urtwin.urscript.values import ScriptFault, ScriptHalt, Value, size
@@ -14,24 +20,19 @@ another, who may have the section meanwhile; for what it had before. None: for t
 
 Frame = list[Value]
 Routine = Generator[str | None, None, Any]
-
-
-class ThreadEnd(Exception):
-    """A thread killed itself."""
+"""A built-in that takes time; it yields what it waits for."""
 
 
 class Thread:
-    """One thread of a program."""
+    """One thread of a program: a stack of its own, left where it waits and returned to."""
 
-    __slots__ = ("alive", "depth", "frames", "function", "handle", "routine", "waits")
+    __slots__ = ("alive", "depth", "frames", "function", "handle", "stack", "waits")
 
-    def __init__(self, handle: int) -> None:
-        self.handle = handle
+    def __init__(self, handle: int, work: Callable[[], object], function: object) -> None:
+        self.handle, self.function = handle, function
         self.alive = True
         self.frames: list[Frame] = []
-        self.function: object = None
-        """Which of the script's threads it runs."""
-        self.routine: Routine | None = None
+        self.stack = greenlet(work)
         self.waits: str | None = None
         """What it waits for, besides the next cycle."""
         self.depth = 0
@@ -123,29 +124,45 @@ class ScriptRun:
         self._began = 0.0
         self.copied = 0
         self.threads: list[Thread] = []
-        self.thread = Thread(0)
+        self.thread = Thread(0, lambda: None, None)
         self.finished = False
         self.fault: str | None = None
         """Why it stopped, if it did not stop by itself."""
         self.section = CriticalSection()
         self._slots = slots
         self._handles = 0
+        self._outside = getcurrent()
 
-    def start(self, thread: Thread, routine: Routine) -> None:
-        """Add a thread; it runs for the first time in this cycle.
+    def start(self, work: Callable[[], object], function: object = None) -> int:
+        """Add a thread that runs for the first time in this cycle.
+
+        Args:
+            work: What it does.
+            function: Which of the script's threads it is; None for the main thread.
+
+        Returns:
+            Its handle.
 
         Raises:
             ScriptFault: Too many threads.
         """
         if len(self.threads) >= MAX_THREADS:
             raise ScriptFault("too many threads", limit=MAX_THREADS)
-        thread.routine = routine
-        self.threads.append(thread)
-
-    def new_thread(self) -> Thread:
-        """A thread with a new handle, not yet started."""
         self._handles += 1
-        return Thread(self._handles)
+        self.threads.append(Thread(self._handles, work, function))
+        return self._handles
+
+    def wait(self, waits: str | None = None) -> None:
+        """Let the present thread wait: for the next cycle, or for more than that."""
+        self._outside.switch(waits)
+
+    def finish(self, routine: Routine) -> Any:
+        """Run a built-in that takes time to its end; what it returns."""
+        try:
+            while True:
+                self.wait(next(routine))
+        except StopIteration as end:
+            return end.value
 
     def step(self) -> None:
         """One control cycle: every thread runs up to its next wait.
@@ -154,7 +171,7 @@ class ScriptRun:
         those who came first before the others.
         """
         self.left = self._granted = _LOOK
-        self._began = time.thread_time()
+        self._began, self._outside = time.thread_time(), getcurrent()
         section = self.section
         pending, progress = self.threads, True
         while pending and progress:
@@ -251,7 +268,7 @@ class ScriptRun:
         for thread in self.threads:
             if thread.handle == handle and thread.alive:
                 if thread is self.thread:
-                    raise ThreadEnd
+                    raise GreenletExit
                 self._drop(thread)
 
     def lives(self, handle: Value) -> bool:
@@ -259,18 +276,16 @@ class ScriptRun:
         return any(thread.alive and thread.handle == handle for thread in self.threads)
 
     def _resume(self, thread: Thread) -> None:
-        if not thread.alive or thread.routine is None:
-            return
         self.thread = thread
         if thread.waits is not None:
             self.section.go(thread)
+        thread.stack.parent = self._outside
         try:
-            waits = next(thread.routine)
-            if waits is not None:
-                self.section.wait(thread, waits)
-            return
-        except (StopIteration, ThreadEnd):
-            pass
+            waits = thread.stack.switch()
+            if not thread.stack.dead:
+                if waits is not None:
+                    self.section.wait(thread, waits)
+                return
         except ScriptHalt:
             self.stop()
         except RecursionError:
@@ -294,5 +309,6 @@ class ScriptRun:
         self._slots -= sum(len(frame) for frame in thread.frames)
         thread.frames.clear()
         self.section.forget(thread)
-        if thread.routine is not None and thread is not self.thread:
-            thread.routine.close()
+        if not thread.stack.dead:
+            thread.stack.parent = getcurrent()
+            thread.stack.throw()

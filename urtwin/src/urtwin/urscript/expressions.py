@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from urtwin.urscript import syntax
-from urtwin.urscript.code import LOGIC, Code, Function, arithmetic, compose, logic
+from urtwin.urscript.code import LOGIC, Code, Combine, Function, arithmetic, compose, logic
 from urtwin.urscript.execution import Frame, ScriptRun
 from urtwin.urscript.values import (
     MAX_LENGTH,
@@ -211,8 +211,6 @@ class Scope:
     """Variables of the program, by place."""
     functions: Mapping[str, Function]
     builtins: Mapping[str, Builtin]
-    may_wait: bool = True
-    """Whether code may take time; a secondary program must not."""
 
     def expression(self, tree: syntax.Expression) -> Code:
         """Compile an expression.
@@ -222,7 +220,7 @@ class Scope:
         """
         if isinstance(tree, syntax.Constant):
             value = tree.value
-            return Code(lambda x, v: value, False, 1)
+            return Code(lambda x, v: value, 1)
         if isinstance(tree, syntax.Variable):
             return self._variable(tree)
         if isinstance(tree, syntax.ListOf):
@@ -233,7 +231,7 @@ class Scope:
             return compose(self._all(tree.items), posed if tree.pose else listed)
         if isinstance(tree, syntax.Index):
             code = compose(self._all([tree.base, *tree.indices]), element)
-            return Code(code.run, code.slow, code.weight, fresh=False)
+            return Code(code.run, code.weight, fresh=False)
         if isinstance(tree, syntax.StartThread):
             return self._run(tree)
         if isinstance(tree, syntax.Call):
@@ -284,7 +282,7 @@ class Scope:
                     raise ScriptFault(f"variable '{name}' has no value")
                 return value
 
-            return Code(own, False, 1, fresh=False)
+            return Code(own, 1, fresh=False)
         if name not in self.shared:
             raise ScriptError(UNKNOWN_NAME, tree.line, value=name)
         place = self.shared[name]
@@ -295,7 +293,7 @@ class Scope:
                 raise ScriptFault(f"variable '{name}' has no value")
             return value
 
-        return Code(shared, False, 1, fresh=False)
+        return Code(shared, 1, fresh=False)
 
     def _call(self, tree: syntax.Call) -> Code:
         function = self.functions.get(tree.name)
@@ -308,14 +306,12 @@ class Scope:
             raise ScriptError(UNKNOWN_FUNCTION, tree.line, value=tree.name)
         operands = self._arguments(tree, known.parameters, _constants(known))
         call = known.function
-        if known.kind == Calling.PURE:
-            return compose(operands, lambda x, *values: call(*values), weight=known.weight)
-        if known.kind == Calling.BLOCKING and not self.may_wait:
-            raise ScriptError("a secondary program must not take time", tree.line, value=known.name)
-        slow = known.kind == Calling.BLOCKING
-        return compose(
-            operands, lambda x, *values: call(x.port, *values), slow=slow, weight=known.weight
-        )
+        runs: dict[Calling, Combine] = {
+            Calling.PURE: lambda x, *values: call(*values),
+            Calling.INSTANT: lambda x, *values: call(x.port, *values),
+            Calling.BLOCKING: lambda x, *values: x.finish(call(x.port, *values)),
+        }
+        return compose(operands, runs[known.kind], weight=known.weight)
 
     def _struct(self, tree: syntax.Call) -> Code:
         names = tuple(tree.named)
@@ -339,10 +335,8 @@ class Scope:
         return compose(operands, caller(tree.name), weight=WEIGHT)
 
     def _own_call(self, tree: syntax.Call, function: Function) -> Code:
-        if function.slow and not self.may_wait:
-            raise ScriptError("a secondary program must not take time", tree.line, value=tree.name)
         operands = self._own_arguments(tree, function)
-        return compose(operands, function.caller(), slow=function.slow, weight=_CALL_WEIGHT)
+        return compose(operands, function.caller(), weight=_CALL_WEIGHT)
 
     def _run(self, tree: syntax.StartThread) -> Code:
         function = self.functions.get(tree.name)
@@ -387,7 +381,7 @@ class Scope:
 def _constants(known: Builtin) -> dict[str, Code]:
     names = known.parameters[known.required :]
     return {
-        name: Code(lambda x, v, value=value: value, False, 0)
+        name: Code(lambda x, v, value=value: value, 0)
         for name, value in zip(names, known.defaults, strict=True)
     }
 

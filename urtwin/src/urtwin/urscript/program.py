@@ -12,7 +12,7 @@ from typing import Any
 
 from urtwin.urscript import syntax
 from urtwin.urscript.code import Code, Function
-from urtwin.urscript.execution import Frame, Routine, ScriptRun
+from urtwin.urscript.execution import Frame, ScriptRun
 from urtwin.urscript.expressions import Scope
 from urtwin.urscript.parser import parse
 from urtwin.urscript.statements import block
@@ -22,48 +22,28 @@ MAX_VARIABLES = 2_000
 """Most variables of a program or a function."""
 
 
-@dataclass(slots=True)
-class Names:
-    """The definitions of one program."""
-
-    own_functions: dict[str, syntax.Definition] = field(
-        default_factory=dict[str, syntax.Definition]
-    )
-    """What it defines itself, in the order of the text."""
-    functions: frozenset[str] = frozenset()
-    """All functions, also those of the program that it is added to."""
-    shared: dict[str, int] = field(default_factory=dict[str, int])
-    """Program variables and their places."""
-    slow: set[str] = field(default_factory=set[str])
-    """Functions that take time."""
-
-
-def names_of(
-    program: syntax.Definition, builtins: Mapping[str, Builtin], outer: Names | None = None
-) -> Names:
-    """What a program defines, or statements that are added to one with the names `outer`.
+def program_variables(
+    program: syntax.Definition, definitions: Mapping[str, syntax.Definition], known: dict[str, int]
+) -> dict[str, int]:
+    """Variables of a program and their places; those that are `known` already keep theirs.
 
     Raises:
-        ScriptError: A name defined twice, or too many variables.
+        ScriptError: Too many variables.
     """
-    before = outer or Names()
-    names = Names(shared=dict(before.shared))
-    _collect(program, names)
-    names.functions = before.functions | names.own_functions.keys()
+    shared = dict(known)
     for statement in assignments(program.body):
         if statement.scope != "local":
-            names.shared.setdefault(statement.name, len(names.shared))
-    for definition in names.own_functions.values():
+            shared.setdefault(statement.name, len(shared))
+    for definition in definitions.values():
         for statement in assignments(definition.body):
             if statement.scope == "global":
-                names.shared.setdefault(statement.name, len(names.shared))
-    if len(names.shared) > MAX_VARIABLES:
+                shared.setdefault(statement.name, len(shared))
+    if len(shared) > MAX_VARIABLES:
         raise ScriptError("too many variables", program.line, limit=MAX_VARIABLES)
-    names.slow = _slow(names, builtins, before.slow - names.own_functions.keys())
-    return names
+    return shared
 
 
-def own_variables(definition: syntax.Definition, names: Names) -> dict[str, int]:
+def own_variables(definition: syntax.Definition, shared: Mapping[str, int]) -> dict[str, int]:
     """Variables of one function and their places, parameters first.
 
     Raises:
@@ -71,7 +51,7 @@ def own_variables(definition: syntax.Definition, names: Names) -> dict[str, int]
     """
     own = {name: place for place, name in enumerate(definition.parameters)}
     for statement in assignments(definition.body):
-        elsewhere = statement.scope != "local" and statement.name in names.shared
+        elsewhere = statement.scope != "local" and statement.name in shared
         if statement.scope != "global" and not elsewhere:
             own.setdefault(statement.name, len(own))
     if len(own) > MAX_VARIABLES:
@@ -92,38 +72,13 @@ def called_in(program: syntax.Definition) -> frozenset[str]:
     return frozenset(node.name for node in nodes if type(node) is syntax.Call)
 
 
-def _collect(definition: syntax.Definition, names: Names) -> None:
+def _collect(definition: syntax.Definition, found: dict[str, syntax.Definition]) -> None:
+    """Add the definitions inside one, in the order of the text."""
     for inner in definition.inner:
-        if inner.name in names.own_functions:
+        if inner.name in found:
             raise ScriptError("defined twice", inner.line, value=inner.name)
-        names.own_functions[inner.name] = inner
-        _collect(inner, names)
-
-
-_WAITING = ("join", "enter_critical")
-
-
-def _slow(names: Names, builtins: Mapping[str, Builtin], known_slow: set[str]) -> set[str]:
-    callers: dict[str, set[str]] = {}
-    found = list(known_slow)
-    for name, definition in names.own_functions.items():
-        waits = False
-        for node in syntax.nodes(definition.body):
-            if isinstance(node, syntax.OnThread | syntax.Simple):
-                waits = waits or node.word in _WAITING
-            elif isinstance(node, syntax.Call) and not isinstance(node, syntax.StartThread):
-                callers.setdefault(node.name, set()).add(name)
-                known = None if node.name in names.functions else builtins.get(node.name)
-                waits = waits or (known is not None and known.kind == Calling.BLOCKING)
-        if waits:
-            found.append(name)
-    slow: set[str] = set()
-    while found:
-        name = found.pop()
-        if name not in slow:
-            slow.add(name)
-            found.extend(callers.get(name, ()))
-    return slow
+        found[inner.name] = inner
+        _collect(inner, found)
 
 
 UNNAMED = "unnamed"
@@ -135,30 +90,56 @@ class Context:
     """What a program knows; statements that are added to it while it runs know it too."""
 
     builtins: Mapping[str, Builtin]
-    names: Names = field(default_factory=Names)
+    shared: dict[str, int] = field(default_factory=dict[str, int])
+    """Program variables and their places."""
     functions: Mapping[str, Function] = field(default_factory=dict[str, Function])
 
     def compiled(self, main: syntax.Definition) -> CompiledProgram:
         """A program, or statements that are added to the one whose context this is.
 
         Raises:
-            ScriptError: An unknown name, one that is defined twice, or too many variables.
+            ScriptError: An unknown name, one that is defined twice, too many variables, or a
+                secondary program that takes time.
         """
-        names = names_of(main, self.builtins, self.names)
-        functions = dict(self.functions)
-        for name, definition in names.own_functions.items():
-            own = own_variables(definition, names)
-            functions[name] = Function(definition, name in names.slow, own)
-        for function in (functions[name] for name in names.own_functions):
-            scope = Scope(function.places, names.shared, functions, self.builtins, True)
-            code = block(scope, function.definition.body, in_loop=False)
-            # Whether it waits was worked out before its callers were compiled.
-            function.code = code if code.slow == function.slow else _as_waiting(code)
-        own, secondary = own_variables(main, names), main.kind == "sec"
-        scope = Scope(own, names.shared, functions, self.builtins, not secondary)
-        body = block(scope, main.body, in_loop=False)
-        wider = Context(self.builtins, names, functions)
+        definitions: dict[str, syntax.Definition] = {}
+        _collect(main, definitions)
+        shared, functions = program_variables(main, definitions, self.shared), dict(self.functions)
+        for name, definition in definitions.items():
+            functions[name] = Function(definition, own_variables(definition, shared))
+        wider = Context(self.builtins, shared, functions)
+        for name, definition in definitions.items():
+            functions[name].code = wider.code(definition, functions[name].places)
+        own, secondary = own_variables(main, shared), main.kind == "sec"
+        slow = wider.delay(main.body, set()) if secondary else None
+        if slow is not None:
+            word = slow.name if isinstance(slow, syntax.Call) else "join"
+            raise ScriptError("a secondary program must not take time", slow.line, value=word)
+        body = wider.code(main, own)
         return CompiledProgram(main.name, secondary, wider, len(own), body, called_in(main))
+
+    def code(self, definition: syntax.Definition, own: Mapping[str, int]) -> Code:
+        """The body of a function or a program with its own variables.
+
+        Raises:
+            ScriptError: An unknown name, or arguments that do not fit.
+        """
+        scope = Scope(own, self.shared, self.functions, self.builtins)
+        return block(scope, definition.body, in_loop=False)
+
+    def delay(self, body: list[syntax.Statement], seen: set[str]) -> syntax.Node | None:
+        """The first part of a body that takes time; functions that were `seen` do not."""
+        for node in syntax.nodes(body):
+            waits = isinstance(node, syntax.OnThread) and node.word == "join"
+            if isinstance(node, syntax.Call) and not isinstance(node, syntax.StartThread):
+                function, known = self.functions.get(node.name), self.builtins.get(node.name)
+                if function is None:
+                    waits = known is not None and known.kind == Calling.BLOCKING
+                elif node.name not in seen:
+                    seen.add(node.name)
+                    waits = self.delay(function.definition.body, seen) is not None
+            if waits:
+                return node
+        return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,21 +160,18 @@ class CompiledProgram:
     @property
     def variables(self) -> Mapping[str, int]:
         """Program variables and their places."""
-        return self.context.names.shared
+        return self.context.shared
 
     def execution(self, port: Any) -> ScriptRun:
         """The program, ready for its first cycle; `port` is the controller, for the built-ins."""
         execution = ScriptRun(port, len(self.variables))
-        execution.start(execution.new_thread(), self.routine(execution))
+        execution.start(lambda: self.run(execution))
         return execution
 
-    def routine(self, execution: ScriptRun) -> Routine:
-        """What runs it."""
+    def run(self, execution: ScriptRun) -> None:
+        """Run it to its end, in a thread of an execution."""
         frame: Frame = [None] * self.locals
-        if self.body.slow:
-            yield from self.body.wait(execution, frame)
-        else:
-            self.body.run(execution, frame)
+        self.body.run(execution, frame)
 
 
 def compile_script(text: str, builtins: Mapping[str, Builtin]) -> CompiledProgram:
@@ -227,14 +205,6 @@ def compile_script(text: str, builtins: Mapping[str, Builtin]) -> CompiledProgra
     return Context(builtins).compiled(main)
 
 
-def _as_waiting(code: Code) -> Code:
-    def run(x: ScriptRun, v: Frame) -> Any:
-        return code.run(x, v)
-        yield  # makes it a generator function
-
-    return Code(run, True, code.weight)
-
-
 MAX_FUNCTIONS = 2_000
 """Most functions of a program and of what is added to it."""
 
@@ -257,7 +227,7 @@ def compile_addition(text: str, context: Context) -> CompiledProgram:
         raise ScriptError("the statement is empty", 1)
     main = syntax.Definition(1, "def", UNNAMED, [], {}, script.statements, script.definitions)
     for statement in assignments([*main.body, *(part for x in main.inner for part in x.body)]):
-        if statement.scope == "global" and statement.name not in context.names.shared:
+        if statement.scope == "global" and statement.name not in context.shared:
             raise ScriptError(
                 "no new global variable can be declared here", statement.line, value=statement.name
             )

@@ -5,7 +5,7 @@ from typing import Any, NoReturn
 
 from dynid.core import DynidError
 from urtwin.urscript.code import Code, Runner, compose
-from urtwin.urscript.execution import BACK, ENTERING, LISTENING, Frame, Routine, ScriptRun
+from urtwin.urscript.execution import BACK, ENTERING, LISTENING, Frame, ScriptRun
 from urtwin.urscript.expressions import Scope, store
 from urtwin.urscript.syntax import Assign, Do, If, OnThread, Return, Simple, Statement, While
 from urtwin.urscript.values import ScriptError, ScriptFault, ScriptHalt, Value, truth
@@ -13,7 +13,7 @@ from urtwin.urscript.values import ScriptError, ScriptFault, ScriptHalt, Value, 
 _FAULTS = (DynidError, ArithmeticError, TypeError, ValueError, IndexError)
 
 
-def _at_once(codes: list[Code], lines: list[int], weight: int) -> Runner:
+def _in_order(codes: list[Code], lines: list[int], weight: int) -> Runner:
     steps = [code.run for code in codes]
 
     def run(x: ScriptRun, v: Frame) -> Any:
@@ -24,27 +24,6 @@ def _at_once(codes: list[Code], lines: list[int], weight: int) -> Runner:
         try:
             for step in steps:
                 signal = step(x, v)
-                if signal is not None:
-                    return signal
-                done += 1
-        except _FAULTS as error:
-            _locate(error, lines[done])
-        return None
-
-    return run
-
-
-def _waiting(codes: list[Code], lines: list[int], weight: int) -> Runner:
-    steps = [(code.run, code.wait, code.slow) for code in codes]
-
-    def run(x: ScriptRun, v: Frame) -> Routine:
-        x.left -= weight
-        if x.left < 0:
-            x.look()
-        done = 0
-        try:
-            for step, wait, waits in steps:
-                signal = (yield from wait(x, v)) if waits else step(x, v)
                 if signal is not None:
                     return signal
                 done += 1
@@ -85,8 +64,7 @@ def block(scope: Scope, statements: list[Statement], *, in_loop: bool, extra: in
     codes = [_statement(scope, statement, in_loop) for statement in statements]
     lines = [statement.line for statement in statements]
     weight = 1 + extra + sum(code.weight for code in codes)
-    slow = any(code.slow for code in codes)
-    return Code((_waiting if slow else _at_once)(codes, lines, weight), slow, 0)
+    return Code(_in_order(codes, lines, weight), 0)
 
 
 def _statement(scope: Scope, statement: Statement, in_loop: bool) -> Code:
@@ -100,12 +78,12 @@ def _statement(scope: Scope, statement: Statement, in_loop: bool) -> Code:
         return _while(scope, statement)
     if isinstance(statement, Return):
         if statement.value is None:
-            return Code(lambda x, v: (None,), False, 1)
+            return Code(lambda x, v: (None,), 1)
         return compose([scope.kept(statement.value)], _returned)
     if isinstance(statement, OnThread):
         return _on_thread(scope, statement)
     if isinstance(statement, Simple):
-        return _simple(scope, statement, in_loop)
+        return _simple(statement, in_loop)
     raise TypeError(statement)
 
 
@@ -114,18 +92,12 @@ def _returned(x: ScriptRun, value: Value) -> tuple[Value]:
 
 
 def _for_effect(code: Code) -> Code:
-    inner, wait = code.run, code.wait
-    if code.slow:
+    inner = code.run
 
-        def waiting(x: ScriptRun, v: Frame) -> Routine:
-            yield from wait(x, v)
-
-        return Code(waiting, True, code.weight)
-
-    def at_once(x: ScriptRun, v: Frame) -> None:
+    def run(x: ScriptRun, v: Frame) -> None:
         inner(x, v)
 
-    return Code(at_once, False, code.weight)
+    return Code(run, code.weight)
 
 
 def _assign(scope: Scope, statement: Assign) -> Code:
@@ -140,27 +112,20 @@ def _assign(scope: Scope, statement: Assign) -> Code:
             store(base, list(indices), value)
 
         return compose([value, base, *indices], change)
-    inner, wait = value.run, value.wait
-    if value.slow:
-
-        def waiting(x: ScriptRun, v: Frame) -> Routine:
-            result = yield from wait(x, v)
-            (v if local else x.shared)[place] = _something(result, name)
-
-        return Code(waiting, True, value.weight + 1)
+    inner = value.run
     if local:
 
         def own(x: ScriptRun, v: Frame) -> None:
             result = inner(x, v)
             v[place] = result if result is not None else _something(result, name)
 
-        return Code(own, False, value.weight + 1)
+        return Code(own, value.weight + 1)
 
     def shared(x: ScriptRun, v: Frame) -> None:
         result = inner(x, v)
         x.shared[place] = result if result is not None else _something(result, name)
 
-    return Code(shared, False, value.weight + 1)
+    return Code(shared, value.weight + 1)
 
 
 def _something(value: Value, name: str) -> Value:
@@ -174,107 +139,73 @@ def _if(scope: Scope, statement: If, in_loop: bool) -> Code:
         (scope.expression(condition), block(scope, body, in_loop=in_loop))
         for condition, body in statement.branches
     ]
-    otherwise = block(scope, statement.otherwise, in_loop=in_loop)
+    last = block(scope, statement.otherwise, in_loop=in_loop).run
     # A chain of conditions costs what is looked at, not all of it.
     costs = list(accumulate(condition.weight for condition, _ in branches))
     parts = [(cost, ask.run, body.run) for cost, (ask, body) in zip(costs, branches, strict=True)]
-    whole = costs[-1]
-    last = otherwise.run
-    if not otherwise.slow and not any(ask.slow or body.slow for ask, body in branches):
 
-        def at_once(x: ScriptRun, v: Frame) -> Any:
-            for cost, condition, body in parts:
-                if truth(condition(x, v)):
-                    x.left -= cost
-                    return body(x, v)
-            x.left -= whole
-            return last(x, v)
+    def run(x: ScriptRun, v: Frame) -> Any:
+        for cost, condition, body in parts:
+            if truth(condition(x, v)):
+                x.left -= cost
+                return body(x, v)
+        x.left -= costs[-1]
+        return last(x, v)
 
-        return Code(at_once, False, 1)
-
-    def waiting(x: ScriptRun, v: Frame) -> Routine:
-        for ask, body in branches:
-            x.left -= ask.weight
-            if truth((yield from ask.wait(x, v)) if ask.slow else ask.run(x, v)):
-                return (yield from body.wait(x, v)) if body.slow else body.run(x, v)
-        return (yield from otherwise.wait(x, v)) if otherwise.slow else last(x, v)
-
-    return Code(waiting, True, 1)
+    return Code(run, 1)
 
 
 def _while(scope: Scope, statement: While) -> Code:
     condition = scope.expression(statement.condition)
     body = block(scope, statement.body, in_loop=True, extra=condition.weight)
     ask, do = condition.run, body.run
-    if not condition.slow and not body.slow:
 
-        def at_once(x: ScriptRun, v: Frame) -> Any:
-            while truth(ask(x, v)):
-                signal = do(x, v)
-                if signal is BREAK:
-                    break
-                if signal is not None and signal is not CONTINUE:
-                    return signal
-            return None
-
-        return Code(at_once, False, condition.weight)
-
-    ask_wait, do_wait, ask_slow, do_slow = condition.wait, body.wait, condition.slow, body.slow
-
-    def waiting(x: ScriptRun, v: Frame) -> Routine:
-        while truth((yield from ask_wait(x, v)) if ask_slow else ask(x, v)):
-            signal = (yield from do_wait(x, v)) if do_slow else do(x, v)
+    def run(x: ScriptRun, v: Frame) -> Any:
+        while truth(ask(x, v)):
+            signal = do(x, v)
             if signal is BREAK:
                 break
             if signal is not None and signal is not CONTINUE:
                 return signal
         return None
 
-    return Code(waiting, True, condition.weight)
+    return Code(run, condition.weight)
 
 
 def _on_thread(scope: Scope, statement: OnThread) -> Code:
     handle = scope.expression(statement.handle)
-    if statement.word == "kill":
-        return compose([handle], ScriptRun.kill)
-    if not scope.may_wait:
-        raise ScriptError("a secondary program must not take time", statement.line, value="join")
-
-    def wait(x: ScriptRun, value: Value) -> Routine:
-        # Whoever joins in a critical section lets others have it: they could not end else.
-        waited = False
-        while x.lives(value):
-            waited = True
-            yield LISTENING
-        if waited:
-            yield BACK
-
-    return compose([handle], wait, slow=True)
+    return compose([handle], ScriptRun.kill if statement.word == "kill" else _join)
 
 
-def _simple(scope: Scope, statement: Simple, in_loop: bool) -> Code:
+def _join(x: ScriptRun, handle: Value) -> None:
+    # Whoever joins in a critical section lets others have it: they could not end else.
+    waited = False
+    while x.lives(handle):
+        waited = True
+        x.wait(LISTENING)
+    if waited:
+        x.wait(BACK)
+
+
+def _simple(statement: Simple, in_loop: bool) -> Code:
     word = statement.word
     if word in (BREAK, CONTINUE):
         if not in_loop:
             raise ScriptError(f"'{word}' outside a loop", statement.line)
         signal = BREAK if word == BREAK else CONTINUE
-        return Code(lambda x, v: signal, False, 1)
-    if word == "halt":
-        return Code(_halt, False, 1)
-    if word == "enter_critical":
-        return (
-            Code(_enter, True, 1)
-            if scope.may_wait
-            else Code(lambda x, v: x.section.enter(x.thread), False, 1)
-        )
-    return Code(lambda x, v: x.section.leave(), False, 1)
+        return Code(lambda x, v: signal, 1)
+    return Code({"halt": _halt, "enter_critical": _enter, "exit_critical": _leave}[word], 1)
 
 
-def _enter(x: ScriptRun, v: Frame) -> Routine:
+def _enter(x: ScriptRun, v: Frame) -> None:
     if x.section.open_to(x.thread):
         x.section.enter(x.thread)
     else:
-        yield ENTERING
+        x.wait(ENTERING)
+
+
+def _leave(x: ScriptRun, v: Frame) -> None:
+    x.section.leave()
 
 
 def _halt(x: ScriptRun, v: Frame) -> None:
