@@ -46,7 +46,7 @@ def simulated() -> list[Case]:
     robot = dynid.load_robot("ur5")
     records: list[dynid.ExperimentRecord] = []
     for seed in (1, 2):
-        motion = random_excitation(robot.limits, seed=seed, period=20.0, acceleration=8.0)
+        motion = random_excitation(robot.limits, seed=seed, period_s=20.0, acceleration=8.0)
         records.append(record_of(simulate(simulated_arm(robot), motion, seed=seed)))
     return [Case("simulated UR5", records[0], robot, records[1])]
 

@@ -144,13 +144,13 @@ def main() -> int:
         folder = Path(name)
         prefix = c_prefix(estimate.model.robot.name)
         written = [
-            write_model(estimate, to, folder / f"arm.{end}")
+            write_model(estimate, folder / f"arm.{end}", to)
             for to, end in (("c", "h"), ("python", "py"), ("urdf", "urdf"))
         ]
         compiled = c_seconds(folder / "arm.h", prefix, folder)
         shaped: dict[str, float] = {}
         for label, terms in more.items():
-            written.append(write_model(ur5_estimate(terms), "c", folder / "more.h"))
+            written.append(write_model(ur5_estimate(terms), folder / "more.h", "c"))
             shaped[f"the header with {label}, 6 joints"] = c_seconds(
                 folder / "more.h", prefix, folder
             )

@@ -26,7 +26,7 @@ def recording(seconds: float, rate: float) -> ExperimentRecord:
     """A UR5 record that does not repeat, torques from a random model, white noise."""
     robot = dynid.load_robot("ur5")
     generator = np.random.default_rng(0)
-    series = dynid.random_excitation(robot.limits, seed=1, period=seconds, harmonics=15)
+    series = dynid.random_excitation(robot.limits, seed=1, period_s=seconds, harmonics=15)
     motion = series.evaluate(np.arange(int(seconds * rate)) / rate)
     model = InverseDynamicModel(robot=robot)
     parameters = generator.uniform(0.1, 2.0, len(model.columns))

@@ -49,7 +49,7 @@ CHUNK_V01 = 2000
 def minute() -> tuple[np.ndarray, ...]:
     """Positions, velocities and torques (N, 6) of one period of a minute."""
     robot = load_robot("ur5")
-    motion = dynid.random_excitation(robot.limits, seed=1, period=60.0, harmonics=30).evaluate(
+    motion = dynid.random_excitation(robot.limits, seed=1, period_s=60.0, harmonics=30).evaluate(
         np.arange(int(60 * RATE_HZ)) / RATE_HZ
     )
     model = InverseDynamicModel(robot=robot)

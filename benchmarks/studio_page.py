@@ -56,7 +56,7 @@ def moving_ur5(folder: Path) -> Path:
     series = rest_series(10.0, middle, 0.1 * np.random.default_rng(0).normal(size=(6, 4)))
     path = folder / "motion.json"
     limits = load_robot("ur5").limits
-    write_trajectory(path, series, robot="ur5", limits=limits, provenance=provenance(seed=0))
+    write_trajectory(series, path, robot="ur5", limits=limits, provenance=provenance(seed=0))
     return path
 
 

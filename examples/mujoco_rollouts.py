@@ -15,7 +15,7 @@ settings = dynid.IdentifySettings(estimator="sdp")
 estimate = dynid.identify(record, robot, settings).estimate
 with tempfile.TemporaryDirectory() as folder:
     path = Path(folder) / "ur5.xml"
-    dynid.write_model(estimate, "mjcf", path)
+    dynid.write_model(estimate, path, "mjcf")
     model = mujoco.MjModel.from_xml_path(str(path))
 data = mujoco.MjData(model)
 

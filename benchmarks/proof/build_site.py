@@ -67,8 +67,8 @@ def pages(source: Path) -> None:
     (source / "examples.md").write_text(examples(), encoding="utf-8")
     (source / "reference").mkdir()
     (source / "reference" / "cli.md").write_text(commands(), encoding="utf-8")
-    names = [name for name in dynid.__all__ if not name.startswith("_")]
-    body = "\n\n".join(f"::: {dynid._MODULE_OF[name]}.{name}" for name in names)
+    public = [getattr(dynid, name) for name in dynid.__all__ if not name.startswith("_")]
+    body = "\n\n".join(f"::: {thing.__module__}.{thing.__name__}" for thing in public)
     (source / "reference" / "api.md").write_text(f"# Python\n\n{body}\n", encoding="utf-8")
     titles = {
         path.name: path.read_text(encoding="utf-8").partition("\n")[0].removeprefix("# ")

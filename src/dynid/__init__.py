@@ -1,6 +1,6 @@
 """dynid identifies the dynamics of a robot arm.
 
-The verbs of the command line, in the order of a job; robots are names, files or `RobotModel`s:
+The verbs of the command line, in the order of a job:
 
     load_robot, robots          the arm: built in, URDF or robot file
     analyze                     how many parameters motion can show, and which
@@ -15,9 +15,12 @@ The verbs of the command line, in the order of a job; robots are names, files or
     fleet                       many robots and days: shared inertias, friction trends, alarms
     write_model                 URDF, MJCF, JSON, C, Python
 
-`read_X` and `write_X` take paths as text or `pathlib.Path`. SI units; joint quantities have shape
-(N, n), samples by joints. What goes wrong raises `InputError` (usage or input) or `JobError` (the
-job itself), both `DynidError`, with what, where, value, limit and next step as attributes.
+Robots, recordings, estimates, temperature models, designs and trajectories are given as objects or
+as paths of their files, `str` or `pathlib.Path`; robots by built-in names, too. `read_X(path)` and
+`write_X(value, path)` read and write the files; settings name files. SI units; joint quantities
+have shape (N, n), samples by joints. What goes wrong raises `InputError` (usage or input) or
+`JobError` (the job itself), both `DynidError`, with what, where, value, limit and next step as
+attributes.
 
     >>> import dynid
     >>> dynid.analyze("ur5").base.rank
@@ -53,8 +56,11 @@ if TYPE_CHECKING:
         Fit,
         IdentificationProblem,
         Payload,
+        TemperatureModel,
         read_estimate,
+        read_temperature,
         write_estimate,
+        write_temperature,
     )
     from dynid.recording import (
         ExperimentRecord,
@@ -66,10 +72,17 @@ if TYPE_CHECKING:
     )
     from dynid.reduction import BaseParametrization, reduce_model
     from dynid.regressor import FrictionTerms, InverseDynamicModel, parse_terms
-    from dynid.robot import RobotModel, load_robot, robots
+    from dynid.robot import BuiltinRobot, RobotModel, load_robot, robots
     from dynid.signals import ProcessingSettings, Samples, process
-    from dynid.trajectory import FourierSeries, random_excitation, read_trajectory, write_trajectory
+    from dynid.trajectory import (
+        FourierSeries,
+        StoredTrajectory,
+        random_excitation,
+        read_trajectory,
+        write_trajectory,
+    )
     from dynid.validation import (
+        ContactThresholds,
         MomentumObserver,
         ParameterComparison,
         ValidationResult,
@@ -83,15 +96,18 @@ if TYPE_CHECKING:
         DesignSettings,
         Fleet,
         FleetSettings,
+        GainsFromPayload,
         Identification,
         IdentifySettings,
+        Imported,
         ImportOptions,
         LogFit,
         Run,
         RunSettings,
+        RunUntil,
         SharedIdentification,
+        StoredDesign,
         TemperatureIdentification,
-        TemperatureModel,
         Verdict,
         analyze,
         check,
@@ -106,19 +122,19 @@ if TYPE_CHECKING:
         identify_temperature,
         import_recording,
         read_design,
-        read_temperature,
         run_design,
         run_until,
         simulate_recording,
         verdict,
         write_design,
-        write_temperature,
     )
 
 __all__ = [
     "Analysis",
     "BaseParametrization",
+    "BuiltinRobot",
     "Check",
+    "ContactThresholds",
     "DesignSettings",
     "DriveGains",
     "DynidError",
@@ -133,10 +149,12 @@ __all__ = [
     "FleetSettings",
     "FourierSeries",
     "FrictionTerms",
+    "GainsFromPayload",
     "Identification",
     "IdentificationProblem",
     "IdentifySettings",
     "ImportOptions",
+    "Imported",
     "InputError",
     "InverseDynamicModel",
     "JobError",
@@ -153,8 +171,11 @@ __all__ = [
     "RobotModel",
     "Run",
     "RunSettings",
+    "RunUntil",
     "Samples",
     "SharedIdentification",
+    "StoredDesign",
+    "StoredTrajectory",
     "TemperatureIdentification",
     "TemperatureModel",
     "ValidationResult",
@@ -199,112 +220,21 @@ __all__ = [
     "write_trajectory",
 ]
 
-_HOME = {
-    "core": (
-        "DynidError",
-        "InputError",
-        "JobError",
-        "MissingExtraError",
-        "Finding",
-        "RecordError",
-        "RobotError",
-    ),
-    "excitation": ("ExcitationDesign",),
-    "export": (
-        "ExportedFile",
-        "write_model",
-    ),
-    "identification": (
-        "DriveGains",
-        "Estimate",
-        "Estimator",
-        "Fit",
-        "IdentificationProblem",
-        "Payload",
-        "read_estimate",
-        "write_estimate",
-    ),
-    "recording": (
-        "ExperimentRecord",
-        "RecordMetadata",
-        "RecordWriter",
-        "read_record",
-        "read_recording",
-        "write_record",
-    ),
-    "reduction": (
-        "BaseParametrization",
-        "reduce_model",
-    ),
-    "regressor": (
-        "FrictionTerms",
-        "InverseDynamicModel",
-        "parse_terms",
-    ),
-    "robot": (
-        "RobotModel",
-        "load_robot",
-        "robots",
-    ),
-    "signals": (
-        "ProcessingSettings",
-        "Samples",
-        "process",
-    ),
-    "trajectory": (
-        "FourierSeries",
-        "random_excitation",
-        "read_trajectory",
-        "write_trajectory",
-    ),
-    "validation": (
-        "MomentumObserver",
-        "ParameterComparison",
-        "ValidationResult",
-        "compare",
-        "contact_thresholds",
-        "validate",
-    ),
-    "workflow": (
-        "Analysis",
-        "Check",
-        "DesignSettings",
-        "Fleet",
-        "FleetSettings",
-        "LogFit",
-        "Identification",
-        "IdentifySettings",
-        "ImportOptions",
-        "Run",
-        "RunSettings",
-        "SharedIdentification",
-        "TemperatureIdentification",
-        "TemperatureModel",
-        "Verdict",
-        "analyze",
-        "check",
-        "design",
-        "fit",
-        "fleet",
-        "identify",
-        "identify_gains",
-        "identify_gains_from_payload",
-        "identify_payload",
-        "identify_shared",
-        "identify_temperature",
-        "import_recording",
-        "read_design",
-        "read_temperature",
-        "run_design",
-        "run_until",
-        "simulate_recording",
-        "verdict",
-        "write_design",
-        "write_temperature",
-    ),
-}
-_MODULE_OF = {name: f"dynid.{module}" for module, names in _HOME.items() for name in names}
-
+_FACES = (
+    "core",
+    "robot",
+    "trajectory",
+    "recording",
+    "signals",
+    "regressor",
+    "reduction",
+    "identification",
+    "validation",
+    "export",
+    "excitation",
+    "workflow",
+)
+"""Packages in which a name is looked for, what stands on others after them."""
 
 _RENAMED = {"Notice": "Finding"}
 """Names of release 0.1, for one release."""
@@ -314,10 +244,11 @@ def __getattr__(name: str) -> Any:
     if name in _RENAMED:
         new = _RENAMED[name]
         warnings.warn(f"dynid.{name} is now dynid.{new}", DeprecationWarning, stacklevel=2)
-        return getattr(importlib.import_module(_MODULE_OF[new]), new)
-    if name not in _MODULE_OF:
+        return __getattr__(new)
+    if name not in __all__:
         raise AttributeError(f"module 'dynid' has no attribute {name!r}")
-    value = getattr(importlib.import_module(_MODULE_OF[name]), name)
+    faces = (importlib.import_module(f"dynid.{face}") for face in _FACES)
+    value = next(getattr(face, name) for face in faces if name in face.__all__)
     globals()[name] = value
     return value
 

@@ -301,7 +301,7 @@ def test_a_robot_that_is_not_there_is_suggested(run: Run, tmp_path: Path) -> Non
     path = tmp_path / "design.json"
     motion = dynid.random_excitation(robot.limits, seed=0)
     made = provenance(seed=0)
-    dynid.write_trajectory(str(path), motion, robot="ur55", limits=robot.limits, provenance=made)
+    dynid.write_trajectory(motion, str(path), robot="ur55", limits=robot.limits, provenance=made)
     assert dynid.read_trajectory(str(path)).robot == "ur55"
     assert_bad_usage(run("check", path), "ur55", "ur10e", "Did you mean ur5?", "--robot")
 

@@ -31,7 +31,7 @@ def motion(tmp_path: Path) -> Path:
     path = tmp_path / "motion.json"
     made = provenance(seed=0)
     drawn = dynid.random_excitation(limits, seed=0)
-    dynid.write_trajectory(str(path), drawn, robot="ur5", limits=limits, provenance=made)
+    dynid.write_trajectory(drawn, str(path), robot="ur5", limits=limits, provenance=made)
     return path
 
 
@@ -108,7 +108,7 @@ def test_a_link_stays_a_link_and_a_pipe_a_pipe(recordings: Recordings, tmp_path:
     writers: dict[str, Callable[[Path], object]] = {
         "e.json": lambda path: dynid.write_estimate(estimate, path),
         "r.parquet": lambda path: dynid.write_record(record, path),
-        "m.py": lambda path: write_model(estimate, "python", path),
+        "m.py": lambda path: write_model(estimate, path, "python"),
     }
     for name, write in writers.items():
         (tmp_path / "real").mkdir(exist_ok=True)

@@ -66,7 +66,7 @@ def test_design_check_and_run(run: Run, tmp_path: Path) -> None:
     slow = tmp_path / "slow.json"
     made = provenance(seed=3)
     limits = dynid.load_robot("ur5").limits
-    write_trajectory(slow, motion, robot="ur5", limits=limits, provenance=made)
+    write_trajectory(motion, slow, robot="ur5", limits=limits, provenance=made)
     ran = run("run", slow, "--on", "sim", "-o", tmp_path / "r.parquet", "--repeat", "1", "--json")
     assert set(ran.json()) == keys_of("run") - {"until"}
 

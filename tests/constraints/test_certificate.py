@@ -44,7 +44,7 @@ PROVEN = {
 
 def small(robot: RobotModel, seed: int, share: float, period: float = 4.0) -> FourierSeries:
     return random_excitation(
-        robot.limits, seed=seed, margin=share, period=period, offset=np.zeros(robot.joints)
+        robot.limits, seed=seed, margin=share, period_s=period, offset=np.zeros(robot.joints)
     )
 
 

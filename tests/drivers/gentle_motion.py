@@ -41,8 +41,8 @@ def gentle_execution(
 
 def write_gentle(path: Path, trajectory: FourierSeries | None = None) -> Path:
     write_trajectory(
-        path,
         trajectory or gentle(),
+        path,
         robot="ur5",
         limits=ur5().limits,
         provenance=provenance(seed=0),

@@ -53,7 +53,7 @@ def test_an_e_series_robot_runs_at_its_own_rate(tmp_path: Path) -> None:
     robot = load_robot("ur5e")
     design, path = tmp_path / "design.json", tmp_path / "run.parquet"
     made = provenance(seed=0)
-    write_trajectory(design, gentle(), robot="ur5e", limits=robot.limits, provenance=made)
+    write_trajectory(gentle(), design, robot="ur5e", limits=robot.limits, provenance=made)
     with controller_process("ur5e", host=own_address(), virtual_time=True) as running:
         run = run_design(design, path, on=f"ur://{running.host}", settings=RunSettings(repeat=1))
     assert run.abort is None

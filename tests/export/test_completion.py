@@ -102,13 +102,13 @@ def test_impossible_base_parameters_are_said_to_be(tmp_path: Path) -> None:
         atol=1e-7,
     )
     with pytest.raises(JobError, match="not physically consistent: motor inertia Im4") as caught:
-        write_model(impossible, "mjcf", tmp_path / "arm.xml")
+        write_model(impossible, tmp_path / "arm.xml", "mjcf")
     assert "sdp" in str(caught.value)
     assert "Im4" in simulator_obstacle(impossible)
     assert not simulator_obstacle(estimate_of(UR5, parameters_of(UR5, 2)))
     assert list(tmp_path.iterdir()) == []
     for to in ("urdf", "json", "c", "python"):
-        done = write_model(impossible, to, tmp_path / "arm")
+        done = write_model(impossible, tmp_path / "arm", to)
         assert done.verified.passed
         assert not done.model.physical
 
@@ -118,7 +118,7 @@ def test_negative_friction_is_refused_before_loaders_do(tmp_path: Path) -> None:
     truth[61] = -0.5
     for to in ("mjcf", "urdf"):
         with pytest.raises(JobError, match="Coulomb friction of joint 2 is negative"):
-            write_model(estimate_of(UR5, truth), to, tmp_path / "arm.xml")
+            write_model(estimate_of(UR5, truth), tmp_path / "arm.xml", to)
 
 
 def test_a_link_that_cannot_be_is_named() -> None:
@@ -151,7 +151,7 @@ def test_consistent_estimates_keep_their_parameters(tmp_path: Path) -> None:
     found = complete(replace(estimate, standard=consistent))
     np.testing.assert_array_equal(found.values, truth)
     assert found.physical
-    done = write_model(replace(estimate, standard=consistent), "mjcf", tmp_path / "arm.xml")
+    done = write_model(replace(estimate, standard=consistent), tmp_path / "arm.xml", "mjcf")
     assert done.verified.passed
 
 
@@ -165,7 +165,7 @@ def test_masses_are_positive_even_where_bodies_are_not(tmp_path: Path) -> None:
     found = complete(wild)
     assert not found.physical
     assert (found.values[: 10 * 6 : 10] > 0).all()
-    done = write_model(wild, "urdf", tmp_path / "arm.urdf")
+    done = write_model(wild, tmp_path / "arm.urdf", "urdf")
     assert done.verified.passed
     states = random_states(UR5, 40, 1)
     np.testing.assert_allclose(

@@ -57,10 +57,10 @@ def test_what_preset_best_finds_is_exported(
         if to == "mjcf" and name == "panda":
             # Nothing is published of this arm that would hold its links to consistent ones.
             with pytest.raises(JobError, match="MuJoCo refuses such a model") as refused:
-                write_model(estimate, to, path)
+                write_model(estimate, path, to)
             assert "--estimator sdp" in str(refused.value)
             continue
-        done = write_model(estimate, to, path)
+        done = write_model(estimate, path, to)
         assert done.verified.passed
         assert (words in done.left_out) == (to in ("urdf", "mjcf"))
     arm = runpy.run_path(str(tmp_path / "python"))

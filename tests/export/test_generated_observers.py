@@ -65,7 +65,7 @@ def test_python_observer_is_the_librarys(heavy: Estimate, tmp_path: Path) -> Non
     sliding = estimate_of(mixed_chain(), parameters_of(mixed_chain(), 1))
     for estimate in (heavy, sliding):
         t, q, dq, torque = motion(estimate.model.robot.joints)
-        write_model(estimate, "python", tmp_path / "arm.py")
+        write_model(estimate, tmp_path / "arm.py", "python")
         observer = runpy.run_path(str(tmp_path / "arm.py"))["Observer"](bandwidth=40.0)
         got = [observer.step(1 / 125.0, *state) for state in zip(q, dq, torque, strict=True)]
         expected = MomentumObserver(estimate=estimate, bandwidth=40.0).residuals(t, q, dq, torque)
@@ -75,7 +75,7 @@ def test_python_observer_is_the_librarys(heavy: Estimate, tmp_path: Path) -> Non
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler")
 def test_c_observer_is_the_librarys(heavy: Estimate, tmp_path: Path) -> None:
     t, q, dq, torque = motion(6)
-    write_model(heavy, "c", tmp_path / "arm.h")
+    write_model(heavy, tmp_path / "arm.h", "c")
     (tmp_path / "main.c").write_text(PROGRAM)
     program = tmp_path / "main"
     compiler = shutil.which(c_compiler() or "cc") or "cc"

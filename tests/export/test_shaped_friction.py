@@ -59,7 +59,7 @@ ROBOTS = ("ur10", "sliding", "tx40", "counterbalanced")
 @pytest.mark.parametrize("to", ["json", "c", "python"])
 @pytest.mark.parametrize("name", ROBOTS)
 def test_code_has_our_torques(name: str, to: str, tmp_path: Path) -> None:
-    done = write_model(shaped(robot_called(name)), to, tmp_path / "model")
+    done = write_model(shaped(robot_called(name)), tmp_path / "model", to)
     # The torques compared are of the size of an arm's: nothing else would be proof.
     assert done.verified.tolerance < 100 * EXACT
     assert done.verified.max_torque_difference is not None
@@ -103,7 +103,7 @@ def test_parts_of_python_are_their_formulas_and_add_up(
     robot = robot_called(name)
     terms = with_ripple(with_load(PAPER, robot.joints, seed), robot.joints, seed)
     parameters = parameters_of(robot, seed, terms)
-    write_model(estimate_of(robot, parameters, terms), "python", tmp_path / "arm.py")
+    write_model(estimate_of(robot, parameters, terms), tmp_path / "arm.py", "python")
     arm = runpy.run_path(str(tmp_path / "arm.py"))
     motion = random_motion(robot.joints, robot.prismatic)
     states = States(q=motion.q[:30], dq=motion.dq[:30], ddq=motion.ddq[:30])
@@ -148,8 +148,8 @@ static void part_inverse_dynamics(const double *q, const double *dq, const doubl
 @pytest.mark.skipif(c_compiler() is None, reason="no C compiler")
 def test_parts_of_c_are_those_of_python_and_add_up(tmp_path: Path) -> None:
     estimate = shaped(heavy_arm())
-    write_model(estimate, "c", tmp_path / "arm.h")
-    write_model(estimate, "python", tmp_path / "arm.py")
+    write_model(estimate, tmp_path / "arm.h", "c")
+    write_model(estimate, tmp_path / "arm.py", "python")
     arm = runpy.run_path(str(tmp_path / "arm.py"))
     states = random_motion(6, heavy_arm().prismatic)
     text = (tmp_path / "arm.h").read_text()
@@ -178,7 +178,7 @@ def test_what_friction_takes(
     terms = with_ripple(terms, 6) if ripple else terms
     estimate = estimate_of(robot, parameters_of(robot, 0, terms), terms)
     for to in ("c", "python"):
-        assert write_model(estimate, to, tmp_path / to).verified.passed
+        assert write_model(estimate, tmp_path / to, to).verified.passed
     header, code = (tmp_path / "c").read_text(), (tmp_path / "python").read_text()
     arm: dict[str, Any] = runpy.run_path(str(tmp_path / "python"))
     assert list(inspect.signature(arm["friction"]).parameters) == arguments
@@ -212,7 +212,7 @@ def test_wrong_shapes_leave_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPa
                            make=spoiled, kind=real[to])  # fmt: skip
             monkeypatch.setitem(writing._FORMATS, to, replace(real[to], text=text))
             with pytest.raises(JobError, match="torques differ"):
-                write_model(estimate, to, tmp_path / "arm")
+                write_model(estimate, tmp_path / "arm", to)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -232,7 +232,7 @@ def test_shares_need_their_shapes() -> None:
 @pytest.mark.parametrize("to", ["urdf", "mjcf"])
 @pytest.mark.parametrize("name", ["ur10", "sliding", "tx40"])
 def test_robot_files_say_that_they_have_neither(name: str, to: str, tmp_path: Path) -> None:
-    done = write_model(shaped(robot_called(name)), to, tmp_path / "arm")
+    done = write_model(shaped(robot_called(name)), tmp_path / "arm", to)
     assert done.verified.passed
     words = {"friction that grows with load", "torque ripple of gears", "cube-root friction"}
     assert words <= set(done.left_out)
@@ -243,8 +243,8 @@ def test_robot_files_say_that_they_have_neither(name: str, to: str, tmp_path: Pa
 
 def test_mjcf_has_the_friction_of_urdf(tmp_path: Path) -> None:
     estimate = shaped(load_robot("ur10"))
-    done = write_model(estimate, "mjcf", tmp_path / "arm.xml")
-    other = write_model(estimate, "urdf", tmp_path / "arm.urdf")
+    done = write_model(estimate, tmp_path / "arm.xml", "mjcf")
+    other = write_model(estimate, tmp_path / "arm.urdf", "urdf")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
     assert done.friction is not None
     assert other.friction is not None
@@ -273,7 +273,7 @@ def lift_estimate(cube_root: float = 0.0) -> Estimate:
 def test_dry_friction_of_robot_files_holds_that_of_a_constant_load(tmp_path: Path) -> None:
     """Coulomb friction 3 N and a tenth of 196 N: alone, the 3 N would be far too little."""
     weight = 20.0 * float(np.linalg.norm(lift().gravity))
-    done = write_model(lift_estimate(), "urdf", tmp_path / "arm.urdf")
+    done = write_model(lift_estimate(), tmp_path / "arm.urdf", "urdf")
     loaded = pin.buildModelFromUrdf(str(tmp_path / "arm.urdf"))
     assert loaded.upperDryFrictionLimit[0] == pytest.approx(3.0 + 0.1 * weight, rel=1e-6)
     assert loaded.damping[0] == pytest.approx(5.0, rel=1e-6)
@@ -284,7 +284,7 @@ def test_dry_friction_of_robot_files_holds_that_of_a_constant_load(tmp_path: Pat
 def test_robot_files_have_the_nearest_friction(tmp_path: Path) -> None:
     """No other pair is nearer to it, and what is left is what it says."""
     estimate = lift_estimate(cube_root=-4.0)
-    done = write_model(estimate, "urdf", tmp_path / "arm.urdf")
+    done = write_model(estimate, tmp_path / "arm.urdf", "urdf")
     assert done.friction is not None
     coulomb, viscous = float(done.friction.coulomb[0]), float(done.friction.viscous[0])
     speed = np.linspace(-1.0, 1.0, 4001) * float(estimate.motion.speed[0])
@@ -305,7 +305,7 @@ def test_friction_of_speed_alone_is_written_as_identified(tmp_path: Path) -> Non
     terms = parse_terms("fc,fv,im,fo", width=0.5)
     robot = load_robot("ur5")
     parameters = parameters_of(robot, 0, terms)
-    done = write_model(estimate_of(robot, parameters, terms), "urdf", tmp_path / "arm.urdf")
+    done = write_model(estimate_of(robot, parameters, terms), tmp_path / "arm.urdf", "urdf")
     loaded = pin.buildModelFromUrdf(str(tmp_path / "arm.urdf"))
     np.testing.assert_allclose(loaded.upperDryFrictionLimit, parameters[60:66], rtol=1e-9)
     assert done.friction is not None

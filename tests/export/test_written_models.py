@@ -38,7 +38,7 @@ def truth(robot: RobotModel, seed: int = 0) -> Estimate:
 @pytest.mark.parametrize("name", [*ROBOTS, "mixed"])
 def test_other_programs_give_our_torques(name: str, to: str, tmp_path: Path) -> None:
     robot = mixed_chain() if name == "mixed" else ROBOTS[name]
-    done = write_model(truth(robot), to, tmp_path / "model")
+    done = write_model(truth(robot), tmp_path / "model", to)
     assert done.verified.passed
     assert done.verified.max_torque_difference is not None
     assert done.verified.max_torque_difference < (MUJOCO if to == "mjcf" else EXACT)
@@ -51,7 +51,7 @@ def test_other_programs_give_our_torques(name: str, to: str, tmp_path: Path) -> 
 def test_code_holds_every_term(name: str, to: str, tmp_path: Path) -> None:
     robot = {"ur5": ROBOTS["ur5"], "heavy": heavy_arm(), "mixed": mixed_chain()}[name]
     estimate = estimate_of(robot, parameters_of(robot, 1, EVERY_TERM), EVERY_TERM)
-    done = write_model(estimate, to, tmp_path / "model")
+    done = write_model(estimate, tmp_path / "model", to)
     assert done.verified.max_torque_difference is not None
     assert done.verified.max_torque_difference < EXACT
     assert done.left_out == ()
@@ -63,7 +63,7 @@ def test_a_width_a_joint_and_signs(to: str, tmp_path: Path) -> None:
     for width in (0.0, (0.0, 0.1, 0.01, 0.001, 0.5, 0.0)):
         terms = replace(EVERY_TERM, width=width)
         estimate = estimate_of(robot, parameters_of(robot, 2, terms), terms)
-        done = write_model(estimate, to, tmp_path / "model")
+        done = write_model(estimate, tmp_path / "model", to)
         assert done.verified.passed
 
 
@@ -71,7 +71,7 @@ def test_urdf_by_pinocchio_from_its_own_numbers(tmp_path: Path) -> None:
     """The rigid part against pinocchio's model of the truth, not against our regressor."""
     for robot in (ROBOTS["tilted"], mixed_chain()):
         parameters = parameters_of(robot, 3)
-        write_model(estimate_of(robot, parameters), "urdf", tmp_path / "arm.urdf")
+        write_model(estimate_of(robot, parameters), tmp_path / "arm.urdf", "urdf")
         loaded = pin.buildModelFromUrdf(str(tmp_path / "arm.urdf"))
         known = pinocchio_chain(robot, parameters)
         loaded.gravity.linear = np.array([0.0, 0.0, -float(np.linalg.norm(robot.gravity))])
@@ -100,7 +100,7 @@ def _armature(path: Path, joints: int) -> np.ndarray:
 def test_mjcf_fields(tmp_path: Path) -> None:
     robot, n = ROBOTS["ur5"], 6
     parameters = parameters_of(robot, 4)
-    write_model(estimate_of(robot, parameters), "mjcf", tmp_path / "arm.xml")
+    write_model(estimate_of(robot, parameters), tmp_path / "arm.xml", "mjcf")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
     np.testing.assert_allclose(model.dof_frictionloss, parameters[10 * n : 11 * n], rtol=1e-9)
     np.testing.assert_allclose(model.dof_damping.ravel(), parameters[11 * n : 12 * n], rtol=1e-9)
@@ -115,7 +115,7 @@ def generated(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, objec
     robot = mixed_chain()
     parameters = parameters_of(robot, 6)
     path = tmp_path_factory.mktemp("python") / "arm.py"
-    write_model(estimate_of(robot, parameters), "python", path)
+    write_model(estimate_of(robot, parameters), path, "python")
     known = pinocchio_chain(robot, parameters)
     known.armature = parameters[-robot.joints :]
     return runpy.run_path(str(path)), known
@@ -154,8 +154,8 @@ def test_c_parts_apart(tmp_path: Path) -> None:
     """The other functions of the header, called by a program of our own."""
     robot = heavy_arm()
     estimate = estimate_of(robot, parameters_of(robot, 1, EVERY_TERM), EVERY_TERM)
-    write_model(estimate, "c", tmp_path / "arm.h")
-    write_model(estimate, "python", tmp_path / "arm.py")
+    write_model(estimate, tmp_path / "arm.h", "c")
+    write_model(estimate, tmp_path / "arm.py", "python")
     arm = runpy.run_path(str(tmp_path / "arm.py"))
     motion = random_motion(6, robot.prismatic)
     states = States(q=motion.q[:9], dq=motion.dq[:9], ddq=motion.ddq[:9])
@@ -200,7 +200,7 @@ def test_what_a_format_cannot_hold_is_named(tmp_path: Path) -> None:
     robot = heavy_arm()
     estimate = estimate_of(robot, parameters_of(robot, 1, EVERY_TERM), EVERY_TERM)
     for to in ("urdf", "mjcf"):
-        done = write_model(estimate, to, tmp_path / "arm")
+        done = write_model(estimate, tmp_path / "arm", to)
         assert done.verified.passed
         assert {"torques of counterbalances", "cube-root friction", "Stribeck terms"} <= set(
             done.left_out
@@ -220,7 +220,7 @@ def test_wrong_torques_leave_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
         monkeypatch.setitem(writing._FORMATS, to, replace(kind, text=spoiled))
         with pytest.raises(JobError, match="torques differ"):
-            write_model(estimate, to, path)
+            write_model(estimate, path, to)
         assert list(tmp_path.iterdir()) == []
 
 
@@ -228,7 +228,7 @@ def test_without_another_program_it_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(load_code, "c_compiler", lambda: None)
-    done = write_model(truth(ROBOTS["ur5"]), "c", tmp_path / "arm.h")
+    done = write_model(truth(ROBOTS["ur5"]), tmp_path / "arm.h", "c")
     assert done.verified.max_torque_difference is None
     assert not done.verified.passed
     assert "compiler" in done.verified.loaded_with
@@ -237,12 +237,12 @@ def test_without_another_program_it_says_so(
 
 def test_refuses_what_it_cannot_do(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="unknown format"):
-        write_model(truth(ROBOTS["ur5"]), "sdf", tmp_path / "arm")
+        write_model(truth(ROBOTS["ur5"]), tmp_path / "arm", "sdf")
     with pytest.raises(InputError, match="cannot be written"):
-        write_model(truth(ROBOTS["ur5"]), "json", tmp_path / "none" / "arm")
+        write_model(truth(ROBOTS["ur5"]), tmp_path / "none" / "arm", "json")
 
 
 def test_paths_may_be_text(tmp_path: Path) -> None:
-    done = write_model(truth(ROBOTS["ur5"]), "json", str(tmp_path / "arm.json"))
+    done = write_model(truth(ROBOTS["ur5"]), str(tmp_path / "arm.json"), "json")
     assert done.path == tmp_path / "arm.json"
     assert done.path.exists()

@@ -219,7 +219,7 @@ def estimator_fits(row: str, fit: Callable[[str], dynid.Identification]) -> None
 def export_is_written_and_loaded(
     row: str, folder: Path, fit: Callable[[str], dynid.Identification]
 ) -> None:
-    written = dynid.write_model(fit("sdp").estimate, row, folder / f"model.{row}")
+    written = dynid.write_model(fit("sdp").estimate, folder / f"model.{row}", row)
     assert written.path.stat().st_size > 1000
     assert written.verified.max_torque_difference is not None
     assert written.verified.max_torque_difference < 1e-5

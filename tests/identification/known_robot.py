@@ -86,7 +86,7 @@ def recording(
     velocities: bool = False,
 ) -> ExperimentRecord:
     generator = np.random.default_rng(seed)
-    series = random_excitation(ur5().limits, seed=seed, period=period, acceleration=5.5 * np.pi)
+    series = random_excitation(ur5().limits, seed=seed, period_s=period, acceleration=5.5 * np.pi)
     t = np.arange(round((seconds or period) * rate)) / rate
     motion = series.evaluate(t)
     lag = np.zeros(6) if delay_samples is None else delay_samples

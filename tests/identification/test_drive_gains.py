@@ -27,7 +27,7 @@ def robot() -> RobotModel:
 
 @pytest.fixture(scope="module")
 def record(robot: RobotModel) -> ExperimentRecord:
-    motion = random_excitation(robot.limits, seed=3, margin=0.5, acceleration=5.0, period=6.0)
+    motion = random_excitation(robot.limits, seed=3, margin=0.5, acceleration=5.0, period_s=6.0)
     return simulate_recording(robot, motion, seed=3)
 
 

@@ -25,7 +25,7 @@ WIDTH = 0.02
 def loaded_record(seed: int) -> ExperimentRecord:
     """The known UR5, whose joint 2 rubs harder the more it carries."""
     plain = recording(seed, width=WIDTH)
-    series = random_excitation(ur5().limits, seed=seed, period=10.0, acceleration=5.5 * np.pi)
+    series = random_excitation(ur5().limits, seed=seed, period_s=10.0, acceleration=5.5 * np.pi)
     motion = series.evaluate(plain.t)
     model, _ = oracle()
     data = model.createData()

@@ -232,7 +232,7 @@ def test_own_columns_as_instruments_are_least_squares(problem: IdentificationPro
 
 
 def test_the_simulated_arm_follows_and_obeys_its_own_dynamics() -> None:
-    series = random_excitation(ur5().limits, seed=3, period=10.0, acceleration=5.5 * np.pi)
+    series = random_excitation(ur5().limits, seed=3, period_s=10.0, acceleration=5.5 * np.pi)
     t = np.arange(1250) / 125
     motion = series.evaluate(t)
     samples = process(recording(3, noise=0.0), ur5(), ProcessingSettings(cutoff_hz=40.0))

@@ -26,7 +26,7 @@ FINE = 40
 def presliding(seed: int) -> ExperimentRecord:
     """The known UR5; the equation of its friction is integrated over time, between samples too."""
     plain = recording(seed, width=1e-9)
-    series = random_excitation(ur5().limits, seed=seed, period=10.0, acceleration=ACCELERATION)
+    series = random_excitation(ur5().limits, seed=seed, period_s=10.0, acceleration=ACCELERATION)
     step = (plain.t[1] - plain.t[0]) / FINE
     t = plain.t[0] + step * np.arange(FINE * (len(plain.t) - 1) + 1)
     speed = series.evaluate(t).dq

@@ -31,7 +31,7 @@ def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if seed == 1:
             made = dynid.core.files.provenance(seed=seed)
             write_trajectory(
-                folder / "design.json", series, robot="ur5", limits=robot.limits, provenance=made
+                series, folder / "design.json", robot="ur5", limits=robot.limits, provenance=made
             )
     settings = dynid.IdentifySettings(preset="paper")
     result = dynid.identify(records[:1], robot, settings, validation=records[1])

@@ -18,5 +18,5 @@ def write_motion(path: Path, period: float = PERIOD, size: float = 0.05) -> Path
     free = size * np.random.default_rng(0).normal(size=(6, 4))
     limits = load_robot("ur5").limits
     series = rest_series(period, MIDDLE, free)
-    write_trajectory(path, series, robot="ur5", limits=limits, provenance=provenance(seed=0))
+    write_trajectory(series, path, robot="ur5", limits=limits, provenance=provenance(seed=0))
     return path

@@ -33,7 +33,7 @@ def test_stays_inside_the_limits_and_touches_one(
     seed: int, harmonics: int, period: float, margin: float
 ) -> None:
     series = random_excitation(
-        UR5, harmonics=harmonics, period=period, seed=seed, margin=margin, acceleration=17.28
+        UR5, harmonics=harmonics, period_s=period, seed=seed, margin=margin, acceleration=17.28
     )
     q, dq, ddq = dense_peaks(series, 4001)
     assert (np.abs(q) <= 2 * np.pi * margin + 1e-9).all()
@@ -102,7 +102,7 @@ def test_refuses_what_cannot_be() -> None:
     with pytest.raises(InputError, match="two harmonics"):
         random_excitation(UR5, seed=0, harmonics=1)
     with pytest.raises(InputError, match="period"):
-        random_excitation(UR5, seed=0, period=-1.0)
+        random_excitation(UR5, seed=0, period_s=-1.0)
     with pytest.raises(InputError, match="joint 2: the mean position"):
         random_excitation(UR5, seed=0, offset=[0, 9, 0, 0, 0, 0])
     with pytest.raises(InputError, match="acceleration"):

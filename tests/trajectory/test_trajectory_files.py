@@ -38,7 +38,7 @@ LIMITS = MotionBounds(
 def written(path: Path) -> Path:
     series = FourierSeries(period=10.0, offset=[0.1, 0.2], a=np.ones((2, 3)), b=np.zeros((2, 3)))
     made = provenance(inputs={"a.urdf": "00"}, settings={"method": "ga"}, seed=5)
-    write_trajectory(path, series, robot="ur5", limits=LIMITS, provenance=made)
+    write_trajectory(series, path, robot="ur5", limits=LIMITS, provenance=made)
     return path
 
 
@@ -64,7 +64,7 @@ def test_round_trip_is_exact(
     )
     made = provenance(settings={"harmonics": harmonics}, seed=None)
     path = tmp_path_factory.mktemp("files") / "t.json"
-    write_trajectory(path, series, robot=robot, limits=limits, provenance=made)
+    write_trajectory(series, path, robot=robot, limits=limits, provenance=made)
     back = read_trajectory(path)
     assert back.robot == robot
     assert back.provenance == made
@@ -150,10 +150,10 @@ def test_writing_refuses_and_leaves_the_old_file(tmp_path: Path) -> None:
     series = read_trajectory(path).trajectory
     bad = provenance(settings={"x": float("nan")})
     with pytest.raises(InputError, match="JSON values"):
-        write_trajectory(path, series, robot="ur5", limits=LIMITS, provenance=bad)
+        write_trajectory(series, path, robot="ur5", limits=LIMITS, provenance=bad)
     one = MotionBounds(lower=[0.0], upper=[1.0], velocity=[1.0], acceleration=[1.0])
     with pytest.raises(InputError, match="joints of the limits"):
-        write_trajectory(path, series, robot="ur5", limits=one, provenance=provenance())
+        write_trajectory(series, path, robot="ur5", limits=one, provenance=provenance())
     assert path.read_text() == before
     assert [one.name for one in tmp_path.iterdir()] == ["t.json"]
 
@@ -188,8 +188,8 @@ def every_kind() -> list[Trajectory]:
 def test_every_kind_comes_back_as_it_was(tmp_path: Path, kind: int) -> None:
     trajectory, path = every_kind()[kind], tmp_path / "t.json"
     write_trajectory(
-        path,
         trajectory,
+        path,
         robot="ur5",
         limits=LIMITS,
         provenance=provenance(),
@@ -264,12 +264,12 @@ def test_writing_refuses_foreign_kinds_and_keys(tmp_path: Path) -> None:
 
     with pytest.raises(InputError, match="no file form"):
         write_trajectory(
-            tmp_path / "t.json", Foreign(), robot="ur5", limits=LIMITS, provenance=provenance()
+            Foreign(), tmp_path / "t.json", robot="ur5", limits=LIMITS, provenance=provenance()
         )
     with pytest.raises(InputError, match="the file's own"):
         write_trajectory(
-            tmp_path / "t.json",
             every_kind()[0],
+            tmp_path / "t.json",
             robot="ur5",
             limits=LIMITS,
             provenance=provenance(),

@@ -18,7 +18,6 @@ from dynid.regressor import InverseDynamicModel, parse_terms
 from dynid.robot import load_robot, with_mount
 from dynid.validation import ParameterComparison, compare
 from dynid.validation.comparison import FALSE_ALARM, GROUPS
-from dynid.workflow import compare_files
 
 SIZES = {"inertial": 36, "coulomb": 6, "viscous": 6, "motor": 4}
 """The composition of the UR5's 52 base parameters (paper 2.1)."""
@@ -153,7 +152,7 @@ def test_files_give_the_same_and_the_keys_are_the_contract(tmp_path: Path) -> No
     pair = (moved({}), moved({"Fv4": 20.0}))
     for path, one in zip(paths, pair, strict=True):
         write_estimate(one, path)
-    data = compare_files(*paths).to_json()
+    data = compare(*paths).to_json()
     assert data["parameters"] == compare(*pair).to_json()["parameters"]
     assert set(data["groups"]) == set(GROUPS)
     assert {"name", "a", "b", "change_percent", "z"} <= set(data["parameters"][0])

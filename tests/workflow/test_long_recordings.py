@@ -48,7 +48,7 @@ def recording(
         t = t + random.uniform(-0.2, 0.2, len(t)) / rate
     if "gap" in kind:
         t = t[(t < 0.4 * seconds) | (t > 0.44 * seconds)]
-    series = dynid.random_excitation(UR5.limits, seed=1, period=seconds, harmonics=8)
+    series = dynid.random_excitation(UR5.limits, seed=1, period_s=seconds, harmonics=8)
     motion = series.evaluate(t)
     model = InverseDynamicModel(robot=UR5)
     parameters = random.uniform(0.1, 2.0, len(model.columns))
@@ -200,8 +200,8 @@ def test_the_command_and_the_function(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    for module in ("identify", "recordings", "validating"):
-        monkeypatch.setattr(importlib.import_module(f"dynid.workflow.{module}"), "LONG", 3000)
+    for module in ("workflow.identify", "recording.opening", "workflow.validating"):
+        monkeypatch.setattr(importlib.import_module(f"dynid.{module}"), "LONG", 3000)
     monkeypatch.setattr(identify_module, "diagnose", lambda *_: ())
     monkeypatch.chdir(tmp_path)
     from dynid.cli.app import main

@@ -32,7 +32,7 @@ def design(tmp_path_factory: pytest.TempPathFactory) -> Path:
     free = 0.05 * np.random.default_rng(0).normal(size=(6, 4))
     series = rest_series(PERIOD, MIDDLE, free)
     made = provenance(seed=0)
-    write_trajectory(path, series, robot="ur5", limits=UR5.limits, provenance=made)
+    write_trajectory(series, path, robot="ur5", limits=UR5.limits, provenance=made)
     return path
 
 

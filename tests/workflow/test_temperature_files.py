@@ -23,7 +23,7 @@ ROUNDING = 1e-12
 
 def recorded(temperature_degC: float, motion: int) -> dynid.ExperimentRecord:
     series = dynid.random_excitation(
-        ROBOT.limits, seed=motion, period=PERIOD, margin=0.8, acceleration=10.0
+        ROBOT.limits, seed=motion, period_s=PERIOD, margin=0.8, acceleration=10.0
     )
     return dynid.simulate_recording(ROBOT, series, thermal=temperature_degC, seed=motion)
 

@@ -342,8 +342,9 @@ def validate_command(
     json: JsonFlag = False,
 ) -> None:
     """Prediction error on another recording (paper 3.1)."""
+    from dynid.identification import open_estimate
     from dynid.validation import CAUSES
-    from dynid.workflow import estimate_at, validate_files
+    from dynid.workflow import validate_files
 
     if output is not None:
         check_output(output, inputs=[estimate, record], force=force)
@@ -362,7 +363,7 @@ def validate_command(
         print_json(result.to_json())
         return
     screen = console()
-    slides = estimate_at(estimate, at).model.robot.prismatic
+    slides = open_estimate(estimate, at).model.robot.prismatic
     error = result.moving.relative_error_overall_percent
     screen.print(f"Predicts this recording to {number(error, 3)} % of the torque", style="bold")
     print_metrics(screen, "Prediction", result, slides)

@@ -213,9 +213,9 @@ def compare_command(
     json: JsonFlag = False,
 ) -> None:
     """Which parameters changed between two estimates (paper 3.2)."""
-    from dynid.workflow import compare_files
+    from dynid.validation import compare
 
-    comparison = compare_files(a, b)
+    comparison = compare(a, b)
     if json:
         print_json(comparison.to_json())
     else:

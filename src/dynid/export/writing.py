@@ -2,6 +2,7 @@
 
 import json
 import os
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,7 +26,7 @@ from dynid.export.verification import (
     random_motion,
     urdf_torque,
 )
-from dynid.identification import Estimate
+from dynid.identification import Estimate, EstimateLike, open_estimate
 from dynid.regressor import ripples_from_json
 from dynid.robot import PARAMETERS, robot_from_json, robot_to_json
 
@@ -214,16 +215,16 @@ class ExportedFile:
     """Coulomb and viscous friction of a file that has a place for no other."""
 
 
-def write_model(estimate: Estimate, to: str, path: str | Path, note: str = "") -> ExportedFile:
+def write_model(estimate: EstimateLike, path: str | Path, to: str, note: str = "") -> ExportedFile:
     """Write a model, have another program load it, and compare torques on random states.
 
     The file appears only after it has passed. Where no other program is at hand it is written
     all the same, and `verified` says so.
 
     Args:
-        estimate: What was identified.
-        to: One of `FORMATS`.
+        estimate: What was identified, or its file.
         path: File to write.
+        to: One of `FORMATS`.
         note: Where the model comes from, for the file's head.
 
     Raises:
@@ -231,6 +232,12 @@ def write_model(estimate: Estimate, to: str, path: str | Path, note: str = "") -
         JobError: A model that the format cannot hold, torques that differ, or a disk that does
             not take the file.
     """
+    if str(path) in FORMATS and to not in FORMATS:
+        # The order of release 0.1, for one release.
+        old = "write_model(estimate, to, path) is now write_model(estimate, path, to)"
+        warnings.warn(old, DeprecationWarning, stacklevel=2)
+        path, to = to, str(path)
+    estimate = open_estimate(estimate)
     if to not in FORMATS:
         raise InputError("unknown format", where="--to", value=to, limit=", ".join(FORMATS))
     path = Path(path)

@@ -90,6 +90,13 @@ from dynid.identification.statistics import (
 )
 from dynid.identification.sums import PanelRows, PassPlan, RowSums, no_sums, sum_rows, sums_from
 from dynid.identification.temperature import LEAST_SPREAD_K, JointTemperatureLaw, fit_law
+from dynid.identification.temperature_model import (
+    EstimateLike,
+    TemperatureModel,
+    open_estimate,
+    read_temperature,
+    write_temperature,
+)
 from dynid.identification.trends import (
     CONFIDENCE,
     JointState,
@@ -118,6 +125,7 @@ __all__ = [
     "ClosedLoop",
     "DriveGains",
     "Estimate",
+    "EstimateLike",
     "Estimator",
     "Fit",
     "HuberRegression",
@@ -145,6 +153,7 @@ __all__ = [
     "SharedFit",
     "SharedProblem",
     "StandardParameters",
+    "TemperatureModel",
     "TorqueInterval",
     "TorquePrediction",
     "TotalLeastSquares",
@@ -175,11 +184,13 @@ __all__ = [
     "naive_covariance",
     "no_sums",
     "not_negative",
+    "open_estimate",
     "payload_of",
     "plan_pass",
     "posterior",
     "published_prior",
     "read_estimate",
+    "read_temperature",
     "record_statistics",
     "repeated_motions",
     "select",
@@ -197,4 +208,5 @@ __all__ = [
     "with_load",
     "with_ripple",
     "write_estimate",
+    "write_temperature",
 ]

@@ -6,6 +6,15 @@ from dynid.recording.formats import content_kind
 from dynid.recording.headers import match_headers
 from dynid.recording.messages import MessageDecoder, MessageError
 from dynid.recording.names import parse_name, says_degrees
+from dynid.recording.opening import (
+    AnyRecordLike,
+    RecordLike,
+    as_list,
+    open_any,
+    open_record,
+    open_several,
+    remembered_robot,
+)
 from dynid.recording.reading import read_record, read_recording
 from dynid.recording.record import JOINT_QUANTITIES, ExperimentRecord, RecordMetadata, identity
 from dynid.recording.repair.pipeline import RepairSettings, check_channels, checked_records, repair
@@ -31,18 +40,21 @@ __all__ = [
     "KEY",
     "LONG",
     "MARK",
+    "AnyRecordLike",
     "AnyRecording",
     "Catalog",
     "ExperimentRecord",
     "MessageDecoder",
     "MessageError",
     "RawTable",
+    "RecordLike",
     "RecordMetadata",
     "RecordWriter",
     "RepairSettings",
     "StoredObject",
     "StoredRecording",
     "Topic",
+    "as_list",
     "check_channels",
     "checked_records",
     "content_kind",
@@ -53,6 +65,9 @@ __all__ = [
     "local_files",
     "match_headers",
     "objects_below",
+    "open_any",
+    "open_record",
+    "open_several",
     "open_stored",
     "pack",
     "parse_columns",
@@ -61,6 +76,7 @@ __all__ = [
     "read_record",
     "read_recording",
     "recover",
+    "remembered_robot",
     "repair",
     "ros1_messages",
     "says_degrees",

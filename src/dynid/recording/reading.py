@@ -20,7 +20,7 @@ from dynid.recording.repair.pipeline import RepairSettings, repair
 from dynid.recording.sheets import are_one_run
 from dynid.recording.store import fitted, partial_path, read_own
 from dynid.recording.table import RawTable, ReadOptions
-from dynid.robot import RobotModel
+from dynid.robot import RobotLike, load_robot
 
 _EXTENSIONS = tuple(
     f".{ending}"
@@ -114,7 +114,7 @@ MAX_RATE_HZ = 1e6
 def read_recording(
     paths: str | Path | Sequence[str | Path],
     *,
-    robot: RobotModel | None = None,
+    robot: RobotLike | None = None,
     format: str = "auto",
     columns: str | Mapping[str, str] | None = None,
     header: bool | None = None,
@@ -133,8 +133,8 @@ def read_recording(
     Args:
         paths: One file or bag folder; or several text files side by side, whose columns count
             across them; or the files of one split bag.
-        robot: The robot: its number of joints, names, limits, and drives. Where its drives
-            say so, motor positions and torques become joint values.
+        robot: The robot, or its name or file: its number of joints, names, limits, and drives.
+            Where its drives say so, motor positions and torques become joint values.
         format: `auto` (by content, then by extension), `ur-csv`, `ur-rtde-csv`, `csv`,
             `rosbag`, `mcap`, `mat`, `npz`, `hdf5`, `json` or `parquet`.
         columns: Quantity to columns: `t=0,q=1:7,current=13:19` (from 0, ranges exclude their
@@ -155,6 +155,7 @@ def read_recording(
         MissingExtraError: A compressed bag without the `ros` extra.
     """
     given = _given_files(paths)
+    robot = None if robot is None else load_robot(robot)
     known = _gains(gains)
     if rate_hz is not None and not 0 < rate_hz < MAX_RATE_HZ:
         raise RecordError(

@@ -12,7 +12,15 @@ from dynid.robot.kinematics import (
     structural_gravity,
     with_mount,
 )
-from dynid.robot.load import builtin_names, load_robot, robot_from_json, robot_to_json, robots
+from dynid.robot.load import (
+    BuiltinRobot,
+    RobotLike,
+    builtin_names,
+    load_robot,
+    robot_from_json,
+    robot_to_json,
+    robots,
+)
 from dynid.robot.model import (
     Counterbalance,
     Drives,
@@ -52,9 +60,11 @@ __all__ = [
     "MAX_BYTES",
     "PARAMETERS",
     "Body",
+    "BuiltinRobot",
     "Counterbalance",
     "Drives",
     "JointLimits",
+    "RobotLike",
     "RobotModel",
     "SafetyLimits",
     "Tool",

@@ -29,7 +29,9 @@ class BuiltinRobot(NamedTuple):
     """A robot that comes with dynid."""
 
     name: str
+    """What `load_robot` calls it."""
     joints: int
+    """Number of joints."""
     source: str
     """Where its numbers are from."""
 
@@ -40,8 +42,12 @@ def robots() -> list[BuiltinRobot]:
     return [BuiltinRobot(robot.name, robot.joints, robot.source) for robot in found]
 
 
+RobotLike = RobotModel | str | Path
+"""A robot, its built-in name or its file."""
+
+
 def load_robot(
-    name_or_path: str | Path,
+    name_or_path: RobotLike,
     *,
     mount: str | None = None,
     collision: bool = True,
@@ -52,7 +58,8 @@ def load_robot(
     Files are told apart by what is in them, not by their ending.
 
     Args:
-        name_or_path: A name that `robots` lists, or a path.
+        name_or_path: A name that `robots` lists, or a path; a robot model stays as it is, but for
+            the mounting.
         mount: `floor`, `wall`, `ceiling` or `tilt:DEG`, in place of what the file says.
         collision: Whether to read the collision geometry of a URDF, meshes included, where the
             robot has no bodies; what cannot be read is in the robot's `body_notes`.
@@ -62,7 +69,10 @@ def load_robot(
         RobotError: No such robot or file (the message lists the built-in ones), a file that
             cannot be read or understood, or an unknown mounting.
     """
-    robot = _load(name_or_path, collision, mesh_dirs)
+    if isinstance(name_or_path, RobotModel):
+        robot = name_or_path
+    else:
+        robot = _load(name_or_path, collision, mesh_dirs)
     return robot if mount is None else with_mount(robot, mount)
 
 

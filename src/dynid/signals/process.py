@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from dynid.core import Array, Indices, InputError
-from dynid.recording import ExperimentRecord
-from dynid.robot import RobotModel
+from dynid.recording import ExperimentRecord, RecordLike, open_record
+from dynid.robot import RobotLike, RobotModel, load_robot
 from dynid.signals.filters import (
     NYQUIST_SHARE,
     default_cutoff,
@@ -45,18 +45,23 @@ def uniform_signals(
 
 
 def process(
-    record: ExperimentRecord, robot: RobotModel, settings: ProcessingSettings | None = None
+    record: RecordLike, robot: RobotLike, settings: ProcessingSettings | None = None
 ) -> Samples:
     """Resample, align, filter the motion, differentiate, trim.
 
     Torques are not low-passed on their own: a smoothed Coulomb step would no longer match its
     column. Where data are thinned, torques and columns pass the same filter, a block mean.
 
+    Args:
+        record: The recording or its file.
+        robot: The robot, or its name or file.
+        settings: How to process it; None for the defaults.
+
     Raises:
         InputError: See `uniform_signals`; or too few samples remain.
     """
-    settings = settings or ProcessingSettings()
-    return samples_from(uniform_signals(record, robot, settings), settings)
+    settings, robot = settings or ProcessingSettings(), load_robot(robot)
+    return samples_from(uniform_signals(open_record(record, robot), robot, settings), settings)
 
 
 def samples_from(

@@ -1,6 +1,7 @@
 """The bounds of a motion, and Fourier series scaled or drawn at random within them."""
 
 import math
+import warnings
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -227,11 +228,12 @@ def random_excitation(
     limits: MotionLimits,
     *,
     harmonics: int = 5,
-    period: float = 10.0,
+    period_s: float = 10.0,
     seed: int,
     margin: float = 0.9,
     acceleration: ArrayLike | None = None,
     offset: ArrayLike | None = None,
+    period: float | None = None,
 ) -> FourierSeries:
     """A random series from rest to rest, as large as its tightest limit allows.
 
@@ -242,17 +244,25 @@ def random_excitation(
     Args:
         limits: Joint limits; unknown positions count as -pi to pi, other unknowns do not bind.
         harmonics: Number of harmonics H, at least 2.
-        period: Period [s].
+        period_s: Period [s].
         seed: Seed of the random numbers.
         margin: Share of each limit to use, in (0, 1].
         acceleration: (n) or one number: acceleration limits where `limits` knows none
             [rad/s^2 or m/s^2].
         offset: (n) mean positions [rad or m]; drawn from the room left if not given.
+        period: What release 0.1 called `period_s`, for one release.
 
     Raises:
         InputError: A period, margin or number of harmonics that is not allowed, or an offset
             outside the position limits.
     """
+    if period is not None:
+        warnings.warn(
+            "random_excitation(period) is now random_excitation(period_s)",
+            DeprecationWarning,
+            stacklevel=2,
+        )
+        period_s = period
     bounds = usable_bounds(limits, acceleration)
     generator = np.random.default_rng(seed)
     spread = np.tile(1.0 / np.arange(1, harmonics + 1), 2)
@@ -260,7 +270,7 @@ def random_excitation(
     free = drawn @ rest_basis(harmonics)
     given = np.zeros(bounds.joints) if offset is None else offset
     middle = frozen(given, shape=(bounds.joints,), name="offset")
-    series = rest_series(period, middle, free)
+    series = rest_series(period_s, middle, free)
     if offset is None:
         # Scaled to its limits, and shifted to a random place where it fits.
         lower, upper = inner_range(bounds, margin)
@@ -279,4 +289,4 @@ def random_excitation(
             next_step="Give position, velocity or acceleration limits.",
         )
     a, b = series.a * scale[:, None], series.b * scale[:, None]
-    return FourierSeries(period=period, offset=middle, a=a, b=b)
+    return FourierSeries(period=period_s, offset=middle, a=a, b=b)

@@ -2,6 +2,7 @@
 
 import json
 import math
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -128,10 +129,10 @@ class StoredTrajectory:
 
 
 def write_trajectory(
-    path: str | Path,
     trajectory: Trajectory,
+    path: str | Path,
     *,
-    robot: str,
+    robot: str | Path,
     limits: MotionLimits,
     provenance: Provenance,
     extra: Mapping[str, Any] | None = None,
@@ -139,8 +140,8 @@ def write_trajectory(
     """Write a trajectory as JSON; an interrupted write leaves the old file, or none.
 
     Args:
-        path: File to write.
         trajectory: The motion, of any kind of this package.
+        path: File to write.
         robot: Name or path of the robot.
         limits: The limits it was made for, NaN where unknown.
         provenance: How it was made.
@@ -152,6 +153,11 @@ def write_trajectory(
             no such file can be.
         JobError: The disk does not take the file.
     """
+    if isinstance(trajectory, str | Path):  # pyright: ignore[reportUnnecessaryIsInstance]
+        # The order of release 0.1, for one release.
+        old = "write_trajectory(path, trajectory) is now write_trajectory(trajectory, path)"
+        warnings.warn(old, DeprecationWarning, stacklevel=2)
+        trajectory, path = cast("Trajectory", path), trajectory
     bounds = copied_bounds(limits)
     if bounds.joints != trajectory.joints:
         raise InputError("joints of the limits", value=bounds.joints, limit=trajectory.joints)
@@ -161,7 +167,7 @@ def write_trajectory(
     document = {
         "kind": _KIND,
         "version": _VERSION,
-        "robot": robot,
+        "robot": str(robot),
         "trajectory": trajectory_to_json(trajectory),
         **(extra or {}),
         "limits": {

@@ -5,14 +5,13 @@ share of its inertial torques.
 """
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from statistics import NormalDist
 from typing import Any
 
 import numpy as np
 
 from dynid.core import Array, Finding, Indices, InputError, Mask, plain, read_only, told
-from dynid.identification import Estimate, motion_state, read_estimate
+from dynid.identification import Estimate, EstimateLike, motion_state, open_estimate
 from dynid.robot import RobotModel
 from dynid.signals import Samples
 
@@ -281,7 +280,7 @@ class ParameterComparison:
         }
 
 
-def compare(a: Estimate | str | Path, b: Estimate | str | Path) -> ParameterComparison:
+def compare(a: EstimateLike, b: EstimateLike) -> ParameterComparison:
     """Compare two estimates parameter by parameter and group by group.
 
     The records are taken as independent. What a wrong model does to both alike cancels in the
@@ -294,7 +293,7 @@ def compare(a: Estimate | str | Path, b: Estimate | str | Path) -> ParameterComp
     Raises:
         InputError: Estimates of different robots, mountings, frames, terms or base sets.
     """
-    a, b = (x if isinstance(x, Estimate) else read_estimate(x) for x in (a, b))
+    a, b = open_estimate(a), open_estimate(b)
     refuse_strangers(a, b)
     difference = b.values - a.values
     deviation = np.sqrt(np.square(a.std) + np.square(b.std))

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from dynid.core import Array, InputError, Mask, frozen, read_only
 from dynid.identification import Estimate
-from dynid.recording import ExperimentRecord
+from dynid.recording import RecordLike, open_record
 from dynid.regressor import FrictionTerms, InverseDynamicModel, torque_adjoint
 from dynid.signals import measured_torque
 
@@ -116,19 +116,21 @@ class MomentumObserver:
             integral = integral + step * residual[k]
         return read_only(residual)
 
-    def of_record(self, record: ExperimentRecord) -> tuple[Array, Array]:
+    def of_record(self, record: RecordLike) -> tuple[Array, Array]:
         """Residuals and velocities, each (N, n), of a recording as it would be seen live.
 
         Nothing is filtered and nothing from later is used. Without recorded velocities they are
         differences of positions, which makes the residual noisy.
 
         Args:
-            record: The recording.
+            record: The recording or its file.
 
         Raises:
             InputError: The recording does not fit the robot, or has no torque.
         """
-        torque = measured_torque(record, self.estimate.model.robot)
+        robot = self.estimate.model.robot
+        record = open_record(record, robot)
+        torque = measured_torque(record, robot)
         q = record.signals["q"]
         dq = record.signals.get("qd")
         if dq is None:

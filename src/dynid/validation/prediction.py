@@ -5,14 +5,19 @@ And whether it was made with another payload than the record that was identified
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dynid.core import Array, Finding, Mask, plain, read_only, told
-from dynid.identification import Estimate, autocorrelation, motion_state, read_estimate
-from dynid.recording import ExperimentRecord, identity, read_recording
+from dynid.identification import (
+    Estimate,
+    EstimateLike,
+    autocorrelation,
+    motion_state,
+    open_estimate,
+)
+from dynid.recording import ExperimentRecord, RecordLike, identity, open_record
 from dynid.signals import (
     ProcessingSettings,
     Samples,
@@ -215,8 +220,8 @@ class ValidationResult:
 
 
 def validate(
-    estimate: Estimate | str | Path,
-    record: ExperimentRecord | str | Path,
+    estimate: EstimateLike,
+    record: RecordLike,
     *,
     start_s: float | None = None,
     stop_s: float | None = None,
@@ -237,11 +242,9 @@ def validate(
     Raises:
         InputError: The record does not fit the robot, or the window is empty.
     """
-    if not isinstance(estimate, Estimate):
-        estimate = read_estimate(estimate)
+    estimate = open_estimate(estimate)
     robot = estimate.model.robot
-    if not isinstance(record, ExperimentRecord):
-        record = read_recording(record, robot=robot)
+    record = open_record(record, robot)
     settings = _settings(estimate, record, start_s, stop_s)
     signals = uniform_signals(record, robot, settings)
     own = max(settings.cutoff_hz or 0.0, default_cutoff(signals.q, signals.rate_hz))

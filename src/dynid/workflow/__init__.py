@@ -3,39 +3,34 @@
 from dynid.workflow.analyze import Analysis, analyze
 from dynid.workflow.choosing import IdentifySettings
 from dynid.workflow.demo import run_demo
-from dynid.workflow.design_files import Check, check, export_motion, read_design, write_design
+from dynid.workflow.design_files import (
+    Check,
+    StoredDesign,
+    check,
+    export_motion,
+    read_design,
+    write_design,
+)
 from dynid.workflow.design_settings import DesignLimits, DesignSettings
 from dynid.workflow.designing import design
 from dynid.workflow.fitting import LogFit, check_suffix, export_file, fit
 from dynid.workflow.fleet import Fleet, FleetSettings, fleet
 from dynid.workflow.identify import Identification, identify
-from dynid.workflow.recordings import ImportOptions, import_recording, open_records
+from dynid.workflow.recordings import Imported, ImportOptions, import_recording, open_records
 from dynid.workflow.reporting import report
 from dynid.workflow.run_settings import RunSettings, parse_thermal, truth_path
 from dynid.workflow.running import Run, run_design, simulate_recording
 from dynid.workflow.shared_inertias import (
+    GainsFromPayload,
     SharedIdentification,
     identify_gains,
     identify_gains_from_payload,
     identify_payload,
     identify_shared,
 )
-from dynid.workflow.temperature import (
-    TemperatureIdentification,
-    TemperatureModel,
-    estimate_at,
-    identify_temperature,
-    read_temperature,
-    write_temperature,
-)
+from dynid.workflow.temperature import TemperatureIdentification, identify_temperature
 from dynid.workflow.until import RunUntil, run_until
-from dynid.workflow.validating import (
-    Verdict,
-    compare_files,
-    identify_files,
-    validate_files,
-    verdict,
-)
+from dynid.workflow.validating import Verdict, identify_files, validate_files, verdict
 
 __all__ = [
     "Analysis",
@@ -44,23 +39,23 @@ __all__ = [
     "DesignSettings",
     "Fleet",
     "FleetSettings",
+    "GainsFromPayload",
     "Identification",
     "IdentifySettings",
     "ImportOptions",
+    "Imported",
     "LogFit",
     "Run",
     "RunSettings",
     "RunUntil",
     "SharedIdentification",
+    "StoredDesign",
     "TemperatureIdentification",
-    "TemperatureModel",
     "Verdict",
     "analyze",
     "check",
     "check_suffix",
-    "compare_files",
     "design",
-    "estimate_at",
     "export_file",
     "export_motion",
     "fit",
@@ -76,7 +71,6 @@ __all__ = [
     "open_records",
     "parse_thermal",
     "read_design",
-    "read_temperature",
     "report",
     "run_demo",
     "run_design",
@@ -86,5 +80,4 @@ __all__ = [
     "validate_files",
     "verdict",
     "write_design",
-    "write_temperature",
 ]

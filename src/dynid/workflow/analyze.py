@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from dynid.core import Finding, told
 from dynid.reduction import BaseParametrization, reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel, parse_terms
-from dynid.robot import RobotModel, load_robot
+from dynid.robot import RobotLike, RobotModel, load_robot
 
 MOST_TURNS = 4.0
 """No joint with cables through it makes more, to either side."""
@@ -90,7 +89,7 @@ class Analysis:
 
 
 def analyze(
-    robot: RobotModel | str | Path,
+    robot: RobotLike,
     *,
     frames: str = "",
     samples: int = 25,
@@ -109,8 +108,6 @@ def analyze(
     Raises:
         InputError: Unknown frames or terms, or samples below one.
     """
-    if not isinstance(robot, RobotModel):
-        robot = load_robot(robot)
     friction = parse_terms(terms) if isinstance(terms, str) else terms
-    model = InverseDynamicModel(robot=robot, frames=frames, friction=friction)
+    model = InverseDynamicModel(robot=load_robot(robot), frames=frames, friction=friction)
     return Analysis(base=reduce_model(model, samples=samples, seed=seed))

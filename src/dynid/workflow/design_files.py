@@ -15,12 +15,13 @@ import numpy as np
 from dynid.constraints import Certificate, certify
 from dynid.core import InputError, JsonFields, content_hash, dynid_version, load_object, write_text
 from dynid.excitation import ExcitationDesign
-from dynid.robot import RobotModel, Tool, load_robot, robot_to_json
+from dynid.robot import RobotLike, RobotModel, Tool, load_robot, robot_to_json
 from dynid.signals import process
 from dynid.trajectory import (
     LANGUAGES,
     JointMotion,
     StoredTrajectory,
+    Trajectory,
     copied_bounds,
     csv_text,
     joint_trajectory_yaml,
@@ -33,7 +34,6 @@ from dynid.trajectory import (
 )
 from dynid.workflow.analyze import unit_notes
 from dynid.workflow.design_settings import DesignLimits, given_limits, limits_from_json
-from dynid.workflow.recordings import open_record
 
 POSE_ACCELERATION = 5.0
 """Between the poses of a task, where the robot knows no limit [rad/s^2 or m/s^2]."""
@@ -85,6 +85,7 @@ class StoredDesign:
     """A design, or any trajectory, as its file holds it."""
 
     stored: StoredTrajectory
+    """The motion and what it was made for."""
     robot: RobotModel
     """As mounted in the design."""
     facts: dict[str, Any]
@@ -110,13 +111,41 @@ class StoredDesign:
         return f"changed since it was certified: {', '.join(self.changed)}"
 
 
+DesignLike = ExcitationDesign | StoredDesign | StoredTrajectory | str | Path
+"""A design, what `read_design` or `read_trajectory` found, or the file of either."""
+TrajectoryLike = Trajectory | DesignLike
+"""A trajectory, or what holds one."""
+
+
+def open_trajectory(motion: TrajectoryLike) -> Trajectory:
+    """One period of a motion.
+
+    Args:
+        motion: A trajectory, a design, or the file of either.
+
+    Raises:
+        InputError: As `read_trajectory`; or no motion.
+    """
+    if isinstance(motion, str | Path):
+        motion = read_trajectory(motion)
+    elif isinstance(motion, StoredDesign):
+        motion = motion.stored
+    found = motion if isinstance(motion, Trajectory) else getattr(motion, "trajectory", None)
+    if not isinstance(found, Trajectory):
+        raise InputError("not a trajectory, a design or its file", value=type(motion).__name__)
+    return found
+
+
 def write_design(
-    design: ExcitationDesign, path: str | Path, *, robot: RobotModel | None = None
+    design: ExcitationDesign | StoredDesign | StoredTrajectory,
+    path: str | Path,
+    *,
+    robot: RobotLike | None = None,
 ) -> None:
     """Write a design as JSON; it appears whole or not at all.
 
     Args:
-        design: The design.
+        design: The design, or what was read of one, which is written as it was.
         path: The file; `read_design`, `dynid check` and `dynid run` take it.
         robot: The robot on its mounting, for one that no file holds; None for the design's.
 
@@ -124,6 +153,9 @@ def write_design(
         InputError: A place where no such file can be.
         JobError: The disk does not take it.
     """
+    if not isinstance(design, ExcitationDesign):
+        _write_stored(design.stored if isinstance(design, StoredDesign) else design, path)
+        return
     facts = design.to_json()
     limits = limits_from_json(JsonFields(facts).object("limits"))
     stored = StoredTrajectory(
@@ -132,35 +164,39 @@ def write_design(
         limits=copied_bounds(design.limits),
         provenance=design.provenance,
     )
-    if robot is None:
+    if not isinstance(robot, RobotModel):
         folders = tuple(map(Path, limits.mesh_dirs))
-        robot = load_robot(design.robot, mount=_mount(facts), mesh_dirs=folders)
+        robot = load_robot(robot or design.robot, mount=_mount(facts), mesh_dirs=folders)
     robot = limits.equipped(robot)
     facts["digest"] = _digest_of(
         stored, facts, limits, str(facts["limits"].pop(ROBOT, robot_hash(robot))), robot.tool
     )
+    _write_stored(replace(stored, extra={"design": facts}), path)
+
+
+def _write_stored(stored: StoredTrajectory, path: str | Path) -> None:
     write_trajectory(
+        stored.trajectory,
         path,
-        design.trajectory,
-        robot=design.robot,
-        limits=design.limits,
-        provenance=design.provenance,
-        extra={"design": facts},
+        robot=stored.robot,
+        limits=stored.limits,
+        provenance=stored.provenance,
+        extra=stored.extra,
     )
 
 
 def read_design(
     path: str | Path,
     *,
-    robot: str | Path | None = None,
+    robot: RobotLike | None = None,
     mount: str | None = None,
-    mesh_dirs: Sequence[str] | None = None,
+    mesh_dirs: Sequence[str | Path] | None = None,
 ) -> StoredDesign:
     """Read a design or a plain trajectory, and its robot.
 
     Args:
         path: The file.
-        robot: Another name or file of the robot, where the stored one has moved.
+        robot: The robot, or another name or file of it, where the stored one has moved.
         mount: The mounting; None for the design's.
         mesh_dirs: Folders where meshes of a URDF are looked for; None for the design's.
 
@@ -203,14 +239,17 @@ def read_design(
 
 
 @contextmanager
-def design_file(design: ExcitationDesign | str | Path) -> Generator[Path]:
-    """The file of a design; one in memory is written to a folder that is removed afterwards."""
-    if not isinstance(design, ExcitationDesign):
+def design_file(design: DesignLike, robot: RobotLike | None = None) -> Generator[Path]:
+    """The file of a design; one in memory is written to a folder that is removed afterwards.
+
+    The robot is asked for as in `write_design`.
+    """
+    if isinstance(design, str | Path):
         yield Path(design)
         return
     with TemporaryDirectory(prefix="dynid-") as folder:
         path = Path(folder) / "design.json"
-        write_design(design, path)
+        write_design(design, path, robot=robot)
         yield path
 
 
@@ -269,19 +308,19 @@ class Check:
 
 
 def check(
-    design: ExcitationDesign | str | Path,
+    design: DesignLike,
     *,
     limits: str = "safe",
     scene: str | Path | None = None,
     collision: bool = True,
-    robot: str | Path | None = None,
+    robot: RobotLike | None = None,
     mount: str | None = None,
     floor: float | str | None = None,
     tool: tuple[float, ...] | None = None,
     payload: tuple[float, ...] | None = None,
     margin_percent: float | None = None,
     clearance: float | None = None,
-    mesh_dirs: Sequence[str] | None = None,
+    mesh_dirs: Sequence[str | Path] | None = None,
 ) -> Check:
     """Judge a design from its start to its end, between samples too.
 
@@ -291,7 +330,7 @@ def check(
             acceleration alone.
         scene: A scene file; None for the one that the design was made in.
         collision: Whether to look at collisions.
-        robot: Another name or file of the robot.
+        robot: The robot, or another name or file of it.
         mount: The mounting; None for the design's.
         floor: Height of the floor [m], `mount` or `none`; this and the next four are the design's
             where they are None.
@@ -304,7 +343,7 @@ def check(
     Raises:
         InputError: Not a design, a scene that makes no sense, or one that would not be looked at.
     """
-    with design_file(design) as path:
+    with design_file(design, robot) as path:
         stored = read_design(path, robot=robot, mount=mount, mesh_dirs=mesh_dirs)
     held = given_limits(
         limits,
@@ -354,7 +393,7 @@ def export_motion(design: ExcitationDesign, kind: str, path: str | Path) -> None
     write_text(Path(path), text)
 
 
-def motions_from(paths: Sequence[str], robot: RobotModel) -> list[JointMotion]:
+def motions_from(paths: Sequence[str | Path], robot: RobotModel) -> list[JointMotion]:
     """The motions of designs or other trajectory files, of recordings, and of lists of poses.
 
     A JSON object with a list `poses` stands for a way through them at half the arm's speed.
@@ -365,7 +404,7 @@ def motions_from(paths: Sequence[str], robot: RobotModel) -> list[JointMotion]:
     motions: list[JointMotion] = []
     for path in paths:
         if Path(path).suffix.lower() != ".json":
-            samples = process(open_record(path, robot), robot)
+            samples = process(path, robot)
             motions.append(JointMotion(t=samples.t, q=samples.q, dq=samples.dq, ddq=samples.ddq))
             continue
         fields = load_object(path)

@@ -1,7 +1,7 @@
 """Settings of `dynid design`, and the limits of a motion as a value that its file keeps."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -46,18 +46,19 @@ PATIENCE = 60
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignSettings:
-    """How to design.
+    """How to design; inputs are named by their files, as the design's file keeps them.
 
     Raises:
-        InputError: A word that is not known, or a number that makes no sense.
+        InputError: A word that is not known, a number that makes no sense, or an input that is no
+            file.
     """
 
     method: str = "gradient"
     """`gradient`, or `ga` for the paper's genetic algorithm."""
     purpose: str = ""
     """One of `PURPOSES`; empty for `prediction`, and `cond` with the paper's method or limits."""
-    motions: tuple[str, ...] = ()
-    """Designs, recordings or poses that the model is for; empty for the whole workspace."""
+    motions: tuple[str | Path, ...] = ()
+    """Files of designs, recordings or poses that the model is for; empty: the whole workspace."""
     criterion: str = ""
     """One of `CRITERIA`, in place of the purpose's."""
     accuracy_percent: float | None = None
@@ -83,7 +84,7 @@ class DesignSettings:
     """Of all random numbers."""
     limits: str = "safe"
     """`safe`: all that is known of the robot; `paper`: position, velocity, acceleration."""
-    scene: str | None = None
+    scene: str | Path | None = None
     """Scene file: surroundings and payload of the robot."""
     collision: bool = True
     """Whether collisions are looked at, with `safe`."""
@@ -97,7 +98,7 @@ class DesignSettings:
     """Of the limits, kept free; None for the usual."""
     clearance: float | None = None
     """Smallest distance of bodies [m]; None for the usual ones."""
-    mesh_dirs: tuple[str, ...] | None = None
+    mesh_dirs: tuple[str | Path, ...] | None = None
     """Folders where meshes of a URDF are looked for, beside the usual places."""
     frames: str = ""
     """`dh`, `mdh` or `urdf`; empty for the robot's own."""
@@ -109,14 +110,18 @@ class DesignSettings:
     """Where the motion starts and ends, for families that can [rad or m]."""
     noise: tuple[float, ...] | None = None
     """Standard deviation of each joint's torque, by which its rows are divided [N.m or N]."""
-    previous: tuple[str, ...] = ()
-    """Recordings whose information the new motion shall complete."""
+    previous: tuple[str | Path, ...] = ()
+    """Files of recordings whose information the new motion shall complete."""
     jobs: int = 1
     """Processes, the calling one included."""
     dask: str | None = None
     """Address of a Dask scheduler whose workers take part."""
 
     def __post_init__(self) -> None:
+        if self.scene is not None:
+            object.__setattr__(self, "scene", str(self.scene))
+        for name in ("motions", "previous", "mesh_dirs"):
+            object.__setattr__(self, name, _names(getattr(self, name), name))
         check_word(self.method, METHODS, "--method")
         check_word(self.purpose, ("", *PURPOSES), "--for")
         check_word(self.criterion, ("", *CRITERIA), "--criterion")
@@ -182,6 +187,22 @@ class DesignSettings:
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
         return _with_lists(asdict(self))
+
+
+def _names(paths: Sequence[object] | None, setting: str) -> tuple[str, ...] | None:
+    """Paths as text, which JSON holds."""
+    if paths is None:
+        return None
+    given = [paths] if isinstance(paths, str | Path) else paths
+    for path in given:
+        if not isinstance(path, str | Path):
+            raise InputError(
+                "settings of a design name files",
+                where=setting,
+                value=type(path).__name__,
+                next_step="Write it to a file first.",
+            )
+    return tuple(map(str, given))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

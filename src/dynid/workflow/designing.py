@@ -42,7 +42,7 @@ from dynid.excitation import (
 )
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
-from dynid.robot import RobotModel, load_robot, with_mount
+from dynid.robot import RobotLike, RobotModel, load_robot
 from dynid.signals import process
 from dynid.trajectory import copied_bounds, motion_family
 from dynid.workflow.analyze import unit_notes
@@ -54,7 +54,7 @@ from dynid.workflow.design_settings import (
     DesignSettings,
     given_limits,
 )
-from dynid.workflow.recordings import open_record, robot_reference
+from dynid.workflow.recordings import robot_reference
 
 PAPER = ("cond", "cond+sigma")
 """Criteria of rows as they are, not over the noise of their joint."""
@@ -75,7 +75,7 @@ RUN = 3
 
 
 def design(
-    robot: RobotModel | str | Path,
+    robot: RobotLike,
     settings: DesignSettings | None = None,
     *,
     output: str | Path | None = None,
@@ -99,13 +99,9 @@ def design(
             accuracy within ten minutes.
     """
     asked = settings or DesignSettings()
-    if isinstance(robot, RobotModel):
-        model = robot if asked.mount is None else with_mount(robot, asked.mount)
-        reference = robot.name
-    else:
-        folders = tuple(map(Path, asked.mesh_dirs or ()))
-        model = load_robot(robot, mount=asked.mount, mesh_dirs=folders)
-        reference = robot_reference(robot)
+    folders = tuple(map(Path, asked.mesh_dirs or ()))
+    model = load_robot(robot, mount=asked.mount, mesh_dirs=folders)
+    reference = robot_reference(robot)
     job = _DesignJob(model, reference, asked, progress)
     accuracy = asked.accuracy_percent
     result = job.design(asked.period_s) if accuracy is None else job.shortest(accuracy)
@@ -144,8 +140,9 @@ class _DesignJob:
         self.noise: Array = assumed_noise(robot) if given is None else given
         self.weights: Array | None = given if asked.minimised in PAPER else self.noise
         check_room(self.judge, region_of(self._problem(asked.period_s, None)))
+        source = ", ".join(map(str, asked.motions))
         self.purpose: Purpose = (
-            purpose_of(self.base, motions_from(asked.motions, robot), ", ".join(asked.motions))
+            purpose_of(self.base, motions_from(asked.motions, robot), source)
             if asked.motions
             else whole_workspace(self.base, self.judge)
         )
@@ -213,7 +210,7 @@ class _DesignJob:
         total = np.zeros((self.base.rank, self.base.rank))
         kernel = GramKernel(self.base.model, self.base, noise=noise, coulomb_width=None)
         for path in self.asked.previous:
-            samples = process(open_record(path, self.robot), self.robot)
+            samples = process(path, self.robot)
             # Per second of motion, at the rate of the design: neither side counts by its sampling.
             weight = self.asked.rate_hz / samples.rate_hz
             gram = weight * kernel.gram(samples.q, samples.dq, samples.ddq)
@@ -289,7 +286,7 @@ class _DesignJob:
             ended_by=search.ended_by,
             history=tuple(search.history),
             provenance=provenance(
-                {path: file_hash(Path(path)) for path in inputs if path},
+                {str(path): file_hash(Path(path)) for path in inputs if path},
                 asked.to_json(),
                 asked.seed,
             ),

@@ -9,14 +9,20 @@ import numpy as np
 
 from dynid.core import Array, DynidError, Finding, InputError, Progress, make_folder, silent, told
 from dynid.export import ExportedFile, write_model
-from dynid.identification import write_estimate
-from dynid.recording import ExperimentRecord, checked_records, write_record
-from dynid.robot import RobotModel, load_robot
+from dynid.identification import EstimateLike, open_estimate, write_estimate
+from dynid.recording import (
+    ExperimentRecord,
+    RecordLike,
+    as_list,
+    checked_records,
+    open_record,
+    write_record,
+)
+from dynid.robot import RobotLike, load_robot
 from dynid.workflow.choosing import IdentifySettings
 from dynid.workflow.identify import Identification, identify
-from dynid.workflow.recordings import known_gains, of_robot, open_record
+from dynid.workflow.recordings import known_gains, of_robot
 from dynid.workflow.reporting import report
-from dynid.workflow.temperature import estimate_at
 from dynid.workflow.validating import Verdict, verdict
 
 ENDINGS = {
@@ -73,12 +79,12 @@ def check_suffix(to: str, output: Path) -> None:
 
 
 def export_file(
-    estimate: str | Path, to: str, output: str | Path, *, at_degC: float | None = None
+    estimate: EstimateLike, to: str, output: str | Path, *, at_degC: float | None = None
 ) -> Export:
     """Write the model of an estimate and have another program load it.
 
     Args:
-        estimate: An estimate's JSON file.
+        estimate: An estimate or its JSON file.
         to: `urdf`, `mjcf`, `json`, `c` or `python`.
         output: File to write.
         at_degC: Temperature of all joints, where the file holds temperature laws [degC].
@@ -88,7 +94,7 @@ def export_file(
             written.
         JobError: A model that the format cannot hold, or torques that differ after loading.
     """
-    known = estimate_at(estimate, at_degC)
+    known = open_estimate(estimate, at_degC)
     made = known.provenance
     note = (
         f"dynid {made.versions.get('dynid', '')}, estimator {known.estimator}, "
@@ -96,7 +102,7 @@ def export_file(
     )
     if any(known.model.friction.presliding):
         note += "\nIts presliding needs the past: friction here is that of joints that slide."
-    written = write_model(known, to, Path(output), note)
+    written = write_model(known, Path(output), to, note)
     return Export(to=to, written=written, warnings=_warnings(to, written, known.noise))
 
 
@@ -172,11 +178,11 @@ class LogFit:
 
 
 def fit(
-    robot: str | Path | RobotModel,
-    logs: Sequence[str | Path] | str | Path,
+    robot: RobotLike,
+    logs: RecordLike | Sequence[RecordLike],
     output: str | Path,
     *,
-    validation: str | Path | None = None,
+    validation: RecordLike | None = None,
     gains: Sequence[float] | None = None,
     settings: IdentifySettings | None = None,
     progress: Progress | None = None,
@@ -185,8 +191,8 @@ def fit(
 
     Args:
         robot: Built-in name, URDF file, robot file or model.
-        logs: Recordings in any format that `dynid import` reads without options, or folders with
-            the text files of one run.
+        logs: Recordings, or their files in any format that `dynid import` reads without options,
+            or folders with the text files of one run.
         output: Folder for recordings, estimate, models and report; made if it is missing.
         validation: Another log, which the identified model has to predict.
         gains: (n) drive gains [N.m/A]; None: those of the recording or of the robot, or else from
@@ -200,32 +206,33 @@ def fit(
         JobError: A singular problem, or a full disk.
     """
     tell = progress or silent
-    files: list[str | Path] = [logs] if isinstance(logs, str | Path) else list(logs)
-    if not files:
+    given = as_list(logs)
+    if not given:
         raise InputError("needs at least one log")
-    model = robot if isinstance(robot, RobotModel) else load_robot(robot)
+    model = load_robot(robot)
     folder = _folder(output)
     records: list[ExperimentRecord] = []
     sources: list[str] = []
     paths: list[Path] = []
-    others: list[str | Path] = [] if validation is None else [validation]
-    for k, file in enumerate(files + others):
-        tell(f"read {Path(file).name}", 0.1 * k / (len(files) + 1))
-        record, source = known_gains(open_record(file, model, gains), model)
+    others = [] if validation is None else [validation]
+    for k, log in enumerate([*given, *others]):
+        kind = "validation" if k >= len(given) else f"log{k + 1}" if len(given) > 1 else "log"
+        name = "" if isinstance(log, ExperimentRecord) else Path(log).stem
+        tell(f"read {name or kind}", 0.1 * k / (len(given) + 1))
+        record, source = known_gains(open_record(log, model, gains), model)
         records.append(record)
         sources.append("given" if gains is not None and source == "recording" else source)
-        kind = "validation" if k >= len(files) else f"log{k + 1}" if len(files) > 1 else "log"
-        paths.append(folder / f"{kind}_{Path(file).stem}.parquet")
+        paths.append(folder / f"{f'{kind}_{name}' if name else kind}.parquet")
     other = None if validation is None else records[-1]
     result = identify(
-        checked_records(records[: len(files)]),
+        checked_records(records[: len(given)]),
         model,
         settings,
         validation=other,
         progress=lambda what, share: tell(what, 0.1 + 0.6 * share),
     )
     for record, path in zip(records, paths, strict=True):
-        write_record(record if isinstance(robot, RobotModel) else of_robot(record, robot), path)
+        write_record(of_robot(record, robot), path)
     write_estimate(result.estimate, folder / ESTIMATE)
     exports: list[Export] = []
     failed: list[tuple[str, str]] = []

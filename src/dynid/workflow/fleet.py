@@ -52,7 +52,7 @@ class FleetSettings:
         InputError: A false-alarm rate that is no probability.
     """
 
-    robot: str | None = None
+    robot: str | Path | None = None
     """Model of recordings that name none: built-in name, URDF or robot file."""
     terms: str = "fc,fv,im"
     """Friction terms, the same for all recordings."""
@@ -171,7 +171,7 @@ def fleet(
         recordings, skipped = read_folder(
             folder,
             target / CACHE,
-            model=asked.robot,
+            model=None if asked.robot is None else str(asked.robot),
             terms=asked.terms,
             beside=beside,
             progress=progress or silent,

@@ -40,12 +40,12 @@ from dynid.identification import (
     SharedProblem,
     record_statistics,
 )
-from dynid.recording import is_url, local_files, objects_below
+from dynid.recording import is_url, local_files, objects_below, open_record
 from dynid.reduction import BaseParametrization, reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
 from dynid.robot import load_robot
 from dynid.signals import ProcessingSettings, process
-from dynid.workflow.recordings import known_gains, open_record, stored_robot
+from dynid.workflow.recordings import known_gains, stored_robot
 
 SCHEME = 1
 """Of what is cached; another number makes all of it new."""

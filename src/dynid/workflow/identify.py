@@ -17,8 +17,18 @@ from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingType
 from dynid.core import Finding, InputError, Progress, Workers, told
 from dynid.diagnosis import diagnose
 from dynid.identification import Estimate
-from dynid.recording import LONG, AnyRecording, ExperimentRecord, fingerprint
-from dynid.robot import RobotModel, load_robot
+from dynid.recording import (
+    LONG,
+    AnyRecording,
+    AnyRecordLike,
+    ExperimentRecord,
+    RecordLike,
+    as_list,
+    fingerprint,
+    open_any,
+    open_record,
+)
+from dynid.robot import RobotLike, RobotModel, load_robot
 from dynid.trajectory import JointMotion
 from dynid.validation import ValidationResult, reproduce, validate
 from dynid.workflow.choosing import (
@@ -29,7 +39,6 @@ from dynid.workflow.choosing import (
     require_cutoff,
 )
 from dynid.workflow.long_recordings import Looked, fit_long
-from dynid.workflow.recordings import AnyRecordLike, RecordLike, as_list, open_any, open_record
 
 PROMISED = "predicted_torque_error_percent"
 """Key of a recording's metadata: what its design promises for the periods recorded."""
@@ -177,7 +186,7 @@ class Identification:
 
 def identify(
     records: AnyRecordLike | Sequence[AnyRecordLike],
-    robot: RobotModel | str | Path,
+    robot: RobotLike,
     settings: IdentifySettings | None = None,
     *,
     validation: RecordLike | None = None,
@@ -208,8 +217,7 @@ def identify(
         InputError: Recordings that do not fit the robot, an empty window, unknown settings.
         JobError: A singular problem.
     """
-    if not isinstance(robot, RobotModel):
-        robot = load_robot(robot)
+    robot = load_robot(robot)
     settings = settings or IdentifySettings()
     # The same result whatever the order of the files.
     several = sorted(open_any(as_list(records), robot), key=fingerprint)

@@ -1,11 +1,5 @@
-"""Recordings and the robots they belong to, whatever files they come in.
+"""Recordings and the robots and drive gains that belong to them; `dynid import`."""
 
-`dynid import`: convert a recording.
-"""
-
-import math
-import os
-import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -13,129 +7,37 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import InputError, JobError, RecordError, like_named, require_absent, told
+from dynid.core import InputError, JobError, require_absent, told
 from dynid.recording import (
-    LONG,
-    AnyRecording,
     ExperimentRecord,
-    StoredRecording,
-    content_kind,
-    open_stored,
-    read_record,
+    open_record,
+    open_several,
     read_recording,
-    stored_rows,
+    remembered_robot,
     write_record,
 )
-from dynid.robot import RobotModel, builtin_names, load_robot
+from dynid.robot import RobotLike, RobotModel, builtin_names, load_robot
 from dynid.workflow.shared_inertias import TARGETS, identify_gains
 
-RecordLike = ExperimentRecord | str | Path
-"""A recording, or its file in any format that is read without options."""
-AnyRecordLike = RecordLike | StoredRecording
-"""A recording that may stay in its file, too."""
-_HEAD = 400
-_TEXT_SUFFIXES = (".csv", ".tsv", ".txt")
-_RESULTS = {
-    b'"kind": "dynid.': "a design or another motion",
-    b'"format": "dynid-estimate"': "an estimate",
-}
-"""What the files begin with that dynid writes and nobody recorded."""
 _NEXT = "Pass --robot: a built-in name (dynid robots), a URDF or a robot file."
 
 
-def robot_reference(name_or_path: str | Path) -> str:
-    """What a recording remembers of its robot: a built-in name, or an absolute path."""
-    text = str(name_or_path)
+def robot_reference(robot: RobotLike) -> str:
+    """What a recording remembers of its robot: a built-in name, or an absolute path.
+
+    Of a robot in memory it is the name, which need not lead back to it.
+    """
+    if isinstance(robot, RobotModel):
+        return robot.name
+    text = str(robot)
     if text.lower() in builtin_names():
         return text.lower()
     return str(Path(text).expanduser().resolve())
 
 
-def of_robot(record: ExperimentRecord, robot: str | Path) -> ExperimentRecord:
+def of_robot(record: ExperimentRecord, robot: RobotLike) -> ExperimentRecord:
     """The recording, which remembers its robot so that its file is found again."""
     return replace(record, metadata=replace(record.metadata, robot=robot_reference(robot)))
-
-
-def open_record(
-    record: RecordLike, robot: RobotModel, gains: Sequence[float] | None = None
-) -> ExperimentRecord:
-    """A recording of a robot: our own Parquet, or anything else that can be read without options.
-
-    Args:
-        record: The recording or its file, or a folder with the text files of one run.
-        robot: The robot it was made on.
-        gains: (n) drive gains [N.m/A]; they override those of the recording and of the robot.
-
-    Raises:
-        RecordError: Not a recording, or not one of this robot.
-        InputError: Gains that do not fit the robot.
-    """
-    if isinstance(record, ExperimentRecord):
-        found = record
-    elif not isinstance(record, str | Path):  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise InputError("not a recording or its file", value=record)
-    elif _was_cut_off(record):
-        found = read_record(record)
-    else:
-        _refuse_results(Path(record))
-        try:
-            # A folder stands for the text files of one run.
-            files = sorted(Path(record).iterdir()) if os.path.isdir(record) else []
-            tables = [file for file in files if file.suffix.lower() in _TEXT_SUFFIXES]
-            found = read_recording(tables or Path(record), robot=robot)
-        except RecordError as error:
-            if error.next_step is None or not os.path.exists(record):
-                raise
-            command = f"dynid import {shlex.quote(str(record))} --robot ROBOT -o RECORD.parquet"
-            raise RecordError(
-                error.what,
-                where=error.where,
-                value=error.value,
-                limit=error.limit,
-                next_step=f"{error.next_step} (Options for reading a file: {command})",
-            ) from error
-    return found if gains is None else _with_gains(found, robot, gains)
-
-
-def as_list(records: AnyRecordLike | Sequence[AnyRecordLike]) -> list[AnyRecordLike]:
-    """One or several recordings as a list."""
-    single = isinstance(records, ExperimentRecord | StoredRecording | str | Path)
-    return [records] if single else list(records)
-
-
-def open_any(
-    records: Sequence[AnyRecordLike], robot: RobotModel, gains: Sequence[float] | None = None
-) -> list[AnyRecording]:
-    """As `open_record`, several; those of ours that are long together stay in their files."""
-    rows = [stored_rows(Path(r)) if isinstance(r, str | Path) else 0 for r in records]
-    found: list[AnyRecording] = []
-    for record, count in zip(records, rows, strict=True):
-        if isinstance(record, StoredRecording):
-            found.append(record)
-        elif isinstance(record, str | Path) and count and sum(rows) > LONG:
-            found.append(open_stored(record, robot, gains))
-        else:
-            found.append(open_record(record, robot, gains))
-    return found
-
-
-def _with_gains(
-    record: ExperimentRecord, robot: RobotModel, gains: Sequence[float]
-) -> ExperimentRecord:
-    """The recording with (n) drive gains of its own [N.m/A].
-
-    Raises:
-        InputError: Not one finite gain a joint, other than zero.
-    """
-    values = tuple(float(gain) for gain in gains)
-    if len(values) != robot.joints or not all(math.isfinite(gain) and gain for gain in values):
-        raise InputError(
-            "one drive gain a joint is needed, finite and not zero [N.m/A]",
-            where="--gains",
-            value=",".join(f"{gain:g}" for gain in values),
-            limit=f"{robot.joints} joints",
-        )
-    return replace(record, metadata=replace(record.metadata, drive_gains=values))
 
 
 def known_gains(record: ExperimentRecord, robot: RobotModel) -> tuple[ExperimentRecord, str]:
@@ -171,7 +73,7 @@ def known_gains(record: ExperimentRecord, robot: RobotModel) -> tuple[Experiment
             value=", ".join(missing),
             next_step="Pass --gains g1,..,gn, or record a motion that loads every joint.",
         )
-    return _with_gains(record, robot, found.gain.tolist()), "targets"
+    return open_record(record, robot, found.gain.tolist()), "targets"
 
 
 def open_records(
@@ -190,7 +92,7 @@ def open_records(
         InputError: No recordings, a robot that is not known, or recordings that do not fit it.
     """
     model = load_robot(stored_robot(paths) if robot is None else robot)
-    return [open_record(path, model, gains) for path in paths], model
+    return open_several(paths, model, gains), model
 
 
 def stored_robot(paths: Sequence[str | Path]) -> str:
@@ -201,7 +103,7 @@ def stored_robot(paths: Sequence[str | Path]) -> str:
     """
     if not paths:
         raise InputError("needs at least one recording")
-    found = [_robot_in(path) for path in paths]
+    found = [remembered_robot(path) for path in paths]
     if len(set(found)) > 1:
         value = ", ".join(map(str, found))
         raise InputError("the recordings are of different robots", value=value, next_step=_NEXT)
@@ -218,39 +120,6 @@ def stored_robot(paths: Sequence[str | Path]) -> str:
             next_step=_NEXT,
         )
     return name
-
-
-def _robot_in(path: str | Path) -> str | None:
-    if not os.path.exists(path) and not _was_cut_off(path):
-        raise RecordError(
-            "there is no such file", where=str(path), next_step=like_named(Path(path))
-        )
-    _refuse_results(Path(path))
-    if stored_rows(Path(path)) > LONG:
-        return open_stored(path).metadata.robot
-    foreign = os.path.isfile(path) and content_kind(Path(path)) != "parquet"
-    return None if foreign or os.path.isdir(path) else read_record(path).metadata.robot
-
-
-def _refuse_results(path: Path) -> None:
-    """Say of a design or an estimate what it is, before anyone asks for its robot."""
-    if path.suffix.lower() != ".json" or not path.is_file():
-        return
-    with path.open("rb") as stream:
-        head = stream.read(_HEAD)
-    for mark, kind in _RESULTS.items():
-        if mark in head:
-            raise RecordError(
-                f"this is {kind}, not a recording",
-                where=str(path),
-                next_step="Give a recording: dynid run and dynid import write them.",
-            )
-
-
-def _was_cut_off(path: str | Path) -> bool:
-    """Whether only the partial file of a killed writer is there."""
-    # os.path says False where Path raises, as for names that no file can have.
-    return not os.path.exists(path) and os.path.isfile(f"{path}.partial")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -282,7 +151,9 @@ class Imported:
     """A recording, and the file it was written to."""
 
     record: ExperimentRecord
+    """The recording, repaired."""
     path: Path
+    """Its file."""
     needs: tuple[str, ...] = ()
     """What identification needs beside it, in words."""
 
@@ -311,10 +182,10 @@ class Imported:
 
 
 def import_recording(
-    files: Sequence[str | Path],
+    files: str | Path | Sequence[str | Path],
     output: str | Path,
     *,
-    robot: str | Path | None = None,
+    robot: RobotLike | None = None,
     options: ImportOptions | None = None,
     force: bool = False,
 ) -> Imported:
@@ -323,8 +194,8 @@ def import_recording(
     Args:
         files: One file; or text files side by side; or the files of one split bag.
         output: The Parquet file to write; it appears whole or not at all.
-        robot: Built-in name, URDF or robot file. Without one, nothing is checked against the
-            robot, motor signals stay as they are, and `identify` has to be told the robot.
+        robot: The robot, or its name or file. Without one, nothing is checked against the robot,
+            motor signals stay as they are, and `identify` has to be told the robot.
         options: How to read the files.
         force: Whether an existing file is replaced.
 
@@ -336,7 +207,7 @@ def import_recording(
     require_absent(Path(output), force=force)
     model = None if robot is None else load_robot(robot)
     how = asdict(options or ImportOptions())
-    record = read_recording([Path(file) for file in files], robot=model, **how)
+    record = read_recording(files, robot=model, **how)
     if robot is not None:
         record = of_robot(record, robot)
     write_record(record, output, force=force)

@@ -23,7 +23,7 @@ from dynid.core import (
 from dynid.drivers import Abort, ControllerState, inspect
 from dynid.experiment import ExperimentPlan, check_design, check_robot, plan_approach, require_ready
 from dynid.recording import read_record, write_record
-from dynid.robot import RobotModel
+from dynid.robot import RobotLike, RobotModel
 from dynid.simulation import SimulatedArm, Thermal
 from dynid.trajectory import Trajectory
 from dynid.workflow.analyze import unit_notes
@@ -58,13 +58,13 @@ class RunSettings:
     """Seed of the simulated noise."""
     method: str = "program"
     """`program`: the controller evaluates the motion; `servoj`: set points are streamed."""
-    robot: str | None = None
-    """The robot, where the design's has moved."""
+    robot: RobotLike | None = None
+    """The robot, or its name or file, where the design's has moved."""
     mount: str | None = None
     """Mounting, where it is not the design's."""
-    scene: str | None = None
+    scene: str | Path | None = None
     """Scene file, where the surroundings are not the design's."""
-    mesh_dirs: tuple[str, ...] | None = None
+    mesh_dirs: tuple[str | Path, ...] | None = None
     """Folders where meshes of a URDF are looked for; None for the design's."""
     floor: float | str | None = None
     """Height of the floor [m], `mount` or `none`; None for the design's."""

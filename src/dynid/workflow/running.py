@@ -14,10 +14,9 @@ import numpy as np
 
 from dynid.core import InputError, JobError, Progress, require_absent
 from dynid.drivers import Abort, Driver, ServojDriver, SimulatedDriver, UrDriver, inspect
-from dynid.excitation import ExcitationDesign
 from dynid.experiment import ExperimentPlan, RunResult, run
 from dynid.recording import ExperimentRecord, RecordMetadata, RecordWriter, partial_path
-from dynid.robot import RobotModel
+from dynid.robot import RobotLike, RobotModel, load_robot
 from dynid.simulation import (
     SERIAL,
     SimulatedArm,
@@ -28,8 +27,13 @@ from dynid.simulation import (
     warm_up,
     with_payload,
 )
-from dynid.trajectory import Trajectory
-from dynid.workflow.design_files import StoredDesign, design_file
+from dynid.workflow.design_files import (
+    DesignLike,
+    StoredDesign,
+    TrajectoryLike,
+    design_file,
+    open_trajectory,
+)
 from dynid.workflow.identify import PROMISED
 from dynid.workflow.run_settings import (
     Confirm,
@@ -44,8 +48,8 @@ from dynid.workflow.run_settings import (
 
 
 def simulate_recording(
-    robot: RobotModel,
-    trajectory: Trajectory,
+    robot: RobotLike,
+    trajectory: TrajectoryLike,
     *,
     rate_hz: float = 125.0,
     periods: int = 1,
@@ -55,8 +59,9 @@ def simulate_recording(
     """Run a trajectory on the simulated arm of a robot; MuJoCo moves it, not our regressor.
 
     Args:
-        robot: The robot; the UR5, or any with known masses. It carries its tool.
-        trajectory: What to command.
+        robot: The robot, or its name or file; the UR5, or any with known masses. It carries its
+            tool.
+        trajectory: What to command: a trajectory, a design, or the file of either.
         rate_hz: Control cycles, and samples, a second.
         periods: How many times the trajectory's duration.
         thermal: `cold`, `warm`, one temperature or one a joint [degC], at the start.
@@ -67,8 +72,9 @@ def simulate_recording(
         JobError: The simulated arm ran away.
         MissingExtraError: MuJoCo is not installed.
     """
+    robot, motion = load_robot(robot), open_trajectory(trajectory)
     arm = _equipped_arm(robot)
-    run = simulate(arm, trajectory, rate_hz=rate_hz, periods=periods, thermal=thermal, seed=seed)
+    run = simulate(arm, motion, rate_hz=rate_hz, periods=periods, thermal=thermal, seed=seed)
     record = record_of(run)
     return replace(record, metadata=replace(record.metadata, joint_names=robot.joint_names))
 
@@ -153,7 +159,7 @@ class Run:
 
 
 def run_design(
-    design: ExcitationDesign | str | Path,
+    design: DesignLike,
     output: str | Path,
     *,
     on: str = SIMULATED,
@@ -191,7 +197,7 @@ def run_design(
             value=asked.method,
             next_step="Leave it out, or stream to a controller: dynid controller, --on ur://HOST.",
         )
-    with design_file(design) as file:
+    with design_file(design, asked.robot) as file:
         loaded = load_design(file, asked)
     written = (path, truth_path(path)) if on == SIMULATED else (path,)
     require_absent(*written, force=asked.force)

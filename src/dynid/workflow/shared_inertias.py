@@ -6,7 +6,6 @@ and without a payload that was weighed.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,10 +32,10 @@ from dynid.identification import (
     weighed_gains,
     with_load,
 )
-from dynid.recording import ExperimentRecord, identity
+from dynid.recording import ExperimentRecord, RecordLike, identity, open_record, open_several
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel, LoadFriction
-from dynid.robot import RobotModel, frame_map, from_body, load_robot
+from dynid.robot import RobotLike, RobotModel, frame_map, from_body, load_robot
 from dynid.signals import ProcessingSettings, Samples, process
 from dynid.workflow.choosing import IdentifySettings, asked_processing, choose, made_from
 
@@ -85,8 +84,8 @@ class SharedIdentification:
 
 
 def identify_shared(
-    records: Sequence[ExperimentRecord],
-    robot: RobotModel | str | Path,
+    records: RecordLike | Sequence[RecordLike],
+    robot: RobotLike,
     settings: IdentifySettings | None = None,
     *,
     progress: Progress | None = None,
@@ -96,7 +95,7 @@ def identify_shared(
     Each joint of each record has a noise of its own.
 
     Args:
-        records: Recordings of the robot: cold, warm, of other days.
+        records: Recordings of the robot or their files: cold, warm, of other days.
         robot: The robot, or its name or file.
         settings: What to do, weighted least squares only; the window applies to each record.
         progress: Told what is being done and how far it is (0 to 1).
@@ -106,7 +105,9 @@ def identify_shared(
         JobError: A singular problem.
     """
     settings = settings or IdentifySettings()
-    if not records:
+    robot = load_robot(robot)
+    several = open_several(records, robot)
+    if not several:
         raise InputError("needs at least one record")
     if settings.estimator not in (None, "wls") or settings.weighting != "joint":
         raise InputError(
@@ -114,26 +115,25 @@ def identify_shared(
             value=(settings.estimator, settings.weighting),
             limit="wls, joint",
         )
-    robot = robot if isinstance(robot, RobotModel) else load_robot(robot)
-    processing = asked_processing(records, settings)
+    processing = asked_processing(several, settings)
     friction, words = settings.terms or FrictionTerms(), ()
     with threadpool_limits(limits=1, user_api="blas"):
         if settings.preset == "best":
-            choice, words = choose(records, robot, settings, processing, progress)
+            choice, words = choose(several, robot, settings, processing, progress)
             # Periods are averaged record by record or not at all: here every sample counts.
             processing, friction = replace(choice.settings, period_s=None), choice.friction
         model = InverseDynamicModel(robot=robot, frames=settings.frames, friction=friction)
-        samples = [process(record, robot, processing) for record in records]
+        samples = [process(record, robot, processing) for record in several]
         problem = SharedProblem(problems=tuple(problem_of(model, one) for one in samples))
         fit = fit_shared(problem)
         estimates = shared_estimates(
             problem,
             fit,
-            records=records,
+            records=several,
             settings=processing,
             preset=settings.preset,
             choices=words,
-            made=made_from(records, settings),
+            made=made_from(several, settings),
         )
     return SharedIdentification(estimates=estimates, problem=problem, fit=fit)
 
@@ -149,9 +149,9 @@ SMOOTHING_VELOCITY = 0.01
 
 
 def identify_payload(
-    unloaded: ExperimentRecord | Sequence[ExperimentRecord],
-    loaded: ExperimentRecord | Sequence[ExperimentRecord],
-    robot: RobotModel | str | Path,
+    unloaded: RecordLike | Sequence[RecordLike],
+    loaded: RecordLike | Sequence[RecordLike],
+    robot: RobotLike,
     *,
     friction: FrictionTerms | None = None,
     cutoff_hz: float | None = None,
@@ -162,7 +162,7 @@ def identify_payload(
     record's own, as gears warm up between runs.
 
     Args:
-        unloaded: Recordings without the payload.
+        unloaded: Recordings without the payload, or their files.
         loaded: Recordings with it.
         robot: The robot, or its name or file, as it is without the payload.
         friction: Friction terms; the default is Coulomb, viscous, motor inertia, and friction
@@ -173,14 +173,14 @@ def identify_payload(
         InputError: No records, one record as both, or records that do not fit the robot.
         JobError: Motions that do not show all ten parameters.
     """
-    without, carrying = _several(unloaded, loaded)
+    model = load_robot(robot)
+    without, carrying = _several(model, unloaded, loaded)
     seen = {identity(record) for record in without}
     if any(identity(record) in seen for record in carrying):
         raise InputError(
             "a recording with the payload is one without it",
             next_step="Record the same motion again with the payload.",
         )
-    model = robot if isinstance(robot, RobotModel) else load_robot(robot)
     if friction is None:
         joints = tuple(range(model.joints))
         nothing = LoadFriction(joints=joints, parameters=(0.0,) * 10 * model.joints)
@@ -209,10 +209,10 @@ def _problem(
 
 
 def _several(
-    *groups: ExperimentRecord | Sequence[ExperimentRecord],
+    robot: RobotModel, *groups: RecordLike | Sequence[RecordLike]
 ) -> list[list[ExperimentRecord]]:
     """Recordings without and with the payload, at least one of each."""
-    found = [[g] if isinstance(g, ExperimentRecord) else list(g) for g in groups]
+    found = [open_several(group, robot) for group in groups]
     if not all(found):
         counts = tuple(map(len, found))
         raise InputError("needs recordings with and without the payload", value=counts)
@@ -223,16 +223,14 @@ TARGETS = ("target_current", "target_moment")
 """Signals that drive gains are found in."""
 
 
-def identify_gains(
-    record: ExperimentRecord, robot: RobotModel | str, *, width: float = WIDTH
-) -> DriveGains:
+def identify_gains(record: RecordLike, robot: RobotLike, *, width: float = WIDTH) -> DriveGains:
     """Drive gains from a recording of target currents and target moments.
 
     Target velocities are used where they were recorded: the controller's friction follows them,
     without the noise of measured ones.
 
     Args:
-        record: The recording.
+        record: The recording or its file.
         robot: The robot, or its name or file.
         width: Speed over which the controller's dry friction changes sign [rad/s].
 
@@ -240,7 +238,8 @@ def identify_gains(
         InputError: A recording without targets or velocities, or of another number of joints.
         JobError: No joint's gain can be told.
     """
-    model = robot if isinstance(robot, RobotModel) else load_robot(robot)
+    model = load_robot(robot)
+    record = open_record(record, model)
     if record.joints != model.joints:
         raise InputError(
             "the recording is of another robot", value=record.joints, limit=model.joints
@@ -276,12 +275,13 @@ class GainsFromPayload:
     found: WeighedGains
     """The fit behind them."""
     warnings: tuple[Finding, ...]
+    """Joints whose gain the runs do not show."""
 
 
 def identify_gains_from_payload(
-    unloaded: ExperimentRecord | Sequence[ExperimentRecord],
-    loaded: ExperimentRecord | Sequence[ExperimentRecord],
-    robot: RobotModel | str | Path,
+    unloaded: RecordLike | Sequence[RecordLike],
+    loaded: RecordLike | Sequence[RecordLike],
+    robot: RobotLike,
     *,
     mass: float,
     centre: ArrayLike | None = None,
@@ -294,7 +294,7 @@ def identify_gains_from_payload(
     Best with one motion for both, fast and wide: joint 1 shows its gain by inertia alone.
 
     Args:
-        unloaded: Recordings with currents, without the payload.
+        unloaded: Recordings with currents, without the payload, or their files.
         loaded: Recordings with it.
         robot: The robot, or its name or file; its own drive gains are no
             more than a start.
@@ -309,11 +309,11 @@ def identify_gains_from_payload(
             centre, or a robot with counterbalances.
         JobError: Motions or a payload that leave a gain open.
     """
-    model = robot if isinstance(robot, RobotModel) else load_robot(robot)
+    model = load_robot(robot)
     if model.counterbalances:
         # Their torque is known in N.m, and would have to be scaled with the unknown gains.
         raise InputError("drive gains of a robot with counterbalances", value=model.name)
-    without, carrying = ([_as_currents(r) for r in rs] for rs in _several(unloaded, loaded))
+    without, carrying = ([_as_currents(r) for r in rs] for rs in _several(model, unloaded, loaded))
     known = known_payload(mass, centre, inertia)
     friction = friction or FrictionTerms(width=SMOOTHING_VELOCITY)
     plain = InverseDynamicModel(robot=model, friction=friction)

@@ -12,15 +12,21 @@ from typing import Any
 
 from dynid.core import InputError, JobError, Progress, require_absent
 from dynid.excitation import safe_motions
+from dynid.recording import open_several
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.trajectory import JointMotion
 from dynid.workflow.choosing import IdentifySettings
-from dynid.workflow.design_files import StoredDesign, motions_from, read_design
+from dynid.workflow.design_files import (
+    DesignLike,
+    StoredDesign,
+    motions_from,
+    read_design,
+    write_design,
+)
 from dynid.workflow.design_settings import DesignSettings
 from dynid.workflow.designing import design
 from dynid.workflow.identify import LONGER, Accuracy, accuracy, identify
-from dynid.workflow.recordings import open_record
 from dynid.workflow.run_settings import Confirm, RunSettings
 from dynid.workflow.running import SIMULATED, Run, run_design
 
@@ -49,7 +55,9 @@ class RunUntil:
     """What became of the rounds."""
 
     asked_percent: float
+    """Torque error that was asked for, over the RMS torque [%]."""
     rounds: tuple[Round, ...]
+    """Design, run and accuracy of each."""
     ended_by: str
     """`reached`, `out_of_reach`, `too_long` or `stopped`."""
 
@@ -110,7 +118,7 @@ class RunUntil:
 
 
 def run_until(
-    first: str | Path,
+    first: DesignLike,
     output: str | Path,
     percent: float,
     *,
@@ -124,8 +132,9 @@ def run_until(
     """Run a design, and further ones, until a torque error is reached.
 
     Args:
-        first: The first design's file; further ones are asked for as it was, and stand beside the
-            recordings as `OUTPUT_2_design.json` and so on.
+        first: The first design or its file; further ones are asked for as it was, and stand
+            beside the recordings as `OUTPUT_2_design.json` and so on. One in memory is written to
+            `OUTPUT_design.json`.
         output: The first recording, `*.parquet`; further ones are `OUTPUT_2.parquet` and so on.
         percent: Torque error on what was left out, over the RMS torque [%].
         on: `sim` or `ur://HOST`.
@@ -143,7 +152,13 @@ def run_until(
         raise InputError(
             "must be a share of the torque", where="--until", value=percent, limit="0.01 to 100 %"
         )
-    asked, path, place = settings or RunSettings(), Path(output), Path(first)
+    asked, path = settings or RunSettings(), Path(output)
+    if isinstance(first, str | Path):
+        place = Path(first)
+    else:
+        place = path.with_name(f"{path.stem}_design.json")
+        require_absent(place, force=asked.force)
+        write_design(first, place, robot=asked.robot)
     stored = read_design(place, robot=asked.robot, mount=asked.mount, mesh_dirs=asked.mesh_dirs)
     again = _settings(stored, place)
     motions = _purpose(stored, again)
@@ -157,7 +172,8 @@ def run_until(
             require_absent(place, force=asked.force)
             previous = (*again.previous, *map(str, records))
             more = replace(again, previous=previous, seed=again.seed + number - 1)
-            design(stored.stored.robot, more, output=place, progress=progress)
+            robot = stored.stored.robot if asked.robot is None else asked.robot
+            design(robot, more, output=place, progress=progress)
         run = run_design(
             place,
             record,
@@ -172,7 +188,7 @@ def run_until(
             ended = STOPPED
             break
         records.append(run.record)
-        several = [open_record(path, stored.robot) for path in records]
+        several = open_several(records, stored.robot)
         result = identify(several, stored.robot, identification, progress=progress)
         told = accuracy(result.estimate, several, motions)
         rounds.append(Round(design=place, run=run, accuracy=told))

@@ -8,7 +8,7 @@ import numpy as np
 from dynid.core import InputError, Progress, check_word, workers
 from dynid.diagnosis import USELESS_PREDICTION, Verdict, judge
 from dynid.export import simulator_obstacle
-from dynid.identification import read_estimate, write_estimate
+from dynid.identification import open_estimate, write_estimate
 from dynid.recording import (
     LONG,
     AnyRecording,
@@ -16,22 +16,21 @@ from dynid.recording import (
     StoredRecording,
     checked_records,
     local_files,
+    open_any,
+    open_record,
 )
 from dynid.robot import load_robot
 from dynid.signals import ProcessingSettings, rows_of, survey, window
 from dynid.validation import (
     MOVING_SPEED,
-    ParameterComparison,
     ValidationResult,
-    compare,
     refit_friction,
     samples_of,
     validate,
 )
 from dynid.workflow.choosing import IdentifySettings
 from dynid.workflow.identify import Identification, identify
-from dynid.workflow.recordings import open_any, open_record, stored_robot
-from dynid.workflow.temperature import estimate_at
+from dynid.workflow.recordings import stored_robot
 
 POOR_DEVIATION = 50.0
 """[%] of a parameter's value above which its deviation makes it uncertain."""
@@ -159,7 +158,7 @@ def validate_files(
     check_word(refit or "friction", ("friction",), "--refit")
     if output is not None and refit is None:
         raise InputError("nothing to write without --refit", where="--output", value=str(output))
-    known = estimate_at(estimate, at_degC)
+    known = open_estimate(estimate, at_degC)
     record = open_record(recording, known.model.robot, gains)
     if refit is not None:
         samples = samples_of(known, record, start_s=start_s, stop_s=stop_s)
@@ -167,19 +166,6 @@ def validate_files(
         if output is not None:
             write_estimate(known, output)
     return validate(known, record, start_s=start_s, stop_s=stop_s)
-
-
-def compare_files(a: str | Path, b: str | Path) -> ParameterComparison:
-    """Compare two estimates.
-
-    Args:
-        a: The first estimate's JSON file, such as the cold robot's.
-        b: The second one's, such as the warm robot's.
-
-    Raises:
-        InputError: Files that cannot be read, or estimates that cannot be compared.
-    """
-    return compare(read_estimate(a), read_estimate(b))
 
 
 def verdict(result: Identification) -> Verdict:

@@ -1,0 +1,162 @@
+"""Recordings as callers give them: objects, files of any format, folders, and files of hours."""
+
+import math
+import os
+import shlex
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeVar, cast
+
+from dynid.core import InputError, RecordError, like_named
+from dynid.recording.formats import content_kind
+from dynid.recording.reading import read_record, read_recording
+from dynid.recording.record import ExperimentRecord
+from dynid.recording.stored import LONG, AnyRecording, StoredRecording, open_stored, stored_rows
+from dynid.robot import RobotModel
+
+RecordLike = ExperimentRecord | str | Path
+"""A recording, or its file in any format that is read without options."""
+AnyRecordLike = RecordLike | StoredRecording
+"""A recording that may stay in its file, too."""
+One = TypeVar("One", bound=AnyRecordLike)
+_HEAD = 400
+_TEXT_SUFFIXES = (".csv", ".tsv", ".txt")
+_RESULTS = {
+    b'"kind": "dynid.': "a design or another motion",
+    b'"format": "dynid-estimate"': "an estimate",
+}
+"""What the files begin with that dynid writes and nobody recorded."""
+
+
+def open_record(
+    record: RecordLike, robot: RobotModel, gains: Sequence[float] | None = None
+) -> ExperimentRecord:
+    """A recording of a robot: our own Parquet, or anything else that can be read without options.
+
+    Args:
+        record: The recording or its file, or a folder with the text files of one run.
+        robot: The robot it was made on.
+        gains: (n) drive gains [N.m/A]; they override those of the recording and of the robot.
+
+    Raises:
+        RecordError: Not a recording, or not one of this robot.
+        InputError: Gains that do not fit the robot.
+    """
+    if isinstance(record, ExperimentRecord):
+        found = record
+    elif not isinstance(record, str | Path):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise InputError("not a recording or its file", value=record)
+    elif _was_cut_off(record):
+        found = read_record(record)
+    else:
+        _refuse_results(Path(record))
+        try:
+            # A folder stands for the text files of one run.
+            files = sorted(Path(record).iterdir()) if os.path.isdir(record) else []
+            tables = [file for file in files if file.suffix.lower() in _TEXT_SUFFIXES]
+            found = read_recording(tables or Path(record), robot=robot)
+        except RecordError as error:
+            if error.next_step is None or not os.path.exists(record):
+                raise
+            command = f"dynid import {shlex.quote(str(record))} --robot ROBOT -o RECORD.parquet"
+            raise RecordError(
+                error.what,
+                where=error.where,
+                value=error.value,
+                limit=error.limit,
+                next_step=f"{error.next_step} (Options for reading a file: {command})",
+            ) from error
+    return found if gains is None else _with_gains(found, robot, gains)
+
+
+def as_list(records: One | Sequence[One]) -> list[One]:
+    """One or several recordings as a list."""
+    if isinstance(records, ExperimentRecord | StoredRecording | str | Path):
+        return [cast("One", records)]
+    return list(records)
+
+
+def open_several(
+    records: RecordLike | Sequence[RecordLike],
+    robot: RobotModel,
+    gains: Sequence[float] | None = None,
+) -> list[ExperimentRecord]:
+    """As `open_record`, one or several."""
+    return [open_record(record, robot, gains) for record in as_list(records)]
+
+
+def open_any(
+    records: Sequence[AnyRecordLike], robot: RobotModel, gains: Sequence[float] | None = None
+) -> list[AnyRecording]:
+    """As `open_record`, several; those of ours that are long together stay in their files."""
+    rows = [stored_rows(Path(r)) if isinstance(r, str | Path) else 0 for r in records]
+    found: list[AnyRecording] = []
+    for record, count in zip(records, rows, strict=True):
+        if isinstance(record, StoredRecording):
+            found.append(record)
+        elif isinstance(record, str | Path) and count and sum(rows) > LONG:
+            found.append(open_stored(record, robot, gains))
+        else:
+            found.append(open_record(record, robot, gains))
+    return found
+
+
+def _with_gains(
+    record: ExperimentRecord, robot: RobotModel, gains: Sequence[float]
+) -> ExperimentRecord:
+    """The recording with (n) drive gains of its own [N.m/A].
+
+    Raises:
+        InputError: Not one finite gain a joint, other than zero.
+    """
+    values = tuple(float(gain) for gain in gains)
+    if len(values) != robot.joints or not all(math.isfinite(gain) and gain for gain in values):
+        raise InputError(
+            "one drive gain a joint is needed, finite and not zero [N.m/A]",
+            where="--gains",
+            value=",".join(f"{gain:g}" for gain in values),
+            limit=f"{robot.joints} joints",
+        )
+    return replace(record, metadata=replace(record.metadata, drive_gains=values))
+
+
+def remembered_robot(path: str | Path) -> str | None:
+    """The robot that the recording in a file says it is of; None where it does not.
+
+    Args:
+        path: A recording in any format, or a folder with the text files of one run.
+
+    Raises:
+        RecordError: No such file, or one that cannot be read.
+    """
+    if not os.path.exists(path) and not _was_cut_off(path):
+        raise RecordError(
+            "there is no such file", where=str(path), next_step=like_named(Path(path))
+        )
+    _refuse_results(Path(path))
+    if stored_rows(Path(path)) > LONG:
+        return open_stored(path).metadata.robot
+    foreign = os.path.isfile(path) and content_kind(Path(path)) != "parquet"
+    return None if foreign or os.path.isdir(path) else read_record(path).metadata.robot
+
+
+def _refuse_results(path: Path) -> None:
+    """Say of a design or an estimate what it is, before anyone asks for its robot."""
+    if path.suffix.lower() != ".json" or not path.is_file():
+        return
+    with path.open("rb") as stream:
+        head = stream.read(_HEAD)
+    for mark, kind in _RESULTS.items():
+        if mark in head:
+            raise RecordError(
+                f"this is {kind}, not a recording",
+                where=str(path),
+                next_step="Give a recording: dynid run and dynid import write them.",
+            )
+
+
+def _was_cut_off(path: str | Path) -> bool:
+    """Whether only the partial file of a killed writer is there."""
+    # os.path says False where Path raises, as for names that no file can have.
+    return not os.path.exists(path) and os.path.isfile(f"{path}.partial")
