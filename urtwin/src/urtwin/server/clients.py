@@ -15,12 +15,12 @@ LARGEST_SCRIPT = 2_000_000
 """The longest program taken [bytes]."""
 POOL = 8_000_000
 """Unfinished programs of all clients together [bytes]."""
-_TOKEN = re.compile(rb"[A-Za-z0-9_]+|[#\"'\n]")
-_OPENERS = frozenset((b"def", b"sec", b"thread", b"if", b"while"))
-_LONGEST_KEYWORD = 8
-_NEWLINE, _COMMENT = b"\n", b"#"
-_END_OF_COMMENT = re.compile(rb"\n")
-_END_OF_STRING = {quote: re.compile(rb"[\n" + quote + rb"]") for quote in (b'"', b"'")}
+_WORD = re.compile(
+    rb"""\b(?P<opens>def|sec|thread|if|while)\b|\b(?P<ends>end)\b|"[^"\n]*"?|'[^'\n]*'?|\#.*""",
+    re.VERBOSE,
+)
+_LONGEST_KEYWORD = 6
+_CODE = re.compile(rb"^[^#\w\"'\n]*[\w\"']", re.MULTILINE)
 
 
 class ScriptRefused(JobError):
@@ -49,15 +49,14 @@ class Pool:
 class ScriptReader:
     """Collects text until its blocks are closed.
 
-    A program is `def` to its `end`, or a single line of code. Line ends matter nowhere else.
-    Every byte is looked at once, however the text is cut.
+    A program is `def` to its `end`, or a single line of code. A string ends with its line at the
+    latest; the compiler will say so. Every byte is looked at once, however the text is cut.
     """
 
     def __init__(self, pool: Pool, largest: int = LARGEST_SCRIPT) -> None:
         self._pool, self._largest = pool, largest
         self._text = bytearray()
-        self._seen: int = 0
-        self._forget()
+        self._counted = self._searched = self._depth = 0
 
     def feed(self, data: bytes) -> list[str]:
         """Take text; return the programs that it completes.
@@ -68,14 +67,18 @@ class ScriptReader:
         self._pool.take(len(data))
         self._text += data
         programs: list[str] = []
-        while (end := self._scan()) is not None:
-            program = bytes(self._text[:end])
-            worth, code = self.unfinished, self._text[end:]
-            self._pool.take(-end)
-            self._text, self._seen = code, 0
-            self._forget()
-            if worth:
-                programs.append(_decoded(program))
+        while (end := self._text.find(b"\n", self._searched) + 1) > 0:
+            self._count(end)
+            self._counted = self._searched = end
+            if self._depth <= 0:
+                program = bytes(self._text[:end])
+                del self._text[:end]
+                self._pool.take(-end)
+                self._counted = self._searched = self._depth = 0
+                if _CODE.search(program):
+                    programs.append(_decoded(program))
+        self._searched = len(self._text)
+        self._count(self._searched + 1)
         if len(self._text) > self._largest:
             raise ScriptRefused(
                 "the program is too long; its blocks are not closed yet",
@@ -83,6 +86,22 @@ class ScriptReader:
                 limit=f"{self._largest} bytes",
             )
         return programs
+
+    def _count(self, end: int) -> None:
+        """Count the blocks that are opened before a line end; the last word may not be whole."""
+        last = len(self._text)
+        for word in _WORD.finditer(self._text, self._counted, end):
+            if word.end() == last:
+                self._counted = word.start()
+                return
+            self._counted = word.end()
+            self._depth += (word["opens"] is not None) - (word["ends"] is not None)
+        self._counted = max(self._counted, last - _LONGEST_KEYWORD)
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether there is code that is no whole program yet."""
+        return _CODE.search(self._text) is not None
 
     def finish(self) -> list[str]:
         """The client has left: what it sent last needs no line end."""
@@ -92,50 +111,6 @@ class ScriptReader:
         """Give the memory back."""
         self._pool.take(-len(self._text))
         self._text = bytearray()
-
-    def _forget(self) -> None:
-        self._depth = 0
-        self.unfinished = False
-        """Whether there is code that is no whole program yet."""
-        self._inside = b""
-
-    def _scan(self) -> int | None:
-        """Look at the new text; the end of the first whole program, if there is one."""
-        text = self._text
-        while True:
-            if self._inside and not self._skip():
-                return None
-            match = _TOKEN.search(text, self._seen)
-            if match is None:
-                self._seen = len(text)
-                return None
-            token = match.group()
-            if match.end() == len(text) and token not in (b'"', b"'", _COMMENT, _NEWLINE):
-                # The word may go on in the next piece; of a long one only the end is kept.
-                self._seen = max(match.start(), len(text) - 2 * _LONGEST_KEYWORD)
-                return None
-            self._seen = match.end()
-            if token == _NEWLINE:
-                if self._depth <= 0:
-                    return self._seen
-            elif token in (b'"', b"'", _COMMENT):
-                self._inside = token
-                self.unfinished |= token != _COMMENT
-            else:
-                self.unfinished = True
-                self._depth += (token in _OPENERS) - (token == b"end")
-
-    def _skip(self) -> bool:
-        """Pass over a comment or a string; whether its end has come."""
-        ending = _END_OF_COMMENT if self._inside == _COMMENT else _END_OF_STRING[self._inside]
-        match = ending.search(self._text, self._seen)
-        if match is None:
-            self._seen = len(self._text)
-            return False
-        # A string that its line does not close ends there; the compiler will say so.
-        self._inside = b""
-        self._seen = match.start() if match.group() == _NEWLINE else match.end()
-        return True
 
 
 def _decoded(program: bytes) -> str:
