@@ -348,4 +348,4 @@ def _turned_to(axis: int, direction: Array, axes: Array) -> Array:
     if sine < _SLOWEST:
         return axes if cosine > 0 else -axes
     angle = math.atan2(sine, cosine)
-    return rotation_matrix((normal / sine * angle).tolist()) @ axes
+    return rotation_matrix(normal / sine * angle) @ axes

@@ -93,7 +93,7 @@ def move_tool(
         profile = trapezoid(length if length > _NO_WAY else float(np.linalg.norm(turn)), v, a, t)
 
         def place(share: float) -> list[float]:
-            turned = rotation_matrix((share * turn).tolist()) @ first[:3, :3]
+            turned = rotation_matrix(share * turn) @ first[:3, :3]
             return _joints_at(core, first[:3, 3] + share * way, turned)
 
         return profile, place
@@ -136,7 +136,7 @@ def move_circle(
         turn = rotation_vector(end[:3, :3] @ first[:3, :3].T)
 
         def place(share: float) -> list[float]:
-            turned = arc.turn(share) if fixed else rotation_matrix((share * turn).tolist())
+            turned = arc.turn(share) if fixed else rotation_matrix(share * turn)
             return _joints_at(core, arc.point(share), turned @ first[:3, :3])
 
         return trapezoid(arc.length, v, a), place

@@ -185,7 +185,7 @@ def _interpolate_pose(p_from: Value, p_to: Value, alpha: Value) -> Pose:
     start, goal, share = matrix_of(p_from), matrix_of(p_to), number(alpha)
     turn = share * rotation_vector(goal[:3, :3] @ start[:3, :3].T)
     place = start[:3, 3] + share * (goal[:3, 3] - start[:3, 3])
-    return _apart(place, rotation_matrix(turn.tolist()) @ start[:3, :3])
+    return _apart(place, rotation_matrix(turn) @ start[:3, :3])
 
 
 def _rpy2rotvec(rpy_vector: Value) -> Value:
