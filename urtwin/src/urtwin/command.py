@@ -63,76 +63,57 @@ def run_command(arguments: Sequence[str], name: str) -> None:
     typer.main.get_command(app)(list(arguments), prog_name=name, standalone_mode=False)
 
 
+def _option(told: str, metavar: str, **more: Any) -> Any:
+    return typer.Option(metavar=metavar, help=told, **more)
+
+
+def _flag(name: str, told: str) -> Any:
+    return typer.Option(name, help=told)
+
+
 def _controller(
-    robot: Annotated[
-        str, typer.Option("--robot", metavar="ROBOT", help="Built-in name, URDF or robot file.")
-    ] = "ur5",
+    robot: Annotated[str, _option("Built-in name, URDF or robot file.", "ROBOT")] = "ur5",
     host: Annotated[
         str,
-        typer.Option(
-            "--host",
-            metavar="ADDRESS",
-            help="Where to listen; each controller needs an address of its own, "
-            "127.0.0.1 to 127.255.255.254.",
+        _option(
+            "Where to listen; each controller needs an address of its own, 127.0.0.1 to "
+            "127.255.255.254.",
+            "ADDRESS",
         ),
     ] = "127.0.0.1",
     thermal: Annotated[
-        str,
-        typer.Option(
-            "--thermal", metavar="STATE", help="cold, warm, or joint temperatures in degC."
-        ),
+        str, _option("cold, warm, or joint temperatures in degC.", "STATE")
     ] = "cold",
     virtual_time: Annotated[
-        bool, typer.Option("--virtual-time", help="Time advances as fast as the clients read.")
+        bool, _flag("--virtual-time", "Time advances as fast as the clients read.")
     ] = False,
     hold: Annotated[
-        bool,
-        typer.Option("--hold", help="Time starts when the first client has started RTDE."),
+        bool, _flag("--hold", "Time starts when the first client has started RTDE.")
     ] = False,
-    seed: Annotated[
-        int, typer.Option("--seed", metavar="N", min=0, help="Seed of the random numbers.")
-    ] = 0,
+    seed: Annotated[int, _option("Seed of the random numbers.", "N", min=0)] = 0,
     rate: Annotated[
         float | None,
-        typer.Option(
-            "--rate",
-            metavar="HZ",
-            help="125 (CB-Series) or 500 (e-Series). [default: by the robot's name]",
-        ),
+        _option("125 (CB-Series) or 500 (e-Series). [default: by the robot's name]", "HZ"),
     ] = None,
     software: Annotated[
-        str | None,
-        typer.Option(
-            "--software", metavar="VERSION", help="Version to announce, like 3.15.8 or 5.12.0."
-        ),
+        str | None, _option("Version to announce, like 3.15.8 or 5.12.0.", "VERSION")
     ] = None,
     programs: Annotated[
         Path | None,
-        typer.Option(
-            "--programs",
-            metavar="DIR",
-            help="Programs for the dashboard's load: work.script for `load work.urp`.",
-        ),
+        _option("Programs for the dashboard's load: work.script for `load work.urp`.", "DIR"),
     ] = None,
     truth: Annotated[
-        Path | None,
-        typer.Option("--truth", metavar="FILE", help="Write the simulated arm's true parameters."),
+        Path | None, _option("Write the simulated arm's true parameters.", "FILE")
     ] = None,
     report: Annotated[
-        Path | None,
-        typer.Option(
-            "--report", metavar="FILE", help="Write, at the end, the timing of the control cycles."
-        ),
+        Path | None, _option("Write, at the end, the timing of the control cycles.", "FILE")
     ] = None,
     expose: Annotated[
-        bool,
-        typer.Option("--expose", help="Allow a --host that other machines can reach."),
+        bool, _flag("--expose", "Allow a --host that other machines can reach.")
     ] = False,
-    parent: Annotated[int | None, typer.Option("--parent", hidden=True)] = None,
-    as_json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object on stdout.")
-    ] = False,
-    version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False,
+    parent: Annotated[int | None, typer.Option(hidden=True)] = None,
+    as_json: Annotated[bool, _flag("--json", "Print one JSON object on stdout.")] = False,
+    version: Annotated[bool, _flag("--version", "Print the version.")] = False,
 ) -> None:
     """A simulated UR controller: RTDE, script ports, dashboard.
 
