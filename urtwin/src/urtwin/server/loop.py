@@ -1,14 +1,13 @@
 """The loop of the controller: sockets, compiling and broadcasts around the machine's cycles."""
 
-import queue
 import select
 import socket
-import threading
 import time
 import traceback
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Generator, Sequence
-from contextlib import contextmanager
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TextIO
@@ -84,58 +83,40 @@ class ScriptCompiler:
     real-time priority, as the loop has.
     """
 
-    def __init__(self, compile_: Callable[[str], CompiledProgram], *, real_time: bool) -> None:
-        self._compile, self._real_time = compile_, real_time
-        self._scripts: queue.SimpleQueue[str | None] = queue.SimpleQueue()
-        self._finished: queue.SimpleQueue[CompiledProgram | ScriptError] = queue.SimpleQueue()
-        self._pending = 0
+    def __init__(self, *, real_time: bool) -> None:
+        urgent = partial(first_in_first_out, COMPILER_PRIORITY) if real_time else None
+        self._pool = ThreadPoolExecutor(1, "urscript", urgent)
+        self._pending: deque[Future[CompiledProgram]] = deque()
         self.signal, self._wake = socket.socketpair()
         self.signal.setblocking(False)
-        self._thread = threading.Thread(target=self._work, name="urscript", daemon=True)
-        self._thread.start()
 
     @property
     def busy(self) -> bool:
         """Whether a script has been taken that did not come back yet."""
-        return self._pending > 0
+        return bool(self._pending)
 
     def submit(self, text: str) -> bool:
         """Take a script; whether there was room for it."""
-        if self._pending >= WAITING:
+        if len(self._pending) >= WAITING:
             return False
-        self._pending += 1
-        self._scripts.put(text)
+        self._pending.append(self._pool.submit(compile_program, text))
+        self._pending[-1].add_done_callback(lambda _: self._wake.send(b"!"))
         return True
 
-    def take(self) -> list[CompiledProgram | ScriptError]:
-        """What came of scripts since the last call, oldest first: a program, or what is wrong."""
-        try:
+    def take(self) -> list[Future[CompiledProgram]]:
+        """Scripts that were compiled since the last call, oldest first."""
+        with suppress(BlockingIOError):
             self.signal.recv(WAITING)
-        except BlockingIOError:
-            return []
-        found: list[CompiledProgram | ScriptError] = []
-        while not self._finished.empty():
-            found.append(self._finished.get())
-        self._pending -= len(found)
+        found: list[Future[CompiledProgram]] = []
+        while self._pending and self._pending[0].done():
+            found.append(self._pending.popleft())
         return found
 
     def close(self) -> None:
         """End the thread; what it compiles just now is thrown away."""
-        self._scripts.put(None)
-        self._thread.join(timeout=1.0)
-        if not self._thread.is_alive():
-            self.signal.close()
-            self._wake.close()
-
-    def _work(self) -> None:
-        if self._real_time:
-            first_in_first_out(COMPILER_PRIORITY)
-        while (text := self._scripts.get()) is not None:
-            try:
-                self._finished.put(self._compile(text))
-            except ScriptError as error:
-                self._finished.put(error)
-            self._wake.send(b"!")
+        self._pool.shutdown(cancel_futures=True)
+        self.signal.close()
+        self._wake.close()
 
 
 _STATES_HZ = 10
@@ -240,7 +221,7 @@ class ControllerServer:
         self._clients: dict[int, Client] = {}
         self._rtde: list[RtdeClient] = []
         self._reception = Reception(machine, settings, self._submit)
-        self._compiler = ScriptCompiler(compile_program, real_time=not settings.virtual_time)
+        self._compiler = ScriptCompiler(real_time=not settings.virtual_time)
         self._broadcast = Broadcast(machine, TOGETHER_S if settings.virtual_time else 0.0)
         if not on_this_machine(settings.host):
             machine.core.network = Network(lambda _: True)
@@ -360,10 +341,10 @@ class ControllerServer:
 
     def _run_compiled(self) -> None:
         for compiled in self._compiler.take():
-            if isinstance(compiled, ScriptError):
-                self._machine.refuse(compiled)
-            else:
-                self._machine.run_program(compiled)
+            try:
+                self._machine.run_program(compiled.result())
+            except ScriptError as error:
+                self._machine.refuse(error)
 
     def _submit(self, text: str) -> None:
         if obey(text, self._machine):
