@@ -33,12 +33,7 @@ from urtwin.urscript.values import (
 )
 
 
-def listed(x: ScriptRun, *items: Value) -> Value:
-    """A list.
-
-    Raises:
-        ScriptFault: It would hold nothing's value, or too much.
-    """
+def _listed(x: ScriptRun, *items: Value) -> Value:
     found: list[Any] = list(items)
     for place, item in enumerate(found):
         if item is None:
@@ -46,27 +41,17 @@ def listed(x: ScriptRun, *items: Value) -> Value:
         if isinstance(item, list):
             x.charge(cast("list[Any]", item))
             found[place] = copied(item)
-    check_size(found)
+    _check_size(found)
     return found
 
 
-def posed(x: ScriptRun, *items: Value) -> Value:
-    """A pose.
-
-    Raises:
-        ScriptFault: An element is no number.
-    """
+def _posed(x: ScriptRun, *items: Value) -> Value:
     return Pose([number(item) for item in items])
 
 
-def element(x: ScriptRun, base: Value, *indices: Value) -> Value:
-    """An element of a list, a pose or a matrix.
-
-    Raises:
-        ScriptFault: No list, or no such element.
-    """
+def _element(x: ScriptRun, base: Value, *indices: Value) -> Value:
     for index in indices:
-        base = base_list(base)[place(base, index)]
+        base = _base_list(base)[_place(base, index)]
     return base
 
 
@@ -77,34 +62,25 @@ def store(base: Value, indices: list[Value], value: Value) -> None:
         ScriptFault: No list, no such element, or a value that does not belong there.
     """
     for index in indices[:-1]:
-        base = base_list(base)[place(base, index)]
-    items = base_list(base)
+        base = _base_list(base)[_place(base, index)]
+    items = _base_list(base)
     if value is None:
         raise ScriptFault("an element has no value", value=described(value))
     if items.__class__ is Pose:
         number(value)
-    items[place(items, indices[-1])] = value
+    items[_place(items, indices[-1])] = value
     if isinstance(value, list):
-        check_size(items)
+        _check_size(items)
 
 
-def base_list(value: Value) -> list[Any]:
-    """The value, if it is a list.
-
-    Raises:
-        ScriptFault: It is none.
-    """
+def _base_list(value: Value) -> list[Any]:
     if isinstance(value, list):
         return cast("list[Any]", value)
     raise ScriptFault("a list expected", value=described(value))
 
 
-def place(items: list[Any], index: Value) -> int:
-    """A checked index, or the place of a struct's member.
-
-    Raises:
-        ScriptFault: Not a whole number, outside the list, or no such member.
-    """
+def _place(items: list[Any], index: Value) -> int:
+    """A checked index, or the place of a struct's member."""
     if isinstance(items, Struct) and index.__class__ is str:
         if index not in items.names:
             raise ScriptFault("the struct has no such member", value=index, limit=items.names)
@@ -118,32 +94,27 @@ def place(items: list[Any], index: Value) -> int:
     return index
 
 
-def check_size(items: list[Any]) -> None:
-    """Refuse a list that is too long.
-
-    Raises:
-        ScriptFault: It holds too much.
-    """
+def _check_size(items: list[Any]) -> None:
     if len(items) > MAX_LENGTH or (
         any(isinstance(item, list) for item in items) and size(items) > MAX_LENGTH
     ):
         raise ScriptFault("the list is too long", value=size(items), limit=MAX_LENGTH)
 
 
-WEIGHT = 20
-"""What a call costs, in operations."""
+_CALL_WEIGHT, _METHOD_WEIGHT = 12, 20
+"""What calls cost, in operations."""
 
 
 def _insert(x: ScriptRun, items: list[Any], index: Value, value: Value) -> None:
-    (kept,) = listed(x, value)
-    where = len(items) if index == len(items) else place(items, index)
-    check_size([*items, kept])
+    (kept,) = _listed(x, value)
+    where = len(items) if index == len(items) else _place(items, index)
+    _check_size([*items, kept])
     items.insert(where, kept)
 
 
 def _extend(x: ScriptRun, items: list[Any], others: Value) -> None:
-    more = listed(x, *base_list(others))
-    check_size([*items, *more])
+    more = _listed(x, *_base_list(others))
+    _check_size([*items, *more])
     items.extend(more)
 
 
@@ -154,13 +125,13 @@ def _pop(x: ScriptRun, items: list[Any]) -> Value:
 
 
 def _remove(x: ScriptRun, items: list[Any], index: Value) -> None:
-    del items[place(items, index)]
+    del items[_place(items, index)]
 
 
 def _slice(x: ScriptRun, items: list[Any], begin: Value, end: Value) -> Value:
-    first = len(items) if begin == len(items) else place(items, begin)
-    last = len(items) if end == len(items) else place(items, end)
-    return listed(x, *items[first:last])
+    first = len(items) if begin == len(items) else _place(items, begin)
+    last = len(items) if end == len(items) else _place(items, end)
+    return _listed(x, *items[first:last])
 
 
 _ALONE: dict[str, Callable[[ScriptRun, list[Any]], Value]] = {
@@ -174,7 +145,7 @@ _WITH_ONE: dict[str, Callable[[ScriptRun, list[Any], Value], Value]] = {
     "extend": _extend,
     "remove": _remove,
 }
-METHODS: dict[str, tuple[Callable[..., Value], int]] = {
+_METHODS: dict[str, tuple[Callable[..., Value], int]] = {
     **{name: (method, 0) for name, method in _ALONE.items()},
     **{name: (method, 1) for name, method in _WITH_ONE.items()},
     "insert": (_insert, 2),
@@ -182,22 +153,6 @@ METHODS: dict[str, tuple[Callable[..., Value], int]] = {
 }
 """Each method and how many arguments it takes."""
 _LEAVE_IT = frozenset(("length", "slice", "to_string"))
-
-
-def caller(name: str) -> Callable[..., Value]:
-    """What a call of a method does: it takes the execution, the list and the arguments."""
-    method, _ = METHODS[name]
-
-    def call(x: ScriptRun, base: Value, *arguments: Value) -> Value:
-        items = base_list(base)
-        if items.__class__ in (Pose, Struct) and name not in _LEAVE_IT:
-            raise ScriptFault("a pose or a struct keeps its length", value=name)
-        return method(x, items, *arguments)
-
-    return call
-
-
-_CALL_WEIGHT = 12
 _STRUCT = "struct"
 
 
@@ -228,23 +183,19 @@ class Scope:
                 raise ScriptError(
                     "the list is too long", tree.line, value=len(tree.items), limit=MAX_LENGTH
                 )
-            return compose(self._all(tree.items), posed if tree.pose else listed)
+            return compose(self._all(tree.items), _posed if tree.pose else _listed)
         if isinstance(tree, syntax.Index):
-            code = compose(self._all([tree.base, *tree.indices]), element)
+            code = compose(self._all([tree.base, *tree.indices]), _element)
             return Code(code.run, code.weight, fresh=False)
         if isinstance(tree, syntax.StartThread):
-            return self._run(tree)
+            return self._start(tree)
         if isinstance(tree, syntax.Call):
             return self._call(tree)
         if isinstance(tree, syntax.Method):
             return self._method(tree)
         if isinstance(tree, syntax.Unary):
             operation = SIGNS[tree.operator]
-
-            def turn(x: ScriptRun, value: Value) -> Value:
-                return operation(value)
-
-            return compose([self.expression(tree.operand)], turn)
+            return compose([self.expression(tree.operand)], lambda x, *of: operation(*of))
         if isinstance(tree, syntax.Chain):
             operands = self._all([tree.first, *(part for _, part in tree.rest)])
             signs = [sign for sign, _ in tree.rest]
@@ -260,45 +211,28 @@ class Scope:
         code = self.expression(tree)
         return code if code.fresh else compose([code], _copy)
 
-    def expression_named(self, name: str, line: int) -> Code:
-        """The variable of a name.
-
-        Raises:
-            ScriptError: An unknown name.
-        """
-        return self._variable(syntax.Variable(line, name))
-
     def _all(self, trees: list[syntax.Expression]) -> list[Code]:
         return [self.expression(tree) for tree in trees]
 
     def _variable(self, tree: syntax.Variable) -> Code:
         name = tree.name
-        if name in self.own:
-            place = self.own[name]
-
-            def own(x: ScriptRun, v: Frame) -> Value:
-                value = v[place]
-                if value is None:
-                    raise ScriptFault(f"variable '{name}' has no value")
-                return value
-
-            return Code(own, 1, fresh=False)
-        if name not in self.shared:
+        own = name in self.own
+        if not own and name not in self.shared:
             raise ScriptError(UNKNOWN_NAME, tree.line, value=name)
-        place = self.shared[name]
+        place = self.own[name] if own else self.shared[name]
 
-        def shared(x: ScriptRun, v: Frame) -> Value:
-            value = x.shared[place]
+        def run(x: ScriptRun, v: Frame) -> Value:
+            value = (v if own else x.shared)[place]
             if value is None:
                 raise ScriptFault(f"variable '{name}' has no value")
             return value
 
-        return Code(shared, 1, fresh=False)
+        return Code(run, 1, fresh=False)
 
     def _call(self, tree: syntax.Call) -> Code:
         function = self.functions.get(tree.name)
         if function is not None:
-            return self._own_call(tree, function)
+            return compose(self._own(tree, function), function.caller(), weight=_CALL_WEIGHT)
         if tree.name == _STRUCT:
             return self._struct(tree)
         known = self.builtins.get(tree.name)
@@ -319,33 +253,37 @@ class Scope:
             raise ScriptError("a struct needs a name for each value", tree.line)
 
         def made(x: ScriptRun, *values: Value) -> Value:
-            return Struct(names, listed(x, *values))
+            return Struct(names, _listed(x, *values))
 
         return compose([self.kept(value) for value in tree.named.values()], made)
 
     def _method(self, tree: syntax.Method) -> Code:
-        if tree.name not in METHODS:
-            raise ScriptError(UNKNOWN_FUNCTION, tree.line, value=tree.name)
-        count = METHODS[tree.name][1]
+        name = tree.name
+        if name not in _METHODS:
+            raise ScriptError(UNKNOWN_FUNCTION, tree.line, value=name)
+        method, count = _METHODS[name]
         if len(tree.arguments) != count:
             raise ScriptError(
-                f"arguments of {tree.name}", tree.line, value=len(tree.arguments), limit=count
+                f"arguments of {name}", tree.line, value=len(tree.arguments), limit=count
             )
+
+        def call(x: ScriptRun, base: Value, *arguments: Value) -> Value:
+            items = _base_list(base)
+            if items.__class__ in (Pose, Struct) and name not in _LEAVE_IT:
+                raise ScriptFault("a pose or a struct keeps its length", value=name)
+            return method(x, items, *arguments)
+
         operands = [self.expression(tree.base), *(self.kept(part) for part in tree.arguments)]
-        return compose(operands, caller(tree.name), weight=WEIGHT)
+        return compose(operands, call, weight=_METHOD_WEIGHT)
 
-    def _own_call(self, tree: syntax.Call, function: Function) -> Code:
-        operands = self._own_arguments(tree, function)
-        return compose(operands, function.caller(), weight=_CALL_WEIGHT)
-
-    def _run(self, tree: syntax.StartThread) -> Code:
+    def _start(self, tree: syntax.StartThread) -> Code:
         function = self.functions.get(tree.name)
         if function is None:
             raise ScriptError(UNKNOWN_THREAD, tree.line, value=tree.name)
-        operands = self._own_arguments(tree, function)
-        return compose(operands, function.starter(), weight=_CALL_WEIGHT)
+        return compose(self._own(tree, function), function.starter(), weight=_CALL_WEIGHT)
 
-    def _own_arguments(self, tree: syntax.Call, function: Function) -> list[Code]:
+    def _own(self, tree: syntax.Call, function: Function) -> list[Code]:
+        """The arguments of a function of the script."""
         definition = function.definition
         defaults = {name: self.expression(value) for name, value in definition.defaults.items()}
         return self._arguments(tree, tuple(definition.parameters), defaults)

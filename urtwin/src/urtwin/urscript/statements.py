@@ -7,7 +7,17 @@ from dynid.core import DynidError
 from urtwin.urscript.code import Code, Runner, compose
 from urtwin.urscript.execution import BACK, ENTERING, LISTENING, Frame, ScriptRun
 from urtwin.urscript.expressions import Scope, store
-from urtwin.urscript.syntax import Assign, Do, If, OnThread, Return, Simple, Statement, While
+from urtwin.urscript.syntax import (
+    Assign,
+    Do,
+    If,
+    OnThread,
+    Return,
+    Simple,
+    Statement,
+    Variable,
+    While,
+)
 from urtwin.urscript.values import ScriptError, ScriptFault, ScriptHalt, Value, truth
 
 _FAULTS = (DynidError, ArithmeticError, TypeError, ValueError, IndexError)
@@ -105,7 +115,7 @@ def _assign(scope: Scope, statement: Assign) -> Code:
     local = name in scope.own and statement.scope != "global"
     place = scope.own[name] if local else scope.shared[name]
     if statement.indices:
-        base = scope.expression_named(name, statement.line)
+        base = scope.expression(Variable(statement.line, name))
         indices = [scope.expression(index) for index in statement.indices]
 
         def change(x: ScriptRun, value: Value, base: Value, *indices: Value) -> None:
@@ -113,25 +123,14 @@ def _assign(scope: Scope, statement: Assign) -> Code:
 
         return compose([value, base, *indices], change)
     inner = value.run
-    if local:
 
-        def own(x: ScriptRun, v: Frame) -> None:
-            result = inner(x, v)
-            v[place] = result if result is not None else _something(result, name)
-
-        return Code(own, value.weight + 1)
-
-    def shared(x: ScriptRun, v: Frame) -> None:
+    def run(x: ScriptRun, v: Frame) -> None:
         result = inner(x, v)
-        x.shared[place] = result if result is not None else _something(result, name)
+        if result is None:
+            raise ScriptFault(f"'{name}' gets no value: the function returns nothing")
+        (v if local else x.shared)[place] = result
 
-    return Code(shared, value.weight + 1)
-
-
-def _something(value: Value, name: str) -> Value:
-    if value is None:
-        raise ScriptFault(f"'{name}' gets no value: the function returns nothing")
-    return value
+    return Code(run, value.weight + 1)
 
 
 def _if(scope: Scope, statement: If, in_loop: bool) -> Code:

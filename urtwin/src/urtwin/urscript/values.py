@@ -167,37 +167,40 @@ def _elementwise(operation: Callable[[Value, Value], Value], a: Value, b: Value)
     return [operation(x, y) for x, y in zip(a, b, strict=True)]
 
 
+def _operator(on_numbers: Callable[[float, float], float]) -> Callable[[Value, Value], Value]:
+    """An operator on numbers that goes through lists element by element."""
+
+    def operate(a: Value, b: Value) -> Value:
+        if a.__class__ is float and b.__class__ is float:
+            return on_numbers(a, b)
+        if a.__class__ is list or b.__class__ is list:
+            return _elementwise(operate, a, b)
+        return _number_result(on_numbers(number(a), number(b)))
+
+    return operate
+
+
+_sum = _operator(lambda a, b: a + b)
+
+
 def _add(a: Value, b: Value) -> Value:
-    if a.__class__ is float and b.__class__ is float:
-        return a + b
-    if a.__class__ is str or b.__class__ is str:
-        if isinstance(a, list) or isinstance(b, list):
-            raise ScriptFault("a list must be turned into text with to_str first")
-        text = shown(a) + shown(b)
-        if len(text) > MAX_LENGTH:
-            raise ScriptFault("the string is too long", value=len(text), limit=MAX_LENGTH)
-        return text
-    if a.__class__ is list or b.__class__ is list:
-        return _elementwise(_add, a, b)
-    return _number_result(number(a) + number(b))
+    if a.__class__ is not str and b.__class__ is not str:
+        return _sum(a, b)
+    if isinstance(a, list) or isinstance(b, list):
+        raise ScriptFault("a list must be turned into text with to_str first")
+    text = shown(a) + shown(b)
+    if len(text) > MAX_LENGTH:
+        raise ScriptFault("the string is too long", value=len(text), limit=MAX_LENGTH)
+    return text
 
 
-def _subtract(a: Value, b: Value) -> Value:
-    if a.__class__ is float and b.__class__ is float:
-        return a - b
-    if a.__class__ is list or b.__class__ is list:
-        return _elementwise(_subtract, a, b)
-    return _number_result(number(a) - number(b))
+_times = _operator(lambda a, b: a * b)
 
 
 def _multiply(a: Value, b: Value) -> Value:
-    if a.__class__ is float and b.__class__ is float:
-        return a * b
-    if a.__class__ is list or b.__class__ is list:
-        if b.__class__ is list and is_matrix(a):
-            return _product(a, b)
-        return _elementwise(_multiply, a, b)
-    return _number_result(number(a) * number(b))
+    if b.__class__ is list and is_matrix(a):
+        return _product(a, b)
+    return _times(a, b)
 
 
 def _product(a: list[Any], b: list[Any]) -> Value:
@@ -217,12 +220,6 @@ def _dot(row: list[Any], column: list[Any]) -> Value:
     return _number_result(whole)
 
 
-def _divide(a: Value, b: Value) -> Value:
-    if a.__class__ is list or b.__class__ is list:
-        return _elementwise(_divide, a, b)
-    return float(number(a)) / number(b)
-
-
 def _remainder(a: Value, b: Value) -> Value:
     # Like C: the sign of the dividend.
     result = math.fmod(number(a), number(b))
@@ -235,9 +232,9 @@ def _number_result(value: float) -> Value:
 
 OPERATORS: dict[str, Callable[[Value, Value], Value]] = {
     "+": _add,
-    "-": _subtract,
+    "-": _operator(lambda a, b: a - b),
     "*": _multiply,
-    "/": _divide,
+    "/": _operator(lambda a, b: a / b),
     "%": _remainder,
     "==": lambda a, b: a == b,
     "!=": lambda a, b: a != b,
@@ -250,19 +247,14 @@ OPERATORS: dict[str, Callable[[Value, Value], Value]] = {
 """Operators of two values; `and` and `or` look at the second only if they must."""
 
 
-def negated(value: Value) -> Value:
-    """`-value`.
-
-    Raises:
-        ScriptFault: It is no number.
-    """
+def _negated(value: Value) -> Value:
     if value.__class__ is list:
-        return [negated(item) for item in value]
+        return [_negated(item) for item in value]
     return _number_result(-number(value))
 
 
 SIGNS: dict[str, Callable[[Value], Value]] = {
-    "-": negated,
+    "-": _negated,
     "+": number,
     "not": lambda value: not truth(value),
 }
