@@ -82,7 +82,7 @@ def test_the_answer_does_not_depend_on_who_runs_the_starts() -> None:
 def test_no_worker_waits_for_the_start_that_runs_here() -> None:
     asked, waiting, handed = problem(), Waiting(), list[int]()
 
-    def tell(words: str, share: float) -> None:
+    def tell(search: Search, share: float) -> None:
         handed.append(len(waiting.tasks))
         waiting.run()
 
@@ -116,8 +116,8 @@ def test_starts_of_dead_workers_are_run_here(at_once: bool) -> None:
 def test_interrupted_searches_keep_the_best_motion() -> None:
     told: list[str] = []
 
-    def tell(words: str, share: float) -> None:
-        told.append(words)
+    def tell(search: Search, share: float) -> None:
+        told.append(search.words())
         if len(told) == 4:
             raise KeyboardInterrupt
 

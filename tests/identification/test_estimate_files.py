@@ -82,3 +82,19 @@ def test_damaged_files_are_refused_in_words(
             messages.append(str(error))
     assert len(messages) > damages / 4
     assert not any("\n" in message for message in messages)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [("seed", "x", "whole number"), ("versions", [], "JSON object"), ("created", None, "text")],
+)
+def test_where_an_estimate_comes_from_is_checked(
+    estimate: Estimate, tmp_path: Path, key: str, value: object, said: str
+) -> None:
+    path = tmp_path / "estimate.json"
+    write_estimate(estimate, path)
+    data = json.loads(path.read_text())
+    data["provenance"][key] = value
+    path.write_text(json.dumps(data))
+    with pytest.raises(InputError, match=rf"provenance\.{key} must be a {said}"):
+        read_estimate(path)

@@ -14,7 +14,7 @@ from gentle import CYCLES, write_motion
 
 from dynid.core import InputError
 from dynid.recording import ExperimentRecord, read_record
-from dynid.studio.jobs import Job, JobState, Supervisor, criterion_in, job_from_line, job_to_line
+from dynid.studio.jobs import Job, JobState, Supervisor, job_from_line, job_to_line
 from dynid.studio.live import TailReader, tail_of
 from dynid.workflow import check
 from urtwin import controller_process, own_address
@@ -121,16 +121,11 @@ def test_a_search_shows_its_criterion_and_keeps_its_best(tmp_path: Path) -> None
     assert state.result is not None
     assert state.result["interrupted"] is True
     values = [value for _, value in state.history]
-    assert values[0] > 0
+    found = json.loads(path.read_text())["design"]["history"]
+    # The last ones may not have been told before the stop.
+    assert values == [entry["value"] for entry in found][: len(values)]
     assert check(path).to_json()["feasible"] == state.result["feasible"]
     assert json.loads(path.read_text())["design"]["criterion"] == "prediction"
-
-
-def test_words_of_a_search_hold_its_criterion() -> None:
-    assert criterion_in("cond 87.3") == 87.3
-    assert criterion_in("cond 1e+03, limits not met yet") == 1000.0
-    assert criterion_in("no motion yet") is None
-    assert criterion_in("run") is None
 
 
 @pytest.fixture(scope="module")

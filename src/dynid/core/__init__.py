@@ -47,7 +47,13 @@ if TYPE_CHECKING:
         solve_upper,
         upper_triangle,
     )
-    from dynid.core.json_fields import JsonFields, load_object, parse_json, plain
+    from dynid.core.json_fields import (
+        JsonFields,
+        load_object,
+        parse_json,
+        plain,
+        provenance_from_json,
+    )
     from dynid.core.parallel import WorkerLost, Workers, each, result_of, told_to_stop, workers
 
 __all__ = [
@@ -87,6 +93,7 @@ __all__ = [
     "parse_json",
     "plain",
     "provenance",
+    "provenance_from_json",
     "read_only",
     "require",
     "require_absent",
@@ -107,7 +114,7 @@ _LATER = {
         "Array", "Indices", "Mask", "freeze", "frozen", "inverse_upper", "read_only", "scipy_part",
         "solve_upper", "upper_triangle",
     ),
-    "json_fields": ("JsonFields", "load_object", "parse_json", "plain"),
+    "json_fields": ("JsonFields", "load_object", "parse_json", "plain", "provenance_from_json"),
     "parallel": ("WorkerLost", "Workers", "each", "result_of", "told_to_stop", "workers"),
 }  # fmt: skip
 

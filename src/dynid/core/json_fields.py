@@ -17,6 +17,7 @@ import numpy as np
 
 from dynid.core.arrays import Array
 from dynid.core.errors import InputError, like_named
+from dynid.core.files import Provenance
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +144,22 @@ def load_object(path: str | Path) -> JsonFields:
         return JsonFields(_mapping(document, "the content"))
     except InputError as error:
         raise InputError(error.what, where=where, value=error.value) from error
+
+
+def provenance_from_json(fields: JsonFields) -> Provenance:
+    """The inverse of `Provenance.to_json`.
+
+    Raises:
+        InputError: A key is missing, or its value of another type.
+    """
+    seed = None if fields.get("seed") is None else fields.whole("seed")
+    return Provenance(
+        created=fields.text("created"),
+        versions=fields.object("versions").values,
+        inputs=fields.object("inputs").values,
+        settings=fields.object("settings").values,
+        seed=seed,
+    )
 
 
 def _fault(error: ValueError, content: bytes) -> str:

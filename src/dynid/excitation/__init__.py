@@ -21,7 +21,13 @@ from dynid.excitation.optimise import (
     by_genetic_algorithm,
     by_gradient,
 )
-from dynid.excitation.problem import Candidate, ExcitationProblem, Search
+from dynid.excitation.problem import (
+    Candidate,
+    ExcitationProblem,
+    HistoryEntry,
+    Search,
+    SearchProgress,
+)
 from dynid.excitation.purpose import (
     Expected,
     Purpose,
@@ -46,10 +52,12 @@ __all__ = [
     "ExcitationProblem",
     "Expected",
     "GramKernel",
+    "HistoryEntry",
     "MotionRegion",
     "Optimised",
     "Purpose",
     "Search",
+    "SearchProgress",
     "all_criteria",
     "assumed_noise",
     "by_genetic_algorithm",

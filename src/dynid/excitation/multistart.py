@@ -9,10 +9,10 @@ from uuid import uuid4
 
 from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
-from dynid.core import InputError, Progress, WorkerLost, Workers, result_of, told_to_stop
+from dynid.core import InputError, WorkerLost, Workers, result_of, told_to_stop
 from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.gradient import one_start
-from dynid.excitation.problem import Candidate, ExcitationProblem, Search
+from dynid.excitation.problem import Candidate, ExcitationProblem, Search, SearchProgress
 from dynid.excitation.region import region_of
 
 GRACE_S = 0.5
@@ -72,7 +72,7 @@ def multistart(
     *,
     seed: int,
     beside: Workers | None = None,
-    tell: Progress | None = None,
+    tell: SearchProgress | None = None,
 ) -> Search:
     """Run starts until their number, the time or the patience is up.
 
@@ -85,7 +85,7 @@ def multistart(
         effort: How long.
         seed: Seed of all random numbers.
         beside: Who runs further starts; None to run all of them here.
-        tell: Told how far the search is.
+        tell: Told the search after every candidate, and how far it is.
     """
     run = _StartRun(problem, effort, seed, beside or Workers(), tell)
     try:
@@ -137,7 +137,7 @@ class _StartRun:
         effort: Effort,
         seed: int,
         beside: Workers,
-        tell: Progress | None,
+        tell: SearchProgress | None,
     ) -> None:
         self.problem, self.effort, self.seed, self.tell = problem, effort, seed, tell
         self.beside = beside
@@ -252,4 +252,4 @@ class _StartRun:
                 shares.append(self.search.starts / self.effort.starts)
             if self.effort.budget_s is not None:
                 shares.append(self.search.wall_s / self.effort.budget_s)
-            self.tell(self.search.words(), min(max(shares), 1.0))
+            self.tell(self.search, min(max(shares), 1.0))

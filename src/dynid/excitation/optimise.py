@@ -9,12 +9,19 @@ from typing import Any
 import numpy as np
 
 from dynid.constraints import Certificate, certify
-from dynid.core import Array, Finding, InputError, JobError, Progress, Provenance, Workers, plain
+from dynid.core import Array, Finding, InputError, JobError, Provenance, Workers, plain
 from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.genetic import elite_count, evolve
 from dynid.excitation.gradient import STAGES, TIGHTEN, improve
 from dynid.excitation.multistart import Effort, multistart, one_thread
-from dynid.excitation.problem import Candidate, ExcitationProblem, HistoryEntry, Search, Stop
+from dynid.excitation.problem import (
+    Candidate,
+    ExcitationProblem,
+    HistoryEntry,
+    Search,
+    SearchProgress,
+    Stop,
+)
 from dynid.excitation.purpose import Expected
 from dynid.excitation.region import MotionRegion, region_of
 from dynid.trajectory import MotionBounds, Trajectory
@@ -250,7 +257,7 @@ def by_gradient(
     *,
     seed: int,
     beside: Workers | None = None,
-    tell: Progress | None = None,
+    tell: SearchProgress | None = None,
 ) -> Optimised:
     """Design by gradients from many starts; see `multistart`."""
     with one_thread():
@@ -265,7 +272,7 @@ def by_genetic_algorithm(
     population: int = 300,
     generations: int = 5,
     budget_s: float | None = None,
-    tell: Progress | None = None,
+    tell: SearchProgress | None = None,
 ) -> Optimised:
     """Design by the paper's genetic algorithm; see `genetic`.
 
@@ -289,7 +296,7 @@ def _evolved(
     population: int,
     generations: int,
     budget_s: float | None,
-    tell: Progress | None,
+    tell: SearchProgress | None,
 ) -> Search:
     evaluation = DesignEvaluation(problem)
     region = region_of(problem)
@@ -303,7 +310,7 @@ def _evolved(
         search.evaluations = evaluation.evaluations
         search.add(candidate, evaluation.evaluations)
         if tell is not None:
-            tell(search.words(), min(evaluation.evaluations / total, 1.0))
+            tell(search, min(evaluation.evaluations / total, 1.0))
         return candidate
 
     try:

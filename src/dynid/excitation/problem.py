@@ -174,6 +174,10 @@ class Search:
         return value if best.key[0] == 0.0 else f"{value}, limits not met yet"
 
 
+SearchProgress = Callable[[Search, float], None]
+"""Told the search, its best motion and words, and how far it is (0 to 1)."""
+
+
 def reported(problem: ExcitationProblem, candidate: Candidate) -> float:
     """The criterion of a candidate as it is reported, not as optimisers see it."""
     if not problem.criterion.positive:

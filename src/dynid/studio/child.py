@@ -4,6 +4,9 @@ Designs and runs live here and not in the page's process: a page that draws, or 
 time from a recording.
 """
 
+from __future__ import annotations
+
+import math
 import os
 import queue
 import signal
@@ -13,10 +16,13 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from dynid.core import DynidError, InputError
 from dynid.studio.jobs import Job, job_from_line, line, parse
+
+if TYPE_CHECKING:
+    from dynid.excitation import HistoryEntry
 
 _TELL_S = 0.1
 """Progress is told at most this often [s]."""
@@ -53,6 +59,11 @@ class ParentTalk:
         if now - self._told >= _TELL_S or share >= 1.0:
             self._told = now
             self.say({"progress": what, "share": share})
+
+    def best(self, entry: HistoryEntry) -> None:
+        """Tell the criterion of the best motion so far; JSON of pages holds no infinity."""
+        if math.isfinite(entry.value):
+            self.say({"criterion": entry.value})
 
     def ask(self, what: str, word: str) -> None:
         """Let the person at the page type a word before anything moves."""
@@ -98,7 +109,7 @@ def _design(job: Job, talk: ParentTalk) -> dict[str, Any]:
     from dynid.workflow import DesignSettings, design
 
     settings = DesignSettings(**job.options)
-    found = design(job.source, settings, output=job.output, progress=talk.progress)
+    found = design(job.source, settings, output=job.output, progress=talk.progress, watch=talk.best)
     return found.to_json()
 
 

@@ -1,9 +1,9 @@
 """Long jobs as values, the process of each, and the lines in which it talks with the page.
 
 A job's process reads its job from the first line of its stdin. What it has to say goes to its
-stdout, one JSON object a line: `progress`, `ask`, then `result` or `error`. Further lines on
-its stdin are `answer` and `stop`; the end of its stdin is a stop too, so that no robot goes on
-moving for a page that is gone.
+stdout, one JSON object a line: `progress`, `criterion`, `ask`, then `result` or `error`. Further
+lines on its stdin are `answer` and `stop`; the end of its stdin is a stop too, so that no robot
+goes on moving for a page that is gone.
 """
 
 import json
@@ -96,7 +96,7 @@ class JobState:
     ended: bool = False
     """Whether its process is gone."""
     history: tuple[tuple[float, float], ...] = ()
-    """Seconds since the start, and the number its words ended in: a search's criterion."""
+    """Seconds since the start, and the criterion of the best motion of a search."""
 
 
 class Supervisor:
@@ -193,6 +193,9 @@ class Supervisor:
     def _take(self, message: dict[str, Any]) -> None:
         if "progress" in message:
             self._progress(str(message["progress"]), float(message["share"]))
+        elif "criterion" in message:
+            now = time.monotonic() - self._began
+            self._change(history=(*self.state.history, (now, float(message["criterion"]))))
         elif "ask" in message:
             self._change(ask=str(message["ask"]), word=str(message["word"]))
         elif "result" in message:
@@ -201,15 +204,9 @@ class Supervisor:
             self._change(error=str(message["error"]))
 
     def _progress(self, what: str, share: float) -> None:
-        history = self.state.history
-        value = criterion_in(what)
-        if value is not None and (not history or history[-1][1] != value):
-            history = (*history, (time.monotonic() - self._began, value))
         with self._lock:
             words = self._state.what if self._state.stopping else what
-            self._state = replace(
-                self._state, what=words, share=min(max(share, 0.0), 1.0), history=history
-            )
+            self._state = replace(self._state, what=words, share=min(max(share, 0.0), 1.0))
 
     def _change(self, **values: Any) -> None:
         with self._lock:
@@ -227,11 +224,3 @@ class Supervisor:
         self._errors.seek(0)
         lines = self._errors.read()[-_LAST:].strip().splitlines()
         return lines[-1] if lines else "no message"
-
-
-def criterion_in(words: str) -> float | None:
-    """The number in a search's words, as in `cond 87.3`; None where there is none yet."""
-    parts = words.split(",")[0].split()
-    with suppress(ValueError):
-        return float(parts[1]) if len(parts) == 2 else None
-    return None

@@ -10,7 +10,14 @@ from typing import Any, cast
 
 import numpy as np
 
-from dynid.core import InputError, JsonFields, Provenance, load_object, write_json
+from dynid.core import (
+    InputError,
+    JsonFields,
+    Provenance,
+    load_object,
+    provenance_from_json,
+    write_json,
+)
 from dynid.trajectory.bounds import BOUNDS, MotionBounds, MotionLimits, copied_bounds
 from dynid.trajectory.bspline import BSpline, BSplineFamily
 from dynid.trajectory.fourier import FourierFamily, FourierSeries, ModifiedFourierFamily
@@ -219,7 +226,7 @@ def read_trajectory(path: str | Path) -> StoredTrajectory:
             trajectory=trajectory,
             robot=fields.text("robot"),
             limits=limits,
-            provenance=_provenance(fields.object("provenance")),
+            provenance=provenance_from_json(fields.object("provenance")),
             extra={key: value for key, value in fields.values.items() if key not in own},
         )
     except InputError as error:
@@ -243,19 +250,6 @@ def _check_size(trajectory: Trajectory) -> None:
         largest = float(np.abs(values).max())
         if not largest < _LARGEST:
             raise InputError(f"the motion's {name}", value=largest, limit=f"below {_LARGEST:g}")
-
-
-def _provenance(fields: JsonFields) -> Provenance:
-    seed = fields.get("seed")
-    if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int)):
-        raise InputError("provenance.seed must be a whole number", value=seed)
-    return Provenance(
-        created=fields.text("created"),
-        versions=fields.object("versions").values,
-        inputs=fields.object("inputs").values,
-        settings=fields.object("settings").values,
-        seed=seed,
-    )
 
 
 _FAMILIES: dict[str, type[SeriesFamily] | type[PoseFamily]] = {

@@ -1,7 +1,7 @@
 """`dynid design`: from a robot and a purpose to a certified excitation trajectory in a file."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,8 +24,11 @@ from dynid.excitation import (
     ExcitationProblem,
     Expected,
     GramKernel,
+    HistoryEntry,
     Optimised,
     Purpose,
+    Search,
+    SearchProgress,
     all_criteria,
     assumed_noise,
     by_genetic_algorithm,
@@ -72,6 +75,8 @@ WEAK_SHARE = 1.0
 """Standard deviation over the parameter's expected size above which a motion says nothing of it."""
 RUN = 3
 """Periods that `dynid run` records by default."""
+Watch = Callable[[HistoryEntry], None]
+"""Told each best motion so far."""
 
 
 def design(
@@ -80,6 +85,7 @@ def design(
     *,
     output: str | Path | None = None,
     progress: Progress | None = None,
+    watch: Watch | None = None,
 ) -> ExcitationDesign:
     """Design an excitation trajectory.
 
@@ -92,6 +98,7 @@ def design(
         output: The design's JSON file; it appears whole or not at all. An infeasible design is
             written as well: it says so.
         progress: Told what is being done and how far it is (0 to 1).
+        watch: Told each best motion so far: criterion, time and evaluations.
 
     Raises:
         InputError: Settings, limits or a scene that make no sense; a budget that is too short.
@@ -102,7 +109,7 @@ def design(
     folders = tuple(map(Path, asked.mesh_dirs or ()))
     model = load_robot(robot, mount=asked.mount, mesh_dirs=folders)
     reference = robot_reference(robot)
-    job = _DesignJob(model, reference, asked, progress)
+    job = _DesignJob(model, reference, asked, _telling(progress, watch))
     accuracy = asked.accuracy_percent
     result = job.design(asked.period_s) if accuracy is None else job.shortest(accuracy)
     if output is not None:
@@ -110,14 +117,29 @@ def design(
     return result
 
 
+def _telling(progress: Progress | None, watch: Watch | None) -> SearchProgress:
+    """Words for one, each new best motion for the other."""
+    told: list[HistoryEntry] = []
+
+    def tell(search: Search, share: float) -> None:
+        if progress is not None:
+            progress(search.words(), share)
+        best = search.history[-1:]
+        if watch is not None and best and best != told[-1:]:
+            told.extend(best)
+            watch(best[0])
+
+    return tell
+
+
 class _DesignJob:
     """What designs of one robot for one purpose share, whatever their period."""
 
     def __init__(
-        self, robot: RobotModel, reference: str, asked: DesignSettings, progress: Progress | None
+        self, robot: RobotModel, reference: str, asked: DesignSettings, tell: SearchProgress
     ) -> None:
         self.reference = reference
-        self.asked, self.progress = asked, progress
+        self.asked, self.tell = asked, tell
         self.limits = given_limits(
             asked.limits,
             asked.collision,
@@ -150,7 +172,7 @@ class _DesignJob:
 
     def design(self, period_s: float, repetitions: int = 1) -> ExcitationDesign:
         """The design of one period."""
-        optimised = _optimised(self._problem(period_s, self.purpose), self.asked, self.progress)
+        optimised = _optimised(self._problem(period_s, self.purpose), self.asked, self.tell)
         return self._told(optimised, period_s, repetitions)
 
     def shortest(self, percent: float) -> ExcitationDesign:
@@ -317,7 +339,7 @@ class _DesignJob:
 
 
 def _optimised(
-    problem: ExcitationProblem, asked: DesignSettings, progress: Progress | None
+    problem: ExcitationProblem, asked: DesignSettings, tell: SearchProgress
 ) -> Optimised:
     if asked.method == "ga":
         return by_genetic_algorithm(
@@ -326,7 +348,7 @@ def _optimised(
             population=asked.population,
             generations=asked.generations,
             budget_s=asked.budget_s,
-            tell=progress,
+            tell=tell,
         )
     starts, patience = asked.starts, None
     if starts is None and asked.budget_s is None:
@@ -335,7 +357,7 @@ def _optimised(
         patience = PATIENCE
     effort = Effort(starts=starts, budget_s=asked.budget_s, patience=patience)
     with workers(asked.jobs, asked.dask) as found:
-        return by_gradient(problem, effort, seed=asked.seed, beside=found, tell=progress)
+        return by_gradient(problem, effort, seed=asked.seed, beside=found, tell=tell)
 
 
 def _each(values: Sequence[float], joints: int, where: str) -> Array:
