@@ -129,7 +129,7 @@ class Context:
     def delay(self, body: list[syntax.Statement], seen: set[str]) -> syntax.Node | None:
         """The first part of a body that takes time; functions that were `seen` do not."""
         for node in syntax.nodes(body):
-            waits = isinstance(node, syntax.OnThread) and node.word == "join"
+            waits = isinstance(node, syntax.Control) and node.word == "join"
             if isinstance(node, syntax.Call) and not isinstance(node, syntax.StartThread):
                 function, known = self.functions.get(node.name), self.builtins.get(node.name)
                 if function is None:

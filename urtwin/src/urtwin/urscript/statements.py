@@ -4,20 +4,10 @@ from itertools import accumulate
 from typing import Any, NoReturn
 
 from dynid.core import DynidError
-from urtwin.urscript.code import Code, Runner, compose
+from urtwin.urscript.code import Code, Combine, Runner, compose
 from urtwin.urscript.execution import BACK, ENTERING, LISTENING, Frame, ScriptRun
 from urtwin.urscript.expressions import Scope, store
-from urtwin.urscript.syntax import (
-    Assign,
-    Do,
-    If,
-    OnThread,
-    Return,
-    Simple,
-    Statement,
-    Variable,
-    While,
-)
+from urtwin.urscript.syntax import Assign, Control, Do, If, Statement, Variable, While
 from urtwin.urscript.values import ScriptError, ScriptFault, ScriptHalt, Value, truth
 
 _FAULTS = (DynidError, ArithmeticError, TypeError, ValueError, IndexError)
@@ -86,19 +76,9 @@ def _statement(scope: Scope, statement: Statement, in_loop: bool) -> Code:
         return _if(scope, statement, in_loop)
     if isinstance(statement, While):
         return _while(scope, statement)
-    if isinstance(statement, Return):
-        if statement.value is None:
-            return Code(lambda x, v: (None,), 1)
-        return compose([scope.kept(statement.value)], _returned)
-    if isinstance(statement, OnThread):
-        return _on_thread(scope, statement)
-    if isinstance(statement, Simple):
-        return _simple(statement, in_loop)
+    if isinstance(statement, Control):
+        return _control(scope, statement, in_loop)
     raise TypeError(statement)
-
-
-def _returned(x: ScriptRun, value: Value) -> tuple[Value]:
-    return (value,)
 
 
 def _for_effect(code: Code) -> Code:
@@ -171,11 +151,6 @@ def _while(scope: Scope, statement: While) -> Code:
     return Code(run, condition.weight)
 
 
-def _on_thread(scope: Scope, statement: OnThread) -> Code:
-    handle = scope.expression(statement.handle)
-    return compose([handle], ScriptRun.kill if statement.word == "kill" else _join)
-
-
 def _join(x: ScriptRun, handle: Value) -> None:
     # Whoever joins in a critical section lets others have it: they could not end else.
     waited = False
@@ -186,14 +161,13 @@ def _join(x: ScriptRun, handle: Value) -> None:
         x.wait(BACK)
 
 
-def _simple(statement: Simple, in_loop: bool) -> Code:
+def _control(scope: Scope, statement: Control, in_loop: bool) -> Code:
     word = statement.word
-    if word in (BREAK, CONTINUE):
-        if not in_loop:
-            raise ScriptError(f"'{word}' outside a loop", statement.line)
-        signal = BREAK if word == BREAK else CONTINUE
-        return Code(lambda x, v: signal, 1)
-    return Code({"halt": _halt, "enter_critical": _enter, "exit_critical": _leave}[word], 1)
+    if statement.value is not None:
+        return compose([scope.kept(statement.value)], _WITH_VALUE[word])
+    if word in (BREAK, CONTINUE) and not in_loop:
+        raise ScriptError(f"'{word}' outside a loop", statement.line)
+    return Code(_ALONE[word], 1)
 
 
 def _enter(x: ScriptRun, v: Frame) -> None:
@@ -203,9 +177,20 @@ def _enter(x: ScriptRun, v: Frame) -> None:
         x.wait(ENTERING)
 
 
-def _leave(x: ScriptRun, v: Frame) -> None:
-    x.section.leave()
-
-
 def _halt(x: ScriptRun, v: Frame) -> None:
     raise ScriptHalt
+
+
+def _returned(x: ScriptRun, value: Value) -> tuple[Value]:
+    return (value,)
+
+
+_ALONE: dict[str, Runner] = {
+    BREAK: lambda x, v: BREAK,
+    CONTINUE: lambda x, v: CONTINUE,
+    "return": lambda x, v: (None,),
+    "halt": _halt,
+    "enter_critical": _enter,
+    "exit_critical": lambda x, v: x.section.leave(),
+}
+_WITH_VALUE: dict[str, Combine] = {"return": _returned, "kill": ScriptRun.kill, "join": _join}

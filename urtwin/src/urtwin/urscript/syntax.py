@@ -150,25 +150,11 @@ class While(Statement):
 
 
 @dataclass(slots=True)
-class Return(Statement):
-    """The end of a function."""
-
-    value: Expression | None
-
-
-@dataclass(slots=True)
-class Simple(Statement):
-    """`break`, `continue`, `halt`, `enter_critical` or `exit_critical`."""
+class Control(Statement):
+    """A keyword alone (`break`, `halt`, ...) or with a value (`return`, `kill`, `join`)."""
 
     word: str
-
-
-@dataclass(slots=True)
-class OnThread(Statement):
-    """`kill` or `join`."""
-
-    word: str
-    handle: Expression
+    value: Expression | None = None
 
 
 @dataclass(slots=True)
