@@ -1,10 +1,12 @@
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.io
+from hostile_files import MAT, element, matrix
 from recorded_motions import MAT_COLUMNS, Motion, write_mat, write_npz
 
 from dynid.core import InputError, RecordError
@@ -128,6 +130,18 @@ def test_version_73_says_how_to_save(tmp_path: Path) -> None:
     # Damaged as it is, or without h5py: in both cases there is a way out.
     with pytest.raises(InputError, match="-v7"):
         read_recording(path)
+
+
+def test_objects_that_only_matlab_can_read_are_named(tmp_path: Path) -> None:
+    """A timeseries, as MATLAB writes references to its own classes."""
+    reference = matrix(b"", 6, 1, np.array([0xDD000000, 2, 1, 1, 1, 1], "<u4").tobytes(), 6)
+    names = element(1, b"q") + element(1, b"MCOS") + element(1, b"timeseries")
+    found = element(14, element(6, struct.pack("<II", 17, 0)) + names + reference)
+    path = tmp_path / "x.mat"
+    for content in (found, found + matrix(b"rate", 40, 1, bytes(40))):
+        path.write_bytes(MAT + content)
+        with pytest.raises(RecordError, match=r"q = ts\.Data"):
+            read_recording(path)
 
 
 def test_cut_file_keeps_the_whole_variables(tmp_path: Path) -> None:

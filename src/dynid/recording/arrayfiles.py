@@ -217,9 +217,9 @@ def _keep_block(item: Any, name: str, path: str, into: dict[str, Array], budget:
 
 
 def _keep(path: str, value: Any, into: dict[str, Array]) -> None:
-    array = numbers_of(np.squeeze(value) if np.ndim(value) > 2 else value)
+    array = numbers_of(value)
     if array is not None:
-        into[path] = array.ravel() if 1 in array.shape else array
+        into[path] = array
 
 
 _MAX_BYTES = 2 << 30
@@ -250,9 +250,7 @@ def read_npz(files: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             )
             for name, value in arrays.items():
                 for own_name, part in _parts(name, value):
-                    array = numbers_of(part)
-                    if array is not None:
-                        variables[own_name] = array
+                    _keep(own_name, part, variables)
     return table_of(variables, options, where=path.name, format="npz")
 
 

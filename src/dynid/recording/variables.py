@@ -103,11 +103,9 @@ _COLUMNS = re.compile(r"[\d:+]+")
 def numbers_of(value: Any) -> Array | None:
     """A value as float64 array of one or two axes; None where it is none.
 
-    Axes of length one, as Simulink has them, do not count.
+    Axes of length one, as Simulink and MATLAB have them, do not count.
     """
-    array: NDArray[Any] = np.asarray(value)
-    if array.ndim > 2:
-        array = np.squeeze(array)
+    array: NDArray[Any] = np.asarray(value).squeeze()
     if array.ndim > 2 or array.dtype.kind not in "fiub":
         return None
     with np.errstate(all="ignore"):
