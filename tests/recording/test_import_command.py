@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.io
 from recorded_motions import UR_JOINTS, Motion, write_rtde_csv
 
 from dynid.core import InputError, RecordError
@@ -34,21 +33,6 @@ def test_nothing_is_replaced_unasked(tmp_path: Path) -> None:
     assert output.read_bytes() == b"the only recording of a broken arm"
     import_recording([path], output, force=True)
     assert read_record(output).samples == MOTION.samples
-
-
-def test_a_matrix_without_names_says_what_to_type(tmp_path: Path) -> None:
-    table = np.column_stack(
-        [MOTION.t, MOTION.position(MOTION.t), MOTION.velocity(MOTION.t), MOTION.current(MOTION.t)]
-    )
-    np.save(tmp_path / "x.npy", table)
-    scipy.io.savemat(tmp_path / "x.mat", {"ans": table.T})
-    for path in (tmp_path / "x.npy", tmp_path / "x.mat"):
-        with pytest.raises(RecordError) as caught:
-            read_recording(path)
-        option = str(caught.value.next_step).partition("--columns ")[2].partition(" ")[0]
-        assert option == "t=0,q=1:7,qd=7:13,current=13:19"
-        record = read_recording(path, columns=option)
-        np.testing.assert_array_equal(record.signals["current"], MOTION.current(MOTION.t))
 
 
 def test_two_arms_say_what_to_type_for_the_first(tmp_path: Path) -> None:

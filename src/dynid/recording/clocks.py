@@ -122,6 +122,28 @@ def rises(values: Array) -> bool:
     return len(steps) > 0 and bool((steps > 0).mean() > 0.98)
 
 
+def at_times(at: Array, t: Array, values: Array, farthest: float) -> Array:
+    """Columns (N, k) on straight lines between rows with a clock of their own.
+
+    Args:
+        at: (N) the times wanted.
+        t: (M) times of the rows, in any order; rows without one are passed over.
+        values: (M, k) the columns.
+        farthest: Median steps of the rows; over a wider gap, and beyond the ends, there is NaN.
+    """
+    there = np.isfinite(t)
+    own, rows = np.unique(t[there], return_index=True)
+    after = np.clip(np.searchsorted(own, at), 1, len(own) - 1)
+    gap = own[after] - own[after - 1] > farthest * float(np.median(np.diff(own)))
+    # A stamp that is there needs nothing between rows.
+    gap &= (own[after] != at) & (own[after - 1] != at)
+    out = np.empty((len(at), values.shape[1]))
+    for k, column in enumerate(values[there][rows].T):
+        out[:, k] = np.interp(at, own, column)
+    out[gap | ~((at >= own[0]) & (at <= own[-1]))] = np.nan
+    return out
+
+
 def _runs(values: Array) -> bool:
     """Whether a column is there on most rows, is not zero, and changes."""
     finite = values[np.isfinite(values)]

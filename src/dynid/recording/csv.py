@@ -3,14 +3,10 @@
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from dynid.core import RecordError
-from dynid.recording.columns import assign, suggest_columns
+from dynid.recording.columns import assign
 from dynid.recording.content import Budget
 from dynid.recording.dialect import sniff
-from dynid.recording.grid import read_grid
-from dynid.recording.headers import NotRecognised
 from dynid.recording.names import parse_name
 from dynid.recording.sheets import (
     Sheet,
@@ -66,14 +62,8 @@ def read_csv(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             if unsaid:
                 notes = (*notes, f"left out, as no quantities of joints: {', '.join(unsaid)}")
     if columns is None and names is None:
-        raise _no_header(sheets, where, count)
-    try:
-        found = assign(names, columns, width, where, joints)
-    except NotRecognised as error:
-        hint = _by_numbers(sheets, count)
-        raise RecordError(
-            error.what, where=where, value=error.value, next_step=hint or error.next_step
-        ) from error
+        raise _no_header(sheets, where)
+    found = assign(names, columns, width, where, joints)
     # What Universal Robots' RTDE recorders write.
     of_ur = {"timestamp", "actual_q_0"} <= set(names or ())
     if format == "auto":
@@ -141,7 +131,7 @@ def _all_names(sheets: list[Sheet]) -> tuple[str, ...] | None:
     return tuple(found)
 
 
-def _no_header(sheets: list[Sheet], where: str, joints: int | None) -> RecordError:
+def _no_header(sheets: list[Sheet], where: str) -> RecordError:
     for sheet in sheets:
         if sheet.dialect.header_cells:
             return RecordError(
@@ -150,27 +140,12 @@ def _no_header(sheets: list[Sheet], where: str, joints: int | None) -> RecordErr
                 where=sheet.dialect.path.name,
                 next_step="Repair the header, or name the columns by number with --columns.",
             )
-    hint = _by_numbers(sheets, joints)
     return RecordError(
         "there is no header that names the columns",
         where=where,
         value=f"{sum(sheet.width for sheet in sheets)} columns",
-        next_step=hint or "Name them with --columns, for example t=0,q=1:7,qd=7:13,current=13:19.",
+        next_step="Name them with --columns, for example t=0,q=1:7,qd=7:13,current=13:19.",
     )
-
-
-def _by_numbers(sheets: list[Sheet], joints: int | None) -> str:
-    """What the numbers of one wide table tell of its columns, as a next step; or nothing."""
-    if len(sheets) > 1:
-        return ""
-    dialect = sheets[0].dialect
-    numeric = sorted(dialect.numeric - dialect.stamps)
-    values = np.full((0, dialect.width), np.nan)
-    if len(numeric) > 1:
-        grid = read_grid(dialect, numeric, frozenset(numeric))
-        values = np.full((len(grid.values), dialect.width), np.nan)
-        values[:, numeric] = grid.values
-    return suggest_columns(values, joints)
 
 
 def _channels(

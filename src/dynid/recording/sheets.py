@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.core import Array, Finding, RecordError
-from dynid.recording.clocks import rises
+from dynid.core import Finding, RecordError
+from dynid.recording.clocks import at_times, rises
 from dynid.recording.dialect import Dialect
 from dynid.recording.grid import Grid, read_grid
 from dynid.recording.names import OTHER, RANK, TARGET, TARGET_OF, parse_name
@@ -171,7 +171,8 @@ def align(
         )
     t = grids[0].values[:, 0]
     inside: Mask = ~((t < begin) | (t > end))
-    parts = [grids[0].values[:, 1:], *(_at(grid.values, t) for grid in grids[1:])]
+    others = (grid.values for grid in grids[1:])
+    parts = [at_times(t, own[:, 0], own[:, 1:], _FARTHEST) for own in others]
     notices = [notice for grid in grids for notice in grid.notices]
     if max(abs(low - begin) for low, _ in spans) + max(abs(high - end) for _, high in spans) > 0:
         notices.append(
@@ -182,27 +183,11 @@ def align(
             )
         )
     return Grid(
-        values=np.concatenate(parts, axis=1)[inside],
+        values=np.concatenate([grids[0].values[:, 1:], *parts], axis=1)[inside],
         rows=grids[0].rows[inside],
         reported=grids[0].reported[inside],
         notices=tuple(notices),
     )
-
-
-def _at(values: Array, t: Array) -> Array:
-    """Columns of a file, of which the first is its time, at other times."""
-    there = np.isfinite(values[:, 0])
-    own, rows = np.unique(values[there, 0], return_index=True)
-    columns = values[there, 1:][rows]
-    after = np.clip(np.searchsorted(own, t), 1, len(own) - 1)
-    gap = own[after] - own[after - 1] > _FARTHEST * float(np.median(np.diff(own)))
-    out = np.empty((len(t), columns.shape[1]))
-    for k, column in enumerate(columns.T):
-        out[:, k] = np.interp(t, own, column)
-    # A stamp that the file has needs nothing between its rows.
-    exact = (own[after] == t) | (own[after - 1] == t)
-    out[(gap & ~exact) | ~np.isfinite(t)] = np.nan
-    return out
 
 
 def names_by_files(

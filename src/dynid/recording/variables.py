@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dynid.core import Array, RecordError
 from dynid.recording.clocks import rises
-from dynid.recording.columns import select, suggest_columns
+from dynid.recording.columns import select
 from dynid.recording.headers import match_headers
 from dynid.recording.names import parse_name, says_degrees
 from dynid.recording.table import ANGLES, RawTable, ReadOptions, plain
@@ -76,8 +76,8 @@ def _guess_variables(
             ),
             where=where,
             value="; ".join(f"{p} {variables[p].shape}" for p in paths[:25]),
-            next_step=_by_numbers(variables, joints)
-            or "Name them with --columns, for example t=rec.time,q=rec.pos,effort=rec.tau.",
+            next_step="Name them with --columns, for example t=rec.time,q=rec.pos,effort=rec.tau, "
+            "or t=0,q=1:7,effort=7:13 of the only matrix.",
         ) from error
     clocks = [clock for clock in match.clocks if len(clock.columns) == 1]
     longest = max(arrays["q"].shape)
@@ -87,14 +87,6 @@ def _guess_variables(
             arrays["t"], labels["t"] = variables[path], path
             break
     return arrays, labels, list(match.notes)
-
-
-def _by_numbers(variables: Mapping[str, Array], joints: Sequence[str]) -> str:
-    """What the numbers of one wide matrix tell of its columns; nothing where there are more."""
-    matrices = [value for value in variables.values() if value.ndim == 2]
-    if len(matrices) != 1:
-        return ""
-    return suggest_columns(_whole(matrices[0]), len(joints) or None)
 
 
 _COLUMNS = re.compile(r"[\d:+]+")

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynid.core import Array, RecordError
+from dynid.recording.clocks import at_times
 from dynid.recording.headers import by_rows
 from dynid.recording.table import Mask, RawTable, Rows, rows_with
 
@@ -142,7 +143,7 @@ def lay_together(table: RawTable) -> RawTable:
         if missing.sum() <= _MOSTLY * there.sum() or (own & ~there).sum() < _FEWEST_ROWS:
             continue
         filled = value.copy()
-        filled[missing] = _between(t[own], value[own], t[missing])
+        filled[missing] = at_times(t[missing], t[own], value[own], _FARTHEST)
         rates = [float(1.0 / np.median(np.diff(np.unique(t[rows])))) for rows in (own, there)]
         table = table.with_signals({quantity: filled}).report(
             "clock_mismatch",
@@ -150,20 +151,6 @@ def lay_together(table: RawTable) -> RawTable:
             "q; it is read between them on straight lines",
         )
     return _without_blank(table, there)
-
-
-def _between(t: Array, value: Array, at: Array) -> Array:
-    """Columns of `value` at other times; NaN where its own rows are too far apart."""
-    order = np.argsort(t, kind="stable")
-    t, value = t[order], value[order]
-    step = float(np.median(np.diff(np.unique(t))))
-    after = np.clip(np.searchsorted(t, at), 1, len(t) - 1)
-    wide = (t[after] - t[after - 1] > _FARTHEST * step) | (at < t[0]) | (at > t[-1])
-    out = np.empty((len(at), value.shape[1]))
-    for joint, column in enumerate(value.T):
-        out[:, joint] = np.interp(at, t, column)
-    out[wide] = np.nan
-    return out
 
 
 def _without_blank(table: RawTable, there: Mask) -> RawTable:
