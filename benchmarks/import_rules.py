@@ -2,10 +2,10 @@
 
     python benchmarks/import_rules.py [RULE...]
 
-Three answers for each rule of `dynid.recording.repair.pipeline.RULES`: the tests of repairs and of
-damage that fail without it; damaged files, of 60 each of three text formats, that are then wrong
-without a word; and the recordings of ../shared/data that are read otherwise. A rule without any
-of them earns nothing.
+Four answers for each rule of `dynid.recording.repair.pipeline.RULES`: the tests that fail without
+it; damaged text files (60 of each of three formats, short and long) that are then refused, wrong
+and reported, or wrong in silence; and the recordings of ../shared/data that are read otherwise. A
+rule without any of them earns nothing. Files are read once: rules work on the raw tables.
 """
 
 from __future__ import annotations
@@ -16,33 +16,54 @@ import io
 import random
 import sys
 import tempfile
+import warnings
+from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT / "tests" / "recording"), str(ROOT / "benchmarks")]
+DATA = ROOT.parent / "shared" / "data"
+sys.path[:0] = [str(ROOT / "tests" / "recording")]
 
 import test_damage  # noqa: E402
-from real_recordings import cases  # noqa: E402
+from recorded_motions import Motion  # noqa: E402
 
 from dynid.core import InputError  # noqa: E402
-from dynid.recording import read_recording  # noqa: E402
+from dynid.recording import RawTable, RepairSettings, parse_columns, reading, repair  # noqa: E402
+from dynid.recording.content import Budget  # noqa: E402
 from dynid.recording.repair import pipeline  # noqa: E402
+from dynid.recording.table import ReadOptions  # noqa: E402
+from dynid.robot import load_robot  # noqa: E402
 
-TESTS = ("test_repairs.py", "test_dropouts.py", "test_input_checks.py")
+TESTS = [
+    f"tests/recording/test_{name}.py"
+    for name in (
+        "repairs",
+        "dropouts",
+        "input_checks",
+        "text_tables",
+        "foreign_headers",
+        "ros_bags",
+    )
+]
 DAMAGED = 60
+LENGTHS = (160, 1500)
+KUKA = "q=rec.act_pos_mot_deg,qd=rec.act_vel_mot_deg_per_s,effort=rec.act_torque_abs_nm"
+TX40 = "q=0:6,effort=6:12"
+Given = tuple[RawTable, RepairSettings]
 
 
 class _Failures:
     """Counts the tests that fail."""
 
     def __init__(self) -> None:
-        self.names: list[str] = []
+        self.names: set[str] = set()
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         if report.failed:
-            self.names.append(report.nodeid.rpartition("::")[2])
+            self.names.add(report.nodeid.rpartition("::")[2])
 
 
 def failing_tests() -> int:
@@ -50,57 +71,105 @@ def failing_tests() -> int:
     seen = _Failures()
     words = ["-q", "-p", "no:cacheprovider", "--rootdir", str(ROOT)]
     with contextlib.redirect_stdout(io.StringIO()):
-        pytest.main([*words, *(str(ROOT / "tests/recording" / x) for x in TESTS)], plugins=[seen])
-    return len(set(seen.names))
+        pytest.main([*words, *(str(ROOT / x) for x in TESTS)], plugins=[seen])
+    return len(seen.names)
 
 
-def wrong_in_silence(folder: Path) -> int:
-    """Damaged text files that are read wrongly and without a problem."""
-    wrong = 0
-    for name in ("ur-csv", "csv", "csv-counted"):
-        write, options, text = test_damage.FORMATS[name]
-        data = write(test_damage.MOTION, folder / "whole").read_bytes()
-        for seed in range(DAMAGED):
-            content, _ = test_damage.damaged(data, random.Random(f"{name} {seed}"), text)
-            (folder / "damaged").write_bytes(content)
-            try:
-                record = read_recording(folder / "damaged", **options)
-            except InputError:
-                continue
-            off = record.joints != 6 or test_damage.error_of(record, test_damage.MOTION) > 0.02
-            wrong += off and not record.problems
-    return wrong
+def damaged_tables(folder: Path) -> list[tuple[Motion, Given]]:
+    """Damaged text files that can be read, as raw tables, and the motion that is true."""
+    found: list[tuple[Motion, Given]] = []
+    for length in LENGTHS:
+        motion = Motion(samples=length, rate=125)
+        for name in ("ur-csv", "csv", "csv-counted"):
+            write, options, text = test_damage.FORMATS[name]
+            data = write(motion, folder / "whole").read_bytes()
+            for seed in range(DAMAGED):
+                content, _ = test_damage.damaged(data, random.Random(f"{name} {seed}"), text)
+                (folder / "damaged").write_bytes(content)
+                with contextlib.suppress(InputError):
+                    table = _table([folder / "damaged"], options.get("columns"))
+                    found.append((motion, (table, RepairSettings(rate_hz=options.get("rate_hz")))))
+    return found
 
 
-def readings(data: Path) -> dict[str, str]:
-    """Each real recording's name to a digest of what was read, or why it was not."""
+def outcome(motion: Motion, given: Given) -> str:
+    """What a damaged file becomes."""
     try:
-        found = cases(data) if data.is_dir() else []
-    except InputError as error:
-        return {"all": str(error)}
-    digests: dict[str, str] = {}
-    for case in found:
-        digest = hashlib.sha256(case.record.t.tobytes())
-        for value in case.record.signals.values():
-            digest.update(value.tobytes())
-        codes = sorted(problem.code for problem in case.record.problems)
-        digests[case.name] = f"{digest.hexdigest()[:12]} {codes}"
-    return digests
+        record = repair(*given)
+        off = record.joints != 6 or test_damage.error_of(record, motion) > 0.02
+    except (InputError, ValueError):
+        return "refused"
+    return ("wrong, reported" if record.problems else "silent") if off else "right"
+
+
+def real_tables() -> dict[str, Given]:
+    """The recordings of ../shared/data as raw tables."""
+    if not DATA.is_dir():
+        return {}
+    robot = {
+        name: load_robot(ROOT / "examples" / "robots" / f"{name}.toml")
+        for name in ("ur10_unisa", "kr300", "tx40", "panda", "gen3")
+    }
+    found: dict[str, Given] = {}
+
+    def add(name: str, files: list[Path], of: Any, columns: str | None = None, **more: Any) -> None:
+        table = _table(files, columns, of.joint_names)
+        found[name] = table, RepairSettings(robot=of, **more)
+
+    add("UR10", [DATA / "ur10_unisa" / "ur10_exciting_trajectory.db3"], robot["ur10_unisa"])
+    for part in "AB":
+        path = DATA / "kr300_weigand" / part / "data.mat"
+        add(f"KR300 {part}", [path], robot["kr300"], KUKA, rate_hz=250.0)
+    tx40 = [DATA / "tx40" / f"{name}_data.csv" for name in ("pos_read", "curr")]
+    add("TX40", tx40, robot["tx40"], TX40, rate_hz=5000.0)
+    parts = ("time", "positions", "velocity", "torques")
+    panda = [DATA / "panda_gaz" / f"exciting_traj_{part}.txt" for part in parts]
+    add("Panda", panda, robot["panda"])
+    for path in sorted((DATA / "kinova_gen3").glob("*.csv")):
+        add(path.stem, [path], robot["gen3"])
+    for folder in sorted((DATA / "ur5_kufieta").glob("no*")):
+        add(f"UR5 {folder.name}", sorted(folder.glob("*.csv")), load_robot("ur5"))
+    return found
+
+
+def _table(files: list[Path], columns: str | None, joints: tuple[str, ...] = ()) -> RawTable:
+    wanted = None if columns is None else parse_columns(columns)
+    found = reading.read_table(files, ReadOptions(columns=wanted, joints=joints), Budget.of(files))
+    assert isinstance(found, RawTable)
+    return found
+
+
+def digest(given: Given) -> str:
+    """What a real recording becomes."""
+    try:
+        record = repair(*given)
+    except (InputError, ValueError) as error:
+        return str(error)
+    found = hashlib.sha256(record.t.tobytes())
+    for value in record.signals.values():
+        found.update(value.tobytes())
+    return f"{found.hexdigest()} {[problem.text for problem in record.problems]}"
 
 
 def main() -> None:
     """Print one line a rule."""
     rules = pipeline.RULES
-    whole = readings(ROOT.parent / "shared" / "data")
-    names = sys.argv[1:] or [rule.name for rule in rules]
-    print(f"{'rule':20} {'tests':>6} {'silent':>7}  recordings that are read otherwise")
+    # Without a rule, those after it get what they never get.
+    warnings.simplefilter("ignore")
     with tempfile.TemporaryDirectory() as folder:
-        for name in ["(all)", *names]:
-            pipeline.RULES = tuple(rule for rule in rules if rule.name != name)
-            now = readings(ROOT.parent / "shared" / "data")
-            other = [key for key, value in whole.items() if now.get(key, now.get("all")) != value]
-            counts = failing_tests(), wrong_in_silence(Path(folder))
-            print(f"{name:20} {counts[0]:6} {counts[1]:7}  {', '.join(other) or '-'}", flush=True)
+        damaged = damaged_tables(Path(folder))
+    real = real_tables()
+    before = {name: digest(given) for name, given in real.items()}
+    words = ("refused", "wrong, reported", "silent")
+    usual = Counter(outcome(*item) for item in damaged)
+    print(f"{len(damaged)} damaged tables, {len(real)} recordings; {dict(usual)}")
+    print(f"{'rule':20} tests  damaged: {', '.join(words)}; recordings that are read otherwise")
+    for name in sys.argv[1:] or [rule.name for rule in rules]:
+        pipeline.RULES = tuple(rule for rule in rules if rule.name != name)
+        now = Counter(outcome(*item) for item in damaged)
+        more = "".join(f"{now[word] - usual[word]:+6}" for word in words)
+        other = [key for key, given in real.items() if digest(given) != before[key]]
+        print(f"{name:20} {failing_tests():5} {more}  {', '.join(other) or '-'}", flush=True)
     pipeline.RULES = rules
 
 

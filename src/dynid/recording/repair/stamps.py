@@ -38,7 +38,6 @@ def repair_stamps(table: RawTable) -> RawTable:
     if (steps <= 0).any():
         keep = np.flatnonzero(~wrong)
         wrong[np.setdiff1d(keep, keep[_longest_rise(t[keep])], assume_unique=True)] = True
-    wrong |= _stray_ends(t, wrong, nominal)
     lost = int(wrong.sum())
     if lost == 0:
         return table
@@ -105,22 +104,6 @@ def _longest_rise(t: Array) -> Rows:
         chain.append(k)
         k = int(previous[k])
     return np.array(chain[::-1], dtype=np.int64)
-
-
-def _stray_ends(t: Array, wrong: Mask, nominal: float) -> Mask:
-    """One or two rows far away in time from all others, at either end."""
-    stray = np.zeros(len(t), dtype=np.bool_)
-    keep = np.flatnonzero(~wrong)
-    if len(keep) < 20:
-        return stray
-    steps = np.diff(t[keep])
-    usual = max(float(np.quantile(steps, 0.95)), nominal)
-    for count in (1, 2):
-        if steps[-count] > 50 * usual:
-            stray[keep[-count:]] = True
-        if steps[count - 1] > 50 * usual:
-            stray[keep[:count]] = True
-    return stray
 
 
 _MOSTLY = 0.1
