@@ -3,7 +3,6 @@
 import contextlib
 import struct
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -98,15 +97,6 @@ def test_protocol_one_sends_values_alone():
     assert recipe.unpack(struct.pack(">d", 1.5)) == {"a": 1.5}
 
 
-def test_many_packages_become_a_table():
-    recipe = Recipe.of("abcdefgh", ONE_OF_EACH, 3)
-    rows = recipe.table([recipe.pack_numbers(NUMBERS)] * 2)
-    assert rows.shape == (2,)
-    np.testing.assert_array_equal(rows["a"][1], NUMBERS[:6])
-    assert rows["e"][0] == 2**40
-    assert rows["a"].dtype.isnative
-
-
 def test_refused_variables_are_named():
     with pytest.raises(ProtocolError, match=r"c NOT_FOUND.*no such variable"):
         Recipe.of(["a", "c"], ["DOUBLE", "NOT_FOUND"])
@@ -119,7 +109,7 @@ def test_packages_of_another_recipe_are_refused():
     with pytest.raises(ProtocolError, match="another recipe; got 2"):
         recipe.unpack(b"\x02" + bytes(8))
     with pytest.raises(ProtocolError, match="10 bytes; allowed: 9 bytes"):
-        recipe.table([bytes(10)])
+        recipe.unpack(bytes(10))
     with pytest.raises(ProtocolError, match="do not fit"):
         recipe.pack_numbers([1.0, 2.0])
 
@@ -127,8 +117,6 @@ def test_packages_of_another_recipe_are_refused():
 def test_every_type_packs_what_it_counts():
     for kind in DataType:
         assert Recipe(("x",), (kind,), None).size == struct.calcsize(f">{kind.count}{kind.code}")
-        table = np.zeros(1, Recipe(("x",), (kind,), None).dtype)
-        assert table.dtype.itemsize == Recipe(("x",), (kind,), None).size
 
 
 def test_the_variables_of_the_guide_by_version():

@@ -7,9 +7,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
-import numpy as np
-from numpy.typing import NDArray
-
 from dynid.protocol.rtde import HEADER, Kind, ProtocolError
 
 Version = tuple[int, int, int]
@@ -32,7 +29,7 @@ class DataType(Enum):
 
     @property
     def code(self) -> str:
-        """The `struct` and NumPy code of one number."""
+        """The `struct` code of one number."""
         return self.value[1]
 
     @property
@@ -225,22 +222,6 @@ class Recipe:
         """Bytes of a payload."""
         return self.layout.size + (self.number is not None)
 
-    @property
-    def dtype(self) -> np.dtype[np.void]:
-        """A packed NumPy record of the values alone, big-endian, one entry a variable.
-
-        Raises:
-            ProtocolError: A name stands in the recipe twice.
-        """
-        if len(set(self.names)) != len(self.names):
-            raise ProtocolError("a recipe with a repeated variable has no table", value=self.names)
-        return np.dtype(
-            [
-                (name, f">{kind.code}", (kind.count,) if kind.count > 1 else ())
-                for name, kind in zip(self.names, self.types, strict=True)
-            ]
-        )
-
     def pack_numbers(self, numbers: Iterable[float | int | bool]) -> bytes:
         """The payload of a data package, from its numbers laid out flat.
 
@@ -263,7 +244,16 @@ class Recipe:
         Raises:
             ProtocolError: A payload of another size or another recipe.
         """
-        self._check(payload)
+        if len(payload) != self.size:
+            raise ProtocolError(
+                "a data package has not the size of its recipe",
+                value=f"{len(payload)} bytes",
+                limit=f"{self.size} bytes",
+            )
+        if self.number is not None and payload[0] != self.number:
+            raise ProtocolError(
+                "a data package belongs to another recipe", value=payload[0], limit=self.number
+            )
         return self.layout.unpack_from(payload, self.number is not None)
 
     def unpack(self, payload: bytes) -> dict[str, Value]:
@@ -283,27 +273,3 @@ class Recipe:
             values[name] = numbers[start:end] if kind.count > 1 else numbers[start]
             start = end
         return values
-
-    def table(self, payloads: Sequence[bytes]) -> NDArray[np.void]:
-        """Many payloads as one structured array of `dtype`, in native byte order.
-
-        Raises:
-            ProtocolError: A payload of another size or another recipe.
-        """
-        for payload in payloads:
-            self._check(payload)
-        skip = self.number is not None
-        rows = np.frombuffer(b"".join(payload[skip:] for payload in payloads), dtype=self.dtype)
-        return rows.astype(self.dtype.newbyteorder("="))
-
-    def _check(self, payload: bytes) -> None:
-        if len(payload) != self.size:
-            raise ProtocolError(
-                "a data package has not the size of its recipe",
-                value=f"{len(payload)} bytes",
-                limit=f"{self.size} bytes",
-            )
-        if self.number is not None and payload[0] != self.number:
-            raise ProtocolError(
-                "a data package belongs to another recipe", value=payload[0], limit=self.number
-            )
