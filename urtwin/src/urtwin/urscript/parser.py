@@ -1,8 +1,8 @@
 """From tokens to the syntax tree: expressions and statements.
 
 By hand, not with lark. Its LALR parser behind `tokenize`, with a grammar of 60 lines, makes a bare
-tree of the script of UR's drivers (50 kB) in 0.06 to 0.11 s of processor time, this the final tree
-in 0.03 to 0.05 s; of 2 000 lines of `servoj` in 0.60 and 0.21 s. Universal Robots' client library
+tree of the script of UR's drivers (50 kB) in 0.10 to 0.14 s of processor time, this the final tree
+in 0.02 to 0.04 s; of 2 000 lines of `servoj` in 0.69 and 0.22 s. Universal Robots' client library
 waits 0.5 s for that program to run, compiled while control cycles go on. Nodes, the limit of
 nesting and words for errors included, a grammar would save some 100 lines.
 """
@@ -14,13 +14,16 @@ from urtwin.urscript.values import ScriptError
 
 MAX_NESTING = 40
 """Deepest nesting of brackets, signs and blocks."""
-_RANKS: tuple[tuple[str, ...], ...] = (
-    ("or", "xor"),
-    ("and",),
-    ("==", "!=", "<", ">", "<=", ">="),
-    ("+", "-"),
-    ("*", "/", "%"),
-)
+_RANKS = {
+    **dict.fromkeys(("or", "xor"), 1),
+    "and": 2,
+    **dict.fromkeys(("==", "!=", "<", ">", "<=", ">="), 4),
+    **dict.fromkeys(("+", "-"), 5),
+    **dict.fromkeys(("*", "/", "%"), 6),
+}
+"""How strongly operators bind."""
+_NOT, _STRONGEST = 3, 7
+"""`not` binds weaker than comparisons and stronger than `and`."""
 _POSE = 6
 _DEFINITIONS = ("def", "thread", "sec")
 _SETTABLE = ("get_digital_out", "get_analog_out")
@@ -88,7 +91,7 @@ class _Parser:
 
     def expression(self) -> syntax.Expression:
         self.deeper()
-        found = self._rank(0)
+        found = self._chain(1)
         self.higher()
         return found
 
@@ -122,31 +125,26 @@ class _Parser:
             if not self.at(end):
                 self.expect(",")
 
-    def _rank(self, rank: int) -> syntax.Expression:
-        if rank == len(_RANKS):
-            return self._unary()
-        first = self._negation(rank)
-        rest: list[tuple[str, syntax.Expression]] = []
-        while self.at(*_RANKS[rank]):
-            operator = self.take().text
-            rest.append((operator, self._negation(rank)))
-        return syntax.Chain(first.line, first, rest) if rest else first
+    def _rank(self) -> int:
+        token = self.token
+        return _RANKS.get(token.text, 0) if token.kind in ("sign", "keyword") else 0
 
-    def _negation(self, rank: int) -> syntax.Expression:
-        # `not` binds weaker than comparisons and stronger than `and`.
-        if rank == 1 and self.at("not"):
-            line = self.take().line
-            self.deeper()
-            operand = self._negation(rank)
-            self.higher()
-            return syntax.Unary(line, "not", operand)
-        return self._rank(rank + 1)
+    def _chain(self, least: int) -> syntax.Expression:
+        """Operands between operators that bind as strongly as that, or more."""
+        found = self._unary(least)
+        while (rank := self._rank()) >= least:
+            rest: list[tuple[str, syntax.Expression]] = []
+            while self._rank() == rank:
+                rest.append((self.take().text, self._chain(rank + 1)))
+            found = syntax.Chain(found.line, found, rest)
+        return found
 
-    def _unary(self) -> syntax.Expression:
+    def _unary(self, least: int) -> syntax.Expression:
         if self.at("-", "+", "not"):
             token = self.take()
             self.deeper()
-            operand = self._unary()
+            weak = token.text == "not" and least <= _NOT
+            operand = self._chain(_NOT) if weak else self._unary(_STRONGEST)
             self.higher()
             if (
                 token.text == "-"
