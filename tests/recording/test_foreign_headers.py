@@ -395,9 +395,12 @@ def test_torques_of_motors_taken_for_the_joints_are_told(tmp_path: Path) -> None
     assert any("torque_side" in message for message in messages)
 
 
-def test_a_unit_tells_torques_of_unknown_names(tmp_path: Path) -> None:
+def test_a_unit_alone_tells_no_torques(tmp_path: Path) -> None:
     t, q, _, effort = truth()
-    check(write(tmp_path / "x.csv", ["t", *named("q{}", "M{} [mNm]")], t, q, effort * 1e3))
+    path = write(tmp_path / "x.csv", ["t", *named("q{}", "M{} [mNm]")], t, q, effort * 1e3)
+    with pytest.raises(RecordError, match=r"neither current nor effort.*--columns"):
+        read_recording(path)
+    check(path, columns="t=0,q=1:7,effort=7:13")
 
 
 def test_exponents_of_fortran(tmp_path: Path) -> None:

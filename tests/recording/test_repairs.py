@@ -225,7 +225,7 @@ def test_stretches_of_nonsense_are_dropped(length: int, value: float) -> None:
     np.testing.assert_allclose(record.signals["q"], MOTION.position(times(record)), atol=1e-9)
 
 
-@pytest.mark.parametrize("rows", [slice(0, 5), slice(600, 640), slice(1480, 1500)])
+@pytest.mark.parametrize("rows", [slice(0, 5), slice(600, 640), slice(1480, 1500), slice(0, 400)])
 def test_rows_of_zeros_are_dropped(rows: slice) -> None:
     table = raw()
     changed = {name: value.copy() for name, value in table.signals.items()}

@@ -10,7 +10,7 @@ from dynid.core import Array, Finding, RecordError
 from dynid.recording.clocks import Clock, find_clocks, stamps_of
 from dynid.recording.names import OTHER, TARGET, Name, parse_name, split_joint, words_of
 from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, RawTable, plain
-from dynid.recording.units import factor_of, factors_of, refuse_unit
+from dynid.recording.units import factors_of, refuse_unit
 
 
 @dataclass(slots=True, kw_only=True)
@@ -172,14 +172,12 @@ def _choose(
     like = [
         family
         for family in families.get("", [])
-        if set(_TORQUE_STEMS) & set(family.base.split("_"))
-        or family.base.startswith(_TORQUE_STEMS)
-        or _by_unit(family)
+        if set(_TORQUE_STEMS) & set(family.base.split("_")) or family.base.startswith(_TORQUE_STEMS)
     ]
     others = [
         family
         for family in like
-        if (family.base.startswith(_TORQUE_STEMS) or _by_unit(family))
+        if family.base.startswith(_TORQUE_STEMS)
         and not _NOT_MEASURED & set(family.base.split("_"))
         and not (OTHER | TARGET) & set(family.scope.replace(".", "_").split("_"))
     ]
@@ -193,8 +191,7 @@ def _choose(
                 + spelled({"effort": [column for _, column in others[0].members]}),
             )
         stem = others[0].base
-        current = _by_unit(others[0]) == "current" or stem.startswith("cur")
-        chosen["current" if current else "effort"] = others[0]
+        chosen["current" if stem.startswith("cur") else "effort"] = others[0]
         notes.append(f"the only torque-like columns are {stem!r}; they are taken")
     elif others:
         kept = [chosen[x].label for x in ("effort", "current") if x in chosen]
@@ -206,18 +203,6 @@ def _choose(
     if passed and not any(name in chosen for name in TORQUE_SOURCES):
         notes.append(f"not taken for measured torques: {', '.join(map(repr, passed[:8]))}")
     return chosen, notes
-
-
-def _by_unit(family: Family) -> str:
-    """`effort` or `current`, where all columns of a name that is not known have such a unit."""
-    units = {name.unit for name, _ in family.members}
-    if not family.whole or "" in units or len(family.members) < 2:
-        return ""
-    # Forces in N may be anything's.
-    for quantity, letter in (("effort", "m"), ("current", "a")):
-        if all(factor_of(quantity, unit) is not None and letter in unit for unit in units):
-            return quantity
-    return ""
 
 
 def _order(family: Family, home: str | None) -> tuple[bool, bool, bool, bool, int]:

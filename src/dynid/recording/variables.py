@@ -250,36 +250,22 @@ def _length(arrays: Mapping[str, Array], joints: int | None) -> int | None:
 
 
 def _width(arrays: Mapping[str, Array], length: int | None) -> int | None:
-    """Number of joints n, from the arrays that are matrices."""
-    for value in arrays.values():
-        if value.ndim == 2 and length in value.shape and value.size != length:
-            return value.size // (length or 1)
-    if length:
-        flat = Counter(
-            v.size // length for name, v in arrays.items() if name != "t" and v.size % length == 0
-        )
-        return max(flat, key=lambda n: flat[n]) if flat else None
-    return None
+    """Number of joints n: what most arrays have for each of N samples."""
+    sizes = [value.size for name, value in arrays.items() if name != "t"]
+    counts = Counter(size // length for size in sizes if length and size % length == 0)
+    return max(counts, key=lambda n: counts[n]) if counts else None
 
 
 def _upright(value: Array, length: int | None, width: int | None, where: str) -> Array:
     """The array as (N, n)."""
     if value.ndim == 2 and 1 not in value.shape:
-        rows, cols = value.shape
-        if length is not None and length in (rows, cols):
-            square = rows == cols
-            return value if rows == length and not (square and rows == width) else value.T
-        if width is not None and width in (rows, cols):
-            return value if cols == width else value.T
-    flat = value.ravel()
-    if value.ndim <= 1 or 1 in value.shape:
-        # Flat arrays hold one sample after the other.
-        if width and len(flat) % width == 0 and (length in (None, len(flat) // width)):
-            return flat.reshape(-1, width)
-        if length and len(flat) % length == 0:
-            return flat.reshape(length, -1)
-    elif length is None and width is None:
-        return value if value.shape[0] >= value.shape[1] else value.T
+        if length in value.shape:
+            return value if len(value) == length else value.T
+    # Flat arrays hold one sample after the other.
+    elif width and value.size % width == 0 and length in (None, value.size // width):
+        return value.reshape(-1, width)
+    elif length and value.size % length == 0:
+        return value.reshape(length, -1)
     raise RecordError(
         "the array does not fit the samples and joints",
         where=where,

@@ -386,7 +386,7 @@ RULES: tuple[Rule, ...] = (
     Rule("gains", _check_gains, "gains of another robot", ("gains",)),
     Rule("rows", _number_rows, "every message that names a row"),
     Rule("clock", _start_clock, "tx40: no time stamps", ("rate_hz",)),
-    Rule("lay_together", lay_together, "files of one run with clocks of their own"),
+    Rule("lay_together", lay_together, "topics of one table on rows of their own"),
     Rule("drop_missing", drop_missing, "cells that are empty or no number"),
     Rule("drop_zero_positions", drop_zero_positions, "rows of zeros at a lost link"),
     Rule("drop_repeats", drop_repeats, "panda_gaz: rows read faster than they are updated"),

@@ -48,13 +48,6 @@ def repair_stamps(table: RawTable) -> RawTable:
             limit=f"{MOST_DROPPED:.0%} of the rows",
             next_step=by_rows(table.columns),
         )
-    repeated = int(np.count_nonzero(steps == 0))
-    if repeated > 0.02 * table.samples:
-        table = table.report(
-            "clock_jitter",
-            f"{repeated} of {table.samples} stamps repeat the one before: the clock is too coarse "
-            "for the rows; better leave t out and give --rate",
-        )
     why = "have stamps that repeat, run backwards or jump,"
     return table.leave_out(wrong, why, "dropped_rows")
 
