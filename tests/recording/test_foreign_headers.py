@@ -157,6 +157,21 @@ def test_named_columns_are_ordered_even_where_the_user_gives_a_range(tmp_path: P
     check(path, columns="t=0,q=1:7,effort=7:13")
 
 
+@pytest.mark.parametrize("columns", [None, "t=0,q=1:7,effort=7:13"])
+def test_each_column_keeps_its_unit_where_they_are_put_in_order(
+    tmp_path: Path, columns: str | None
+) -> None:
+    """The torques stand in another order than the positions, and one of them in mN.m."""
+    t, q, _, effort = truth()
+    scale = np.ones(6)
+    scale[0] = 1e3
+    torques = [f"/joint_states/{joint}/effort" for joint in ALPHABETICAL]
+    torques[0] += " [mNm]"
+    names = ["t", *named("/joint_states/{}/position", joints=UR_JOINTS), *torques]
+    path = write(tmp_path / "x.csv", names, t, q, effort[:, BY_LETTER] * scale)
+    check(path, columns=columns)
+
+
 def test_two_topics(tmp_path: Path) -> None:
     t, q, qd, effort = truth()
     names, columns = ["__time"], [t]

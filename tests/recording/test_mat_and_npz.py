@@ -117,6 +117,15 @@ def test_arrays_that_do_not_fit_are_one_error(tmp_path: Path, arrays, columns) -
         assert "\n" not in str(caught.value)
 
 
+def test_vectors_of_joints_in_different_units_are_refused(tmp_path: Path) -> None:
+    motion = Motion()
+    q, tau = motion.position(motion.t).T, motion.current(motion.t).T
+    arrays = {f"q_{k}": q[k] for k in range(6)} | {f"tau_{k}": tau[k] for k in range(1, 6)}
+    np.savez(tmp_path / "x.npz", t=motion.t, tau_0_mNm=1e3 * tau[0], **arrays)
+    with pytest.raises(RecordError, match="variables of effort are of different lengths or units"):
+        read_recording(tmp_path / "x.npz")
+
+
 def test_pickled_arrays_are_never_loaded(tmp_path: Path) -> None:
     path = tmp_path / "x.npz"
     np.savez(path, q=np.array([{"a": 1}], dtype=object))

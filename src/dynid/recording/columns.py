@@ -146,6 +146,15 @@ def assign(
         clocks = (Clock(columns=tuple(time), scale=1.0 if len(time) == 2 else scale, label=label),)
     if names is None:
         return Match(columns=mapping, clocks=clocks)
+    named = {q: _joints_of([names[k] for k in cols], joints) for q, cols in mapping.items()}
+    own = named.get("q", ())
+    if own:
+        # Each quantity in the joint order of q, where both tell their joints.
+        mapping |= {
+            q: [cols[named[q].index(joint)] for joint in own]
+            for q, cols in mapping.items()
+            if set(named[q]) == set(own)
+        }
     factors: dict[str, tuple[float, ...]] = {}
     said: set[str] = set()
     notices: list[Finding] = []
@@ -161,15 +170,6 @@ def assign(
             notices.append(Finding("unit_suspect", text))
         if all(units):
             said.add(quantity)
-    named = {q: _joints_of([names[k] for k in cols], joints) for q, cols in mapping.items()}
-    own = named.get("q", ())
-    if own:
-        # Each quantity in the joint order of q, where both tell their joints.
-        mapping |= {
-            q: [cols[named[q].index(joint)] for joint in own]
-            for q, cols in mapping.items()
-            if set(named[q]) == set(own)
-        }
     return Match(
         columns=mapping,
         clocks=clocks,

@@ -294,32 +294,36 @@ def match_headers(names: Sequence[str], where: str, joints: Sequence[str] = ()) 
     factors: dict[str, tuple[float, ...]] = {}
     said: set[str] = set()
     joint_names: tuple[str, ...] = ()
+    # Positions come first.
     for quantity, family in chosen.items():
         try:
-            columns[quantity], named = family.by_joint(names, quantity, where)
-        except RecordError:
+            found, named = family.by_joint(names, quantity, where)
+            if quantity == "q":
+                joint_names = named
+            elif named and joint_names:
+                if not set(joint_names) <= set(named):
+                    notes.append(f"{quantity} is left out: its joints are not those of q")
+                    continue
+                found = [found[named.index(joint)] for joint in joint_names]
+            units = [family.unit_of(column) for column in found]
+            known, at = factors_of(quantity, units)
+            if at is not None:
+                raise refuse_unit(quantity, units[at], names[found[at]], where)
+            width = len(columns.get("q", found))
+            if len(found) != width:
+                raise RecordError(
+                    f"{quantity} has {len(found)} columns but q has {width}",
+                    where=where,
+                    next_step="Check the header, or name the columns with --columns.",
+                )
+        except RecordError as error:
             if quantity in ESSENTIAL:
                 raise
-            notes.append(f"{quantity} is left out: a joint's column is missing or there twice")
+            notes.append(f"{quantity} is left out: {error.what}")
             continue
-        units = [family.unit_of(column) for column in columns[quantity]]
-        known, at = factors_of(quantity, units)
-        if at is not None:
-            if quantity in ESSENTIAL:
-                raise refuse_unit(quantity, units[at], names[columns[quantity][at]], where)
-            notes.append(f"{quantity} is left out: its unit {units[at]!r} is not known")
-            del columns[quantity]
-            continue
-        factors[quantity] = known
+        columns[quantity], factors[quantity] = found, known
         if all(units):
             said.add(quantity)
-        if named and quantity == "q":
-            joint_names = named
-        elif named and joint_names:
-            columns[quantity] = _same_order(columns[quantity], named, joint_names)
-            if not columns[quantity]:
-                del columns[quantity]
-                notes.append(f"{quantity} is left out: its joints are not those of q")
     if "q" not in columns:
         raise NotRecognised(
             "no columns of positions are recognised",
@@ -327,16 +331,6 @@ def match_headers(names: Sequence[str], where: str, joints: Sequence[str] = ()) 
             value=tuple(names)[:40],
             next_step="Name them with --columns, for example t=0,q=1:7,current=13:19.",
         )
-    width = len(columns["q"])
-    for quantity in [name for name in columns if len(columns[name]) != width]:
-        if quantity in ESSENTIAL:
-            raise RecordError(
-                f"{quantity} has {len(columns[quantity])} columns but q has {width}",
-                where=where,
-                next_step="Check the header, or name the columns with --columns.",
-            )
-        notes.append(f"{quantity} is left out: its columns do not match the joints")
-        del columns[quantity]
     return Match(
         columns={"t": list(clocks[0].columns), **columns} if clocks else columns,
         clocks=clocks,
@@ -384,12 +378,3 @@ def _only(family: Family, wanted: set[str]) -> Family:
     if set(family.joints) > wanted:
         family.members = [item for item in family.members if item[0].joint in wanted]
     return family
-
-
-def _same_order(
-    columns: list[int], named: tuple[str, ...], joint_names: tuple[str, ...]
-) -> list[int]:
-    """Columns in the order of other joint names; none where a joint is missing."""
-    if not set(joint_names) <= set(named):
-        return []
-    return [columns[named.index(joint)] for joint in joint_names]

@@ -58,9 +58,9 @@ def _guess_variables(
             labels[quantity] = paths[numbers[0]]
             arrays[quantity] = parts[0]
             if len(parts) > 1:
-                if len({part.size for part in parts}) > 1:
+                if len({part.size for part in parts}) > 1 or len({*match.factors[quantity]}) > 1:
                     raise RecordError(
-                        f"the variables of {quantity} are of different lengths",
+                        f"the variables of {quantity} are of different lengths or units",
                         where=where,
                         value=[f"{paths[k]} {variables[paths[k]].shape}" for k in numbers],
                     )
