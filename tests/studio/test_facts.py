@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from dynid.constraints import Worst, safe_constraints
-from dynid.core import InputError
+from dynid.core import InputError, printable
 from dynid.recording import ExperimentRecord
 from dynid.robot import joint_poses, load_robot
 from dynid.studio import facts
 from dynid.studio.live import instant, tail_of
-from dynid.studio.opening import plain
 from dynid.studio.scene_editing import SceneEditor
 from dynid.studio.session import file_in
 from dynid.studio.solids import arm_skins
@@ -30,7 +29,7 @@ def numbers(text: str, columns: int) -> np.ndarray:
     "name", ["a" * 10_000, "\u202egpj.exe", "\x00\x1b[31m", "a\nb", "\udcff", "名前 🤖"]
 )
 def test_any_name_is_one_printable_line(name: str) -> None:
-    shown = plain(name)
+    shown = printable(name)
     assert len(shown) <= 60
     assert shown.isprintable()
     shown.encode("utf-8")

@@ -16,6 +16,7 @@ from dynid.core.errors import (
     check_word,
     installed,
     like_named,
+    printable,
     require,
 )
 from dynid.core.files import (
@@ -92,6 +93,7 @@ __all__ = [
     "make_folder",
     "parse_json",
     "plain",
+    "printable",
     "provenance",
     "provenance_from_json",
     "read_only",

@@ -126,10 +126,19 @@ def like_named(path: Path, *words: str) -> str | None:
     return f"Did you mean {near[0]}?" if near else None
 
 
-def _short(value: object, width: int = 200) -> str:
-    text = value if isinstance(value, str) else repr(value)
-    text = "".join(c if c.isprintable() else "?" for c in text)
-    return text if len(text) <= width else text[: width - 3] + "..."
+def printable(value: object, longest: int | None = 60) -> str:
+    """Any text, of a file or a person, as one printable line.
+
+    Args:
+        value: The text, or a value in words.
+        longest: Characters to keep, three dots included; None for all.
+    """
+    text = "".join(c if c.isprintable() else "?" for c in str(value))
+    return text if longest is None or len(text) <= longest else text[: longest - 3] + "..."
+
+
+def _short(value: object) -> str:
+    return printable(value if isinstance(value, str) else repr(value), 200)
 
 
 def installed(module: str) -> bool:

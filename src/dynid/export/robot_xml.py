@@ -7,7 +7,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from dynid.core import Array, JobError
+from dynid.core import Array, JobError, printable
 from dynid.export.model import ExportModel, NearestFriction
 from dynid.robot import tensor
 
@@ -154,15 +154,12 @@ def numbers(values: Iterable[float]) -> str:
 
 def attribute(text: str) -> str:
     """A quoted attribute value."""
-    return quoteattr("".join(c if c.isprintable() else "?" for c in text))
+    return quoteattr(printable(text, None))
 
 
 def comment(text: str) -> list[str]:
     """Lines of an XML comment."""
-    lines = [
-        escape("".join(c if c.isprintable() else "?" for c in line)).replace("--", "- -")
-        for line in text.splitlines()
-    ]
+    lines = [escape(printable(line, None)).replace("--", "- -") for line in text.splitlines()]
     return ["<!--", *(f"  {line}" for line in lines), "-->"] if lines else []
 
 

@@ -4,12 +4,11 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from dynid.core import Finding, RecordError
+from dynid.core import Finding, RecordError, printable
 from dynid.recording.clocks import Clock
 from dynid.recording.headers import Family, Match, match_headers
 from dynid.recording.names import parse_name
 from dynid.recording.record import JOINT_QUANTITIES
-from dynid.recording.table import plain
 from dynid.recording.units import factors_of
 
 QUANTITIES = ("t", *JOINT_QUANTITIES)
@@ -107,11 +106,13 @@ def _named(item: str, name: str, names: Sequence[str] | None) -> list[int]:
         indices = [index for index, _ in numbered]
         if numbered and indices == list(range(indices[0], indices[0] + len(indices))):
             return [k for _, k in numbered]
-    raise _wrong(item, f"is no column of the header ({plain(name)!r})", tuple(names))
+    raise _wrong(item, f"is no column of the header ({printable(name)!r})", tuple(names))
 
 
 def _wrong(item: str, why: str, limit: object = None) -> RecordError:
-    return RecordError(f"columns: item {plain(item, 120)!r} {why}", limit=limit, next_step=_EXAMPLE)
+    return RecordError(
+        f"columns: item {printable(item, 120)!r} {why}", limit=limit, next_step=_EXAMPLE
+    )
 
 
 def assign(
@@ -164,8 +165,8 @@ def assign(
         factors[quantity], unknown = factors_of(quantity, units)
         if unknown is not None:
             text = (
-                f"{quantity} is taken as it is from {plain(names[numbers[0]])!r}, though "
-                f"{plain(units[unknown], 20)!r} is no unit of it"
+                f"{quantity} is taken as it is from {printable(names[numbers[0]])!r}, though "
+                f"{printable(units[unknown], 20)!r} is no unit of it"
             )
             notices.append(Finding("unit_suspect", text))
         if all(units):

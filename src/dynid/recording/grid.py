@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dynid.core import Array, Finding, RecordError
+from dynid.core import Array, Finding, RecordError, printable
 from dynid.recording.cells import decimals, is_missing, number, split, stamp
 from dynid.recording.dialect import COMMENT, Dialect, flatten, line_blocks
-from dynid.recording.table import Mask, Rows, plain
+from dynid.recording.table import Mask, Rows
 
 
 def _moment(cell: str, decimal: str = ".") -> float:
@@ -162,8 +162,8 @@ class _Draft:
                 if column in self.soft:
                     continue
                 faulty = True
-                name = plain(self.dialect.names[column]) if self.dialect.names else str(column)
-                cell = plain(cells[column].strip(), 40)
+                name = printable(self.dialect.names[column]) if self.dialect.names else str(column)
+                cell = printable(cells[column].strip(), 40)
                 self.first = self.first or f"line {line_number}, column {name}: {cell!r}"
         if faulty:
             self.bad.append(len(self.rows))

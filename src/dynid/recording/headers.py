@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Finding, RecordError
+from dynid.core import Array, Finding, RecordError, printable
 from dynid.recording.clocks import Clock, find_clocks, stamps_of
 from dynid.recording.names import OTHER, TARGET, Name, parse_name, split_joint, words_of
-from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, RawTable, plain
+from dynid.recording.table import ESSENTIAL, TORQUE_SOURCES, RawTable
 from dynid.recording.units import factors_of, refuse_unit
 
 
@@ -68,7 +68,7 @@ class Family:
             )
         if len(found) > 1 and not self.joints:
             raise RecordError(
-                f"{len(found)} columns are called {plain(names[found[0]])!r}",
+                f"{len(found)} columns are called {printable(names[found[0]])!r}",
                 where=where,
                 next_step="Choose them with --columns.",
             )

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dynid.core import Array, Finding, RecordError
+from dynid.core import Array, Finding, RecordError, printable
 from dynid.recording.bagfiles import MAGIC as ROS1_MAGIC
 from dynid.recording.bagfiles import (
     MCAP_MAGIC,
@@ -32,7 +32,7 @@ from dynid.recording.messages import (
     stamp_of,
 )
 from dynid.recording.names import TARGET, UR_JOINTS, places_of
-from dynid.recording.table import RawTable, ReadOptions, plain
+from dynid.recording.table import RawTable, ReadOptions
 
 FIELDS = ("position", "velocity", "effort")
 _NAN = float("nan")
@@ -218,7 +218,7 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
         )
     names, notes = _joints(collector, tuple(joints), options.joint_order, where)
     if len(topics) > 1:
-        notes.append(f"topic {plain(chosen)} of {plain(', '.join(sorted(topics)), 300)}")
+        notes.append(f"topic {printable(chosen)} of {printable(', '.join(sorted(topics)), 300)}")
     values, times = collector.columns(names)
     if not values:
         raise RecordError(
@@ -321,7 +321,7 @@ def _joints(
             # Without a robot the whole message is taken, so the order must cover all of it.
             if matched and (wanted == robot or len(names) == len(matched)):
                 if matched != names[: len(matched)]:
-                    order_text = plain(", ".join(matched), 300)
+                    order_text = printable(", ".join(matched), 300)
                     notes.append(f"joints taken by name, in the order {order_text}")
                 return matched, notes
     return common, notes

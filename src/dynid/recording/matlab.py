@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, RecordError
+from dynid.core import Array, RecordError, printable
 from dynid.recording.content import Budget, all_bytes, refused
-from dynid.recording.table import RawTable, ReadOptions, plain
+from dynid.recording.table import RawTable, ReadOptions
 from dynid.recording.variables import numbers_of, table_of
 
 _HEADER = 128
@@ -64,7 +64,7 @@ def _parse(data: bytes, order: str) -> _Contents:
                 if kind != _MATRIX or size > len(element) - 8:
                     raise ValueError("no array, or one that is larger than its bytes")
                 for name, value in _read(data[:_HEADER] + element).items():
-                    _collect(value, plain(name, 80), contents, 0)
+                    _collect(value, printable(name, 80), contents, 0)
         except RecordError as error:
             contents.damaged.append(f"{error.what} ({error.value})")
     return contents
@@ -104,7 +104,7 @@ def _collect(value: Any, path: str, into: _Contents, depth: int) -> None:
         for number, element in enumerate(value.ravel(order="F")[:_MAX_ELEMENTS], 1):
             stem = path if value.size == 1 else f"{path}({number})"
             for name in fields:
-                _collect(element[name], f"{stem}.{plain(name, 80)}", into, depth + 1)
+                _collect(element[name], f"{stem}.{printable(name, 80)}", into, depth + 1)
     elif value.dtype == object:
         own = _Contents()
         for number, element in enumerate(value.ravel(order="F")[:_MAX_ELEMENTS], 1):

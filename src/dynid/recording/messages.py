@@ -21,12 +21,12 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from dynid.core import Array, RecordError, require
+from dynid.core import Array, RecordError, printable, require
 from dynid.recording.bagfiles import Catalog, Message, Topic
 from dynid.recording.columns import assign
 from dynid.recording.content import ZSTD_MAGIC, inflate
 from dynid.recording.headers import NotRecognised, match_headers
-from dynid.recording.table import TORQUE_SOURCES, RawTable, ReadOptions, plain
+from dynid.recording.table import TORQUE_SOURCES, RawTable, ReadOptions
 
 _LONGEST_DEFINITION = 1 << 18
 _MOST_KEPT = 200
@@ -338,7 +338,7 @@ def read_states(
         clock_columns=(),
         joint_names=table.joint_names or _joints_beside(first, names, found.columns["q"]),
         notices=(*catalog.findings, *table.notices),
-    ).note(f"topic {plain(chosen.name)} ({plain(chosen.kind)})")
+    ).note(f"topic {printable(chosen.name)} ({printable(chosen.kind)})")
     if damaged:
         table = table.report("corrupt_rows", f"{damaged} of {count} messages cannot be decoded")
     if other:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dynid.core import Array, Finding, RecordError
+from dynid.core import Array, Finding, RecordError, printable
 
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.int64]
@@ -18,12 +18,6 @@ ESSENTIAL = ("q", "qd", "current", "effort")
 TORQUE_SOURCES = ("current", "effort")
 ANGLES = ("q", "qd", "qdd", "target_q", "target_qd", "target_qdd")
 """Quantities measured in rad, rad/s, rad/s^2 on revolute joints."""
-
-
-def plain(text: str, width: int = 60) -> str:
-    """A name from a file, fit for one line of a message."""
-    clean = "".join(c if c.isprintable() else "?" for c in text)
-    return clean if len(clean) <= width else clean[: width - 3] + "..."
 
 
 def rows_with(cells: Mask) -> Mask:
@@ -129,7 +123,7 @@ class RawTable:
         """The name of a column, as the file has it."""
         names = self.labels.get(quantity, ())
         if joint < len(names):
-            return f"{quantity} of joint {joint + 1} ({plain(names[joint])})"
+            return f"{quantity} of joint {joint + 1} ({printable(names[joint])})"
         return f"{quantity} of joint {joint + 1}"
 
     def row(self, index: int) -> str:

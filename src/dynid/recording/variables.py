@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dynid.core import Array, RecordError
+from dynid.core import Array, RecordError, printable
 from dynid.recording.clocks import rises
 from dynid.recording.columns import select
 from dynid.recording.headers import match_headers
 from dynid.recording.names import parse_name, says_degrees
-from dynid.recording.table import ANGLES, RawTable, ReadOptions, plain
+from dynid.recording.table import ANGLES, RawTable, ReadOptions
 from dynid.recording.units import factor_of, refuse_unit
 
 SLICE = re.compile(r"(.+?)\[(?::\s*,)?\s*([\d:+]+)\s*\]")
@@ -70,7 +70,7 @@ def _guess_variables(
         raise RecordError(
             f"the variables cannot be recognised by their names: {error.what}"
             + (
-                f" ({plain(str(error.value), 200)})"
+                f" ({printable(str(error.value), 200)})"
                 if error.value and "no col" not in error.what
                 else ""
             ),

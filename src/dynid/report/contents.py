@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dynid.core import Array, Finding
+from dynid.core import Array, Finding, printable
 from dynid.diagnosis import Verdict
 from dynid.identification import Estimate, StandardParameters
 from dynid.reduction import BaseParametrization
@@ -131,9 +131,4 @@ def joint_labels(names: tuple[str, ...]) -> tuple[str, ...]:
     plain = [name.replace("_", " ").strip() for name in names]
     short = [name.removesuffix(" joint").removesuffix(" Joint") or name for name in plain]
     chosen = short if len(set(short)) == len(names) else plain
-    return tuple(_printable(name[:1].upper() + name[1:]) for name in chosen)
-
-
-def _printable(name: str, longest: int = 28) -> str:
-    name = "".join(c if c.isprintable() else "?" for c in name)
-    return name if len(name) <= longest else name[: longest - 1] + "\N{HORIZONTAL ELLIPSIS}"
+    return tuple(printable(name[:1].upper() + name[1:], 28) for name in chosen)

@@ -32,7 +32,7 @@ from dynid.robot.model import (
     unknown_limits,
     with_tool,
 )
-from dynid.robot.tables import read_limited, shown, shown_path
+from dynid.robot.tables import read_limited, shown_path
 from dynid.robot.transforms import (
     PARAMETERS,
     frame_map,
@@ -105,7 +105,6 @@ __all__ = [
     "robot_to_json",
     "robots",
     "rotation_z",
-    "shown",
     "shown_path",
     "structural_gravity",
     "tensor",

@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Indices, RobotError, frozen, require, scipy_part
-from dynid.robot.tables import shown
+from dynid.core import Array, Indices, RobotError, frozen, printable, require, scipy_part
 
 MOST_POINTS = 200
 _TURNS, _RINGS = 16, 9
@@ -129,11 +128,11 @@ def read_mesh(file: Path, scale: Array) -> Array:
         rows = [mesh.tri_indices(k) for k in range(mesh.num_tris)]
     except (RuntimeError, ValueError) as error:
         raise RobotError(
-            f"the mesh {shown(file.name)} cannot be read", value=shown(str(error), 60)
+            f"the mesh {printable(file.name)} cannot be read", value=printable(str(error), 60)
         ) from error
     if not rows or len(rows) > _MOST_TRIANGLES or not np.isfinite(corners).all():
         raise RobotError(
-            f"the mesh {shown(file.name)} has no triangles, too many, or corners that are not"
+            f"the mesh {printable(file.name)} has no triangles, too many, or corners that are not"
             " finite",
             value=len(rows),
             limit=f"1 to {_MOST_TRIANGLES}",

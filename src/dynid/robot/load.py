@@ -9,14 +9,14 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from dynid.core import Array, InputError, RobotError, like_named, plain
+from dynid.core import Array, InputError, RobotError, like_named, plain, printable
 from dynid.robot import library
 from dynid.robot.body import Body
 from dynid.robot.kinematics import with_mount
 from dynid.robot.model import Counterbalance, Drives, JointLimits, RobotModel, SafetyLimits
 from dynid.robot.robotfile import MAX_BYTES as MAX_TOML
 from dynid.robot.robotfile import robot_from_toml
-from dynid.robot.tables import is_there, read_limited, shown, shown_path
+from dynid.robot.tables import is_there, read_limited, shown_path
 from dynid.robot.urdf import MAX_BYTES as MAX_URDF
 from dynid.robot.urdf import robot_from_urdf
 from dynid.robot.urdf_bodies import with_collision_geometry
@@ -88,7 +88,7 @@ def _load(name_or_path: str | Path, collision: bool, mesh_dirs: Sequence[Path] =
         raise RobotError(
             "no such file" if looks_like_path else "neither a built-in robot nor a file",
             where="robot",
-            value=shown(text) or "nothing",
+            value=printable(text, 120) or "nothing",
             limit=f"{', '.join(names)}, or a URDF or robot file",
             next_step=like_named(path, *names),
         )

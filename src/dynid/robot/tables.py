@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from dynid.core import Array, InputError, RobotError
+from dynid.core import Array, InputError, RobotError, printable
 
 
 def read_limited(path: Path, limit: int) -> bytes:
@@ -50,18 +50,12 @@ def is_there(path: Path) -> bool:
         return False
 
 
-def shown(name: object, width: int = 120) -> str:
-    """Any name as one printable line of at most `width` characters."""
-    text = "".join(c if c.isprintable() else "?" for c in str(name))
-    return text if len(text) <= width else text[: width - 3] + "..."
-
-
 _PATH_WIDTH = 120
 
 
 def shown_path(path: Path) -> str:
     """A path as one printable line; where it is too long, its end."""
-    text = shown(path, 10_000)
+    text = printable(path, None)
     return text if len(text) <= _PATH_WIDTH else "..." + text[3 - _PATH_WIDTH :]
 
 
@@ -102,7 +96,7 @@ def parse_toml(data: bytes) -> dict[str, Any]:
             )
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
-        reason = "nested too deep" if isinstance(error, RecursionError) else shown(error)
+        reason = "nested too deep" if isinstance(error, RecursionError) else printable(error, 120)
         raise RobotError(f"not a TOML file ({reason})") from error
 
 
@@ -118,14 +112,16 @@ class TomlTable:
     def __init__(self, values: object, name: str, where: str, known: Sequence[str]) -> None:
         self.where = ": ".join(part for part in (where, name) if part)
         if not isinstance(values, dict):
-            raise RobotError("must be a table", where=self.where or None, value=shown(values))
+            raise RobotError(
+                "must be a table", where=self.where or None, value=printable(values, 120)
+            )
         self._values = cast("dict[str, Any]", values)
         sources = ["source", *(f"{key}_source" for key in known)]
         for key in self._values:
             if key not in known and key not in sources:
                 near = difflib.get_close_matches(key, known, n=1)
                 raise RobotError(
-                    f"unknown key '{shown(key, 60)}'",
+                    f"unknown key '{printable(key, 60)}'",
                     where=self.where or None,
                     limit=", ".join(known),
                     next_step=f"Did you mean {near[0]}?" if near else None,
@@ -202,13 +198,13 @@ class TomlTable:
         # An int may be too large for a float, but compares with one.
         if not -_LARGEST <= value <= _LARGEST:
             raise self._wrong(
-                key, "is out of range", shown(value), f"-{_LARGEST:g} to {_LARGEST:g}"
+                key, "is out of range", printable(value), f"-{_LARGEST:g} to {_LARGEST:g}"
             )
         return float(value)
 
     def _wrong(self, key: str, what: str, value: object, limit: object = None) -> RobotError:
         if not isinstance(value, int | float | str):
-            value = shown(value)
+            value = printable(value, 120)
         return RobotError(f"'{key}' {what}", where=self.where or None, value=value, limit=limit)
 
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.core import Array, RobotError
+from dynid.core import Array, RobotError, printable
 from dynid.robot.dh import robot_from_chain
 from dynid.robot.model import JointLimits, RobotModel
-from dynid.robot.tables import located, read_limited, shown, shown_path
+from dynid.robot.tables import located, read_limited, shown_path
 from dynid.robot.transforms import is_physical, joint_motion, move
 from dynid.robot.urdf_xml import MOVING, UrdfJoint, UrdfTree, parse_urdf
 
@@ -97,7 +97,7 @@ def _frozen(
     for joint in rest:
         if joint.mimic and joint.name not in asked and joint in path:
             notes.append(
-                f"joint {shown(joint.name)} mimics {shown(joint.mimic[0])} within the arm;"
+                f"joint {printable(joint.name)} mimics {printable(joint.mimic[0])} within the arm;"
                 f" it is frozen at {values[joint.name]:g}, which is only right if it is passive"
             )
     if rest:
@@ -161,9 +161,11 @@ class _Survey:
                 if len(mains) != 1 or self._independent[mains[0].name] < 2:
                     more = any(self._independent[j.name] > 3 for j in ways)
                     step = f"; to go on, name a tip: {self.tips()}" if more and not start else ""
-                    notes.append(f"the chain ends where it branches, at link {shown(link)}{step}")
+                    notes.append(
+                        f"the chain ends where it branches, at link {printable(link)}{step}"
+                    )
                     break
-                notes.append(f"mimicking branches at link {shown(link)} are not followed")
+                notes.append(f"mimicking branches at link {printable(link)} are not followed")
             if not mains:
                 break
             path.append(mains[0])
@@ -174,7 +176,7 @@ class _Survey:
         """The way from the root to a link."""
         if tip not in self._tree.links:
             near = difflib.get_close_matches(tip, self._tree.links, n=3)
-            step = f"Did you mean {' or '.join(shown(n) for n in near)}?" if near else None
+            step = f"Did you mean {' or '.join(printable(n) for n in near)}?" if near else None
             raise RobotError(
                 "no such tip link", where=where, value=tip, limit=self.tips(), next_step=step
             )
@@ -225,7 +227,7 @@ class _Survey:
 
 def _listed(names: list[str], most: int = 12) -> str:
     more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(shown(name, 60) for name in names[:most]) + more
+    return ", ".join(printable(name, 60) for name in names[:most]) + more
 
 
 MAX_BYTES = 20_000_000
@@ -288,7 +290,7 @@ def robot_from_urdf(
     placements = np.array([poses[joint.parent] @ joint.origin for joint in joints])
     with located(where):
         robot = robot_from_chain(
-            name=tree.name or shown(stem),
+            name=tree.name or printable(stem),
             joint_names=trunk.joints,
             joint_types=["prismatic" if j.kind == "prismatic" else "revolute" for j in joints],
             placements=placements,
@@ -335,8 +337,8 @@ def _merge(
             inertias[body] = np.nan_to_num(inertias[body]) + move(own, poses[link])
     for name, row in zip(trunk.joints, inertias, strict=True):
         if np.isnan(row).any():
-            notes.append(f"no inertia is given for the link moved by joint {shown(name)}")
+            notes.append(f"no inertia is given for the link moved by joint {printable(name)}")
         elif not is_physical(row):
-            link = f"the link moved by joint {shown(name)}"
+            link = f"the link moved by joint {printable(name)}"
             notes.append(f"the inertia of {link} is not physically consistent")
     return inertias

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.core import Array, MissingExtraError, RobotError
+from dynid.core import Array, MissingExtraError, RobotError, printable
 from dynid.robot.body import Body, around_triangles, box_points, cylinder_points, read_mesh
 from dynid.robot.model import RobotModel
-from dynid.robot.tables import read_limited, shown, shown_path
+from dynid.robot.tables import read_limited, shown_path
 from dynid.robot.urdf import MAX_BYTES, find_trunk, place_links
 from dynid.robot.urdf_xml import parse_root, parse_urdf, read_number, read_origin, read_vector
 
@@ -51,7 +51,7 @@ def with_collision_geometry(
         name = (link.get("name") or "").strip()
         shapes: list[Solid] = []
         for k, element in enumerate(link.iterfind("collision")):
-            at = f"link {shown(name, 40)}: collision {k + 1}"
+            at = f"link {printable(name, 40)}: collision {k + 1}"
             try:
                 placed = poses[name] @ read_origin(element, at)
                 shapes += [
@@ -59,12 +59,15 @@ def with_collision_geometry(
                     for points, radius in _shapes(element, at, folders, notes)
                 ]
             except MissingExtraError:
-                unread.append(shown(name, 40))
+                unread.append(printable(name, 40))
             except RobotError as error:
                 notes.append(f"{at} is not judged: {error.what}")
         found += [
             Body(
-                name=f"{shown(name, 40)} {k + 1}", link=carriers[name], points=points, radius=radius
+                name=f"{printable(name, 40)} {k + 1}",
+                link=carriers[name],
+                points=points,
+                radius=radius,
             )
             for k, (points, radius) in enumerate(shapes)
         ]
@@ -92,7 +95,7 @@ def _shapes(
         return [(box_points(np.array(sides) / 2), 0.0)]
     if shape.tag == "mesh":
         return _mesh(shape, where, folders, notes)
-    notes.append(f"{where} is not judged: no body for a {shown(shape.tag, 40)}")
+    notes.append(f"{where} is not judged: no body for a {printable(shape.tag, 40)}")
     return []
 
 
@@ -110,7 +113,7 @@ def _mesh(shape: ET.Element, where: str, folders: Sequence[Path], notes: list[st
         looked = ", ".join(dict.fromkeys(shown_path(one) for one in tries[:_NAMED]))
         unset = [key for key in _SEARCHED if not os.environ.get(key)]
         notes.append(
-            f"{where} is not judged: the mesh {shown(name)} was not found; looked for {looked}"
+            f"{where} is not judged: the mesh {printable(name)} was not found; looked for {looked}"
             f"{' ...' if len(tries) > _NAMED else ''}"
             f"{f' ({chr(32).join(unset)} not set)' if unset else ''}"
         )

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core import Array, RobotError
-from dynid.robot.tables import shown
+from dynid.core import Array, RobotError, printable
 from dynid.robot.transforms import from_body, from_xyz_rpy, move, translation
 
 _LARGEST = 1e6
@@ -142,7 +141,7 @@ def _root(links: dict[str, Array | None], joints: dict[str, UrdfJoint], where: s
         raise RobotError(
             "the links do not form one tree: there must be one link without a parent joint",
             where=where,
-            value=[shown(name, 40) for name in roots[:6]] or "none (a loop)",
+            value=[printable(name, 40) for name in roots[:6]] or "none (a loop)",
         )
     return roots[0]
 
@@ -166,14 +165,14 @@ def parse_urdf(data: bytes, where: str) -> UrdfTree:
     links: dict[str, Array | None] = {}
     for element in root.iterfind("link"):
         name = _name(element, where, links)
-        links[name] = _inertia(element, f"{where}: link {shown(name)}")
+        links[name] = _inertia(element, f"{where}: link {printable(name)}")
     joints: dict[str, UrdfJoint] = {}
     for element in root.iterfind("joint"):
         name = _name(element, where, joints)
-        joints[name] = _joint(element, name, f"{where}: joint {shown(name)}", links, notes)
+        joints[name] = _joint(element, name, f"{where}: joint {printable(name)}", links, notes)
     if not links:
         raise RobotError("the file has no links", where=where)
-    title = shown(root.get("name") or "", 80).strip()
+    title = printable(root.get("name") or "", 80).strip()
     top = _root(links, joints, where)
     tree = UrdfTree(name=title, root=top, links=links, joints=joints, notes=tuple(notes))
     # One root and one parent each: whatever is not reached from the root is a loop.
@@ -219,12 +218,12 @@ def parse_root(data: bytes, where: str) -> ET.Element:
     try:
         root = ET.fromstring(text, ET.XMLParser(target=_ShallowBuilder()))
     except (ET.ParseError, LookupError, ValueError, RecursionError) as error:
-        reason = shown(error)
+        reason = printable(error, 120)
         step = "Run: xacro FILE > FILE.urdf" if b"xacro:" in text else None
         raise RobotError(f"not well-formed XML ({reason})", where=where, next_step=step) from error
     if root.tag != "robot":
         raise RobotError(
-            "not a URDF: the outer element is not <robot>", where=where, value=shown(root.tag)
+            "not a URDF: the outer element is not <robot>", where=where, value=printable(root.tag)
         )
     return root
 
@@ -280,7 +279,7 @@ def _joint(
         if length < 1e-6:
             raise RobotError("the axis has no length", where=where, value=axis.tolist())
         if abs(length - 1) > 1e-3:
-            notes.append(f"joint {shown(name)}: axis of length {length:.4g} made a unit axis")
+            notes.append(f"joint {printable(name)}: axis of length {length:.4g} made a unit axis")
         axis = axis / length
     return UrdfJoint(
         name=name,
@@ -306,7 +305,7 @@ def _limits(
         raise RobotError("lower limit above the upper one", where=where, value=lower, limit=upper)
     if kind == "continuous" or (lower == 0 == upper):
         if kind != "continuous":
-            notes.append(f"joint {shown(name)}: limits 0 to 0 read as unknown")
+            notes.append(f"joint {printable(name)}: limits 0 to 0 read as unknown")
         lower = upper = nan
     speed = read_bound(found, "velocity", where)
     effort = read_bound(found, "effort", where)

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from dynid.constraints import DISTANCES, HALF_SPACE, RATIOS, Worst, prior_dynamics
-from dynid.core import Array, Indices, InputError
+from dynid.core import Array, Indices, InputError, printable
 from dynid.export import roll_pitch_yaw
 from dynid.recording import ExperimentRecord
 from dynid.report import ReportedEstimate
 from dynid.robot import RobotModel
 from dynid.studio.live import Instant, Tail
-from dynid.studio.opening import PlayedRecord, PlayedTrajectory, plain
+from dynid.studio.opening import PlayedRecord, PlayedTrajectory
 from dynid.studio.scene_editing import SceneEditor
 from dynid.studio.session import Session
 from dynid.studio.solids import LinkMesh, arm_meshes, reach, shaded, shape_mesh
@@ -65,7 +65,7 @@ def robot(model: RobotModel, meshes: tuple[LinkMesh, ...]) -> dict[str, Any]:
     # Of what is drawn of joints without limits.
     widest = np.where(model.prismatic, 2.0, 2 * np.pi)
     return {
-        "name": plain(model.name),
+        "name": printable(model.name),
         "joints": [_title(name) for name in model.joint_names],
         "prismatic": [bool(slides) for slides in model.prismatic],
         "lower": np.where(np.isfinite(low), low, -widest).tolist(),
@@ -83,7 +83,7 @@ def robot(model: RobotModel, meshes: tuple[LinkMesh, ...]) -> dict[str, Any]:
 
 def _mesh(item: LinkMesh) -> dict[str, Any]:
     return {
-        "name": plain(item.name),
+        "name": printable(item.name),
         "link": item.link,
         "corners": encoded(shaded(item.vertices, item.faces, smooth=item.smooth)),
     }
@@ -99,7 +99,7 @@ def scene_shapes(editor: SceneEditor) -> dict[str, Any]:
             {
                 "number": number,
                 "kind": item["type"],
-                "label": plain(editor.label(number), 40),
+                "label": printable(editor.label(number), 40),
                 "position": np.round(held[:3, 3], 4).tolist(),
                 "rpy_deg": np.round(np.degrees(roll_pitch_yaw(held[:3, :3])), 2).tolist(),
                 "sizes": editor.sizes(number),
@@ -117,7 +117,7 @@ def instant_facts(now: Instant) -> dict[str, Any]:
         "margins": margins(now.worst),
         "near": [
             {
-                "names": plain(item.names),
+                "names": printable(item.names),
                 "distance_mm": 1000 * item.distance,
                 "too_near": item.distance < item.clearance,
                 "start": item.start.tolist(),
@@ -150,7 +150,7 @@ def margins(worst: Mapping[str, Worst]) -> list[dict[str, Any]]:
                 "kind": kind,
                 "name": name,
                 "unit": unit,
-                "what": plain(item.what.replace("_joint", "").replace("_", " "), 44),
+                "what": printable(item.what.replace("_joint", "").replace("_", " "), 44),
                 "used": min(used, 9.99),
                 "allowed": allowed,
                 "value": _finite(scale * abs(item.value)),
@@ -176,10 +176,10 @@ def verdict(session: Session) -> dict[str, Any] | None:
         words, level = f"{words}, as the scene was before", "warn"
     return {
         "level": level,
-        "words": plain(words, 300),
+        "words": printable(words, 300),
         "margins": margins(made.worst),
-        "unjudged": [plain(f"{one.message}. {one.next_step}", 300) for one in made.unjudged],
-        "notes": [plain(note, 300) for note in made.notes],
+        "unjudged": [printable(f"{one.message}. {one.next_step}", 300) for one in made.unjudged],
+        "notes": [printable(note, 300) for note in made.notes],
     }
 
 
@@ -264,7 +264,7 @@ def _group(kind: str, slides: bool, name: str, values: Array) -> dict[str, Any]:
 
 def _title(name: str) -> str:
     """A joint's name as people read it."""
-    words = plain(name.removesuffix("_joint").replace("_", " "), 24)
+    words = printable(name.removesuffix("_joint").replace("_", " "), 24)
     return words[:1].upper() + words[1:]
 
 
@@ -285,14 +285,14 @@ def _facts(item: ReportedEstimate) -> dict[str, Any]:
     estimate = item.estimate
     names = estimate.model.robot.joint_names
     found: dict[str, Any] = {
-        "name": plain(item.name, 120),
+        "name": printable(item.name, 120),
         "level": {"usable": "good", "do_not_use": "bad"}.get(item.level, "warn"),
-        "headline": plain(item.headline, 300),
-        "warnings": [plain(str(warning), 300) for warning in item.warnings[:6]],
+        "headline": printable(item.headline, 300),
+        "warnings": [printable(str(warning), 300) for warning in item.warnings[:6]],
         "parameters": [
             {
-                "name": plain(estimate.names[k]),
-                "expression": plain(estimate.expressions[k], 160),
+                "name": printable(estimate.names[k]),
+                "expression": printable(estimate.expressions[k], 160),
                 "unit": estimate.units[k],
                 "value": _finite(estimate.values[k]),
                 "interval": _finite(CONFIDENCE * estimate.std[k]),
@@ -305,11 +305,11 @@ def _facts(item: ReportedEstimate) -> dict[str, Any]:
     if shown is None:
         return found
     own = item.validation is None
-    found["record"] = plain(item.training_name if own else item.validation_name, 120)
+    found["record"] = printable(item.training_name if own else item.validation_name, 120)
     error = np.sqrt(np.mean((shown.measured - shown.predicted) ** 2, axis=0))
     size = np.sqrt(np.mean(shown.measured**2, axis=0))
     found["joints"] = [
-        {"name": plain(name), "error": _finite(error[j]), "torque": _finite(size[j])}
+        {"name": printable(name), "error": _finite(error[j]), "torque": _finite(size[j])}
         for j, name in enumerate(names)
     ]
     found["basis"] = "the recording it was made from" if own else "another recording"

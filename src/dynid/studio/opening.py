@@ -7,19 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, DynidError, InputError, load_object
+from dynid.core import Array, DynidError, InputError, load_object, printable
 from dynid.identification import FORMAT
 from dynid.recording import ExperimentRecord, read_record
 from dynid.robot import RobotModel, load_robot
 from dynid.trajectory import Trajectory
 from dynid.workflow import DesignLimits, read_design
-
-
-def plain(text: object, longest: int = 60) -> str:
-    """Any text as one printable line that is not too long."""
-    line = "".join(c if c.isprintable() else "?" for c in str(text))
-    return line if len(line) <= longest else line[: longest - 1] + "\N{HORIZONTAL ELLIPSIS}"
-
 
 REST = "nothing moves"
 """Name of the motion that is none."""
@@ -169,7 +162,7 @@ def open_motion(path: Path, robot: str | None = None) -> OpenMotion:
     Raises:
         InputError: It is neither.
     """
-    name = plain(path.name, _LONGEST)
+    name = printable(path.name, _LONGEST)
     if path.suffix.lower() == ".parquet":
         record = read_record(path)
         return OpenMotion(

@@ -11,7 +11,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from dynid.core import DynidError, InputError, JobError, JsonFields
+from dynid.core import DynidError, InputError, JobError, JsonFields, printable
 from dynid.excitation import CRITERIA
 from dynid.export import roll_pitch_yaw
 from dynid.robot import from_xyz_rpy
@@ -151,8 +151,8 @@ class Page:
             editor = session.editor
             return {
                 "opened": self._opening,
-                "robot": facts.plain(session.robot.name),
-                "folder": facts.plain(session.folder.resolve().name),
+                "robot": printable(session.robot.name),
+                "folder": printable(session.folder.resolve().name),
                 "motions": [
                     {"name": name, "design": item.design, "duration": item.motion.duration}
                     for name, item in session.motions.items()
@@ -346,7 +346,7 @@ class Page:
             raise InputError("choose an estimate and a format", value=to, limit=", ".join(EXPORTS))
         name = free_name(session.folder, f"{path.stem}{EXPORTS[to]}")
         made = export_file(path, to, session.folder / name)
-        notes = [facts.plain(str(item), 300) for item in made.to_json()["warnings"]]
+        notes = [printable(str(item), 300) for item in made.to_json()["warnings"]]
         return {"words": ". ".join([f"written: {name}", *notes])}
 
     def _follow(self, job: Supervisor, state: JobState, clock: float) -> None:
@@ -385,11 +385,11 @@ class Page:
         return {
             "id": job.pid,
             "kind": job.job.kind,
-            "source": facts.plain(Path(job.job.source).name, 120),
-            "made": facts.plain(Path(job.job.output).name, 120),
-            "target": facts.plain(job.job.target),
+            "source": printable(Path(job.job.source).name, 120),
+            "made": printable(Path(job.job.output).name, 120),
+            "target": printable(job.job.target),
             "repeat": job.job.options.get("repeat", 1),
-            "what": facts.plain(state.what, 200),
+            "what": printable(state.what, 200),
             "share": state.share,
             "ask": state.ask,
             "word": state.word,

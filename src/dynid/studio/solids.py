@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dynid.constraints import BOX, CYLINDER, HALF_SPACE, SPHERE, Shape, body_of
-from dynid.core import Array, DynidError, Indices, scipy_part
+from dynid.core import Array, DynidError, Indices, printable, scipy_part
 from dynid.robot import (
     MAX_BYTES,
     Body,
@@ -26,7 +26,6 @@ from dynid.robot import (
     read_number,
     read_origin,
     read_vector,
-    shown,
     shown_path,
 )
 
@@ -220,7 +219,7 @@ def _visual_meshes(robot: RobotModel, path: Path, notes: list[str]) -> Iterator[
             if triangles is not None:
                 pose = poses[name] @ read_origin(element, where)
                 yield LinkMesh(
-                    name=shown(name, 40),
+                    name=printable(name, 40),
                     link=carriers[name],
                     vertices=triangles[0] @ pose[:3, :3].T + pose[:3, 3],
                     faces=triangles[1],
@@ -244,7 +243,7 @@ def _triangles(element: ET.Element, where: str, folder: Path, notes: list[str]) 
     name = (shape.get("filename") or "").strip()
     file = next((one for one in mesh_places(name, (folder,)) if one.is_file()), None)
     if file is None or file.stat().st_size > MAX_MESH:
-        notes.append(f"the mesh {shown(name)} was not found, or is too large: not drawn")
+        notes.append(f"the mesh {printable(name)} was not found, or is too large: not drawn")
         return None
     scale = np.array(read_vector(shape, "scale", where)) if shape.get("scale") else np.ones(3)
     try:

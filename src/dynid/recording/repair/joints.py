@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynid.core import Array, RecordError
+from dynid.core import Array, RecordError, printable
 from dynid.recording.headers import spelled
 from dynid.recording.names import UR_JOINTS, places_of, plainly
-from dynid.recording.table import ANGLES, Mask, RawTable, plain
+from dynid.recording.table import ANGLES, Mask, RawTable
 from dynid.robot import RobotModel
 
 
@@ -50,7 +50,7 @@ def settle_joints(
         raise RecordError(
             f"the recording has {joints} joints but {robot.name} has {robot.joints}",
             where=table.source,
-            value=plain(", ".join(table.joint_names), 200) or None,
+            value=printable(", ".join(table.joint_names), 200) or None,
             next_step=_first_columns(table, robot.joints)
             if joints > robot.joints
             else "Give the robot that was recorded, or a robot file that locks the other joints.",
@@ -79,7 +79,7 @@ def _permutation(
         limit=(
             f"a permutation of 0 to {joints - 1}"
             + (f", or of {', '.join(robot.joint_names)}" if robot else "")
-            + (f", or of {plain(', '.join(own), 200)}" if own else "")
+            + (f", or of {printable(', '.join(own), 200)}" if own else "")
         ),
     )
 
@@ -93,8 +93,8 @@ def _by_name(table: RawTable, robot: RobotModel) -> RawTable:
     ordered = _reorder(table, known) if known else table
     return ordered.report(
         "unit_suspect",
-        f"the joints are called {plain(', '.join(table.joint_names), 200)} and not "
-        f"{plain(', '.join(robot.joint_names), 200)}; they are taken "
+        f"the joints are called {printable(', '.join(table.joint_names), 200)} and not "
+        f"{printable(', '.join(robot.joint_names), 200)}; they are taken "
         + ("by their own names or numbers" if known else "in this order")
         + ": check it, or give --joint-order",
     )
@@ -116,7 +116,7 @@ def _without_others(table: RawTable, robot: RobotModel) -> RawTable:
         return table
     others = [name for k, name in enumerate(table.joint_names) if k not in place]
     table = _reorder(table, place)
-    return table.note(f"left out, as no joints of the robot: {plain(', '.join(others), 200)}")
+    return table.note(f"left out, as no joints of the robot: {printable(', '.join(others), 200)}")
 
 
 def _first_columns(table: RawTable, joints: int) -> str:
@@ -124,7 +124,7 @@ def _first_columns(table: RawTable, joints: int) -> str:
     if table.joint_names:
         return (
             f"Name the {joints} joints of the robot, base to tip, with --joint-order, for example "
-            f"--joint-order {plain(','.join(table.joint_names[:joints]), 300)}"
+            f"--joint-order {printable(','.join(table.joint_names[:joints]), 300)}"
         )
     if not table.columns:
         return "Choose the columns with --columns, or lock the robot's other joints."
