@@ -104,7 +104,8 @@ def recorded(record: dynid.ExperimentRecord) -> dict[str, Any]:
 
 def run_of(run: dynid.Run) -> dict[str, Any]:
     assert run.record is not None
-    return recorded(dynid.read_record(run.record))
+    record = dynid.read_record(run.record)
+    return {**recorded(record), "design": record.metadata.extra["design_sha256"]}
 
 
 def design_of(found: dynid.ExcitationDesign) -> dict[str, Any]:
