@@ -1,7 +1,13 @@
 """Motions of the arm: generators that give one set point a control cycle.
 
 Moves of the tool (straight lines, arcs, tool speeds) are solved for the joints cycle by cycle.
-Functions that scripts call have the parameters of the script manual.
+Functions that scripts call have the parameters of the script manual:
+
+- a goal is joint positions (6) [rad], or a pose x, y, z, rx, ry, rz [m, rad];
+- `a` and `v` are acceleration and speed of the joint with the longest way [rad/s^2, rad/s], or of
+  the tool [m/s^2, m/s; rad/s^2, rad/s where it only turns];
+- `t` is, if positive, how long it takes, in moves in place of the two [s];
+- `r` is the blend radius [m].
 """
 
 import math
@@ -29,14 +35,6 @@ def move_joints(
     core: Core, q: Value, a: Value = 1.4, v: Value = 1.05, t: Value = 0, r: Value = 0
 ) -> Motion:
     """`movej`: all joints start and end together, the one with the longest way sets the pace.
-
-    Args:
-        core: The controller.
-        q: Joint positions (6) [rad], or a pose, reached by inverse kinematics.
-        a: Acceleration [rad/s^2].
-        v: Speed [rad/s].
-        t: If positive, how long it takes, in place of the two [s].
-        r: Blend radius [m].
 
     Raises:
         InputError: Numbers that make no move.
@@ -68,14 +66,6 @@ def move_tool(
     core: Core, pose: Value, a: Value = 1.2, v: Value = 0.25, t: Value = 0, r: Value = 0
 ) -> Motion:
     """`movel`: the tool moves on a straight line and turns evenly.
-
-    Args:
-        core: The controller.
-        pose: A pose, or joint positions (6) [rad].
-        a: Tool acceleration [m/s^2]; of the turn [rad/s^2] where the tool only turns.
-        v: Tool speed [m/s]; [rad/s] where the tool only turns.
-        t: If positive, how long it takes, in place of the two [s].
-        r: Blend radius [m].
 
     Raises:
         InputError: Numbers that make no move.
@@ -110,16 +100,9 @@ def move_circle(
     r: Value = 0,
     mode: Value = 0,
 ) -> Motion:
-    """`movec`: along the arc from where the tool is, through a point, to a pose.
+    """`movec`: along the arc from where the tool is, through a point, to a goal.
 
-    Args:
-        core: The controller.
-        pose_via: A pose, of which the position counts, or joint positions (6) [rad].
-        pose_to: A pose, or joint positions (6) [rad].
-        a: Tool acceleration [m/s^2].
-        v: Tool speed [m/s].
-        r: Blend radius [m].
-        mode: 1: the tool turns with the arc; else it turns evenly to the goal's orientation.
+    With `mode` 1 the tool turns with the arc; else it turns evenly to the goal's orientation.
 
     Raises:
         InputError: Numbers that make no arc.
@@ -275,14 +258,10 @@ def stop_tool(core: Core, a: Value, aRot: Value = 0) -> Motion:
 
 
 def speed_joints(core: Core, qd: Value, a: Value = 1.4, t: Value = 0) -> Motion:
-    """`speedj`: speed up to joint speeds and keep them.
+    """`speedj`: speed up to joint speeds (6) [rad/s] and keep them; without `t` until then.
 
-    Args:
-        core: The controller.
-        qd: (6) speeds [rad/s].
-        a: Acceleration of the joint that changes most [rad/s^2]; with none and a time the arm
-            keeps its speeds, as in the constant parts of the splines of UR's drivers.
-        t: How long; without it, until the speeds are reached [s].
+    `a` is that of the joint that changes most; with none and a time the arm keeps its speeds, as
+    in the constant parts of the splines of UR's drivers.
 
     Raises:
         InputError: Numbers that make no motion.
@@ -308,14 +287,9 @@ def speed_joints(core: Core, qd: Value, a: Value = 1.4, t: Value = 0) -> Motion:
 
 
 def speed_tool(core: Core, xd: Value, a: Value = 1.2, t: Value = 0, aRot: Value = 0) -> Motion:
-    """`speedl`: the tool speeds up to a velocity and keeps it.
+    """`speedl`: the tool speeds up to a velocity and keeps it; without `t` until then.
 
-    Args:
-        core: The controller.
-        xd: (6) linear [m/s] and angular [rad/s] velocity in the base frame.
-        a: Acceleration [m/s^2].
-        t: How long; without it, until the velocity is reached [s].
-        aRot: Not used.
+    `xd` is linear [m/s] and angular [rad/s] velocity (6) in the base frame; `aRot` is not used.
 
     Raises:
         ScriptFault: Not six numbers.
@@ -348,18 +322,10 @@ def servo_joints(
     lookahead_time: Value = 0.1,
     gain: Value = 300,
 ) -> Motion:
-    """`servoj`: a set point now, reached on a straight line in the given time.
+    """`servoj`: a set point (6) [rad] now, reached on a straight line in the given time.
 
-    The speed slider does not act on it.
-
-    Args:
-        core: The controller.
-        q: (6) set point [rad].
-        a: Not used.
-        v: Not used.
-        t: How long the call lasts [s].
-        lookahead_time: Delay from set point to target [s].
-        gain: Stiffness of the position loop.
+    The speed slider does not act on it; `a` and `v` are not used. `lookahead_time` is the delay
+    from set point to target [s], `gain` the stiffness of the position loop.
 
     Raises:
         InputError: A lookahead or gain that `servoj` does not take.
@@ -379,12 +345,7 @@ def servo_joints(
 def servo_tool(core: Core, pose: Value, a: Value = 1.2, v: Value = 0.25, r: Value = 0) -> Motion:
     """`servoc`: one cycle towards a pose, no faster than asked and able to stop at it.
 
-    Args:
-        core: The controller.
-        pose: The pose.
-        a: Tool acceleration [m/s^2].
-        v: Tool speed [m/s].
-        r: Not used.
+    `r` is not used.
 
     Raises:
         ScriptFault: Not six numbers.
