@@ -40,12 +40,12 @@ def test_programs_do_not_depend_on_how_the_text_is_cut(cuts):
     assert pool.taken == 0
 
 
-def test_an_open_block_waits_and_the_end_of_the_connection_ends_a_line():
+def test_an_open_block_waits_for_its_end():
     reader = ScriptReader(Pool())
     assert reader.feed(b"def f():\n x = 1\n") == []
     assert reader.feed(b"en") == []
     assert reader.feed(b"d") == []
-    assert reader.finish() == ["def f():\n x = 1\nend\n"]
+    assert reader.feed(b"\n") == ["def f():\n x = 1\nend\n"]
 
 
 def test_a_string_ends_with_its_line():

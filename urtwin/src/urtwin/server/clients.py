@@ -103,10 +103,6 @@ class ScriptReader:
         """Whether there is code that is no whole program yet."""
         return _CODE.search(self._text) is not None
 
-    def finish(self) -> list[str]:
-        """The client has left: what it sent last needs no line end."""
-        return self.feed(b"\n")
-
     def close(self) -> None:
         """Give the memory back."""
         self._pool.take(-len(self._text))
@@ -127,16 +123,13 @@ class Client(ABC):
 
     read_size = 1024
     """Bytes taken at once: little, so that no client delays a cycle."""
+    greeting = b""
+    """What it reads first."""
 
     def __init__(self, connection: Connection) -> None:
         self.connection, self.port = connection, connection.port
         self.regret = ""
         """What went wrong for it though nobody sent it away."""
-
-    @property
-    def greeting(self) -> bytes:
-        """What it reads first."""
-        return b""
 
     def readable(self) -> None:
         """The socket has something."""
@@ -191,28 +184,33 @@ class RtdeClient(Client):
         self.session.close()
 
 
-class DashboardClient(Client):
-    """A client of port 29999."""
-
-    def __init__(self, connection: Connection, session: DashboardSession) -> None:
-        super().__init__(connection)
-        self.session = session
-
-    @property
-    def greeting(self) -> bytes:
-        """The line that ur_rtde waits for."""
-        return self.in_words(dashboard.GREETING)
-
-    def take(self, data: bytes) -> None:
-        """Answer each line."""
-        for reply in self.session.receive(data):
-            self.connection.send(self.in_words(reply))
-        if self.session.over:
-            self.connection.lost = self.connection.lost or "the client said goodbye"
+class LineClient(Client):
+    """A client that speaks in lines."""
 
     def in_words(self, words: str) -> bytes:
         """A line."""
         return words.encode() + b"\n"
+
+    def answer(self, words: str) -> None:
+        """Send a line."""
+        self.connection.send(self.in_words(words))
+
+
+class DashboardClient(LineClient):
+    """A client of port 29999; ur_rtde waits for the greeting."""
+
+    greeting = dashboard.GREETING.encode() + b"\n"
+
+    def __init__(self, connection: Connection, session: DashboardSession) -> None:
+        super().__init__(connection)
+        self._session = session
+
+    def take(self, data: bytes) -> None:
+        """Answer each line."""
+        for reply in self._session.receive(data):
+            self.answer(reply)
+        if self._session.over:
+            self.connection.lost = self.connection.lost or "the client said goodbye"
 
 
 class WatchingClient(Client):
@@ -243,8 +241,9 @@ class ScriptClient(WatchingClient):
         """The socket has something; what was sent before the end of the connection counts."""
         super().readable()
         if self.connection.lost == LEFT:
+            # What it sent last needs no line end.
             try:
-                self._run(self._reader.finish())
+                self.take(b"\n")
             except DynidError as error:
                 self.regret = str(error)
         if self.connection.gone and self._reader.unfinished:
@@ -254,15 +253,12 @@ class ScriptClient(WatchingClient):
 
     def take(self, data: bytes) -> None:
         """Collect text, and run what is whole."""
-        self._run(self._reader.feed(data))
+        for program in self._reader.feed(data):
+            self._submit(program)
 
     def left(self) -> None:
         """Give the memory of an unfinished program back."""
         self._reader.close()
-
-    def _run(self, programs: list[str]) -> None:
-        for program in programs:
-            self._submit(program)
 
 
 class LeavingClient(Client):
@@ -286,7 +282,7 @@ LONGEST_LINE = 65_536
 """The longest line taken [bytes]."""
 
 
-class InterpreterClient(Client):
+class InterpreterClient(LineClient):
     """A client of port 30020."""
 
     def __init__(self, connection: Connection, interpreter: Interpreter) -> None:
@@ -302,11 +298,4 @@ class InterpreterClient(Client):
         for line in lines:
             text = line.decode(errors="replace").strip()
             if text:
-                self._interpreter.receive(text, self._answer)
-
-    def in_words(self, words: str) -> bytes:
-        """A line."""
-        return words.encode() + b"\n"
-
-    def _answer(self, words: str) -> None:
-        self.connection.send(self.in_words(words))
+                self._interpreter.receive(text, self.answer)
