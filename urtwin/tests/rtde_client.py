@@ -3,6 +3,8 @@
 import socket
 import time
 
+import numpy as np
+
 from dynid.protocol import Framer, Kind, Recipe, rtde
 
 TIMEOUT_S = 20.0
@@ -75,7 +77,12 @@ class RtdeClient:
         return self.recipe.unpack(self.reply(Kind.DATA_PACKAGE))
 
     def rows(self, count):
-        return self.recipe.table([self.reply(Kind.DATA_PACKAGE) for _ in range(count)])
+        """So many packages as a table, an entry for each variable."""
+        layout = [
+            (name, kind.code, (kind.count,) if kind.count > 1 else ())
+            for name, kind in zip(self.recipe.names, self.recipe.types, strict=True)
+        ]
+        return np.array([tuple(self.row().values()) for _ in range(count)], dtype=layout)
 
     def until(self, condition, cycles=20_000):
         """The first row for which a condition holds; rows are counted, not seconds."""
