@@ -172,6 +172,41 @@ def test_each_column_keeps_its_unit_where_they_are_put_in_order(
     check(path, columns=columns)
 
 
+def test_units_behind_joint_names_without_a_robot(tmp_path: Path) -> None:
+    t, q, _, effort = truth()
+    names = ["t", *named("position[{}] [deg]", "effort[{}] [mNm]", joints=UR_JOINTS)]
+    record = read_recording(write(tmp_path / "x.csv", names, t, np.degrees(q), effort * 1e3))
+    assert record.problems == ()
+    np.testing.assert_allclose(record.signals["q"], q, atol=1e-9)
+    np.testing.assert_allclose(record.signals["effort"], effort, atol=1e-6)
+
+
+@pytest.mark.parametrize("named_ones", ["position", "effort"])
+@pytest.mark.parametrize("columns", [None, "t=0,q=1:7,effort=7:13"])
+def test_numbers_beside_names_in_another_order_are_refused(
+    tmp_path: Path, named_ones: str, columns: str | None
+) -> None:
+    """Nobody can tell whether the numbers count from the base, or as the names stand."""
+    t, q, _, effort = truth()
+    for joints, order in ((UR_JOINTS, list(SIX)), (ALPHABETICAL, BY_LETTER)):
+        labels = {
+            what: named(f"{what}[{{}}]", joints=joints if what == named_ones else SIX)
+            for what in ("position", "effort")
+        }
+        values = {"position": q, "effort": effort}
+        values[named_ones] = values[named_ones][:, order]
+        names = ["t", *labels["position"], *labels["effort"]]
+        path = write(tmp_path / "x.csv", names, t, values["position"], values["effort"])
+        if joints is UR_JOINTS:
+            check(path, columns=columns)
+            continue
+        with pytest.raises(RecordError, match=r"names its joints and .* only numbers"):
+            read_recording(path, robot=load_robot("ur5"), columns=columns)
+    back = "+".join(str(1 + 6 * (named_ones == "effort") + BY_LETTER.index(k)) for k in SIX)
+    one, two = (back, "7:13") if named_ones == "position" else ("1:7", back)
+    check(path, columns=f"t=0,q={one},effort={two}")
+
+
 def test_two_topics(tmp_path: Path) -> None:
     t, q, qd, effort = truth()
     names, columns = ["__time"], [t]

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from dynid.core import Finding, RecordError, printable
 from dynid.recording.clocks import Clock
-from dynid.recording.headers import Family, Match, match_headers
+from dynid.recording.headers import Family, Match, match_headers, require_one_order
 from dynid.recording.names import parse_name
 from dynid.recording.record import JOINT_QUANTITIES
 from dynid.recording.units import factors_of
@@ -149,6 +149,8 @@ def assign(
         return Match(columns=mapping, clocks=clocks)
     named = {q: _joints_of([names[k] for k in cols], joints) for q, cols in mapping.items()}
     own = named.get("q", ())
+    for quantity, numbers in mapping.items():
+        require_one_order(quantity, numbers, named[quantity], own, joints, where)
     if own:
         # Each quantity in the joint order of q, where both tell their joints.
         mapping |= {

@@ -305,6 +305,7 @@ def match_headers(names: Sequence[str], where: str, joints: Sequence[str] = ()) 
                     notes.append(f"{quantity} is left out: its joints are not those of q")
                     continue
                 found = [found[named.index(joint)] for joint in joint_names]
+            require_one_order(quantity, found, named, joint_names, joints, where)
             units = [family.unit_of(column) for column in found]
             known, at = factors_of(quantity, units)
             if at is not None:
@@ -338,6 +339,42 @@ def match_headers(names: Sequence[str], where: str, joints: Sequence[str] = ()) 
         said=frozenset(said),
         joint_names=joint_names,
         notes=tuple(notes),
+    )
+
+
+def require_one_order(
+    quantity: str,
+    columns: Sequence[int],
+    named: tuple[str, ...],
+    of_q: tuple[str, ...],
+    robot: Sequence[str],
+    where: str,
+) -> None:
+    """Refuse numbers beside joint names that do not stand in the robot's order.
+
+    Numbers may count from the base, or in the order of the names: nobody can tell which.
+
+    Args:
+        quantity: The quantity.
+        columns: Its columns.
+        named: Its joint names in the columns' order, or none.
+        of_q: Those of the positions.
+        robot: The robot's joint names; empty if it is not known.
+        where: The file, for messages.
+
+    Raises:
+        RecordError: Only one of the quantity and the positions names its joints, in another order.
+    """
+    base = tuple(parse_name(joint, robot).joint for joint in robot)
+    if len(columns) < 2 or bool(named) == bool(of_q) or (named or of_q) == base:
+        return
+    told = ("q", quantity) if of_q else (quantity, "q")
+    raise RecordError(
+        f"{told[0]} names its joints and {told[1]} only numbers them",
+        where=where,
+        value=plain(", ".join(named or of_q), 200),
+        next_step=f"List the columns of {told[0]} base to tip with --columns and --robot, "
+        "for example q=3+2+1+4+5+6.",
     )
 
 

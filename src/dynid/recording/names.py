@@ -230,7 +230,7 @@ def parse_name(text: str, joints: Sequence[str] = ()) -> Name:
     joint = ""
     if index is None and inside:
         # `position[elbow_joint]`; it is a unit after all where all columns have the same.
-        joint, unit = _joined(inside), inside
+        joint, unit = _joined(inside), unit or inside
     elif index is not None:
         unit = unit or inside
     elif parts and not set(_joined(parts[-1]).split("_")) <= _NO_JOINT:
