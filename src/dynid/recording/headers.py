@@ -372,7 +372,7 @@ def require_one_order(
     raise RecordError(
         f"{told[0]} names its joints and {told[1]} only numbers them",
         where=where,
-        value=plain(", ".join(named or of_q), 200),
+        value=printable(", ".join(named or of_q), 200),
         next_step=f"List the columns of {told[0]} base to tip with --columns and --robot, "
         "for example q=3+2+1+4+5+6.",
     )
