@@ -18,10 +18,22 @@ PLANTED = (
     ("sliding", "fourier", 1000.0, 15.0, 767711293, "contact", "medium"),
     # Of its ten sizes the centre is sure, the mass is not.
     ("heavy", "fourier", 125.0, 20.0, 957102595, "payload", "large"),
+    # The information is in few stretches: fits without one of them still agree on it.
+    ("ur10e", "teach", 250.0, 15.0, 954789563, "gain", "medium"),
+    # What a joint leaves swings with its fault, which must not hide it.
+    ("ur5", "teach", 125.0, 20.0, 503451217, "spring", "large"),
+    # As likely as a delay of all joints: the second of the two names.
+    ("heavy", "teach", 500.0, 15.0, 212820168, "joint_delay", "large"),
+    # Friction that drives.
+    ("ur5", "teach", 100.0, 20.0, 761903882, "reversed", "large"),
+    # Accelerations from noisy positions beside torques without any.
+    ("seven", "waypoints", 125.0, 20.0, 413048803, "commanded", "large"),
     # Two thirds of all torques: no payload, which would leave the last link a negative mass.
     ("sliding", "fourier", 125.0, 20.0, 911654613, "gains", "large"),
 )
 SLOW = (
+    # What stops at a limit is no contact.
+    ("ur3", "waypoints", 125.0, 120.0, 450961392, "saturated", "large"),
     ("ur5", "fourier", 1000.0, 15.0, 523289140, "gain", "large"),
     ("ur5", "fourier", 125.0, 20.0, 317888587, "payload", "medium"),
 )

@@ -142,8 +142,10 @@ def recorded(case: Case) -> Recorded:
         down = np.array([np.sin(lean) * np.cos(way), np.sin(lean) * np.sin(way), -np.cos(lean)])
         built = replace(told, gravity=float(np.linalg.norm(told.gravity)) * down)
     elif case.fault == "length":
-        longest = [j for j in range(1, n) if np.linalg.norm(told.placements[j, :3, 3]) > 0.05]
-        joint = int(draw.choice(longest))
+        # Along the first axis, which is vertical, an arm may begin anywhere.
+        across = [np.linalg.norm(np.cross(told.placements[1, :3, 3], told.axes[0]))]
+        lengths = across + [np.linalg.norm(x) for x in told.placements[2:, :3, 3]]
+        joint = int(draw.choice([j for j, x in enumerate(lengths, start=1) if x > 0.05]))
         placements = told.placements.copy()
         arrow = placements[joint, :3, 3]
         placements[joint, :3, 3] += size * arrow / np.linalg.norm(arrow)
@@ -322,7 +324,8 @@ def run_verdicts(
                     cpu_s=process_time() - start)
             )  # fmt: skip
             continue
-        told = [f for f in judged.findings if f.severity != "info" or f.kind == case.fault]
+        kinds = SAME.get(case.fault or "", (case.fault,))
+        told = [f for f in judged.findings if f.severity != "info" or f.kind in kinds]
         rows.append(
             Row(
                 case=case,

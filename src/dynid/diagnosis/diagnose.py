@@ -1,6 +1,7 @@
 """Findings about the recordings of an identification, strongest first."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,7 +20,9 @@ LEAST_RIPPLE = 0.005
 NO_FRICTION = (0.03, 0.4)
 """Braking torque over the torque limit, and over the torque, that hardly any gear stays below."""
 NO_NOISE = 2e-4
-"""Noise over torque that no measurement stays below."""
+"""Noise over torque that no measurement stays below unless it is filtered."""
+MODELLED = 0.01
+"""Share of a measured torque that a rigid model leaves at least."""
 UNEXPLAINED = 0.25
 """Share of the torque, beyond noise, that is left by the richest model: something is wrong."""
 TURNED = 0.3
@@ -88,7 +91,7 @@ def diagnose(
         text = f"faults of recordings are looked for on arms of up to {MOST_JOINTS} joints"
         return (Finding("not_diagnosed", text, value=robot.joints, unit="1"),)
     plain = ProcessingSettings(start_s=settings.start_s, stop_s=settings.stop_s)
-    best: dict[tuple[str, tuple[int, ...]], tuple[float, Finding]] = {}
+    best: dict[tuple[str, tuple[int, ...]], tuple[float, list[Finding]]] = {}
     others: list[Finding] = []
     for record in records:
         samples = process(record, robot, plain)
@@ -98,13 +101,14 @@ def diagnose(
         for item in explained.found:
             key = (item.kind, item.joints)
             if key not in best or best[key][0] < item.score:
-                best[key] = (item.score, finding_of(item, robot))
+                rival = [_as_likely(finding_of(other, robot)) for other in item.rivals[:1]]
+                best[key] = (item.score, [finding_of(item, robot), *rival])
         others += _signals(record, robot, samples, explained)
-    ranked = sorted(best.values(), key=lambda pair: (pair[1].severity != "error", -pair[0]))
-    kinds = {finding.kind for _, finding in ranked}
+    ranked = sorted(best.values(), key=lambda pair: (pair[1][0].severity != "error", -pair[0]))
+    kinds = {pair[1][0].kind for pair in ranked}
     # The clock shows itself in two ways.
     rest = [f for f in others if not (f.kind == "clock_scale" and f.kind in kinds)]
-    return (*(finding for _, finding in ranked), *dict.fromkeys(rest))
+    return (*(finding for _, pair in ranked for finding in pair), *dict.fromkeys(rest))
 
 
 def findings_of(record: ExperimentRecord, robot: RobotModel) -> tuple[Finding, ...]:
@@ -136,9 +140,9 @@ def finding_of(item: Explanation, robot: RobotModel) -> Finding:
         deg_std=np.degrees(std), percent=100 * value, percent_std=100 * std,
     )  # fmt: skip
     if item.rivals:
-        kind, joints, other = item.rivals[0]
+        kind, joints = item.rivals[0].kind, item.rivals[0].joints
         where = "" if len(joints) in (0, robot.joints) else f" of joint {joints[0] + 1}"
-        text += f" (cannot be told from {kind.replace('_', ' ')}{where}, {other:.3g})"
+        text += f" (cannot be told from {kind.replace('_', ' ')}{where})"
     factor = item.kind in ("drive_gain", "gain_all", "clock_scale")
     turned = item.kind in ("mounting", "encoder_zero") and abs(value) > TURNED
     return Finding(
@@ -153,15 +157,24 @@ def finding_of(item: Explanation, robot: RobotModel) -> Finding:
     )
 
 
+def _as_likely(rival: Finding) -> Finding:
+    return replace(rival, severity="info", text=f"as likely as that: {rival.text}")
+
+
 def _signals(
     record: ExperimentRecord, robot: RobotModel, samples: Samples, explained: Explained
 ) -> list[Finding]:
     found: list[Finding] = []
     rec = explained.reference.recording
     error, touched = untouched(explained.reference, explained.values)
+    made = _computed(samples.tau, error)
+    stopped = () if made else clipped(samples.tau)
     torque = np.sqrt(np.square(rec.tau).mean(axis=0))
     limit = np.where(np.isfinite(robot.limits.torque), robot.limits.torque, 3 * torque)
-    found += [_touched(contact, robot) for contact in touched]
+    for j in stopped:
+        text = f"torque of {robot.joint_names[j]} stops at a limit"
+        found.append(Finding("saturated", text, joints=(j,), next_step="record a slower motion"))
+    found += [_touched(c, robot) for c in touched if not set(c.joints) <= set(stopped)]
     for j in range(robot.joints):
         wave = ripple(rec, error, j, touched)
         if wave is not None and wave[1] > LEAST_RIPPLE * limit[j]:
@@ -171,9 +184,6 @@ def _signals(
             )
             unit = "N" if robot.prismatic[j] else "N.m"
             found.append(Finding("ripple", text, joints=(j,), value=wave[1], unit=unit))
-    for j in clipped(samples.tau):
-        text = f"torque of {robot.joint_names[j]} stops at a limit"
-        found.append(Finding("saturated", text, joints=(j,), next_step="record a slower motion"))
     if "qd" in record.signals:
         scale = clock_scale(record.t, record.signals["q"], record.signals["qd"])
         if abs(scale - 1) > CLOCKS_DIFFER and abs(scale - 1) < 0.5:
@@ -181,7 +191,12 @@ def _signals(
             found.append(
                 Finding("clock_scale", text, value=scale, unit="1", next_step=_STEPS["clock_scale"])
             )
-    found += _kind_of_torque(explained, torque, limit)
+    if made:
+        text = "the torques contain no noise: computed by a model or controller, not measured"
+        step = "record measured torques or currents"
+        found.insert(0, Finding("commanded", text, next_step=step))
+    else:
+        found += _kind_of_torque(explained, torque, limit)
     noise = np.square(np.diff(rec.average(error.T), axis=1)).mean(axis=1) / 2
     beyond = np.maximum(np.square(explained.left) - noise, 0.0)
     share = float(np.sqrt(beyond.sum() / np.square(torque).sum()))
@@ -208,13 +223,20 @@ def _touched(contact: Contact, robot: RobotModel) -> Finding:
     )
 
 
+def _computed(tau: Array, error: Array) -> bool:
+    """Whether torques (N, n) contain no noise and a rigid model leaves (N, n) next to nothing.
+
+    Fourth differences keep noise, and little of a motion. Measured torques may be filtered, but
+    no model is as good as that for them.
+    """
+    size = np.maximum(np.sqrt(np.square(tau).mean(axis=0)), 1e-300)
+    noise = np.sqrt(np.square(np.diff(tau, n=4, axis=0)).mean(axis=0) / 70)
+    left = np.sqrt(np.square(error).mean(axis=0))
+    return bool(np.median(noise / size) < NO_NOISE and np.median(left / size) < MODELLED)
+
+
 def _kind_of_torque(explained: Explained, torque: Array, limit: Array) -> list[Finding]:
     rec, n = explained.reference.recording, explained.reference.recording.robot.joints
-    fast = np.diff(rec.tau - explained.reference.predicted(explained.values), axis=0)
-    noise = np.sqrt(np.square(fast).mean(axis=0) / 2)
-    if float(np.median(noise / np.maximum(torque, 1e-300))) < NO_NOISE:
-        text = "the torques contain no noise: computed by a model or controller, not measured"
-        return [Finding("commanded", text, next_step="record measured torques or currents")]
     values = explained.values[10 * n :].copy()
     values[n : 2 * n] = 0.0
     columns = explained.reference.columns[10 * n :]

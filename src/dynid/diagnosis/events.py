@@ -117,6 +117,11 @@ def contacts(
             break
         if len(loaded) == 0:
             continue
+        # What one joint shows alone, and less than its friction, may be its friction.
+        others = np.sort(ratio[group].max(axis=0))[:-1]
+        pushed = np.abs(mean[group]).max(axis=0)[loaded] > held[loaded]
+        if not (others > LOADED).any() and not pushed.any():
+            continue
         found.append(
             Contact(
                 start_s=float(rec.t[starts[group[0]]]),

@@ -10,9 +10,18 @@ from itertools import combinations, product
 
 import numpy as np
 
-from dynid.core import Array
-from dynid.diagnosis.hypotheses import Hypothesis, Scored, hypotheses, scores
-from dynid.diagnosis.residual import Fits, Recording, Reference, fits, inertial_prior, reference
+from dynid.core import Array, scipy_part
+from dynid.diagnosis.hypotheses import Hypothesis, Scored, drops, hypotheses, left_out, score
+from dynid.diagnosis.residual import (
+    BLOCKS,
+    Fits,
+    Recording,
+    Reference,
+    fits,
+    inertial_prior,
+    reference,
+    settled,
+)
 
 POOR = 0.12
 """Share of a joint's torque that the reference may leave before these are tried."""
@@ -213,17 +222,24 @@ def _objective(thin: Recording, prior: tuple[Array, Array], counts: Array) -> fl
     return value
 
 
-LIKELY = 14.0
-"""Drop of the left-out negative log likelihood that an explanation needs [nats]."""
-WORTH_A_LOOK, LOOKS = 4.0, 4
-"""Score with the noise of the reference from which a rival gets its own fit, and how many do."""
+LIKELY, EVIDENT = 11.0, 5.0
+"""Drop of the left-out negative log likelihood that an explanation needs, and log of its Bayes
+factor over none [nats]."""
+BY_CHANCE = 0.01
+"""... and the chance (Student's t of the blocks left out) by which one of its sizes is that large
+where there is none."""
+WORTH_A_LOOK, LOOKS = 4.0, 8
+"""Drop of the negative log likelihood from which a rival gets its own fit, and how many do."""
 WHOLE_LIKELY, OFFSET_LIKELY = 24.0, 40.0
-"""... of a signal that is reversed or exchanged: there are hundreds to choose from; and of one that
-was shifted in time, which short motions without repetition bear better [nats]."""
-CERTAIN = 4.0
-"""... and one of its sizes over the standard deviation, from leaving blocks out."""
+"""Drop that a signal needs that is reversed or exchanged: there are hundreds to choose from; and
+one that was shifted in time, which short motions without repetition bear better [nats]."""
+DRIVES = -0.2
+"""Power of friction, over all of a joint, that no friction has: such a torque is reversed if that
+explains no less."""
 EQUAL = 0.8
 """Share of the best explanation's score from which another cannot be told from it."""
+ALONE_SWEEPS = 4
+"""Sweeps of such a fit, from where the reference ended."""
 ROUNDS = 6
 """Passes: a large fault takes two or three until it is undone."""
 MOST = 3
@@ -243,8 +259,8 @@ class Explanation:
     unit: str
     score: float
     """Drop of the negative log likelihood [nats]."""
-    rivals: tuple[tuple[str, tuple[int, ...], float], ...] = ()
-    """Kind, joints and value of explanations that cannot be told from it."""
+    rivals: tuple["Explanation", ...] = ()
+    """Explanations that cannot be told from it, the best first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -269,6 +285,7 @@ def explain(recording: Recording) -> Explained:
     start = _fitted(recording, prior, added, prior[0])
     ref, sums, values = start
     wholes = whole_signals(ref, sums, values, prior)
+    power = _friction_power(ref, values)
     best_drop = 0.0
     # A signal that is put right has to explain more than a fault of some size does.
     for rival in _ranked(ref, values, found)[0][:1] if wholes else ():
@@ -280,6 +297,8 @@ def explain(recording: Recording) -> Explained:
         other = _fitted(whole.recording, prior, added, prior[0])
         drop = _drop(start, other)
         least = OFFSET_LIKELY if whole.kind == "clock_offset" else WHOLE_LIKELY
+        if whole.kind == "reversed" and power[list(whole.joints)].max() < DRIVES:
+            least = 0.0
         if drop > max(best_drop, least):
             best_drop, recording, values = drop, whole.recording, other[2]
             found = [
@@ -318,11 +337,13 @@ def _ranked(ref: Reference, values: Array, found: list[Explanation]) -> tuple[li
     """
     rivals = hypotheses(ref, values)
     sums, _ = fits(ref, np.concatenate([rival.columns for rival in rivals]))
-    scored, errors = scores(sums, rivals)
-    worth = [s for s in scored if s.score > WORTH_A_LOOK][:LOOKS]
-    admitted = [s for s in (_alone(ref, s.hypothesis) for s in worth) if _admitted(s, found)]
+    likely = sorted(zip(drops(sums, rivals), range(len(rivals)), strict=True), reverse=True)
+    worth = [k for drop, k in likely[:LOOKS] if drop > WORTH_A_LOOK]
+    firsts = np.cumsum([len(ref.columns), *(len(rival.columns) for rival in rivals)])
+    alone = (_alone(ref, rivals[k], sums, int(firsts[k])) for k in worth)
+    admitted = [scored for scored in alone if _admitted(scored, found)]
     admitted.sort(key=lambda s: -s.score)
-    return admitted, np.sqrt(errors / sums.rows)
+    return admitted, np.sqrt(left_out(sums)[0] / sums.rows)
 
 
 _Fitted = tuple[Reference, Fits, Array]
@@ -345,21 +366,30 @@ def _drop(one: _Fitted, other: _Fitted) -> float:
     return cost(*one) - cost(*other)
 
 
-def _alone(ref: Reference, rival: Hypothesis) -> Scored:
-    """A rival with the noise that is left where it is true, not where it is not."""
+def _alone(ref: Reference, rival: Hypothesis, sums: Fits, first: int) -> Scored:
+    """A rival with the noise that is left where it is true, not where it is not.
+
+    Its columns are among those of the sums from `first` on.
+    """
     p, m = len(ref.columns), len(rival.columns)
-    precision = np.zeros((p + m, p + m))
-    precision[:p, :p] = ref.precision
-    precision[range(p, p + m), range(p, p + m)] = 1 / np.square(rival.width)
+    wide = np.diag(1 / np.square(rival.width))
+    none = np.zeros((p, m))
     widened = replace(
         ref,
         columns=np.concatenate([ref.columns, rival.columns]),
         mean=np.concatenate([ref.mean, np.zeros(m)]),
-        precision=precision,
+        precision=np.block([[ref.precision, none], [none.T, wide]]),
     )
-    sums, _ = fits(widened, np.zeros((0, *ref.torque.shape)))
-    sums = replace(sums, own=p, mean=ref.mean, precision=ref.precision)
-    return scores(sums, [rival])[0][0]
+    kept = [*range(p), *range(first, first + m), sums.sums.shape[-1] - 1]
+    start = replace(
+        sums,
+        sums=sums.sums[:, :, kept][:, :, :, kept],
+        own=p + m,
+        mean=widened.mean,
+        precision=np.block([[sums.precision, none], [none.T, wide]]),
+    )
+    found, _ = settled(widened, start, ALONE_SWEEPS)
+    return score(replace(found, own=p, mean=ref.mean, precision=found.precision[:p, :p]), rival)
 
 
 def _same(found: Explanation, now: Hypothesis) -> bool:
@@ -383,27 +413,28 @@ def _admitted(scored: Scored, found: list[Explanation]) -> bool:
     known, size = scored.hypothesis, abs(scored.value)
     # A size that was found before may be corrected downwards.
     physical = scored.value > known.lowest or any(_same(item, known) for item in found)
-    sure = scored.certainty > CERTAIN and size > known.least
-    return physical and sure and scored.score > LIKELY
+    # Several sizes: one of them is large by chance more often.
+    tail = 0.5 * BY_CHANCE / known.free
+    certain = -float(scipy_part("special").stdtrit(BLOCKS - 1, tail))
+    sure = scored.certainty > certain and size > known.least
+    return physical and sure and scored.score > LIKELY and scored.evidence > EVIDENT
 
 
 def _explanation(best: Scored, others: list[Scored], before: Explanation | None) -> Explanation:
-    known, value = best.hypothesis, best.value
-    now = Explanation(
-        kind=known.kind,
-        joints=known.joints,
-        value=value,
-        std=best.std,
-        unit=known.unit,
-        score=best.score,
-        rivals=tuple(
-            (s.hypothesis.kind, s.hypothesis.joints, s.value)
-            for s in others
-            if s.score > EQUAL * best.score
-        ),
+    now, *rivals = (
+        Explanation(
+            kind=s.hypothesis.kind,
+            joints=s.hypothesis.joints,
+            value=s.value,
+            std=s.std,
+            unit=s.hypothesis.unit,
+            score=s.score,
+        )
+        for s in (best, *others)
+        if s.score >= EQUAL * best.score
     )
     if before is None:
-        return now
-    gain = known.kind in ("drive_gain", "gain_all")
-    value = (1 + before.value) * (1 + value) - 1 if gain else before.value + value
-    return replace(before, value=value, std=best.std, score=before.score + best.score)
+        return replace(now, rivals=tuple(rivals))
+    gain = now.kind in ("drive_gain", "gain_all")
+    value = (1 + before.value) * (1 + now.value) - 1 if gain else before.value + now.value
+    return replace(before, value=value, std=now.std, score=before.score + now.score)

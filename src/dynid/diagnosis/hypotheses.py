@@ -42,6 +42,11 @@ class Hypothesis:
     lowest: float = -np.inf
     """Sizes at or below it are not physical."""
 
+    @property
+    def free(self) -> int:
+        """Sizes that may be large by chance; of a payload, which is small, those of a point."""
+        return 4 if self.kind == "payload" else len(self.width)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scored:
@@ -55,6 +60,8 @@ class Scored:
     """(m) its sizes."""
     score: float
     """Drop of the negative log likelihood of left-out blocks and of the prior [nats]."""
+    evidence: float
+    """Log of the Bayes factor over the reference [nats]."""
     certainty: float
     """The largest of its sizes over their standard deviations."""
 
@@ -260,82 +267,93 @@ def _tilted(robot: RobotModel, lean: Array) -> RobotModel:
     return replace(robot, gravity=turned * (size / np.linalg.norm(turned)))
 
 
-def scores(found: Fits, rivals: list[Hypothesis]) -> tuple[list[Scored], Array]:
-    """Score each rival alone against the reference.
+def drops(found: Fits, rivals: list[Hypothesis]) -> list[float]:
+    """Drop of the negative log likelihood and prior by each rival alone [nats].
 
-    With v = (-p, -x, 1) the squared error of joint j is v' S_j v. Eliminating the reference's
-    parameters for all columns at once (p = p0 - Z x) leaves a small system a rival.
+    Every row counts as independent, whatever the errors of the reference look like: where a rival
+    is true, they are those of the fault.
+    """
+    length = found.rows / found.counts
+    normal, vector = _eliminated(replace(found, weights=found.weights * length))[:2]
+    out: list[float] = []
+    first = 0
+    for rival in rivals:
+        part = slice(first, first + len(rival.columns))
+        first = part.stop
+        own = normal[part, part] + np.diag(1 / np.square(rival.width))
+        out.append(0.5 * float(vector[part] @ np.linalg.solve(own, vector[part])))
+    return out
+
+
+def _eliminated(found: Fits) -> tuple[Array, Array, Array]:
+    """What is left for added columns without the reference's parameters, p = p0 - Z x.
 
     Returns:
-        The best first; and (n) squared errors that the reference alone leaves in blocks left out.
+        (m, m) normal matrix, (m) right side; (p, m + 1) Z and p0.
+    """
+    p = found.own
+    total = np.tensordot(found.weights, found.sums.sum(axis=0), axes=1)
+    right = total[:p, p:].copy()
+    right[:, -1] += found.precision @ found.mean
+    solved: Array = np.asarray(
+        np.linalg.solve(total[:p, :p] + found.precision, right), dtype=np.float64
+    )
+    left: Array = np.asarray(total[p:-1, p:] - total[p:-1, :p] @ solved, dtype=np.float64)
+    return left[:, :-1], left[:, -1], solved
+
+
+def score(found: Fits, rival: Hypothesis) -> Scored:
+    """Score a rival against the reference.
+
+    Args:
+        found: Sums of the reference's columns, then the rival's.
+        rival: The rival.
+    """
+    p, m = found.own, len(rival.columns)
+    own = np.diag(1 / np.square(rival.width))
+    normal, vector, solved = _eliminated(found)
+    inverse: Array = np.asarray(np.linalg.inv(normal + own), dtype=np.float64)
+    x = inverse @ vector
+    values = solved[:, -1] - solved[:, :-1] @ x
+    widened = np.zeros((p + m, p + m))
+    widened[:p, :p], widened[p:, p:] = found.precision, own
+    mean = np.append(found.mean, np.zeros(m))
+    before, _ = left_out(found)
+    after, each = left_out(replace(found, own=p + m, mean=mean, precision=widened))
+    away = each[:, p:] - each[:, p:].mean(axis=0)
+    spread = np.sqrt((BLOCKS - 1) / BLOCKS * np.square(away).sum(axis=0))
+    stds = np.hypot(spread, np.sqrt(np.maximum(np.diag(inverse), 0.0)))
+    value, std = _one_number(rival.kind, x, stds)
+    ratios = np.abs(np.append(x, value)) / np.maximum(np.append(stds, std), 1e-300)
+    gain = 0.5 * float(found.counts @ np.log(before / np.maximum(after, 1e-300)))
+    likely = found.penalty(solved[:, -1]) - found.penalty(values) - 0.5 * float(x @ own @ x)
+    size = float(np.linalg.slogdet(inverse)[1]) - 2 * float(np.log(rival.width).sum())
+    return Scored(
+        hypothesis=rival,
+        value=value,
+        std=std,
+        values=x,
+        score=gain + likely,
+        evidence=0.5 * (float(vector @ x) + size),
+        certainty=float(ratios.max()),
+    )
+
+
+def left_out(found: Fits) -> tuple[Array, Array]:
+    """Squared errors (n) that a reference leaves in blocks left out, and its parameters then.
+
+    The parameters are (BLOCKS, p), a row for each block that was left out.
     """
     p, total = found.own, found.sums.sum(axis=0)
-    parts = np.cumsum([0, *(len(rival.columns) for rival in rivals)]).tolist()
-    after: list[list[Array]] = [[] for _ in rivals]
-    sizes: list[list[Array]] = [[] for _ in rivals]
-    known: list[tuple[Array, float]] = []
-    before = np.empty((BLOCKS, total.shape[0]))
-    for k in range(BLOCKS + 1):
-        sums = total if k == BLOCKS else total - found.sums[k]
-        judged = total if k == BLOCKS else found.sums[k]
-        weighted = np.tensordot(found.weights, sums, axes=1)
-        right = weighted[:p, p:].copy()
-        right[:, -1] += found.precision @ found.mean
-        solved: Array = np.asarray(
-            np.linalg.solve(weighted[:p, :p] + found.precision, right), dtype=np.float64
-        )
-        start = np.concatenate([-solved[:, -1], np.zeros(parts[-1]), [1.0]])
-        ways = np.vstack([solved[:, :-1], -np.eye(parts[-1]), np.zeros(parts[-1])])
-        on_start = judged @ start
-        own, mixed = on_start @ start, on_start @ ways
-        square = np.array([ways.T @ (s @ ways) for s in judged])
-        normal = weighted[p:-1, p:-1] - weighted[p:-1, :p] @ solved[:, :-1]
-        vector = weighted[p:-1, -1] - weighted[p:-1, :p] @ solved[:, -1]
-        if k < BLOCKS:
-            before[k] = own
-        for h, rival in enumerate(rivals):
-            part = slice(parts[h], parts[h + 1])
-            own_precision = np.diag(1 / np.square(rival.width))
-            inverse: Array = np.asarray(
-                np.linalg.inv(normal[part, part] + own_precision), dtype=np.float64
-            )
-            x: Array = np.asarray(inverse @ vector[part], dtype=np.float64)
-            if k < BLOCKS:
-                sizes[h].append(x)
-                after[h].append(own + 2 * mixed[:, part] @ x + (square[:, part, part] @ x) @ x)
-                continue
-            likely = found.penalty(solved[:, -1]) - found.penalty(
-                solved[:, -1] - solved[:, part] @ x
-            )
-            known.append(
-                (
-                    np.sqrt(np.maximum(np.diag(inverse), 0.0)),
-                    likely - 0.5 * float(np.square(x / rival.width).sum()),
-                )
-            )
-            sizes[h].append(x)
-    base, out = before.sum(axis=0), list[Scored]()
-    for h, rival in enumerate(rivals):
-        left, each = np.array(after[h]).sum(axis=0), np.array(sizes[h])
-        away = each[:BLOCKS] - each[:BLOCKS].mean(axis=0)
-        spread = np.sqrt((BLOCKS - 1) / BLOCKS * np.square(away).sum(axis=0))
-        deviation, likely = known[h]
-        drops = 0.5 * np.log(base / np.maximum(left, 1e-300))
-        gain = float(found.counts @ drops)
-        stds = np.hypot(spread, deviation)
-        value, std = _one_number(rival.kind, each[BLOCKS], stds)
-        ratios = np.abs(np.append(each[BLOCKS], value)) / np.maximum(np.append(stds, std), 1e-300)
-        out.append(
-            Scored(
-                hypothesis=rival,
-                value=value,
-                std=std,
-                values=each[BLOCKS],
-                score=gain + likely,
-                certainty=float(ratios.max()),
-            )
-        )
-    return sorted(out, key=lambda s: -s.score), base
+    errors, each = np.zeros(total.shape[0]), np.empty((BLOCKS, p))
+    for k, block in enumerate(found.sums):
+        weighted = np.tensordot(found.weights, total - block, axes=1)
+        right = weighted[:p, -1] + found.precision @ found.mean
+        each[k] = np.linalg.solve(weighted[:p, :p] + found.precision, right)
+        way = np.zeros(total.shape[1])
+        way[:p], way[-1] = -each[k], 1.0
+        errors += (block @ way) @ way
+    return errors, each
 
 
 def _one_number(kind: str, values: Array, std: Array) -> tuple[float, float]:

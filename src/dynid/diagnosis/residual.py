@@ -27,11 +27,13 @@ WIDTHS = (0.005, 0.06)
 PRESLIDING = (0.001, 0.006)
 """Displacements over which friction builds up, shares of the joint's travel."""
 DRAWS = 300
-SWEEPS = 4
+SWEEPS = 8
 UNKNOWN_MASS, UNKNOWN_CENTRE, UNKNOWN_TENSOR = 1.0, 0.3, 0.5
 """... of guessed links (log of the mass, share of the arm's thickness and length, log)."""
 FRICTION_SPREAD = 2.0
 """Standard deviation of a friction torque over that of the joint's torque."""
+NARROWEST = 1e-4
+"""... after the recording, of a shape that it does not need: share of that before."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,6 +129,8 @@ class Reference:
     """(p, p) prior precision."""
     load: Array
     """(10 n) inertial parameters that the load of friction is taken from."""
+    shapes: slice
+    """The friction columns beside the viscous ones: how far they spread is measured."""
 
     def predicted(self, values: Array) -> Array:
         """(N, n) torques of parameters (p), nothing averaged."""
@@ -194,6 +198,7 @@ def reference(
     # A column belongs to the joint that it is largest in: motors that drive several have their own.
     strength = np.sqrt(np.square(columns[10 * n :]).mean(axis=2))
     own = FRICTION_SPREAD * size[strength.argmax(axis=1)] / (strength.sum(axis=1) + 1e-12)
+    shapes = len(columns) - SHAPES * n
     if added is not None and spread is not None:
         columns = np.concatenate([columns, added])
         own = np.concatenate([own, spread])
@@ -209,6 +214,7 @@ def reference(
         mean=np.concatenate([prior[0], np.zeros(len(rest))]),
         precision=precision,
         load=load,
+        shapes=slice(shapes, shapes + SHAPES * n),
     )
 
 
@@ -230,14 +236,6 @@ class Fits:
     """(p, p) prior precision."""
     own: int
     """p, columns of the reference."""
-
-    def solve(self) -> Array:
-        """(p) parameters of the reference, the prior included."""
-        p = self.own
-        total = np.tensordot(self.weights, self.sums.sum(axis=0), axes=1)
-        right = total[:p, -1] + self.precision @ self.mean
-        solved = np.linalg.solve(total[:p, :p] + self.precision, right)
-        return np.asarray(solved, dtype=np.float64)
 
     def penalty(self, values: Array) -> float:
         """How unlikely parameters (p) are before anything was measured [nats]."""
@@ -287,12 +285,34 @@ def fits(ref: Reference, added: Array) -> tuple[Fits, Array]:
         precision=ref.precision,
         own=len(ref.columns),
     )
-    values = np.zeros(len(ref.columns))
+    return settled(ref, found, SWEEPS)
+
+
+def settled(ref: Reference, found: Fits, sweeps: int) -> tuple[Fits, Array]:
+    """Sums weighted by what their reference leaves, and (p) its parameters.
+
+    The spread of each friction shape is what the recording shows of it: each sweep takes a step of
+    expectation and maximisation of the evidence (Tipping 2001). Shapes that it does not need cost
+    nothing.
+    """
+    p, shapes = found.own, np.arange(found.own)[ref.shapes]
+    widest = ref.precision[shapes, shapes]
+    values = np.zeros(p)
     least = 1e-10 * np.square(ref.torque).mean(axis=1) + 1e-18
-    for _ in range(SWEEPS):
-        values = found.solve()
+    for _ in range(sweeps):
+        total = np.tensordot(found.weights, found.sums.sum(axis=0), axes=1)
+        covariance: Array = np.asarray(
+            np.linalg.inv(total[:p, :p] + found.precision), dtype=np.float64
+        )
+        right = np.asarray(total[:p, -1] + found.precision @ found.mean, dtype=np.float64)
+        values = covariance @ right
         error = ref.torque - np.tensordot(values, ref.columns, axes=1)
         length = correlation_length(error)
         variance = np.maximum(np.square(error).mean(axis=1), least)
-        found = replace(found, weights=1 / (variance * length), counts=rows / length)
+        precision = found.precision.copy()
+        square = np.square(values[shapes]) + covariance[shapes, shapes]
+        precision[shapes, shapes] = widest / np.clip(square * widest, NARROWEST**2, 1.0)
+        found = replace(
+            found, weights=1 / (variance * length), counts=found.rows / length, precision=precision
+        )
     return found, values
