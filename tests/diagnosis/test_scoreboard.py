@@ -10,6 +10,9 @@ from dynid.diagnosis import findings_of
 CLEAN = (
     Case(arm="sliding", motion="fourier", rate_hz=125.0, duration_s=10.0, seed=1),
     Case(arm="ur3", motion="waypoints", rate_hz=125.0, duration_s=10.0, seed=2),
+    # Joints of a taught motion rest, and their friction holds more or less: nobody pushed.
+    Case(arm="ur3", motion="teach", rate_hz=250.0, duration_s=15.0, seed=965532469),
+    Case(arm="seven", motion="teach", rate_hz=1000.0, duration_s=15.0, seed=961818018),
 )
 PLANTED = (
     ("ur5", "fourier", 500.0, 15.0, 864229114, "gains", "medium"),
@@ -49,7 +52,7 @@ def judge(made: Recorded) -> Judged:
     )
 
 
-@pytest.mark.parametrize("case", CLEAN, ids=lambda case: case.arm)
+@pytest.mark.parametrize("case", CLEAN, ids=lambda case: f"{case.arm}-{case.motion}")
 def test_clean_recordings_raise_nothing(case: Case) -> None:
     (row,) = run_verdicts(judge, [case])
     assert row.kinds == ()
