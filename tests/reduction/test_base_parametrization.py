@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from structure_oracles import classify, first_come, found, names, observation, reduce, reduced
 
 from dynid.core import InputError
-from dynid.reduction import random_states, reduce_model
+from dynid.reduction import gram_layout, random_states, reduce_model
 from dynid.reduction.base import rank_and_classes, regrouping
 from dynid.regressor import FrictionTerms, InverseDynamicModel
 from dynid.robot import RobotModel, load_robot, robot_from_chain
@@ -242,3 +242,30 @@ def test_random_states_reach_every_joint_in_its_own_unit() -> None:
     np.testing.assert_allclose(np.abs(dq).max(axis=0), np.pi, rtol=0.01, atol=0)
     np.testing.assert_allclose(np.abs(ddq).max(axis=0), 5.5 * np.pi, rtol=0.01, atol=0)
     np.testing.assert_array_equal(random_states(robot, 4000, seed=2)[0], q)
+
+
+@pytest.mark.parametrize(("robot", "frames"), ROBOTS[:3])
+def test_panels_hold_the_columns_that_load_their_joint(robot: str, frames: str) -> None:
+    base = reduce(load_robot(robot), frames, "fc,fv,im,fo")
+    model = base.model
+    n, spare = model.robot.joints, 3
+    layout = gram_layout(model, base, spare)
+    states = np.random.default_rng(1).uniform(-1.0, 1.0, (3, 20, n))
+    stack = model.stack(*states)[list(base.independent)]
+    ends = [0]
+    for j, panel in enumerate(layout.panels):
+        loads = set(np.flatnonzero(np.abs(stack[:, j]).max(axis=1) > 0).tolist())
+        assert loads <= set(panel.columns.tolist())
+        columns = [base.independent[k] for k in panel.columns]
+        assert panel.beside.tolist() == [c - 10 * n for c in columns if c >= 10 * n]
+        links = [c for c in columns if c < 10 * n]
+        assert links == sorted(links, reverse=True)
+        assert all(c // 10 >= j for c in links)
+        assert panel.rows.stop - panel.rows.start == len(columns)
+        assert panel.rows.start - ends[-1] >= spare
+        ends.append(panel.rows.stop)
+        for row, c in enumerate(columns, start=panel.rows.start):
+            assert c >= 10 * n or layout.places[c // 10, j, c % 10] == row
+    assert (layout.places >= 0).sum() == sum(len(p.columns) - len(p.beside) for p in layout.panels)
+    assert ends[-1] <= layout.rows
+    assert layout.rank == base.rank
