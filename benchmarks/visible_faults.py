@@ -97,7 +97,7 @@ def _change(
         if fault == "friction_drift":
             sizes[:] = size
         elif fault == "payload":
-            sizes[:4] = size * np.append(1.0, robot.flange[:3, 3] + [0.0, 0.0, 0.03])
+            sizes[:4] = size * np.array([1.0, 0.0, 0.0, 0.03])
         else:
             sizes[0] = np.radians(size) if fault == "tilt" else size
         return np.tensordot(sizes, rival.columns, axes=1)

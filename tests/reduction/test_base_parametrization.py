@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from structure_oracles import classify, first_come, found, names, observation, reduce, reduced
 
 from dynid.core import InputError
-from dynid.reduction import gram_layout, random_states, reduce_model
-from dynid.reduction.base import rank_and_classes, regrouping
-from dynid.regressor import FrictionTerms, InverseDynamicModel
+from dynid.reduction import fill_beside, gram_layout, random_states, reduce_model
+from dynid.reduction.base import acting_joints, rank_and_classes, regrouping
+from dynid.regressor import FrictionTerms, Gear, InverseDynamicModel, LoadFriction, TorqueRipple
 from dynid.robot import RobotModel, load_robot, robot_from_chain
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "robots"
@@ -269,3 +269,24 @@ def test_panels_hold_the_columns_that_load_their_joint(robot: str, frames: str) 
     assert (layout.places >= 0).sum() == sum(len(p.columns) - len(p.beside) for p in layout.panels)
     assert ends[-1] <= layout.rows
     assert layout.rank == base.rank
+
+
+@pytest.mark.parametrize("robot", ["ur5", str(EXAMPLES / "tx40.toml")])
+def test_columns_beside_the_links_act_where_the_regressor_says(robot: str) -> None:
+    arm = load_robot(robot)
+    n = arm.joints
+    gear = Gear(joint=1, waves=(3.0,), speed=1.0, powers=1)
+    ripple = TorqueRipple(joint=4, gears=(gear,), coefficients=(0.3, 0.4))
+    load = LoadFriction(joints=(0, 2), parameters=tuple(np.ones(10 * n)))
+    terms = (("fc", None), ("fv", None), ("im", (1, 3)), ("fo", (2,)), ("fs", None))
+    friction = FrictionTerms(terms=terms, load=load, ripples=(ripple,))
+    model = InverseDynamicModel(robot=arm, friction=friction)
+    q, dq, ddq = random_states(arm, 30, seed=3)
+    beside = model.stack(q, dq, ddq)[10 * n :]
+    np.testing.assert_array_equal(acting_joints(model), np.abs(beside).max(axis=2) > 0)
+    filled = np.zeros_like(beside)
+    fill_beside(model, dq.T, ddq.T, filled)
+    own = sum(model.counts)
+    np.testing.assert_array_equal(filled[:own], beside[:own])
+    assert not filled[own:].any()
+    assert len(beside) - own == 3

@@ -48,6 +48,8 @@ DISCRETE = (
 )
 """Faults that are there or not: they count as large."""
 CONTACT_S = 0.3
+FELT, DIRECTIONS = 3.0, 20
+"""Standard deviations of noise that a contact reaches on a joint; directions that are tried."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,14 +187,17 @@ def _record(
     robot, fault = real.robot, case.fault
     limit = np.where(np.isfinite(robot.limits.torque), robot.limits.torque, 50.0)
     t, q = path.t, path.q
-    force = None
+    rigid = real.torque(q, path.dq, path.ddq)
+    pushed = rigid.copy()
     for start in times:
         rows = (t >= start) & (t < start + CONTACT_S)
-        force = np.zeros((len(t), 3))
-        way = draw.normal(size=3)
-        force[rows] = size * way / np.linalg.norm(way)
-    rigid = real.torque(q, path.dq, path.ddq)
-    pushed = rigid if force is None else real.torque(q, path.dq, path.ddq, force)
+        for _ in range(DIRECTIONS):
+            way = draw.normal(size=3)
+            force = np.tile(size * way / np.linalg.norm(way), (int(rows.sum()), 1))
+            pushed[rows] = real.torque(q[rows], path.dq[rows], path.ddq[rows], force)
+            felt = np.abs((pushed - rigid)[rows].mean(axis=0))
+            if (felt > FELT * real.torque_noise).any():
+                break
     seen, dq = q.copy(), path.dq
     if fault == "flexibility":
         # Motors turn before the gear that bends: their inertia and friction follow them.
@@ -254,6 +259,7 @@ NEAR_S = 0.5
 SAME = {
     "gain": ("drive_gain",),
     "gains": ("gain_all",),
+    "delay": ("delay", "clock_offset"),
     "joint_delay": ("delay",),
     "clock": ("clock_scale",),
     "tilt": ("mounting",),

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from dynid.core import Array, Finding
-from dynid.diagnosis.events import Contact, clipped, clock_scale, ripple, untouched
+from dynid.diagnosis.events import Contact, clock_scale, ripple, untouched
 from dynid.diagnosis.explain import Explained, Explanation, explain
-from dynid.diagnosis.residual import ROWS, Recording
+from dynid.diagnosis.residual import ROWS, Recording, at_limit
 from dynid.recording import ExperimentRecord
 from dynid.robot import RobotModel
 from dynid.signals import ProcessingSettings, Samples, process
@@ -17,7 +17,7 @@ CLOCKS_DIFFER = 0.005
 """Share by which time and velocities may disagree."""
 LEAST_RIPPLE = 0.005
 """Amplitude of a ripple over the joint's torque limit, or its largest torque."""
-NO_FRICTION = (0.03, 0.4)
+NO_FRICTION = (0.03, 0.6)
 """Braking torque over the torque limit, and over the torque, that hardly any gear stays below."""
 NO_NOISE = 2e-4
 """Noise over torque that no measurement stays below unless it is filtered."""
@@ -126,6 +126,7 @@ def recording_of(robot: RobotModel, samples: Samples) -> Recording:
         ddq=np.array(samples.ddq),
         tau=np.array(samples.tau),
         block=max(1, -(-samples.count // ROWS)),
+        stopped=stopped if (stopped := at_limit(samples.tau)).any() else None,
     )
 
 
@@ -165,16 +166,20 @@ def _signals(
     record: ExperimentRecord, robot: RobotModel, samples: Samples, explained: Explained
 ) -> list[Finding]:
     found: list[Finding] = []
-    rec = explained.reference.recording
-    error, touched = untouched(explained.reference, explained.values)
-    made = _computed(samples.tau, error)
-    stopped = () if made else clipped(samples.tau)
+    ref = explained.reference
+    rec = ref.recording
+    made = _computed(samples.tau, ref.torque.T - np.tensordot(explained.values, ref.columns, 1).T)
+    error, touched = untouched(ref, explained.values)
+    stopped: list[int] = []
+    if rec.stopped is not None and not made:
+        stopped = np.flatnonzero(rec.stopped.any(axis=0)).tolist()
     torque = np.sqrt(np.square(rec.tau).mean(axis=0))
     limit = np.where(np.isfinite(robot.limits.torque), robot.limits.torque, 3 * torque)
     for j in stopped:
         text = f"torque of {robot.joint_names[j]} stops at a limit"
         found.append(Finding("saturated", text, joints=(j,), next_step="record a slower motion"))
-    found += [_touched(c, robot) for c in touched if not set(c.joints) <= set(stopped)]
+    if not made:
+        found += [_touched(c, robot) for c in touched if not set(c.joints) <= set(stopped)]
     for j in range(robot.joints):
         wave = ripple(rec, error, j, touched)
         if wave is not None and wave[1] > LEAST_RIPPLE * limit[j]:
@@ -224,13 +229,13 @@ def _touched(contact: Contact, robot: RobotModel) -> Finding:
 
 
 def _computed(tau: Array, error: Array) -> bool:
-    """Whether torques (N, n) contain no noise and a rigid model leaves (N, n) next to nothing.
+    """Whether torques (N, n) contain no noise and a rigid model leaves (T, n) next to nothing.
 
-    Fourth differences keep noise, and little of a motion. Measured torques may be filtered, but
-    no model is as good as that for them.
+    Fourth differences keep noise, and of a motion little but where it starts and stops. Measured
+    torques may be filtered, but no model is as good as that for them.
     """
     size = np.maximum(np.sqrt(np.square(tau).mean(axis=0)), 1e-300)
-    noise = np.sqrt(np.square(np.diff(tau, n=4, axis=0)).mean(axis=0) / 70)
+    noise = 1.48 * np.median(np.abs(np.diff(tau, n=4, axis=0)), axis=0) / np.sqrt(70)
     left = np.sqrt(np.square(error).mean(axis=0))
     return bool(np.median(noise / size) < NO_NOISE and np.median(left / size) < MODELLED)
 

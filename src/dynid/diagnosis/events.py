@@ -30,6 +30,8 @@ ENDS = 5
 """Windows at the ends of a rest in which friction may still change."""
 FEWEST = 10
 """Windows of a kind whose errors tell what is usual."""
+KNOWN = 0.05
+"""Standard deviation to which friction is known at best, share of it."""
 LOADED = 4.0
 """Error over the usual one of a joint that a contact loads."""
 RARE = 3.0
@@ -99,7 +101,8 @@ def contacts(
             own = np.percentile(size[kind == k], percentile) / deviations if enough else np.inf
             own = min(max(own, everywhere), RARE * everywhere)
             # At rest only changes count, and errors of parameters stay the same.
-            expected = np.hypot(max(own, 1e-12), model[kind == k, j] if k < 2 else 0.0)
+            own = float(np.hypot(max(own, 1e-12), KNOWN * held[j]))
+            expected = np.hypot(own, model[kind == k, j] if k < 2 else 0.0)
             ratio[kind == k, j] = size[kind == k] / expected
     total = np.square(ratio).sum(axis=1)
     raised = np.flatnonzero(total > STRUCK / ease)
@@ -310,22 +313,6 @@ def ripple(
     if power[best] < PROMINENT * np.median(power):
         return None
     return float(orders[best]), float(2 * np.abs(waves[best]))
-
-
-FLAT_SHARE = 0.01
-"""Rows at exactly the largest torque that are no coincidence."""
-
-
-def clipped(tau: Array) -> tuple[int, ...]:
-    """Joints whose recorded torque stops at a limit."""
-    found: list[int] = []
-    for j, torque in enumerate(tau.T):
-        for end in (torque.max(), torque.min()):
-            flat = int((torque == end).sum())
-            if np.ptp(torque) > 0 and flat > max(5, FLAT_SHARE * len(torque)):
-                found.append(j)
-                break
-    return tuple(found)
 
 
 def clock_scale(t: Array, q: Array, dq: Array) -> float:

@@ -139,13 +139,13 @@ def _rivals(rec: Recording, paired: list[int]) -> Iterator[WholeSignal]:
         order = list(range(n))
         order[i], order[j] = j, i
         tau = rec.tau[:, order]
-        changed = replace(rec, tau=tau)
+        stopped = None if rec.stopped is None else rec.stopped[:, order]
+        changed = replace(rec, tau=tau, stopped=stopped)
         yield WholeSignal(
             recording=changed, kind="exchanged_torques", joints=(i, j), value=1.0, unit=""
         )
-        changed = replace(
-            rec, q=rec.q[:, order], dq=rec.dq[:, order], ddq=rec.ddq[:, order], tau=tau
-        )
+        motion = {name: getattr(rec, name)[:, order] for name in ("q", "dq", "ddq")}
+        changed = replace(changed, **motion)
         yield WholeSignal(recording=changed, kind="exchanged", joints=(i, j), value=1.0, unit="")
     for j in turning:
         for by in (np.pi / 2, -np.pi / 2, np.pi):
@@ -180,7 +180,7 @@ def _rows(rec: Recording) -> int:
 def _thin(rec: Recording) -> Recording:
     rows = np.linspace(0, len(rec.t) - 1, min(_rows(rec), len(rec.t))).astype(int)
     parts = {name: getattr(rec, name)[rows] for name in ("t", "q", "dq", "ddq", "tau")}
-    return replace(rec, **parts, block=1)
+    return replace(rec, **parts, block=1, stopped=None)
 
 
 def _objective(thin: Recording, prior: tuple[Array, Array], counts: Array) -> float:
@@ -276,8 +276,14 @@ class Explained:
     """(n) RMS error that it leaves in blocks left out [N.m or N]."""
 
 
-def explain(recording: Recording) -> Explained:
-    """Look for faults one after the other; each is undone before the next is looked for."""
+def explain(recording: Recording, offsets: bool = True) -> Explained:
+    """Look for faults one after the other; each is undone before the next is looked for.
+
+    Args:
+        recording: The recording.
+        offsets: Whether clocks of torques and motion may be apart.
+    """
+    told = recording
     prior = inertial_prior(recording)
     n = recording.robot.joints
     found: list[Explanation] = []
@@ -285,6 +291,7 @@ def explain(recording: Recording) -> Explained:
     start = _fitted(recording, prior, added, prior[0])
     ref, sums, values = start
     wholes = whole_signals(ref, sums, values, prior)
+    wholes = [w for w in wholes if offsets or w.kind != "clock_offset"]
     power = _friction_power(ref, values)
     best_drop = 0.0
     # A signal that is put right has to explain more than a fault of some size does.
@@ -327,6 +334,9 @@ def explain(recording: Recording) -> Explained:
             added.append(best)
         else:
             recording = best.undo(recording, admitted[0].values)
+    if any(e.kind == "clock_offset" and abs(e.value) < STEP_S / 2 for e in found):
+        # Corrected until nothing was left of it: it was none.
+        return explain(told, offsets=False)
     return Explained(found=tuple(found), reference=ref, values=values, left=left)
 
 

@@ -13,11 +13,13 @@ import numpy as np
 from dynid.core import Array
 from dynid.diagnosis.residual import BLOCKS, Fits, Recording, Reference
 from dynid.regressor import InverseDynamicModel
-from dynid.robot import RobotModel
+from dynid.robot import RobotModel, from_pseudo_inertia
 
 Undo = Callable[[Recording, Array], Recording]
 """The recording without a fault of the sizes (m)."""
 
+PAYLOAD, LEVER_M = 0.1, 0.1
+"""Mass that an arm is expected to carry, share of its own, and how far from the flange [m]."""
 LEAST_ARM_M = 0.02
 """Shorter offsets between joints have no length that could be wrong."""
 
@@ -152,10 +154,15 @@ def _of_the_arm(ref: Reference, values: Array, torques: _Torques) -> Iterator[Hy
             columns=torques.columns(*(torques.slope(1e-3, x) for x in leaning)),
             undo=lambda r, x: replace(r, robot=_tilted(r.robot, x)),
         )  # fmt: skip
+    # A point at the flange; then what its first and second moments differ by.
+    place = np.append(rec.robot.flange[:3, 3], 1.0)
+    body = ref.columns[10 * (n - 1) : 10 * n].copy()
+    body[0] = np.tensordot(from_pseudo_inertia(np.outer(place, place)), body, axes=1)
+    carried = PAYLOAD * float(ref.mean[: 10 * n : 10].sum())
     yield Hypothesis(
         kind="payload", joints=(n - 1,), unit="kg", least=0.1,
-        width=np.array([5.0, *[1.0] * 3, *[0.5] * 6]),
-        columns=ref.columns[10 * (n - 1) : 10 * n],
+        width=carried * np.array([1.0, *[LEVER_M] * 3, *[LEVER_M**2] * 6]),
+        columns=body,
         # What is left of the last link has a mass.
         lowest=-max(float(values[10 * (n - 1)]), 0.0),
     )  # fmt: skip
@@ -209,6 +216,7 @@ def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
         columns=torques.columns(
             (links - torques.at(by=small * bent, parameters=torques.beyond_gears)) / small
         ),
+        lowest=0.0,
     )  # fmt: skip
     if j > 0 and np.linalg.norm(rec.robot.placements[j, :3, 3]) > LEAST_ARM_M:
         longer = _longer(rec.robot, j, 1e-4)

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from dynid.constraints import prior_link
-from dynid.core import Array
+from dynid.core import Array, Mask
 from dynid.identification import CENTRE_SPREAD_M, MASS_SPREAD, TENSOR_SPREAD
 from dynid.identification import inertial_prior as completed_inertias
 from dynid.regressor import CHUNK, FrictionTerms, InverseDynamicModel, friction_state
@@ -32,6 +32,8 @@ UNKNOWN_MASS, UNKNOWN_CENTRE, UNKNOWN_TENSOR = 1.0, 0.3, 0.5
 """... of guessed links (log of the mass, share of the arm's thickness and length, log)."""
 FRICTION_SPREAD = 2.0
 """Standard deviation of a friction torque over that of the joint's torque."""
+FLAT_SHARE = 0.01
+"""Rows at exactly the largest torque that are no coincidence."""
 NARROWEST = 1e-4
 """... after the recording, of a shape that it does not need: share of that before."""
 
@@ -53,6 +55,8 @@ class Recording:
     """(N, n) measured torques [N.m or N]."""
     block: int
     """Rows are averages over so many samples."""
+    stopped: Mask | None = None
+    """(N, n) where a torque stood at a limit: it may have been larger. None for nowhere."""
 
     @property
     def model(self) -> InverseDynamicModel:
@@ -66,6 +70,21 @@ class Recording:
         rows = values.shape[-1] // self.block
         cut = values[..., : rows * self.block]
         return cut.reshape(*values.shape[:-1], rows, self.block).mean(axis=-1)
+
+    def measured(self, values: Array) -> Array:
+        """Averaged values (..., n, T), zero where a torque stood at a limit."""
+        if self.stopped is None:
+            return values
+        return values * (self.average(self.stopped.T.astype(np.float64)) == 0.0)
+
+
+def at_limit(tau: Array) -> Mask:
+    """(N, n) where recorded torques stand at exactly their largest or smallest value often."""
+    out = np.zeros(tau.shape, dtype=np.bool_)
+    for end in (tau.max(axis=0), tau.min(axis=0)):
+        flat = (tau == end) & (np.ptp(tau, axis=0) > 0)
+        out |= flat & (flat.sum(axis=0) > max(5, FLAT_SHARE * len(tau)))
+    return out
 
 
 def inertial_prior(recording: Recording) -> tuple[Array, Array]:
@@ -209,8 +228,8 @@ def reference(
     known = recording.model.known_torque(recording.q).T
     return Reference(
         recording=recording,
-        columns=columns,
-        torque=recording.average(recording.tau.T + known),
+        columns=recording.measured(columns),
+        torque=recording.measured(recording.average(recording.tau.T + known)),
         mean=np.concatenate([prior[0], np.zeros(len(rest))]),
         precision=precision,
         load=load,
@@ -268,6 +287,7 @@ def fits(ref: Reference, added: Array) -> tuple[Fits, Array]:
     Returns:
         The sums, and (p) the reference's own parameters.
     """
+    added = ref.recording.measured(added)
     everything = np.concatenate([ref.columns, added, ref.torque[None]])
     rows, n = everything.shape[-1], everything.shape[1]
     cuts = [k * rows // BLOCKS for k in range(BLOCKS + 1)]
@@ -298,7 +318,7 @@ def settled(ref: Reference, found: Fits, sweeps: int) -> tuple[Fits, Array]:
     p, shapes = found.own, np.arange(found.own)[ref.shapes]
     widest = ref.precision[shapes, shapes]
     values = np.zeros(p)
-    least = 1e-10 * np.square(ref.torque).mean(axis=1) + 1e-18
+    least = 1e-7 * np.square(ref.torque).mean(axis=1) + 1e-18
     for _ in range(sweeps):
         total = np.tensordot(found.weights, found.sums.sum(axis=0), axes=1)
         covariance: Array = np.asarray(
