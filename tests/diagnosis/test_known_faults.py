@@ -158,6 +158,16 @@ def test_an_unknown_payload_is_weighed(tmp_path: Path) -> None:
     assert found.value == pytest.approx(2.0, abs=SIGMAS * (found.std or 0.0))
 
 
+@pytest.mark.parametrize("share", [0.4, 0.6])
+def test_a_torque_that_stops_is_no_other_fault(tmp_path: Path, share: float) -> None:
+    record = recording(Wrong())
+    effort = record.signals["effort"].copy()
+    top = share * np.abs(effort[:, 1]).max()
+    effort[:, 1] = np.clip(effort[:, 1], -top, top)
+    found = findings_of(replace(record, signals={**record.signals, "effort": effort}), arm(tmp_path))
+    assert [(f.kind, f.joints) for f in found] == [("saturated", (1,))]
+
+
 def test_two_faults_are_told_apart(tmp_path: Path) -> None:
     found = faults(tmp_path, Wrong(scales=(1.0, 1.2, 1.0), tilt_deg=3.0, seconds=40.0))
     assert {f.kind for f in found[:2]} == {"drive_gain", "mounting"}

@@ -13,6 +13,10 @@ CLEAN = (
     # Joints of a taught motion rest, and their friction holds more or less: nobody pushed.
     Case(arm="ur3", motion="teach", rate_hz=250.0, duration_s=15.0, seed=965532469),
     Case(arm="seven", motion="teach", rate_hz=1000.0, duration_s=15.0, seed=961818018),
+    # A share of their friction is not known, though two joints show as little at once.
+    Case(arm="ur10e", motion="teach", rate_hz=1000.0, duration_s=15.0, seed=853771561),
+    # The clocks seem 60 ms apart, and 48 ms of that a delay the other way.
+    Case(arm="ur5", motion="teach", rate_hz=125.0, duration_s=10.0, seed=775454470),
 )
 PLANTED = (
     ("ur5", "fourier", 500.0, 15.0, 864229114, "gains", "medium"),
@@ -31,6 +35,12 @@ PLANTED = (
     ("ur5", "teach", 100.0, 20.0, 761903882, "reversed", "large"),
     # Accelerations from noisy positions beside torques without any.
     ("seven", "waypoints", 125.0, 20.0, 413048803, "commanded", "large"),
+    # The four joints that a plain model explains must not hide two without any error.
+    ("ur3", "fourier", 125.0, 20.0, 948220267, "commanded", "large"),
+    # What is left of friction is half of the wrists' torque.
+    ("ur5", "fourier", 125.0, 10.0, 665513205, "friction_compensated", "large"),
+    # Not all torques are larger: those of a body near the flange are.
+    ("sliding", "fourier", 250.0, 15.0, 1032575860, "payload", "medium"),
     # Two thirds of all torques: no payload, which would leave the last link a negative mass.
     ("sliding", "fourier", 125.0, 20.0, 911654613, "gains", "large"),
 )
