@@ -262,7 +262,9 @@ AFTER_S = 26.0
 )
 def test_pushes_are_found_and_nothing_else(ur5: dict[str, ExperimentRecord], run: str) -> None:
     robot = load_robot("ur5")
-    found = [f.value or 0.0 for f in findings_of(ur5[run], robot) if f.kind == "contact"]
+    every = findings_of(ur5[run], robot)
+    assert {f.kind for f in every} == {"contact"}
+    found = [f.value or 0.0 for f in every]
     for start, stop in PUSHED[run]:
         assert any(start - 0.5 < at < stop + 0.5 for at in found), (start, found)
     for at in found:

@@ -27,6 +27,8 @@ UNEXPLAINED = 0.25
 """Share of the torque, beyond noise, that is left by the richest model: something is wrong."""
 TURNED = 0.3
 """Tilt or zero [rad] from which a result must not be used."""
+MOST_TOUCHED = 0.3
+"""Share of a recording that contacts may take before something else is the cause."""
 SAMPLES = 64
 """Fewer are not diagnosed."""
 MOST_JOINTS = 12
@@ -97,7 +99,7 @@ def diagnose(
         samples = process(record, robot, plain)
         if samples.count < SAMPLES:
             continue
-        explained = explain(recording_of(robot, samples))
+        explained = _explained(recording_of(robot, samples))
         for item in explained.found:
             key = (item.kind, item.joints)
             if key not in best or best[key][0] < item.score:
@@ -116,6 +118,21 @@ def findings_of(record: ExperimentRecord, robot: RobotModel) -> tuple[Finding, .
     return diagnose([record], robot, ProcessingSettings())
 
 
+def _explained(recording: Recording) -> Explained:
+    """The faults of a recording without its contacts, which look like faults where they are few."""
+    explained = explain(recording)
+    if not explained.found:
+        return explained
+    _, touched = untouched(explained.reference, explained.values)
+    rows = np.zeros(len(recording.t), dtype=np.bool_)
+    for contact in touched:
+        rows |= (recording.t >= contact.start_s) & (recording.t <= contact.stop_s)
+    if not 0.0 < rows.mean() < MOST_TOUCHED:
+        return explained
+    apart = recording.apart if recording.apart is not None else np.zeros(recording.tau.shape, bool)
+    return explain(replace(recording, apart=apart | rows[:, None]))
+
+
 def recording_of(robot: RobotModel, samples: Samples) -> Recording:
     """Samples as explanations may change them."""
     return Recording(
@@ -126,7 +143,7 @@ def recording_of(robot: RobotModel, samples: Samples) -> Recording:
         ddq=np.array(samples.ddq),
         tau=np.array(samples.tau),
         block=max(1, -(-samples.count // ROWS)),
-        stopped=stopped if (stopped := at_limit(samples.tau)).any() else None,
+        apart=apart if (apart := at_limit(samples.tau)).any() else None,
     )
 
 
@@ -170,9 +187,8 @@ def _signals(
     rec = ref.recording
     made = _computed(samples.tau, ref.torque.T - np.tensordot(explained.values, ref.columns, 1).T)
     error, touched = untouched(ref, explained.values)
-    stopped: list[int] = []
-    if rec.stopped is not None and not made:
-        stopped = np.flatnonzero(rec.stopped.any(axis=0)).tolist()
+    ends = at_limit(samples.tau).any(axis=0) & (not made)
+    stopped: list[int] = np.flatnonzero(ends).tolist()
     torque = np.sqrt(np.square(rec.tau).mean(axis=0))
     limit = np.where(np.isfinite(robot.limits.torque), robot.limits.torque, 3 * torque)
     for j in stopped:

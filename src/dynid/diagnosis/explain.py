@@ -139,8 +139,8 @@ def _rivals(rec: Recording, paired: list[int]) -> Iterator[WholeSignal]:
         order = list(range(n))
         order[i], order[j] = j, i
         tau = rec.tau[:, order]
-        stopped = None if rec.stopped is None else rec.stopped[:, order]
-        changed = replace(rec, tau=tau, stopped=stopped)
+        apart = None if rec.apart is None else rec.apart[:, order]
+        changed = replace(rec, tau=tau, apart=apart)
         yield WholeSignal(
             recording=changed, kind="exchanged_torques", joints=(i, j), value=1.0, unit=""
         )
@@ -180,7 +180,7 @@ def _rows(rec: Recording) -> int:
 def _thin(rec: Recording) -> Recording:
     rows = np.linspace(0, len(rec.t) - 1, min(_rows(rec), len(rec.t))).astype(int)
     parts = {name: getattr(rec, name)[rows] for name in ("t", "q", "dq", "ddq", "tau")}
-    return replace(rec, **parts, block=1, stopped=None)
+    return replace(rec, **parts, block=1, apart=None)
 
 
 def _objective(thin: Recording, prior: tuple[Array, Array], counts: Array) -> float:

@@ -55,8 +55,8 @@ class Recording:
     """(N, n) measured torques [N.m or N]."""
     block: int
     """Rows are averages over so many samples."""
-    stopped: Mask | None = None
-    """(N, n) where a torque stood at a limit: it may have been larger. None for nowhere."""
+    apart: Mask | None = None
+    """(N, n) torques that do not belong to the motion: at a limit, in a contact. None for none."""
 
     @property
     def model(self) -> InverseDynamicModel:
@@ -72,10 +72,10 @@ class Recording:
         return cut.reshape(*values.shape[:-1], rows, self.block).mean(axis=-1)
 
     def measured(self, values: Array) -> Array:
-        """Averaged values (..., n, T), zero where a torque stood at a limit."""
-        if self.stopped is None:
+        """Averaged values (..., n, T), zero where torques do not belong to the motion."""
+        if self.apart is None:
             return values
-        return values * (self.average(self.stopped.T.astype(np.float64)) == 0.0)
+        return values * (self.average(self.apart.T.astype(np.float64)) == 0.0)
 
 
 def at_limit(tau: Array) -> Mask:
