@@ -164,8 +164,9 @@ def test_a_torque_that_stops_is_no_other_fault(tmp_path: Path, share: float) -> 
     effort = record.signals["effort"].copy()
     top = share * np.abs(effort[:, 1]).max()
     effort[:, 1] = np.clip(effort[:, 1], -top, top)
-    found = findings_of(replace(record, signals={**record.signals, "effort": effort}), arm(tmp_path))
-    assert [(f.kind, f.joints) for f in found] == [("saturated", (1,))]
+    stopped = replace(record, signals={**record.signals, "effort": effort})
+    found = [(f.kind, f.joints) for f in findings_of(stopped, arm(tmp_path))]
+    assert found == [("saturated", (1,))]
 
 
 def test_two_faults_are_told_apart(tmp_path: Path) -> None:

@@ -7,7 +7,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dynid.core import InputError
-from dynid.regressor import TERMS, FrictionTerms, parse_terms, terms_from_json
+from dynid.regressor import (
+    TERMS,
+    FrictionTerms,
+    Gear,
+    TorqueRipple,
+    parse_terms,
+    terms_from_json,
+)
 
 some_joints = st.none() | st.sets(st.integers(0, 11), min_size=1).map(lambda js: tuple(sorted(js)))
 some_widths = st.floats(0, 10) | st.lists(st.floats(0, 10), min_size=1, max_size=12).map(tuple)
@@ -115,3 +122,34 @@ def test_terms_must_fit_the_robot() -> None:
 def test_damaged_json_is_refused(data: dict[str, Any]) -> None:
     with pytest.raises(InputError):
         terms_from_json(data)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"joint": -1},
+        {"waves": ()},
+        {"waves": (3.0, 0.0)},
+        {"waves": (math.inf,)},
+        {"speed": -1.0},
+        {"powers": 0},
+        {"powers": 7},
+    ],
+)
+def test_a_gear_that_cannot_be_is_refused(wrong: dict[str, Any]) -> None:
+    right: dict[str, Any] = {"joint": 0, "waves": (3.0, 7.5), "speed": 2.0, "powers": 6}
+    assert Gear(**right).size == 24
+    with pytest.raises(InputError, match="ripple cannot be read"):
+        Gear(**{**right, **wrong})
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"joint": -1}, {"gears": ()}, {"coefficients": (1.0,)}, {"coefficients": (1.0, math.nan)}],
+)
+def test_a_ripple_that_cannot_be_is_refused(wrong: dict[str, Any]) -> None:
+    gear = Gear(joint=0, waves=(3.0,), speed=2.0, powers=1)
+    right: dict[str, Any] = {"joint": 0, "gears": (gear,), "coefficients": (1.0, 2.0)}
+    assert TorqueRipple(**right).coefficients == (1.0, 2.0)
+    with pytest.raises(InputError, match="ripple cannot be read"):
+        TorqueRipple(**{**right, **wrong})
