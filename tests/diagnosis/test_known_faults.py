@@ -148,7 +148,7 @@ def test_torques_are_as_unsure_as_parameters_leave_them(tmp_path: Path) -> None:
         right = np.tensordot(turned, now.torque / NOISE[:, None], axes=((1, 2), (0, 1)))
         values = np.linalg.solve(matrix, right + ref.precision @ ref.mean)
         error = np.tensordot(values - truth, ref.columns, axes=1).T
-        ratios.append(error / torque_deviations(now, now, values)[: len(error)])
+        ratios.append(error / torque_deviations(now, values)[: len(error)])
     assert 0.7 < np.sqrt(np.square(ratios).mean()) < 1.2
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from dynid.core import Array, Finding
-from dynid.diagnosis.events import Contact, clock_scale, ripple, untouched
+from dynid.diagnosis.events import Contact, clock_scale, ripple, rows_of, untouched
 from dynid.diagnosis.explain import Explained, Explanation, explain
 from dynid.diagnosis.residual import ROWS, Recording, at_limit
 from dynid.recording import ExperimentRecord
@@ -124,13 +124,10 @@ def _explained(recording: Recording) -> Explained:
     if not explained.found:
         return explained
     _, touched = untouched(explained.reference, explained.values)
-    rows = np.zeros(len(recording.t), dtype=np.bool_)
-    for contact in touched:
-        rows |= (recording.t >= contact.start_s) & (recording.t <= contact.stop_s)
+    rows = rows_of(touched, recording.t)
     if not 0.0 < rows.mean() < MOST_TOUCHED:
         return explained
-    apart = recording.apart if recording.apart is not None else np.zeros(recording.tau.shape, bool)
-    return explain(replace(recording, apart=apart | rows[:, None]))
+    return explain(recording.without(rows))
 
 
 def recording_of(robot: RobotModel, samples: Samples) -> Recording:
@@ -185,7 +182,7 @@ def _signals(
     found: list[Finding] = []
     ref = explained.reference
     rec = ref.recording
-    made = _computed(samples.tau, ref.torque.T - np.tensordot(explained.values, ref.columns, 1).T)
+    made = _computed(samples.tau, ref.left(explained.values).T)
     error, touched = untouched(ref, explained.values)
     ends = at_limit(samples.tau).any(axis=0) & (not made)
     stopped: list[int] = np.flatnonzero(ends).tolist()

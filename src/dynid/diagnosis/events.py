@@ -178,26 +178,28 @@ def untouched(ref: Reference, values: Array) -> tuple[Array, tuple[Contact, ...]
     suspected = contacts(rec, error, held, EASE)
     if not suspected:
         return error, ()
-    touched = np.zeros(len(rec.t))
-    for one in suspected:
-        touched[(rec.t >= one.start_s) & (rec.t <= one.stop_s)] = 1.0
-    keep = (rec.average(touched) == 0.0).astype(np.float64)
-    rest = replace(ref, columns=ref.columns * keep, torque=ref.torque * keep)
+    rest = replace(ref, recording=rec.without(rows_of(suspected, rec.t)))
     _, values = fits(rest, np.zeros((0, *ref.torque.shape)))
     error = rec.tau - ref.predicted(values)
-    return error, contacts(
-        rec, error, _held(ref, values), unsure=torque_deviations(rest, ref, values)
-    )
+    return error, contacts(rec, error, _held(ref, values), unsure=torque_deviations(rest, values))
 
 
-def torque_deviations(rest: Reference, ref: Reference, values: Array) -> Array:
-    """(N, n) standard deviations of the torques of a fit to the rest, from its parameters.
+def rows_of(touched: tuple[Contact, ...], t: Array) -> Mask:
+    """(N) instants t (N) [s] in contacts."""
+    out = np.zeros(len(t), dtype=np.bool_)
+    for one in touched:
+        out |= (t >= one.start_s) & (t <= one.stop_s)
+    return out
+
+
+def torque_deviations(ref: Reference, values: Array) -> Array:
+    """(N, n) standard deviations of the torques of a fit, from its parameters (p).
 
     A motion that the recording shows once is known less well than one that it shows often.
     """
-    rows = rest.torque - np.tensordot(values, rest.columns, axes=1)
+    rows, columns = ref.left(values), ref.recording.measured(ref.columns)
     noise = np.maximum(np.square(rows).mean(axis=1) * correlation_length(rows), 1e-18)
-    sums = np.matmul(rest.columns.transpose(1, 0, 2), rest.columns.transpose(1, 2, 0))
+    sums = np.matmul(columns.transpose(1, 0, 2), columns.transpose(1, 2, 0))
     root = np.linalg.cholesky(np.tensordot(1 / noise, sums, axes=1) + ref.precision)
     turned = np.linalg.solve(root, ref.columns.reshape(len(root), -1))
     spread = np.sqrt(np.square(turned).sum(axis=0)).reshape(rows.shape)

@@ -74,7 +74,7 @@ def whole_signals(
     Returns:
         The best first, at most `LOOKS`; nothing where the reference leaves little.
     """
-    error = np.square(ref.torque - np.tensordot(values, ref.columns, axes=1)).mean(axis=1)
+    error = np.square(ref.left(values)).mean(axis=1)
     share = np.sqrt(error / np.maximum(np.square(ref.torque).mean(axis=1), 1e-300))
     if share.max() < POOR and _friction_power(ref, values).min() > LEAST_POWER:
         return []
@@ -368,8 +368,7 @@ def _drop(one: _Fitted, other: _Fitted) -> float:
     count = float(np.median(other[1].counts))
 
     def cost(ref: Reference, sums: Fits, values: Array) -> float:
-        error = ref.torque - np.tensordot(values, ref.columns, axes=1)
-        left = np.square(error).mean(axis=1) + 1e-18
+        left = np.square(ref.left(values)).mean(axis=1) + 1e-18
         left = left / (np.square(ref.recording.tau).mean(axis=0) + 1e-18)
         return 0.5 * count * float(np.log(left).sum()) + sums.penalty(values)
 

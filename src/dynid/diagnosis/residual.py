@@ -32,10 +32,10 @@ UNKNOWN_MASS, UNKNOWN_CENTRE, UNKNOWN_TENSOR = 1.0, 0.3, 0.5
 """... of guessed links (log of the mass, share of the arm's thickness and length, log)."""
 FRICTION_SPREAD = 2.0
 """Standard deviation of a friction torque over that of the joint's torque."""
-FLAT_SHARE = 0.01
-"""Rows at exactly the largest torque that are no coincidence."""
 NARROWEST = 1e-4
 """... after the recording, of a shape that it does not need: share of that before."""
+FLAT_SHARE = 0.01
+"""Rows at exactly the largest torque that are no coincidence."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,6 +76,11 @@ class Recording:
         if self.apart is None:
             return values
         return values * (self.average(self.apart.T.astype(np.float64)) == 0.0)
+
+    def without(self, rows: Mask) -> "Recording":
+        """The recording with the torques of rows (N) apart too."""
+        apart = np.zeros(self.tau.shape, dtype=np.bool_) if self.apart is None else self.apart
+        return replace(self, apart=apart | rows[:, None])
 
 
 def at_limit(tau: Array) -> Mask:
@@ -150,6 +155,11 @@ class Reference:
     """(10 n) inertial parameters that the load of friction is taken from."""
     shapes: slice
     """The friction columns beside the viscous ones: how far they spread is measured."""
+
+    def left(self, values: Array) -> Array:
+        """(n, T) torques that parameters (p) leave, zero where they do not belong to the motion."""
+        error = self.torque - np.tensordot(values, self.columns, axes=1)
+        return self.recording.measured(error)
 
     def predicted(self, values: Array) -> Array:
         """(N, n) torques of parameters (p), nothing averaged."""
@@ -228,8 +238,8 @@ def reference(
     known = recording.model.known_torque(recording.q).T
     return Reference(
         recording=recording,
-        columns=recording.measured(columns),
-        torque=recording.measured(recording.average(recording.tau.T + known)),
+        columns=columns,
+        torque=recording.average(recording.tau.T + known),
         mean=np.concatenate([prior[0], np.zeros(len(rest))]),
         precision=precision,
         load=load,
@@ -287,8 +297,8 @@ def fits(ref: Reference, added: Array) -> tuple[Fits, Array]:
     Returns:
         The sums, and (p) the reference's own parameters.
     """
-    added = ref.recording.measured(added)
     everything = np.concatenate([ref.columns, added, ref.torque[None]])
+    everything = ref.recording.measured(everything)
     rows, n = everything.shape[-1], everything.shape[1]
     cuts = [k * rows // BLOCKS for k in range(BLOCKS + 1)]
     sums = np.empty((BLOCKS, n, len(everything), len(everything)))
@@ -326,7 +336,7 @@ def settled(ref: Reference, found: Fits, sweeps: int) -> tuple[Fits, Array]:
         )
         right = np.asarray(total[:p, -1] + found.precision @ found.mean, dtype=np.float64)
         values = covariance @ right
-        error = ref.torque - np.tensordot(values, ref.columns, axes=1)
+        error = ref.left(values)
         length = correlation_length(error)
         variance = np.maximum(np.square(error).mean(axis=1), least)
         precision = found.precision.copy()
