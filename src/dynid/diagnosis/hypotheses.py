@@ -352,13 +352,15 @@ def left_out(found: Fits) -> tuple[Array, Array]:
 
     The parameters are (BLOCKS, p), a row for each block that was left out.
     """
-    p, total = found.own, found.sums.sum(axis=0)
-    errors, each = np.zeros(total.shape[0]), np.empty((BLOCKS, p))
+    p = found.own
+    blocks = np.tensordot(found.weights, found.sums, axes=(0, 1))
+    total = blocks.sum(axis=0)
+    errors, each = np.zeros(found.sums.shape[1]), np.empty((BLOCKS, p))
     for k, block in enumerate(found.sums):
-        weighted = np.tensordot(found.weights, total - block, axes=1)
+        weighted = total - blocks[k]
         right = weighted[:p, -1] + found.precision @ found.mean
         each[k] = np.linalg.solve(weighted[:p, :p] + found.precision, right)
-        way = np.zeros(total.shape[1])
+        way = np.zeros(len(total))
         way[:p], way[-1] = -each[k], 1.0
         errors += (block @ way) @ way
     return errors, each

@@ -329,8 +329,9 @@ def settled(ref: Reference, found: Fits, sweeps: int) -> tuple[Fits, Array]:
     widest = ref.precision[shapes, shapes]
     values = np.zeros(p)
     least = 1e-7 * np.square(ref.torque).mean(axis=1) + 1e-18
+    sums = found.sums.sum(axis=0)
     for _ in range(sweeps):
-        total = np.tensordot(found.weights, found.sums.sum(axis=0), axes=1)
+        total = np.tensordot(found.weights, sums, axes=1)
         covariance: Array = np.asarray(
             np.linalg.inv(total[:p, :p] + found.precision), dtype=np.float64
         )
