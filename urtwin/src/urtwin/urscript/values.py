@@ -6,6 +6,7 @@ Values are numbers, truth values, strings, lists and poses (lists of six numbers
 
 import inspect
 import math
+import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
@@ -167,25 +168,32 @@ def _elementwise(operation: Callable[[Value, Value], Value], a: Value, b: Value)
     return [operation(x, y) for x, y in zip(a, b, strict=True)]
 
 
-def _operator(on_numbers: Callable[[float, float], float]) -> Callable[[Value, Value], Value]:
-    """An operator on numbers that goes through lists element by element."""
+def _operator(
+    on_numbers: Callable[[float, float], float],
+    special: Callable[[Value, Value], Value] | None = None,
+) -> Callable[[Value, Value], Value]:
+    """An operator on numbers that goes through lists element by element.
+
+    `special` is asked before lists and whole numbers, not within lists; it gives None for what is
+    not its own.
+    """
+    within = _operator(on_numbers) if special is not None else None
 
     def operate(a: Value, b: Value) -> Value:
         if a.__class__ is float and b.__class__ is float:
             return on_numbers(a, b)
+        if special is not None and (value := special(a, b)) is not None:
+            return value
         if a.__class__ is list or b.__class__ is list:
-            return _elementwise(operate, a, b)
+            return _elementwise(within or operate, a, b)
         return _number_result(on_numbers(number(a), number(b)))
 
     return operate
 
 
-_sum = _operator(lambda a, b: a + b)
-
-
-def _add(a: Value, b: Value) -> Value:
+def _joined(a: Value, b: Value) -> Value:
     if a.__class__ is not str and b.__class__ is not str:
-        return _sum(a, b)
+        return None
     if isinstance(a, list) or isinstance(b, list):
         raise ScriptFault("a list must be turned into text with to_str first")
     text = shown(a) + shown(b)
@@ -194,17 +202,10 @@ def _add(a: Value, b: Value) -> Value:
     return text
 
 
-_times = _operator(lambda a, b: a * b)
-
-
-def _multiply(a: Value, b: Value) -> Value:
-    if b.__class__ is list and is_matrix(a):
-        return _product(a, b)
-    return _times(a, b)
-
-
-def _product(a: list[Any], b: list[Any]) -> Value:
+def _product(a: Value, b: Value) -> Value:
     """A matrix times a matrix, or times a list, which gives a list."""
+    if b.__class__ is not list or not is_matrix(a):
+        return None
     columns: list[Any] = list(zip(*b, strict=True)) if is_matrix(b) else [b]
     if len(a[0]) != len(b):
         raise ScriptFault("rows and columns that do not fit", value=(len(a[0]), len(b)))
@@ -231,9 +232,9 @@ def _number_result(value: float) -> Value:
 
 
 OPERATORS: dict[str, Callable[[Value, Value], Value]] = {
-    "+": _add,
-    "-": _operator(lambda a, b: a - b),
-    "*": _multiply,
+    "+": _operator(operator.add, _joined),
+    "-": _operator(operator.sub),
+    "*": _operator(operator.mul, _product),
     "/": _operator(lambda a, b: a / b),
     "%": _remainder,
     "==": lambda a, b: a == b,
