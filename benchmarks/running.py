@@ -43,6 +43,7 @@ def record(driver, plan: ExperimentPlan, path: Path) -> ExperimentRecord:
         source.quantities,
         RecordMetadata(robot="ur5"),
         channels=source.channels,
+        force=True,
     ) as recorder:
         outcome = driver.execute(execution, recorder)
     if outcome.abort is not None:
