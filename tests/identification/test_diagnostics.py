@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -7,7 +8,10 @@ from known_robot import COULOMB, VISCOUS, identified, oracle, recording, ur5
 
 from dynid import identify
 from dynid.core import InputError
+from dynid.identification.diagnostics import smallest_mass_eigenvalue
+from dynid.identification.problem import base_mapping
 from dynid.recording import ExperimentRecord
+from dynid.reduction import reduce_model
 from dynid.regressor import parse_terms
 from dynid.signals import ProcessingSettings, process
 from dynid.workflow import Identification, IdentifySettings, verdict
@@ -57,6 +61,20 @@ def test_torques_of_the_wrong_sign_are_not_physical() -> None:
     paper = IdentifySettings(preset="paper")
     kinds = {f.kind for f in identify([wrong], ur5(), paper).warnings}
     assert "reversed" in kinds
+
+
+def test_the_smallest_mass_eigenvalue_is_pinocchio_s() -> None:
+    record, (model, truth) = recording(0), oracle()
+    few = {name: values[::8] for name, values in record.signals.items()}
+    thin = ExperimentRecord(t=record.t[::8], signals=few)
+    estimate = identify([thin], ur5(), IdentifySettings(preset="paper")).estimate
+    mapping = base_mapping(reduce_model(estimate.model))
+    samples = process(thin, ur5(), ProcessingSettings())
+    size, std = smallest_mass_eigenvalue(replace(estimate, values=mapping @ truth), samples)
+    data = model.createData()
+    theirs = [np.linalg.eigvalsh(pin.crba(model, data, q))[0] for q in samples.q]
+    assert size == pytest.approx(min(theirs), rel=1e-6)
+    assert 0.0 < std < size
 
 
 def test_a_model_of_another_robot_is_over_fitted() -> None:
