@@ -1,9 +1,15 @@
 """What holds for all tests."""
 
 import os
+import signal
 
 # Two workers on two cores: threads of a linear algebra library would wait for each other, which
 # costs small matrices more than half of their time. Set before NumPy is imported; children take
 # it over.
 for _library in ("OPENBLAS", "OMP", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+
+# Shells start commands in the background with Ctrl-C ignored, and children take that over: tests
+# that interrupt would wait for nothing.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
