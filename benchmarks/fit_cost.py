@@ -2,7 +2,8 @@
 
     python benchmarks/fit_cost.py [OLD] [--runs 3]
 
-OLD is the source folder (`src`) of a tree of v0.1.0. Two jobs: the UR5 logs of examples/data (one
+OLD is the source folder (`src`) of a tree of v0.1.0, whose environment (`.venv`) lies beside it:
+it needs libraries that this one does not. Two jobs: the UR5 logs of examples/data (one
 identified, the other predicted) and, where the recordings lie beside the repository, the halves of
 a Panda's. `dynid fit` imports, identifies, validates, exports and reports; release 0.1 gets the
 recordings imported and only does `identify --preset best` and `report`. The releases take turns
@@ -43,9 +44,11 @@ class Job:
 
 def cpu(source: Path, words: Sequence[str | Path]) -> float:
     """User and system time of a command of a release [s]."""
+    own = source.parent / ".venv" / "bin" / "python"
+    python = own if own.exists() else sys.executable
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run(
-        [sys.executable, "-m", "dynid", *map(str, words)],
+        [python, "-m", "dynid", *map(str, words)],
         env=os.environ | {"PYTHONPATH": str(source)},
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
