@@ -8,7 +8,7 @@ held-out motions that no design sees. All designs are safe ones with collisions,
         its own day. Asked: a variance of the predicted torque at least 25 % lower.
     python benchmarks/experiments.py bound [--seeds 2]      how much lower that of two designs of
         10 s can be at all.
-    python benchmarks/experiments.py points [--seeds 5]     20 points beside a Fourier series of as
+    python benchmarks/experiments.py [points] [--seeds 5]   20 points beside a Fourier series of as
         many seconds. Asked: at most 1.5 times the deviation.
     python benchmarks/experiments.py crowded [--seeds 1]    a table and a wall, three boxes, a tool
         with a payload, for three arms. Asked: certified, at most twice the deviation without a
@@ -284,7 +284,7 @@ def main() -> int:
         "crowded": (crowded, 1),
     }
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=kinds)
+    parser.add_argument("what", nargs="?", default="points", choices=kinds)
     parser.add_argument("--seeds", type=int)
     asked = parser.parse_args()
     measure, usual = kinds[asked.what]

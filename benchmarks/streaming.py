@@ -1,6 +1,6 @@
 """Hours of data: memory and CPU of an identification, and the throughput of its pass.
 
-`python benchmarks/streaming.py throughput`: regressor and products of a UR5 (52 columns), beside
+`python benchmarks/streaming.py [throughput]`: regressor and products of a UR5 (52 columns), beside
 a loop over pinocchio's regressor with products of its rows, and release 0.1's own way (whole
 stacks, one product of all columns a joint), in one run on one core, warm. Asked: 10 times and
 2.5 times.
@@ -207,9 +207,12 @@ def throughput() -> None:
 
 
 if __name__ == "__main__":
-    if sys.argv[1] == "identify":
-        identify(sys.argv[2], sys.argv[3])
-    elif sys.argv[1] == "hours":
-        hours(float(sys.argv[2]), sys.argv[3])
-    else:
-        throughput()
+    match sys.argv[1:]:
+        case ["identify", path, preset, *_]:
+            identify(path, preset)
+        case ["hours", count, preset]:
+            hours(float(count), preset)
+        case [] | ["throughput"]:
+            throughput()
+        case _:
+            sys.exit(__doc__)

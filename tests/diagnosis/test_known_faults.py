@@ -169,6 +169,16 @@ def test_a_torque_that_stops_is_no_other_fault(tmp_path: Path, share: float) -> 
     assert found == [("saturated", (1,))]
 
 
+def test_a_torque_of_zero_is_no_number_that_cannot_be(tmp_path: Path) -> None:
+    record = recording(Wrong())
+    effort = record.signals["effort"].copy()
+    effort[:, 0] = 0.0
+    dead = replace(record, signals={**record.signals, "effort": effort})
+    found = findings_of(dead, arm(tmp_path))
+    assert found
+    assert all(np.isfinite(f.value) for f in found if f.value is not None)
+
+
 def test_two_faults_are_told_apart(tmp_path: Path) -> None:
     found = faults(tmp_path, Wrong(scales=(1.0, 1.2, 1.0), tilt_deg=3.0, seconds=40.0))
     assert {f.kind for f in found[:2]} == {"drive_gain", "mounting"}

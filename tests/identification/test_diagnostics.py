@@ -116,6 +116,16 @@ def test_no_record_is_refused() -> None:
         identify([], ur5())
 
 
+@pytest.mark.parametrize("value", [0.0, 0.25])
+def test_a_torque_that_never_changes_is_refused_by_its_joint(value: float) -> None:
+    record = recording(0)
+    effort = record.signals["effort"].copy()
+    effort[:, 2] = value
+    dead = ExperimentRecord(t=record.t, signals={"q": record.signals["q"], "effort": effort})
+    with pytest.raises(InputError, match="same on every row; got elbow_joint"):
+        identify([dead], ur5())
+
+
 def test_same_input_same_bits() -> None:
     first, second = identified().estimate, identify([recording(0)], ur5()).estimate
     np.testing.assert_array_equal(first.values, second.values)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array
-from dynid.diagnosis.residual import BLOCKS, Fits, Recording, Reference
+from dynid.diagnosis.residual import BLOCKS, LEAST_ERROR, Fits, Recording, Reference
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import RobotModel, from_pseudo_inertia
 
@@ -333,7 +333,7 @@ def score(found: Fits, rival: Hypothesis) -> Scored:
     stds = np.hypot(spread, np.sqrt(np.maximum(np.diag(inverse), 0.0)))
     value, std = _one_number(rival.kind, x, stds)
     ratios = np.abs(np.append(x, value)) / np.maximum(np.append(stds, std), 1e-300)
-    gain = 0.5 * float(found.counts @ np.log(before / np.maximum(after, 1e-300)))
+    gain = 0.5 * float(found.counts @ np.log(before / after))
     likely = found.penalty(solved[:, -1]) - found.penalty(values) - 0.5 * float(x @ own @ x)
     size = float(np.linalg.slogdet(inverse)[1]) - 2 * float(np.log(rival.width).sum())
     return Scored(
@@ -363,7 +363,8 @@ def left_out(found: Fits) -> tuple[Array, Array]:
         way = np.zeros(len(total))
         way[:p], way[-1] = -each[k], 1.0
         errors += (block @ way) @ way
-    return errors, each
+    least = LEAST_ERROR * found.sums[:, :, -1, -1].sum(axis=0) + 1e-18 * found.rows
+    return np.maximum(errors, least), each
 
 
 def _one_number(kind: str, values: Array, std: Array) -> tuple[float, float]:

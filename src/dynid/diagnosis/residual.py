@@ -34,6 +34,8 @@ FRICTION_SPREAD = 2.0
 """Standard deviation of a friction torque over that of the joint's torque."""
 NARROWEST = 1e-4
 """... after the recording, of a shape that it does not need: share of that before."""
+LEAST_ERROR = 1e-7
+"""Square of the error that counts as none, share of that of the torque: rounding."""
 FLAT_SHARE = 0.01
 """Rows at exactly the largest torque that are no coincidence."""
 
@@ -328,7 +330,7 @@ def settled(ref: Reference, found: Fits, sweeps: int) -> tuple[Fits, Array]:
     p, shapes = found.own, np.arange(found.own)[ref.shapes]
     widest = ref.precision[shapes, shapes]
     values = np.zeros(p)
-    least = 1e-7 * np.square(ref.torque).mean(axis=1) + 1e-18
+    least = LEAST_ERROR * np.square(ref.torque).mean(axis=1) + 1e-18
     sums = found.sums.sum(axis=0)
     for _ in range(sweeps):
         total = np.tensordot(found.weights, sums, axes=1)
