@@ -215,7 +215,8 @@ def identify(
         progress: Told what is being done and how far it is (0 to 1).
 
     Raises:
-        InputError: Recordings that do not fit the robot, an empty window, unknown settings.
+        InputError: Recordings that do not fit the robot, a torque that never changes, an empty
+            window, unknown settings.
         JobError: A singular problem.
     """
     robot = load_robot(robot)
