@@ -1,5 +1,6 @@
 """What a recording shows at single places or signals: contacts, ripple, clipping, its clock."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -306,10 +307,15 @@ def ripple(
     reach = max(float(np.ptp(q)), 1e-6)
     # A wave that passes faster than the samples can show says nothing.
     top = 0.35 / step / max(float(np.percentile(np.abs(rec.dq[:, joint]), 90)), 1e-6) * 2 * np.pi
-    orders = np.arange(max(ORDERS[0], 30 / reach), min(ORDERS[1], top), 0.5 * 2 * np.pi / reach)
+    spacing = 0.5 * 2 * np.pi / reach
+    orders = np.arange(max(ORDERS[0], 30 / reach), min(ORDERS[1], top), spacing)
     if len(orders) < 30:
         return None
-    waves = np.array([left @ np.exp(1j * k * q) for k in orders]) / len(q)
+    # exp(i (a + b) q) = exp(i a q) exp(i b q): few exponentials serve all evenly spaced orders.
+    width = math.isqrt(len(orders)) + 1
+    near = np.exp(1j * np.outer(spacing * np.arange(width), q))
+    far = left * np.exp(1j * np.outer(orders[::width], q))
+    waves = (far @ near.T).ravel()[: len(orders)] / len(q)
     power = np.square(np.abs(waves))
     best = int(np.argmax(power))
     if power[best] < PROMINENT * np.median(power):

@@ -82,6 +82,7 @@ class _Torques:
         # What bends a gear: motors turn before it.
         self.beyond_gears = self.parameters.copy()
         self.beyond_gears[11 * self.joints : 12 * self.joints] = 0.0
+        self.links = self.at(parameters=self.beyond_gears)
 
     def at(
         self,
@@ -203,8 +204,7 @@ def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
             columns=torques.columns(-torques.slope(1e-3, torques.at(by=moved))),
             undo=lambda r, x: replace(r, q=_moved(r.q, j, -float(x[0]))),
         )  # fmt: skip
-    links = torques.at(parameters=torques.beyond_gears)
-    carried = links[:, j]
+    carried = torques.links[:, j]
     bent = np.zeros((3, *rec.q.shape))
     bent[0, :, j] = carried
     bent[1, :, j] = np.gradient(carried, step)
@@ -214,7 +214,7 @@ def _of_a_joint(torques: _Torques, j: int) -> Iterator[Hypothesis]:
         kind="flexibility", joints=(j,), unit="m/N" if slides else "rad/(N.m)",
         width=np.array([1e-3]), least=1e-4,
         columns=torques.columns(
-            (links - torques.at(by=small * bent, parameters=torques.beyond_gears)) / small
+            (torques.links - torques.at(by=small * bent, parameters=torques.beyond_gears)) / small
         ),
         lowest=0.0,
     )  # fmt: skip

@@ -70,8 +70,9 @@ class Recording:
     def average(self, values: Array) -> Array:
         """Means (..., T) over the blocks of values (..., N)."""
         rows = values.shape[-1] // self.block
-        cut = values[..., : rows * self.block]
-        return cut.reshape(*values.shape[:-1], rows, self.block).mean(axis=-1)
+        cut = values[..., : rows * self.block].reshape(-1, self.block)
+        # A product: mean() over so few values takes five times as long.
+        return (cut @ np.full(self.block, 1 / self.block)).reshape(*values.shape[:-1], rows)
 
     def measured(self, values: Array) -> Array:
         """Averaged values (..., n, T), zero where torques do not belong to the motion."""

@@ -188,6 +188,8 @@ SLACK = 5
 """Cycles by which the stream may be late before the robot is stopped."""
 _HOLD_S = 0.2
 """How long the last set point is sent on, for the arm to arrive [s]."""
+_LEAD_CYCLES = 5
+"""Cycles for which the start is sent before the first set point: the stream has its rhythm then."""
 _LOOK_S = 0.01
 """How often the way to the start is looked at [s]."""
 
@@ -255,7 +257,7 @@ class _Stream:
     def __init__(self, control: Any, feed: Recipe, execution: Execution) -> None:
         self._control, self._feed, self._execution = control, feed, execution
         self._setpoints = execution.setpoints().tolist()
-        self._next = 0
+        self._next = -_LEAD_CYCLES
         self._cycle = 1.0 / execution.rate_hz
         self._hold = round(_HOLD_S * execution.rate_hz)
 
@@ -263,14 +265,14 @@ class _Stream:
         """Send the next set point, and its number."""
         k, last = self._next, self._execution.total - 1
         self._next += 1
-        q = self._setpoints[min(k, last) % self._execution.cycles]
+        q = self._setpoints[max(min(k, last), 0) % self._execution.cycles]
         try:
             sent = self._control.servoJ(q, 0.0, 0.0, self._cycle, LOOKAHEAD_S, GAIN)
         except RuntimeError as error:
             raise Refused("ur_rtde cannot go on", value=error) from error
         if not sent:
             raise Refused("ur_rtde has lost its program on the controller")
-        return self._feed.packet([min(k, last + 1)])
+        return self._feed.packet([max(min(k, last + 1), -1)])
 
     def begun(self, cycle: Cycle, numbers: Numbers) -> bool:
         """Whether ur_rtde's program runs and our number has arrived."""
