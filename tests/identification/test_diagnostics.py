@@ -126,6 +126,16 @@ def test_a_torque_that_never_changes_is_refused_by_its_joint(value: float) -> No
         identify([dead], ur5())
 
 
+def test_an_arm_that_stands_still_is_refused() -> None:
+    record = recording(0)
+    still = np.tile(record.signals["q"][0], (record.samples, 1))
+    motionless = ExperimentRecord(
+        t=record.t, signals={"q": still, "effort": record.signals["effort"]}
+    )
+    with pytest.raises(InputError, match="too much alike"):
+        identify([motionless], ur5())
+
+
 def test_same_input_same_bits() -> None:
     first, second = identified().estimate, identify([recording(0)], ur5()).estimate
     np.testing.assert_array_equal(first.values, second.values)

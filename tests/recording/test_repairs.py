@@ -8,7 +8,14 @@ import pytest
 from recorded_motions import Motion, write_rtde_csv
 
 from dynid.core import RecordError
-from dynid.recording import ExperimentRecord, RawTable, RepairSettings, read_recording, repair
+from dynid.recording import (
+    ExperimentRecord,
+    RawTable,
+    RepairSettings,
+    at_limit,
+    read_recording,
+    repair,
+)
 from dynid.robot import Drives, load_robot
 from dynid.signals.resample import GAP_STEPS
 
@@ -489,6 +496,15 @@ def test_infinite_and_absurd_values_cost_the_row() -> None:
     record = run(replace(signals(table, q=q, qd=qd), t=t))
     assert record.samples == 1495
     assert codes(record) == ["corrupt_rows"]
+
+
+def test_coarse_torques_are_not_clipped() -> None:
+    t = np.arange(4000) / 125.0
+    torque = np.sin(2 * np.pi * 0.3 * t)[:, None] * np.linspace(1.0, 20.0, 96)
+    assert not at_limit(np.round(torque)).any()
+    assert not at_limit(torque).any()
+    clipped = at_limit(np.clip(np.round(torque[:, 60:]), -9.0, 9.0))
+    np.testing.assert_array_equal(clipped, np.abs(np.round(torque[:, 60:])) >= 9.0)
 
 
 def test_clipped_and_dead_torques_are_reported() -> None:

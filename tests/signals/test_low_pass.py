@@ -123,6 +123,17 @@ def test_the_joint_in_the_middle_decides_and_resting_joints_do_not() -> None:
     assert motion_bandwidth(mixed, 125.0) == pytest.approx(4.0, abs=0.15)
 
 
+@pytest.mark.parametrize("rate", [125.0, 500.0])
+@pytest.mark.parametrize(("noise", "resolution"), [(3e-3, 0.0), (0.0, 0.01)])
+def test_coarse_positions_are_no_fast_motion(rate: float, noise: float, resolution: float) -> None:
+    t = np.arange(int(20 * rate)) / rate
+    true = _excitation(t, 0.5)
+    q = true + noise * np.random.default_rng(5).normal(size=true.shape)
+    if resolution:
+        q = resolution * np.round(true / resolution)
+    assert motion_bandwidth(q, rate) == pytest.approx(motion_bandwidth(true, rate), abs=0.15)
+
+
 @pytest.mark.parametrize("q", [np.zeros((2000, 2)), np.full((2000, 1), 1.234567)])
 def test_a_robot_at_rest_gets_the_lowest_cut_off(q: np.ndarray) -> None:
     assert default_cutoff(q, 125.0) == LOWEST_DEFAULT_HZ

@@ -223,6 +223,14 @@ def test_what_cannot_be_done_is_said(stored: Path, tmp_path: Path) -> None:
         fit_long([source], UR5, replace(PAPER, estimator="irls"))
     with pytest.raises(InputError, match="too high"):
         fit_long([source], UR5, replace(PAPER, cutoff_hz=400.0))
+    whole = recording()
+    effort = whole.signals["effort"].copy()
+    effort[:, 2] = 1.5
+    dead = tmp_path / "dead.parquet"
+    signals = {**whole.signals, "effort": effort}
+    dynid.write_record(ExperimentRecord(t=whole.t, signals=signals), dead)
+    with pytest.raises(InputError, match="same on every row; got elbow_joint"):
+        fit_long([open_stored(dead, UR5)], UR5, PAPER)
     broken = tmp_path / "broken.parquet"
     content = bytearray(stored.read_bytes())
     content[len(content) // 2] ^= 255

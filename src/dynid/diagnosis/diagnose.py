@@ -8,8 +8,8 @@ import numpy as np
 from dynid.core import Array, Finding
 from dynid.diagnosis.events import Contact, clock_scale, ripple, rows_of, untouched
 from dynid.diagnosis.explain import Explained, Explanation, explain
-from dynid.diagnosis.residual import ROWS, Recording, at_limit
-from dynid.recording import ExperimentRecord
+from dynid.diagnosis.residual import ROWS, Recording
+from dynid.recording import ExperimentRecord, at_limit
 from dynid.robot import RobotModel
 from dynid.signals import ProcessingSettings, Samples, process
 

@@ -36,8 +36,6 @@ NARROWEST = 1e-4
 """... after the recording, of a shape that it does not need: share of that before."""
 LEAST_ERROR = 1e-7
 """Square of the error that counts as none, share of that of the torque: rounding."""
-FLAT_SHARE = 0.01
-"""Rows at exactly the largest torque that are no coincidence."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,15 +82,6 @@ class Recording:
         """The recording with the torques of rows (N) apart too."""
         apart = np.zeros(self.tau.shape, dtype=np.bool_) if self.apart is None else self.apart
         return replace(self, apart=apart | rows[:, None])
-
-
-def at_limit(tau: Array) -> Mask:
-    """(N, n) where recorded torques stand at exactly their largest or smallest value often."""
-    out = np.zeros(tau.shape, dtype=np.bool_)
-    for end in (tau.max(axis=0), tau.min(axis=0)):
-        flat = (tau == end) & (np.ptp(tau, axis=0) > 0)
-        out |= flat & (flat.sum(axis=0) > max(5, FLAT_SHARE * len(tau)))
-    return out
 
 
 def inertial_prior(recording: Recording) -> tuple[Array, Array]:

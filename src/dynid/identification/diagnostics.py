@@ -41,7 +41,7 @@ def ill_conditioned(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]
     if number > ILL_CONDITIONED:
         text.append(
             f"the condition number is {estimate.condition_number:.1e} (of the motion alone, "
-            f"columns scaled: {number:.0f}; good motions stay below {ILL_CONDITIONED:.0f})"
+            f"columns scaled: {number:.3g}; good motions stay below {ILL_CONDITIONED:.0f})"
         )
     if 2 * len(one_way) > samples.joints:
         text.append(

@@ -17,7 +17,13 @@ from dynid.recording.opening import (
 )
 from dynid.recording.reading import read_record, read_recording
 from dynid.recording.record import JOINT_QUANTITIES, ExperimentRecord, RecordMetadata, identity
-from dynid.recording.repair.pipeline import RepairSettings, check_channels, checked_records, repair
+from dynid.recording.repair.pipeline import (
+    RepairSettings,
+    at_limit,
+    check_channels,
+    checked_records,
+    repair,
+)
 from dynid.recording.store import KEY, MARK, pack, partial_path, recover, write_record
 from dynid.recording.stored import (
     LONG,
@@ -55,6 +61,7 @@ __all__ = [
     "StoredRecording",
     "Topic",
     "as_list",
+    "at_limit",
     "check_channels",
     "checked_records",
     "content_kind",

@@ -58,6 +58,9 @@ HARMONIC_FACTOR = 10.0
 """Default cut-off over the highest frequency of the motion (5 to 10 in methods.md 3)."""
 HIGHEST_MOTION_HZ = 25.0
 """No arm is excited by design above this."""
+ABOVE_NOISE = 10.0
+"""Power of a line over that of the noise from which it is motion: white noise exceeds it at one
+frequency of 20 000."""
 LOWEST_DEFAULT_HZ = 5.0
 """Friction turns over faster than the slowest motions."""
 
@@ -81,14 +84,16 @@ def motion_bandwidth(q: Array, rate_hz: float) -> float:
     """The frequency [Hz] below which 99 % of the velocity's power lies, median joint.
 
     Only the band in which arms are driven counts: above it lies noise, which differentiation
-    makes large.
+    makes large. In the band what stands clearly above that noise counts.
     """
     taper = np.hanning(len(q))[:, None]
-    spectrum = np.fft.rfft((q - q.mean(axis=0)) * taper, axis=0)
+    spectrum = np.square(np.abs(np.fft.rfft((q - q.mean(axis=0)) * taper, axis=0)))
     frequency = np.fft.rfftfreq(len(q), 1.0 / rate_hz)
     driven = frequency <= max(HIGHEST_MOTION_HZ, frequency[1])
-    frequency = frequency[driven]
-    power = np.square(np.abs(spectrum[driven]) * frequency[:, None])
+    beyond, spectrum, frequency = spectrum[~driven], spectrum[driven], frequency[driven]
+    if len(beyond):
+        spectrum = np.where(spectrum > ABOVE_NOISE * beyond.mean(axis=0), spectrum, 0.0)
+    power = spectrum * np.square(frequency)[:, None]
     total = power.sum(axis=0)
     moving = total > 1e-4 * total.max(initial=0.0)
     if total.max(initial=0.0) == 0:

@@ -39,6 +39,7 @@ from dynid.signals import (
     find_period,
     fold_periods,
     joined,
+    measured_torque,
     process,
     uniform_signals,
     was_smoothed,
@@ -318,4 +319,21 @@ def require_cutoff(rate_hz: float, cutoff_hz: float | None) -> None:
             where="--cutoff",
             value=f"{cutoff_hz:g} Hz",
             limit=f"up to {highest:g} Hz",
+        )
+
+
+def require_torques(parts: Sequence[ExperimentRecord], robot: RobotModel) -> None:
+    """Refuse a recording, given in parts, of which a joint's torque never changes.
+
+    Raises:
+        InputError: Such a torque was not measured, and is no model's.
+    """
+    flat = [np.ptp(measured_torque(part, robot), axis=0) == 0.0 for part in parts]
+    dead = np.flatnonzero(np.all(flat, axis=0))
+    if len(dead):
+        raise InputError(
+            "a torque is the same on every row",
+            where=parts[0].metadata.origin or None,
+            value=", ".join(robot.joint_names[j] for j in dead),
+            next_step="Check its column and its sensor.",
         )

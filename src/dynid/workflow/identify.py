@@ -29,7 +29,6 @@ from dynid.recording import (
     open_record,
 )
 from dynid.robot import RobotLike, RobotModel, load_robot
-from dynid.signals import measured_torque
 from dynid.trajectory import JointMotion
 from dynid.validation import ValidationResult, reproduce, validate
 from dynid.workflow.choosing import (
@@ -38,6 +37,7 @@ from dynid.workflow.choosing import (
     made_from,
     prepare,
     require_cutoff,
+    require_torques,
 )
 from dynid.workflow.long_recordings import Looked, fit_long
 
@@ -264,25 +264,13 @@ def fit_records(
     """Choose, process and fit recordings that are held in memory."""
     require_cutoff(min(record.rate_hz for record in records), settings.cutoff_hz)
     for record in records:
-        _require_torques(record, robot)
+        require_torques([record], robot)
     found = prepare(records, robot, settings, asked_processing(records, settings), progress)
     estimate = found.fit(records, settings.preset, made_from(records, settings))
     training = reproduce(estimate, records[0], start_s=settings.start_s, stop_s=settings.stop_s)
     return Looked(
         estimate=estimate, training=training, records=tuple(records), window=estimate.settings
     )
-
-
-def _require_torques(record: ExperimentRecord, robot: RobotModel) -> None:
-    """Each joint's torque changes: one that does not was not measured, and is no model's."""
-    dead = np.flatnonzero(np.ptp(measured_torque(record, robot), axis=0) == 0.0)
-    if len(dead):
-        raise InputError(
-            "a torque is the same on every row",
-            where=record.metadata.origin or None,
-            value=", ".join(robot.joint_names[j] for j in dead),
-            next_step="Check its column and its sensor.",
-        )
 
 
 def gains_nothing(estimate: Estimate) -> tuple[Finding, ...]:

@@ -36,7 +36,13 @@ from dynid.signals import (
     uniform_signals,
 )
 from dynid.validation import ValidationResult, reproduce
-from dynid.workflow.choosing import IdentifySettings, made_from, prepare, require_cutoff
+from dynid.workflow.choosing import (
+    IdentifySettings,
+    made_from,
+    prepare,
+    require_cutoff,
+    require_torques,
+)
 
 CHOOSING_ROWS = 90_000
 """Rows that choices are made on: three minutes at 500 Hz."""
@@ -102,6 +108,9 @@ def fit_long(
     grids = [survey(recording, window) for recording in recordings]
     require_cutoff(min(grid.rate_hz for grid in grids), settings.cutoff_hz)
     part = _subset(recordings, grids)
+    for source in dict.fromkeys(part.sources):
+        own = (piece for piece, k in zip(part.pieces, part.sources, strict=True) if k == source)
+        require_torques(list(own), robot)
     looked_at = checked_records([part.stretch])[0]
     processing = ProcessingSettings(cutoff_hz=settings.cutoff_hz, decimate=True)
     if settings.preset != "best" and settings.cutoff_hz is None:

@@ -194,6 +194,11 @@ class ScoreSearch:
             inertias = load_inertias(self.base.model, processed, EXTRA_WIDTH)
         labels = [self._labels(samples, k) for k, samples in enumerate(processed)]
         groups = np.concatenate(labels, axis=1)
+        if not groups[:-1].any():
+            raise InputError(
+                "the arm's poses are too much alike: no part of the recordings can be left out",
+                next_step="Record a motion that moves every joint.",
+            )
         sizes = tuple((groups.max(axis=1) + 1).tolist())
         # Numbers sort faster than columns, in the same order.
         codes, cells = np.unique(np.ravel_multi_index(tuple(groups), sizes), return_inverse=True)

@@ -181,6 +181,11 @@ def _moving(t: Array, q: Array) -> Mask:
     return mask
 
 
+_PILED, _FLAT_SHARE, _CLIPPED = 3.0, 0.01, 10
+"""Rows at exactly the largest torque that are no coincidence: so many times those at the level next
+to it, a share of all, and at least so many."""
+
+
 def _report_saturation(table: RawTable) -> RawTable:
     """Report torques and currents that are clipped."""
     if table.samples < 50:
@@ -190,33 +195,31 @@ def _report_saturation(table: RawTable) -> RawTable:
         value = table.signals.get(quantity)
         if value is None:
             continue
-        for joint in range(table.joints):
-            column = value[:, joint]
-            low, high = float(column.min()), float(column.max())
-            if low == high:
-                # A dead channel; `check_channels` names it.
-                continue
-            clipped = (_at_extreme(column, high) | _at_extreme(column, low)) & moving
-            # Clipped values pile up at the limit; a coarse but true peak has neighbours.
-            shoulder = 0.03 * (high - low)
-            near = ((column >= high - shoulder) | (column <= low + shoulder)) & ~clipped & moving
-            if clipped.sum() >= max(10, 0.005 * table.samples, near.sum()):
-                peak = high if abs(high) >= abs(low) else low
-                table = table.report(
-                    "saturated",
-                    f"{table.label(quantity, joint)} stands at its extreme ({peak:.4g}) on "
-                    f"{int(clipped.sum())} rows of the motion: clipped?",
-                )
+        clipped = (at_limit(value) & moving[:, None]).sum(axis=0)
+        for joint in np.flatnonzero(clipped >= _CLIPPED).tolist():
+            peak = value[np.argmax(np.abs(value[:, joint])), joint]
+            table = table.report(
+                "saturated",
+                f"{table.label(quantity, joint)} stands at its extreme ({peak:.4g}) on "
+                f"{clipped[joint]} rows of the motion: clipped?",
+            )
     return table
 
 
-def _at_extreme(column: Array, extreme: float) -> Mask:
-    """Rows in runs of at least three at the extreme value."""
-    at = column == extreme
-    run = at.copy()
-    run[2:] &= at[1:-1] & at[:-2]
-    run[:2] = False
-    return run
+def at_limit(values: Array) -> Mask:
+    """(N, n) rows of torques that pile up at exactly their largest or smallest value.
+
+    Of a peak that is written coarsely, a parabola, the highest level holds up to 1 + sqrt(2) times
+    the rows of the next one.
+    """
+    out = np.zeros(values.shape, dtype=np.bool_)
+    for end in (values.max(axis=0), values.min(axis=0)):
+        away = np.abs(values - end)
+        flat = (away == 0.0) & (np.ptp(values, axis=0) > 0)
+        step = np.min(np.where(away > 0.0, away, np.inf), axis=0)
+        following = _PILED * ((away > 0.0) & (away <= (1 + 1e-6) * step)).sum(axis=0)
+        out |= flat & (flat.sum(axis=0) > np.maximum(following, _FLAT_SHARE * len(values)))
+    return out
 
 
 def _report_odd_torques(table: RawTable, robot: RobotModel | None) -> RawTable:
