@@ -498,6 +498,31 @@ def test_infinite_and_absurd_values_cost_the_row() -> None:
     assert codes(record) == ["corrupt_rows"]
 
 
+@pytest.mark.parametrize("every", [2, 4, 10])
+def test_positions_that_are_renewed_slowly_are_interpolated(every: int) -> None:
+    table = raw(noise=1)
+    # It stands still for two seconds.
+    true = table.signals["q"][
+        np.minimum(np.arange(1500), 600 + np.maximum(np.arange(1500) - 850, 0))
+    ]
+    held = true[np.arange(len(true)) // every * every]
+    without = {name: value for name, value in table.signals.items() if name != "qd"}
+    record = run(replace(table, signals={**without, "q": held}))
+    assert codes(record) == ["clock_jitter"]
+    found, away = record.signals["q"][:-every], np.abs(held - true)[:-every].max()
+    moving = np.r_[0 : 600 - every, 850 : len(found)]
+    assert np.abs(found - true[:-every])[moving].max() < 0.3 * away
+    np.testing.assert_allclose(found[650:800], true[650:800], rtol=0, atol=1e-4)
+
+
+def test_coarse_positions_are_kept() -> None:
+    table = raw(noise=1)
+    without = {name: value for name, value in table.signals.items() if name != "qd"}
+    coarse = np.round(table.signals["q"], 2)
+    record = run(replace(table, signals={**without, "q": coarse}))
+    np.testing.assert_array_equal(record.signals["q"], coarse)
+
+
 def test_coarse_torques_are_not_clipped() -> None:
     t = np.arange(4000) / 125.0
     torque = np.sin(2 * np.pi * 0.3 * t)[:, None] * np.linspace(1.0, 20.0, 96)

@@ -146,7 +146,7 @@ def recording_of(robot: RobotModel, samples: Samples) -> Recording:
 
 def finding_of(item: Explanation, robot: RobotModel) -> Finding:
     """An explanation as a finding."""
-    every = len(item.joints) == robot.joints
+    every = len(item.joints) == robot.joints > 1
     names = "all joints" if every else " and ".join(robot.joint_names[j] for j in item.joints)
     value, std = item.value, item.std
     text = _FACTS[item.kind].format(

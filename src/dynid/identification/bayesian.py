@@ -23,6 +23,8 @@ from dynid.robot import RobotModel, from_pseudo_inertia, move, to_pseudo_inertia
 
 THICKNESS = 0.1
 """Diameter of a body of unknown shape, over the arm's reach."""
+UNKNOWN_REACH_M = 0.5
+"""Reach of an arm of one link whose length nothing tells [m]."""
 DENSITY = 1500.0
 """Of a body of unknown mass: aluminium housings, motors and gears, not solid [kg/m^3]."""
 THINNEST = 0.1
@@ -58,7 +60,8 @@ def inertial_prior(robot: RobotModel, frames: str) -> InertialPrior:
         frames: Parameter frames.
     """
     ends = [*robot.placements[1:, :3, 3], robot.flange[:3, 3]]
-    thick = THICKNESS * max(float(sum(np.linalg.norm(end) for end in ends)), 1e-3)
+    reach = float(sum(np.linalg.norm(end) for end in ends)) or UNKNOWN_REACH_M
+    thick = THICKNESS * max(reach, 1e-3)
     inverses = np.asarray(np.linalg.inv(robot.parameter_frames[frames]), dtype=np.float64)
     rows: list[Array] = []
     missing: dict[str, list[str]] = {}

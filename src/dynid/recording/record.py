@@ -275,8 +275,11 @@ def digest(description: Mapping[str, Any], columns: Iterable[Array]) -> str:
 
 def identity(record: ExperimentRecord) -> str:
     """The hash of the file a record was read from, or of its times, positions and torques."""
-    if record.metadata.input_hash:
-        return record.metadata.input_hash
+    return record.metadata.input_hash or numbers_hash(record)
+
+
+def numbers_hash(record: ExperimentRecord) -> str:
+    """The hash of a record's times, positions and torques, whatever file they came from."""
     digest = hashlib.sha256(record.t.tobytes())
     # Simulated arms repeat a motion to the last bit; what they carry shows in the torques.
     for name in ("q", "effort", "current"):

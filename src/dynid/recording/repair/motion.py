@@ -125,6 +125,8 @@ def _report_odd(table: RawTable, odd: Mask, why: str) -> RawTable:
 _LONGEST = 0.05
 """Longest stretch that is left out, as a share of the rows."""
 _MOST_JUMPS = 200
+_RENEWED = 0.03
+"""Share of rows on which positions change, above which these are motion and no jumps."""
 
 
 def drop_bursts(table: RawTable) -> RawTable:
@@ -164,7 +166,10 @@ def _ticks(table: RawTable) -> Array:
 def _stretches(x: Array, ticks: Array, longest: int) -> tuple[list[tuple[int, int]], list[int]]:
     """Stretches between a jump away and a jump back, and the jumps that are left."""
     steps = np.abs(np.diff(x)) / ticks
-    ordinary, usual = (float(value) for value in np.quantile(steps, [0.9, 0.99]))
+    # Positions that are renewed every tenth row stand still on most rows.
+    moved = steps[steps > 0]
+    moved = moved if len(moved) > _RENEWED * len(steps) else steps
+    ordinary, usual = (float(value) for value in np.quantile(moved, [0.9, 0.99]))
     edges = np.pad(steps, 1)
     # In a short recording a few jumps are more than one per cent of the steps: there they
     # must stand alone, as no motion does.

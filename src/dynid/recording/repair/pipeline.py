@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from dynid.core import Array, Finding, RecordError
-from dynid.recording.record import UNITS, ExperimentRecord, RecordMetadata, identity
+from dynid.recording.record import UNITS, ExperimentRecord, RecordMetadata, identity, numbers_hash
 from dynid.recording.repair.clock import (
     join_runs,
     mend_jumps,
@@ -35,7 +35,7 @@ from dynid.recording.repair.motion import (
     drop_zero_positions,
 )
 from dynid.recording.repair.spikes import drop_spikes
-from dynid.recording.repair.stamps import drop_repeats, lay_together, repair_stamps
+from dynid.recording.repair.stamps import drop_repeats, fill_held, lay_together, repair_stamps
 from dynid.recording.table import TORQUE_SOURCES, Mask, RawTable, rows_with
 from dynid.robot import RobotModel
 
@@ -102,11 +102,12 @@ def checked_records(records: Sequence[ExperimentRecord]) -> list[ExperimentRecor
         RecordError: A recording without a torque that changes, or with an absurd scale.
     """
     kept: list[ExperimentRecord] = []
-    hashes: list[str] = []
+    places: dict[str, int] = {}
     for number, record in enumerate(records, 1):
-        own = identity(record)
-        if own in hashes:
-            first = hashes.index(own)
+        # Of one file imported twice, or of one run in two formats.
+        own = (identity(record), numbers_hash(record))
+        first = next((places[one] for one in own if one in places), None)
+        if first is not None:
             note = Finding(
                 "duplicate_record",
                 f"recording {number} is the same as one before it and is left out",
@@ -118,7 +119,7 @@ def checked_records(records: Sequence[ExperimentRecord]) -> list[ExperimentRecor
         known = {(finding.kind, finding.joints, finding.text) for finding in record.problems}
         fresh = [x for x in check_channels(record) if (x.kind, x.joints, x.text) not in known]
         _refuse(record, (*record.problems, *fresh))
-        hashes.append(own)
+        places |= dict.fromkeys(own, len(kept))
         kept.append(replace(record, problems=(*record.problems, *fresh)))
     return kept
 
@@ -406,6 +407,7 @@ RULES: tuple[Rule, ...] = (
     Rule("drop_spikes", drop_spikes, "panda_gaz, kinova_gen3, ur5_kufieta: single wrong samples"),
     Rule("drop_bursts", drop_bursts, "stretches of rows that are wrong"),
     Rule("drop_broken_ends", drop_broken_ends, "kinova_gen3: invalid last rows"),
+    Rule("fill_held", fill_held, "positions renewed on every tenth row"),
     Rule("enough_rows", _require_rows, "files of damage alone"),
     Rule("settle_unit", settle_unit, "kinova_gen3: time in milliseconds"),
     Rule("refuse_degrees", refuse_degrees, "degrees that nobody announced", ("robot",)),

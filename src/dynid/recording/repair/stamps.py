@@ -2,10 +2,11 @@
 
 from bisect import bisect_left
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
-from dynid.core import Array, RecordError
+from dynid.core import Array, RecordError, scipy_part
 from dynid.recording.clocks import at_times
 from dynid.recording.headers import by_rows
 from dynid.recording.table import Mask, RawTable, Rows, rows_with
@@ -186,6 +187,36 @@ def _report_slow_signals(table: RawTable, moving: Mask) -> RawTable:
                 "the motion: they are renewed more slowly than the rows come, or too coarse",
             )
     return table
+
+
+_REGULAR = 0.9
+"""Share of the rows on which positions are renewed that come as many rows after the last ones."""
+
+
+def fill_held(table: RawTable) -> RawTable:
+    """Lay positions that are renewed on every k-th row on a smooth way between these rows.
+
+    Positions that are written coarsely are kept: they change on rows at irregular distances, or by
+    one step of their scale.
+    """
+    t, q = table.stamps, table.signals["q"]
+    steps = np.abs(np.diff(q, axis=0))
+    renewed = np.flatnonzero(rows_with(steps != 0)) + 1
+    gaps = np.diff(renewed)
+    every = int(np.median(gaps)) if len(gaps) > 10 else 1
+    if every < 2 or (np.abs(gaps - every) <= 1).mean() < _REGULAR:
+        return table
+    small, large = np.quantile(steps[renewed - 1].max(axis=1), [0.1, 0.9])
+    if large < 2 * small:
+        return table
+    # At rest they are renewed without a change.
+    knots = np.concatenate(
+        [np.arange(a, b - every // 2, every) for a, b in pairwise([0, *renewed])] + [renewed[-1:]]
+    )
+    way = scipy_part("interpolate").CubicSpline(t[knots], q[knots])
+    return table.with_signals({"q": way(np.clip(t, t[knots[0]], t[knots[-1]]))}).note(
+        f"positions are renewed every {every} rows: those between are interpolated"
+    )
 
 
 def _moves(q: Array) -> Mask:
