@@ -189,8 +189,8 @@ def _report_slow_signals(table: RawTable, moving: Mask) -> RawTable:
     return table
 
 
-_REGULAR = 0.9
-"""Share of the rows on which positions are renewed that come as many rows after the last ones."""
+_UNEVEN = 0.1
+"""Share of renewals that may come more or fewer rows after the last one than others do."""
 
 
 def fill_held(table: RawTable) -> RawTable:
@@ -203,8 +203,9 @@ def fill_held(table: RawTable) -> RawTable:
     steps = np.abs(np.diff(q, axis=0))
     renewed = np.flatnonzero(rows_with(steps != 0)) + 1
     gaps = np.diff(renewed)
-    every = int(np.median(gaps)) if len(gaps) > 10 else 1
-    if every < 2 or (np.abs(gaps - every) <= 1).mean() < _REGULAR:
+    usual = gaps[gaps <= 2 * np.median(gaps)].mean() if len(gaps) > 10 else 1.0
+    every, uneven = round(usual), np.abs(gaps - usual) >= max(1.0, usual / 4)
+    if every < 2 or uneven.mean() > _UNEVEN:
         return table
     small, large = np.quantile(steps[renewed - 1].max(axis=1), [0.1, 0.9])
     if large < 2 * small:
@@ -215,7 +216,7 @@ def fill_held(table: RawTable) -> RawTable:
     )
     way = scipy_part("interpolate").CubicSpline(t[knots], q[knots])
     return table.with_signals({"q": way(np.clip(t, t[knots[0]], t[knots[-1]]))}).note(
-        f"positions are renewed every {every} rows: those between are interpolated"
+        f"positions are renewed every {usual:.3g} rows: those between are interpolated"
     )
 
 
