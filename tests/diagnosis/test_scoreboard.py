@@ -41,6 +41,8 @@ PLANTED = (
     ("ur5", "fourier", 125.0, 10.0, 665513205, "friction_compensated", "large"),
     # Not all torques are larger: those of a body near the flange are.
     ("sliding", "fourier", 250.0, 15.0, 1032575860, "payload", "medium"),
+    # Where the motion dwells, a large wave spreads over all orders.
+    ("ur5", "fourier", 125.0, 20.0, 1041449482, "ripple", "large"),
     # Two thirds of all torques: no payload, which would leave the last link a negative mass.
     ("sliding", "fourier", 125.0, 20.0, 911654613, "gains", "large"),
 )

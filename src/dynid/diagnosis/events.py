@@ -280,8 +280,10 @@ def _without_repetitions(rec: Recording, error: Array, rate_hz: float) -> Array:
 
 ORDERS = (6.0, 400.0)
 """Waves a turn that are looked for."""
+FINER = 21
+"""Orders that are looked at beside the best."""
 PROMINENT = 60.0
-"""Power of a wave over the median of all."""
+"""Power of a wave over the median of all others without it."""
 
 
 def ripple(
@@ -311,16 +313,28 @@ def ripple(
     orders = np.arange(max(ORDERS[0], 30 / reach), min(ORDERS[1], top), spacing)
     if len(orders) < 30:
         return None
+    best = int(np.argmax(_powers(q, left, orders)))
+    near = orders[best] + spacing * np.linspace(-1, 1, FINER)
+    order = float(near[np.argmax(_powers(q, left, near))])
+    wave = np.column_stack([np.cos(order * q), np.sin(order * q)])
+    size: Array = np.asarray(np.linalg.lstsq(wave, left, rcond=None)[0], dtype=np.float64)
+    # A motion that dwells in some places spreads a large wave over all orders: without it the
+    # others tell what is usual.
+    usual = float(np.median(_powers(q, left - wave @ size, orders)))
+    amplitude = float(np.linalg.norm(size))
+    if amplitude**2 / 4 < PROMINENT * usual:
+        return None
+    return order, amplitude
+
+
+def _powers(q: Array, left: Array, orders: Array) -> Array:
+    """Squares of the Fourier coefficients of errors (N) at positions (N), of even orders."""
     # exp(i (a + b) q) = exp(i a q) exp(i b q): few exponentials serve all evenly spaced orders.
     width = math.isqrt(len(orders)) + 1
-    near = np.exp(1j * np.outer(spacing * np.arange(width), q))
+    near = np.exp(1j * np.outer((orders[1] - orders[0]) * np.arange(width), q))
     far = left * np.exp(1j * np.outer(orders[::width], q))
     waves = (far @ near.T).ravel()[: len(orders)] / len(q)
-    power = np.square(np.abs(waves))
-    best = int(np.argmax(power))
-    if power[best] < PROMINENT * np.median(power):
-        return None
-    return float(orders[best]), float(2 * np.abs(waves[best]))
+    return np.square(np.abs(waves))
 
 
 def clock_scale(t: Array, q: Array, dq: Array) -> float:
