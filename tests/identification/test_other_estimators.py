@@ -9,7 +9,6 @@ import pytest
 from known_robot import oracle, recording, torques, ur5
 
 from dynid import identify
-from dynid.core import InputError
 from dynid.identification import (
     ESTIMATORS,
     BayesianRegression,
@@ -21,7 +20,6 @@ from dynid.identification import (
     MaximumLikelihood,
     OrdinaryLeastSquares,
     OutputError,
-    RecursiveEstimate,
     RecursiveLeastSquares,
     TotalLeastSquares,
     WeightedLeastSquares,
@@ -106,32 +104,6 @@ def test_recursive_equals_batch(problem: IdentificationProblem) -> None:
     reference = np.linalg.lstsq(a, b, rcond=None)[0]
     deviation = np.sqrt(np.diag(naive_covariance(fit)))
     assert (np.abs(fit.values - reference) / deviation).max() < REFERENCE
-
-
-def test_recursive_forgets_as_it_is_told() -> None:
-    generator = np.random.default_rng(1)
-    a, b = generator.normal(size=(50, 3)), generator.normal(size=50)
-    running = RecursiveEstimate(3, forgetting=0.9)
-    for row, value in zip(a, b, strict=True):
-        running.update(row[None], np.array([value]))
-    weights = 0.9 ** np.arange(49, -1, -1)
-    gram = (a * weights[:, None]).T @ a
-    np.testing.assert_allclose(
-        running.values, np.linalg.solve(gram, (a * weights[:, None]).T @ b), rtol=REFERENCE
-    )
-    np.testing.assert_allclose(running.covariance, np.linalg.inv(gram), rtol=REFERENCE)
-
-
-def test_recursive_knows_nothing_before_the_first_row() -> None:
-    running = RecursiveEstimate(2)
-    running.update(np.array([[1.0, 0.0]]), np.array([3.0]))
-    assert running.values[0] == pytest.approx(3.0)
-    assert running.values[1] == pytest.approx(0.0, abs=1e-6)
-    for wrong in (0.0, 1.5):
-        with pytest.raises(InputError, match="forgetting"):
-            RecursiveEstimate(2, forgetting=wrong)
-    with pytest.raises(InputError, match="do not fit"):
-        running.update(np.zeros((1, 3)), np.zeros(1))
 
 
 def test_the_posterior_is_bayes_rule(problem: IdentificationProblem) -> None:
