@@ -53,19 +53,6 @@ class ConsistentProblem:
         """||A p - y||^2."""
         return float(np.square(self.matrix @ parameters - self.target).sum())
 
-    def divergence(self, parameters: Array) -> float:
-        """The sum of D over the links; infinite outside the bodies that exist."""
-        bodies, prior = self.pseudo_inertias(parameters), to_pseudo_inertia(self.prior)
-        try:
-            # Not by the determinant: two negative eigenvalues make a positive one.
-            roots = np.linalg.cholesky(bodies)
-        except np.linalg.LinAlgError:
-            return float("inf")
-        size = 2.0 * np.log(np.diagonal(roots, axis1=1, axis2=2)).sum()
-        known = np.linalg.slogdet(prior)[1].sum()
-        trace = np.trace(np.linalg.solve(prior, bodies), axis1=1, axis2=2).sum()
-        return float(trace - size + known - 4.0 * self.links)
-
 
 def reduced_problem(
     problem: IdentificationProblem, factors: Array, weights: Array, prior: InertialPrior

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynid.core import Array, freeze, inverse_upper, scipy_part, upper_triangle
+from dynid.core import Array, inverse_upper, scipy_part, upper_triangle
 from dynid.identification.instrumental import segments, smooth_cutoff
 from dynid.identification.least_squares import Estimator, Fit, WeightedLeastSquares
 from dynid.identification.problem import IdentificationProblem
@@ -31,9 +31,6 @@ class MotionNoise:
     """(n) one-sided power density of the position noise [rad^2/Hz]."""
     cutoff_hz: float
     """Cut-off [Hz]."""
-
-    def __post_init__(self) -> None:
-        freeze(self, "noise", density=(None,))
 
     def covariance(self) -> Array:
         """(3n, 3n) of q, dq, ddq at one instant: velocities are independent of the others."""
@@ -92,15 +89,13 @@ class MaximumLikelihood(Estimator):
     """
 
     name: ClassVar[str] = "ml"
-    noise: MotionNoise | None = None
-    """Noise of the motion; None to read it off the motion's spectrum."""
     prior_gain: float | None = None
     """See `WeightedLeastSquares`, where it starts."""
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""
         start = WeightedLeastSquares(prior_gain=self.prior_gain).fit(problem)
-        likelihood = Likelihood.of(problem, start, self.noise or motion_noise(problem.samples))
+        likelihood = Likelihood.of(problem, start, motion_noise(problem.samples))
         turn = inverse_upper(start.information)
 
         def cost(step: Array) -> tuple[float, Array]:

@@ -148,8 +148,6 @@ class PhysicallyConsistent(Estimator):
 
     name: ClassVar[str] = "sdp"
     by_factors: ClassVar[bool] = True
-    prior: InertialPrior | None = None
-    """Inertias in the model's parameter frames; None for the robot's, completed."""
     prior_gain: float | None = None
     """See `WeightedLeastSquares`, whose weights and residual sum are the measure."""
     by_regions: bool = False
@@ -159,7 +157,7 @@ class PhysicallyConsistent(Estimator):
         """See `Estimator`."""
         plain = WeightedLeastSquares(prior_gain=self.prior_gain).fit(problem)
         model = problem.base.model
-        prior = self.prior or inertial_prior(model.robot, model.frames)
+        prior = inertial_prior(model.robot, model.frames)
         factors = joint_factors(problem)
         least = residual_sum(factors, plain.weights, plain.values)
         # In units of the plain residual sum, weights of the prior mean the same on all records.
@@ -182,7 +180,7 @@ class PhysicallyConsistent(Estimator):
                 gamma,
                 solution,
                 consistent.matrix[:, list(problem.base.independent)],
-                deviations(model.robot, model.frames, self.prior),
+                deviations(model.robot, model.frames),
             ),
             choices=(*words, *_words(consistent, solution, gamma, floor, model.names, prior)),
         )
