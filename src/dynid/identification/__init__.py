@@ -50,6 +50,7 @@ from dynid.identification.shared import (
     SharedProblem,
     base_order,
     fit_shared,
+    friction_places,
     shared_estimates,
 )
 from dynid.identification.sums import PanelRows, PassPlan, RowSums, no_sums, sum_rows, sums_from
@@ -117,6 +118,7 @@ __all__ = [
     "fit_law",
     "fit_shared",
     "friction_names",
+    "friction_places",
     "inertial_prior",
     "judge",
     "motion_state",

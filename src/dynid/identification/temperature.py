@@ -51,7 +51,8 @@ class JointTemperatureLaw:
 
     def __post_init__(self) -> None:
         f = len(self.symbols)
-        freeze(self, reference=(f,), slope=(f,), covariance=(2 * f, 2 * f), gain=(2 * f, None))
+        shapes = {"covariance": (2 * f, 2 * f), "gain": (2 * f, None)}
+        freeze(self, "laws:", reference=(f,), slope=(f,), **shapes)
 
     def at(self, temperature_degC: float) -> tuple[Array, Array]:
         """Friction parameters (f) at a temperature [degC].

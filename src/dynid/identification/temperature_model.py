@@ -235,5 +235,6 @@ def _law(fields: JsonFields, seen: int) -> JointTemperatureLaw:
 def _indices(fields: JsonFields, name: str, size: int) -> tuple[int, ...]:
     found = fields.vector(name)
     if not ((found >= 0) & (found < size) & (found % 1 == 0)).all():
-        raise InputError(f"{name} names what is not there", value=found.tolist(), limit=size)
+        said = f"{name} does not agree with the parameters and their covariance"
+        raise InputError(said, value=found.tolist(), limit=f"indices below {size}")
     return tuple(int(index) for index in found)
