@@ -54,10 +54,6 @@ def inertial_prior(robot: RobotModel, frames: str) -> InertialPrior:
     A body without a published tensor is a uniform rod along its link, as thick as a tenth of the
     arm's reach; one without a centre has it half way; one without a mass gets that rod's volume
     at `DENSITY`. A published tensor that no body can have is rounded to one that can.
-
-    Args:
-        robot: The robot.
-        frames: Parameter frames.
     """
     ends = [*robot.placements[1:, :3, 3], robot.flange[:3, 3]]
     reach = float(sum(np.linalg.norm(end) for end in ends)) or UNKNOWN_REACH_M
@@ -349,12 +345,8 @@ def posterior(
 ) -> tuple[Array, Array]:
     """Mean (r) of the posterior and the root (r, r) of its precision.
 
-    Args:
-        factors: (n, r + 1, r + 1) from `joint_factors`.
-        weights: (n) weight of each joint.
-        mean: (r) of the prior.
-        root: (k, r) root of the prior's precision.
-        prior_gain: Weak prior on what neither torques nor the prior show, see `PRIOR_GAIN`.
+    From factors (n, r + 1, r + 1) of `joint_factors`, weights (n), the prior's mean (r) and a root
+    (k, r) of its precision; a weak prior on what neither of them shows, see `PRIOR_GAIN`.
     """
     prior = np.column_stack([root, root @ mean])
     size = factors.shape[1]

@@ -59,11 +59,7 @@ class DriveGains:
         freeze(self, gain=(n,), std=(n,), coulomb=(n,), viscous=(n,), r2=(n,), finite=False)
 
     def to_json(self, names: tuple[str, ...]) -> dict[str, Any]:
-        """A JSON object; null where a gain is not known.
-
-        Args:
-            names: (n) joint names.
-        """
+        """A JSON object for joints of these names; null where a gain is not known."""
         return {
             "samples": self.samples,
             "gains": [
@@ -95,20 +91,13 @@ def drive_gains(
         width: Speed over which the compensated dry friction changes sign [rad/s].
 
     Raises:
-        InputError: Shapes that disagree, a width that is not positive, or too few samples.
+        InputError: A width that is not positive, or too few samples.
         JobError: No joint's gain can be told.
     """
-    shape = (current.shape[0], len(names))
-    if not current.shape == moment.shape == velocity.shape == shape:
-        raise InputError(
-            "target current, target moment and velocity differ in shape",
-            value=(current.shape, moment.shape, velocity.shape),
-            limit=shape,
-        )
     if not width > 0:
         raise InputError("the width must be positive", value=width)
-    if shape[0] < 16:
-        raise InputError("too few samples for drive gains", value=shape[0], limit="at least 16")
+    if len(current) < 16:
+        raise InputError("too few samples for drive gains", value=len(current), limit="at least 16")
     rows, lost = np.empty((len(names), 5)), dict[str, str]()
     for j, name in enumerate(names):
         columns = np.stack([moment[:, j], np.tanh(velocity[:, j] / width), velocity[:, j]])
@@ -123,7 +112,7 @@ def drive_gains(
         )
     return DriveGains(
         **dict(zip(_COLUMNS, rows.T, strict=True)),
-        samples=shape[0],
+        samples=len(current),
         warnings=tuple(
             Finding("low_excitation", f"no drive gain for {name}: {reason}")
             for name, reason in lost.items()

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core import Array, InputError, JobError, Mask, upper_triangle
+from dynid.core import Array, JobError, Mask, upper_triangle
 from dynid.identification.problem import IdentificationProblem
 from dynid.identification.shared import (
     SharedProblem,
@@ -118,28 +118,18 @@ class RobotStates:
     def level(self, weights: Array) -> tuple[Array, Array]:
         """(R, n) a combination of the friction parameters, and its standard deviation.
 
-        Args:
-            weights: (n, f) such as 1 for Coulomb, a speed for viscous friction.
+        By weights (n, f) such as 1 for Coulomb, a speed for viscous friction.
         """
         variance = np.einsum("jf,rjfg,jg->rj", weights, self.covariance, weights)
         return np.einsum("rjf,jf->rj", self.friction, weights), np.sqrt(np.maximum(variance, 0.0))
 
 
 def solve_robot(statistics: Sequence[RecordStatistics]) -> RobotStates:
-    """Pool the recordings of one robot.
-
-    Args:
-        statistics: Of recordings with the same columns.
+    """Pool the recordings, at least one, of one robot and one model.
 
     Raises:
-        InputError: No recordings, or columns that differ.
         JobError: Recordings in which nothing moves.
     """
-    if not statistics or len({one.factors.shape for one in statistics}) > 1:
-        raise InputError(
-            "recordings of one robot and one model are pooled",
-            value=sorted({one.factors.shape for one in statistics}),
-        )
     factors = np.array([one.factors for one in statistics])
     samples = np.array([one.samples for one in statistics], dtype=np.float64)[:, None]
     noise = np.linalg.norm(factors[..., -1], axis=2) / np.sqrt(samples)

@@ -50,8 +50,7 @@ class MotionNoise:
 def motion_noise(samples: Samples) -> MotionNoise:
     """The noise of a motion: the level of the acceleration's spectrum between motion and cut-off.
 
-    Args:
-        samples: The samples; the longest record counts.
+    Of several records the longest counts.
     """
     rate = samples.rate_hz
     part = max(segments(samples.t, rate), key=lambda s: s.stop - s.start)
@@ -138,12 +137,9 @@ class Likelihood:
 
     @staticmethod
     def of(problem: IdentificationProblem, start: Fit, noise: MotionNoise) -> Likelihood:
-        """The likelihood of a problem.
+        """The likelihood of a problem with noise of the motion.
 
-        Args:
-            problem: The problem.
-            start: A least-squares fit, whose residuals bound the torque noise.
-            noise: Noise of the motion.
+        The residuals of a least-squares fit, where it starts, bound the torque noise.
         """
         samples, base = problem.samples, problem.base
         pick = np.linspace(0, samples.count - 1, min(MOST_ROWS, samples.count)).astype(int)

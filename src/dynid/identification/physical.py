@@ -45,11 +45,8 @@ def standard_posterior(estimate: Estimate, base: BaseParametrization) -> Standar
     Base parameters b = B p with covariance C; published parameters p ~ N(p0, S), S from
     `deviations`. Then p = p0 + K (b - B p0) with
     K = S B' (B S B' + C)^-1, and its covariance is S - K B S. The prior's share of a parameter is
-    the share of its variance that is left.
-
-    Args:
-        estimate: The estimate.
-        base: The base parametrization of its model, with the same independent columns.
+    the share of its variance that is left. The base parametrization is that of its model, with the
+    same independent columns.
     """
     if estimate.standard is not None:
         return estimate.standard

@@ -60,7 +60,7 @@ class SharedProblem:
     """Records of one robot, some of them with one and the same payload on its last link.
 
     Raises:
-        InputError: No records, models whose base parameters differ, or not one flag a record.
+        InputError: Models whose base parameters differ.
     """
 
     problems: tuple[IdentificationProblem, ...]
@@ -69,8 +69,6 @@ class SharedProblem:
     """For each record, whether it carries the payload; empty for none."""
 
     def __post_init__(self) -> None:
-        if not self.problems:
-            raise InputError("needs at least one record")
         first = self.problems[0].base
         for other in self.problems[1:]:
             same = other.base.model.frames == first.model.frames
@@ -80,8 +78,6 @@ class SharedProblem:
                     value=sorted(set(other.base.names) ^ set(first.names)),
                     limit=f"frames {first.model.frames}",
                 )
-        if self.loaded and len(self.loaded) != len(self.problems):
-            raise InputError("one flag a record", value=len(self.loaded), limit=len(self.problems))
 
     @property
     def joints(self) -> int:

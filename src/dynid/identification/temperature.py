@@ -51,8 +51,8 @@ class JointTemperatureLaw:
 
     def __post_init__(self) -> None:
         f = len(self.symbols)
-        shapes = {"covariance": (2 * f, 2 * f), "gain": (2 * f, None)}
-        freeze(self, "laws:", reference=(f,), slope=(f,), **shapes)
+        freeze(self, "laws:", reference=(f,), slope=(f,), covariance=(2 * f, 2 * f))
+        freeze(self, "laws:", gain=(2 * f, None))
 
     def at(self, temperature_degC: float) -> tuple[Array, Array]:
         """Friction parameters (f) at a temperature [degC].

@@ -7,7 +7,7 @@ estimates reads it, as the estimate in the middle of the records' temperatures.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -217,9 +217,10 @@ def _model(estimate: Estimate, fields: JsonFields) -> TemperatureModel:
 
 def _law(fields: JsonFields, seen: int) -> JointTemperatureLaw:
     lowest, highest = frozen(fields.vector("range_degC"), shape=(2,), name="laws: range_degC")
-    symbols = fields.get("symbols")
+    found = fields.get("symbols")
+    symbols = tuple(map(str, cast("list[object]", found))) if isinstance(found, list) else ()
     return JointTemperatureLaw(
-        symbols=tuple(map(str, symbols)) if isinstance(symbols, list) else (),
+        symbols=symbols,
         law=fields.text("law"),
         reference=fields.vector("reference"),
         slope=fields.vector("slope"),

@@ -176,10 +176,6 @@ def fold_periods(signals: UniformSignals, period_s: float) -> UniformSignals:
 
     What lies in gaps does not count; where every repetition has a gap, nothing is valid.
 
-    Args:
-        signals: Signals on a uniform grid.
-        period_s: Period [s].
-
     Raises:
         InputError: The period is not a whole number of samples (to 1e-3 of one, or to 1e-6 of
             itself), or is longer than the record.
