@@ -16,7 +16,7 @@ from dynid.identification import (
     WeightedLeastSquares,
     inertial_prior,
 )
-from dynid.identification.bayesian import BayesianRegression, base_prior, posterior
+from dynid.identification.bayesian import BayesianRegression, posterior, published_prior
 from dynid.identification.instrumental import (
     InstrumentalVariables,
     OutputError,
@@ -106,9 +106,8 @@ def test_recursive_equals_batch(problem: IdentificationProblem) -> None:
 
 def test_the_posterior_is_bayes_rule(problem: IdentificationProblem) -> None:
     weights = np.full(6, 0.5)
-    prior = inertial_prior(ur5(), "dh")
-    factors = joint_factors(problem)
-    mean, root = base_prior(problem, prior, 0.3, factors, weights)
+    prior = published_prior(problem.base)
+    factors, mean, root = joint_factors(problem), prior.mean, prior.root / 0.3
     values, information = posterior(factors, weights, mean, root)
     a, b = dense(problem, weights)
     precision = root.T @ root
@@ -125,10 +124,10 @@ def test_the_posterior_is_bayes_rule(problem: IdentificationProblem) -> None:
 
 
 def test_the_prior_has_the_spread_it_says(problem: IdentificationProblem) -> None:
-    prior = inertial_prior(ur5(), "dh")
-    factors = joint_factors(problem)
-    mean, root = base_prior(problem, prior, 0.2, factors, np.ones(6))
-    covariance = np.linalg.inv(root.T @ root)
+    prior, known = inertial_prior(ur5(), "dh"), published_prior(problem.base)
+    mean, free = known.mean, np.linalg.qr(known.free)[0]
+    # What friction and motor inertias add is free: as wide as can be.
+    covariance = np.linalg.inv(known.root.T @ known.root / 0.2**2 + 1e-9 * free @ free.T)
     # Random bodies near the prior, by their own metric, seen through the base parameters.
     generator = np.random.default_rng(0)
     roots = np.linalg.cholesky(to_pseudo_inertia(prior.parameters))
@@ -180,11 +179,12 @@ def test_a_bayesian_fit_is_honest(truth: np.ndarray) -> None:
 
 
 def test_little_data_leaves_the_prior(problem: IdentificationProblem) -> None:
-    prior = inertial_prior(ur5(), "dh")
-    factors = joint_factors(problem)
-    mean, root = base_prior(problem, prior, 0.3, factors, np.ones(6))
-    values, _ = posterior(factors * 1e-9, np.ones(6), mean, root)
-    np.testing.assert_allclose(values, mean, rtol=0, atol=1e-6 * np.abs(mean).max())
+    prior = published_prior(problem.base)
+    factors = joint_factors(problem) * 1e-6
+    values, _ = posterior(factors, np.ones(6), prior.mean, prior.root / 0.3)
+    # Friction and motor inertia have no prior: the data alone speak of them.
+    away = prior.root @ (values - prior.mean)
+    np.testing.assert_allclose(away, 0.0, atol=1e-6 * np.abs(prior.root @ prior.mean).max())
 
 
 def test_instruments_solve_their_equations(problem: IdentificationProblem) -> None:

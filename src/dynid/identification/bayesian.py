@@ -182,8 +182,6 @@ RELATIVE = 0.3
 """Standard deviation of a published pseudo-inertia in its own metric: 30 %."""
 COMPLETED = 1.0
 """The same for one with a completed part."""
-WIDE = 10.0
-"""Friction and motor inertia: this many times what would explain all torques."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -276,12 +274,12 @@ class TowardPublished(Estimator):
 
 @dataclass(frozen=True, kw_only=True)
 class BayesianRegression(Estimator):
-    """Gaussian prior on standard parameters, Gaussian likelihood, both exact.
+    """Gaussian prior on inertial parameters, Gaussian likelihood, both exact.
 
-    The prior's covariance is the inverse of the pseudo-inertia metric at the published values
-    (Lee, Wensing and Park 2020), so that no choice of frames or units matters. Residuals of
-    robots are correlated: the likelihood is tempered by how much that inflates variances,
-    otherwise the posterior would claim too much.
+    The prior's covariance is the inverse of the pseudo-inertia metric at the published values, see
+    `PublishedPrior`, so that no choice of frames or units matters. Residuals of robots are
+    correlated: the likelihood is tempered by how much that inflates variances, otherwise the
+    posterior would claim too much.
     """
 
     name: ClassVar[str] = "bayes"
@@ -290,14 +288,15 @@ class BayesianRegression(Estimator):
         """See `Estimator`."""
         model = problem.base.model
         plain = WeightedLeastSquares(prior_gain=1.0).fit(problem)
-        known = inertial_prior(model.robot, model.frames)
-        relative = COMPLETED if known.completed else RELATIVE
+        completed = inertial_prior(model.robot, model.frames).completed
+        relative = COMPLETED if completed else RELATIVE
         honest = np.diag(hac_covariance(plain, problem)) / np.diag(naive_covariance(plain))
         inflation = float(np.median(honest))
         factors = joint_factors(problem)
         tempered = plain.weights / np.sqrt(max(inflation, 1.0))
-        mean, root = base_prior(problem, known, relative, factors, tempered)
-        values, information = posterior(factors, tempered, mean, root)
+        known = published_prior(problem.base)
+        root = known.root / relative
+        values, information = posterior(factors, tempered, known.mean, root)
         return replace(
             plain,
             values=values,
@@ -310,34 +309,6 @@ class BayesianRegression(Estimator):
                 f"likelihood tempered by {inflation:.2g} for correlated residuals",
             ),
         )
-
-
-def base_prior(
-    problem: IdentificationProblem,
-    known: InertialPrior,
-    relative: float,
-    factors: Array,
-    weights: Array,
-) -> tuple[Array, Array]:
-    """Mean (r) and root (r, r) of the precision of the base parameters' prior."""
-    model = problem.base.model
-    inertial = 10 * model.robot.joints
-    spread = np.zeros((len(model.columns), len(model.columns)))
-    moves = metric_moves(to_pseudo_inertia(known.parameters))
-    spread[:inertial, :inertial] = relative * moves
-    mapping = base_mapping(problem.base)
-    stacked = (factors * weights[:, None, None]).reshape(-1, problem.base.rank + 1)
-    energy = float(np.linalg.norm(stacked[:, -1]))
-    for k, column in enumerate(problem.base.independent):
-        if column >= inertial:
-            spread[column, column] = WIDE * energy / float(np.linalg.norm(stacked[:, k]))
-    for column in problem.base.dependent:
-        if column >= inertial:
-            spread[column, column] = float(np.abs(spread[inertial:, inertial:]).max())
-    mean = np.zeros(len(model.columns))
-    mean[:inertial] = known.parameters.ravel()
-    # Covariance R'R has the precision R^-1 R^-T.
-    return mapping @ mean, inverse_upper(upper_triangle((mapping @ spread).T)).T
 
 
 def posterior(

@@ -208,8 +208,6 @@ class WeighedGains:
     """(n) standard deviations that allow for correlated residuals [N.m/A]."""
     payload: Array
     """(10) the payload about the flange: what was known, and the rest as found."""
-    noise: Array
-    """(R, n) residual standard deviation of each record's joints [A]."""
 
 
 def weighed_gains(
@@ -262,9 +260,8 @@ def weighed_gains(
     covariance = _covariance(system, gain, values, noise, root)
     payload = known.copy()
     payload[np.isnan(known)] = values[system.size - int(np.isnan(known).sum()) :]
-    return WeighedGains(
-        gain=gain, std=gain * np.sqrt(np.diag(covariance)[:joints]), payload=payload, noise=noise
-    )
+    std = gain * np.sqrt(np.diag(covariance)[:joints])
+    return WeighedGains(gain=gain, std=std, payload=payload)
 
 
 def _check_scale(gain: Array, first: Array) -> None:

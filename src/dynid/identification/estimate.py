@@ -71,21 +71,6 @@ class StandardParameters:
         if not set(self.origins) <= set(ORIGINS):
             raise InputError("unknown origin", value=set(self.origins), limit=ORIGINS)
 
-    def to_json(self, names: tuple[str, ...], units: tuple[str, ...]) -> list[dict[str, Any]]:
-        """One JSON object a parameter; no deviation where the prior speaks."""
-        return [
-            {
-                "name": name,
-                "value": float(self.values[k]),
-                "unit": unit,
-                "from": self.origins[k],
-                "prior_share": float(self.prior_share[k]),
-                "std": float(self.std[k]),
-                "prior": plain(float(self.prior[k])),
-            }
-            for k, (name, unit) in enumerate(zip(names, units, strict=True))
-        ]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TorquePrediction:
@@ -259,10 +244,23 @@ class Estimate:
 
     def standard_table(self) -> list[dict[str, Any]] | None:
         """One JSON object a standard parameter, where the estimator finds them."""
-        if self.standard is None:
+        known = self.standard
+        if known is None:
             return None
-        units = tuple(column.unit for column in self.model.columns)
-        return self.standard.to_json(self.model.names, units)
+        return [
+            {
+                "name": name,
+                "value": float(known.values[k]),
+                "unit": column.unit,
+                "from": known.origins[k],
+                "prior_share": float(known.prior_share[k]),
+                "std": float(known.std[k]),
+                "prior": plain(float(known.prior[k])),
+            }
+            for k, (name, column) in enumerate(
+                zip(self.model.names, self.model.columns, strict=True)
+            )
+        ]
 
     def parameter_table(self) -> list[dict[str, Any]]:
         """One JSON object a base parameter."""

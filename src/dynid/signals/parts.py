@@ -45,8 +45,6 @@ class StreamGrid:
     """One behind the last row of the window."""
     start_s: float
     """Its first stamp [s]."""
-    stop_s: float
-    """Its last stamp [s]."""
     step_s: float
     count: int
     """Points of the grid."""
@@ -106,7 +104,6 @@ def survey(recording: AnyRecording, settings: ProcessingSettings) -> StreamGrid:
         first_row=first,
         last_row=last,
         start_s=start,
-        stop_s=stop,
         step_s=slope if uniform else step,
         count=count if uniform else grid_points(start, stop, step, count),
         uniform=uniform,
