@@ -9,36 +9,32 @@ import pytest
 from known_robot import oracle, recording, torques, ur5
 
 from dynid import identify
-from dynid.core import InputError
 from dynid.identification import (
     ESTIMATORS,
-    BayesianRegression,
     ClosedLoop,
     IdentificationProblem,
-    InertialPrior,
-    InstrumentalVariables,
-    Likelihood,
-    MaximumLikelihood,
-    OrdinaryLeastSquares,
-    OutputError,
-    RecursiveEstimate,
-    RecursiveLeastSquares,
-    TotalLeastSquares,
     WeightedLeastSquares,
-    base_prior,
-    hac_covariance,
     inertial_prior,
-    motion_noise,
-    naive_covariance,
-    posterior,
+)
+from dynid.identification.bayesian import BayesianRegression, posterior, published_prior
+from dynid.identification.instrumental import (
+    InstrumentalVariables,
+    OutputError,
     smooth_motion,
     solve_instrumental,
+)
+from dynid.identification.least_squares import (
+    OrdinaryLeastSquares,
+    RecursiveLeastSquares,
+    TotalLeastSquares,
     solve_total,
 )
+from dynid.identification.likelihood import Likelihood, MaximumLikelihood, motion_noise
 from dynid.identification.problem import base_mapping, joint_factors, observation_root
+from dynid.identification.statistics import hac_covariance, naive_covariance
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
-from dynid.robot import from_pseudo_inertia, is_physical, to_pseudo_inertia
+from dynid.robot import from_pseudo_inertia, is_physical, move, to_pseudo_inertia
 from dynid.signals import ProcessingSettings, process
 from dynid.trajectory import random_excitation
 from dynid.workflow import IdentifySettings
@@ -108,37 +104,10 @@ def test_recursive_equals_batch(problem: IdentificationProblem) -> None:
     assert (np.abs(fit.values - reference) / deviation).max() < REFERENCE
 
 
-def test_recursive_forgets_as_it_is_told() -> None:
-    generator = np.random.default_rng(1)
-    a, b = generator.normal(size=(50, 3)), generator.normal(size=50)
-    running = RecursiveEstimate(3, forgetting=0.9)
-    for row, value in zip(a, b, strict=True):
-        running.update(row[None], np.array([value]))
-    weights = 0.9 ** np.arange(49, -1, -1)
-    gram = (a * weights[:, None]).T @ a
-    np.testing.assert_allclose(
-        running.values, np.linalg.solve(gram, (a * weights[:, None]).T @ b), rtol=REFERENCE
-    )
-    np.testing.assert_allclose(running.covariance, np.linalg.inv(gram), rtol=REFERENCE)
-
-
-def test_recursive_knows_nothing_before_the_first_row() -> None:
-    running = RecursiveEstimate(2)
-    running.update(np.array([[1.0, 0.0]]), np.array([3.0]))
-    assert running.values[0] == pytest.approx(3.0)
-    assert running.values[1] == pytest.approx(0.0, abs=1e-6)
-    for wrong in (0.0, 1.5):
-        with pytest.raises(InputError, match="forgetting"):
-            RecursiveEstimate(2, forgetting=wrong)
-    with pytest.raises(InputError, match="do not fit"):
-        running.update(np.zeros((1, 3)), np.zeros(1))
-
-
 def test_the_posterior_is_bayes_rule(problem: IdentificationProblem) -> None:
     weights = np.full(6, 0.5)
-    prior = inertial_prior(ur5(), "dh")
-    factors = joint_factors(problem)
-    mean, root = base_prior(problem, prior, 0.3, factors, weights)
+    prior = published_prior(problem.base)
+    factors, mean, root = joint_factors(problem), prior.mean, prior.root / 0.3
     values, information = posterior(factors, weights, mean, root)
     a, b = dense(problem, weights)
     precision = root.T @ root
@@ -155,21 +124,21 @@ def test_the_posterior_is_bayes_rule(problem: IdentificationProblem) -> None:
 
 
 def test_the_prior_has_the_spread_it_says(problem: IdentificationProblem) -> None:
-    prior = inertial_prior(ur5(), "dh")
-    factors = joint_factors(problem)
-    mean, root = base_prior(problem, prior, 0.2, factors, np.ones(6))
-    covariance = np.linalg.inv(root.T @ root)
+    prior, known = inertial_prior(ur5(), "dh"), published_prior(problem.base)
+    mean, free = known.mean, np.linalg.qr(known.free)[0]
+    # What friction and motor inertias add is free: as wide as can be.
+    covariance = np.linalg.inv(known.root.T @ known.root / 0.2**2 + 1e-9 * free @ free.T)
     # Random bodies near the prior, by their own metric, seen through the base parameters.
     generator = np.random.default_rng(0)
     roots = np.linalg.cholesky(to_pseudo_inertia(prior.parameters))
     draws: list[np.ndarray] = []
     mapping = base_mapping(problem.base)[:, :60]
     for _ in range(4000):
-        move = generator.normal(size=(6, 4, 4))
-        move = np.tril(move, -1) * np.sqrt(0.5)
-        move = move + move.transpose(0, 2, 1)
-        move[:, range(4), range(4)] = generator.normal(size=(6, 4))
-        bodies = roots @ (np.eye(4) + 0.2 * move) @ roots.transpose(0, 2, 1)
+        turn = generator.normal(size=(6, 4, 4))
+        turn = np.tril(turn, -1) * np.sqrt(0.5)
+        turn = turn + turn.transpose(0, 2, 1)
+        turn[:, range(4), range(4)] = generator.normal(size=(6, 4))
+        bodies = roots @ (np.eye(4) + 0.2 * turn) @ roots.transpose(0, 2, 1)
         draws.append(mapping @ from_pseudo_inertia(bodies).ravel())
     seen = [k for k, c in enumerate(problem.base.independent) if c < 60]
     spread = np.std(draws, axis=0)[seen]
@@ -182,19 +151,27 @@ def test_the_prior_has_the_spread_it_says(problem: IdentificationProblem) -> Non
     assert off.max() < 5 / np.sqrt(len(draws))
 
 
+def in_links(bodies: np.ndarray) -> np.ndarray:
+    """Inertias (6, 10) in DH frames in the frames in which a robot has its published ones."""
+    return np.array(
+        [move(row, x) for row, x in zip(bodies, ur5().parameter_frames["dh"], strict=True)]
+    )
+
+
 @pytest.mark.long
 def test_a_bayesian_fit_is_honest(truth: np.ndarray) -> None:
     found: list[np.ndarray] = []
     generator = np.random.default_rng(0)
     roots = np.linalg.cholesky(to_pseudo_inertia(oracle()[1][:60].reshape(6, 10)))
     for seed in range(3):
-        problem = problem_of(seed, noise=2.0, correlation=0.8)
         # CAD is off by 20 %, the prior says 30 %.
         half = 0.1 * generator.normal(size=(6, 4, 4))
-        move = np.eye(4) + half + half.transpose(0, 2, 1)
-        cad = from_pseudo_inertia(roots @ move @ roots.transpose(0, 2, 1))
+        turn = np.eye(4) + half + half.transpose(0, 2, 1)
+        cad = from_pseudo_inertia(roots @ turn @ roots.transpose(0, 2, 1))
         assert all(is_physical(row) for row in cad)
-        fit = BayesianRegression(prior=InertialPrior(parameters=cad), relative=0.3).fit(problem)
+        told = reduce_model(InverseDynamicModel(robot=replace(ur5(), inertias=in_links(cad))))
+        problem = replace(problem_of(seed, noise=2.0, correlation=0.8), base=told)
+        fit = BayesianRegression().fit(problem)
         deviation = np.sqrt(np.diag(hac_covariance(fit, problem)))
         found.append((fit.values - truth) / deviation)
     share = np.mean(np.abs(found) < 1.96)
@@ -202,11 +179,12 @@ def test_a_bayesian_fit_is_honest(truth: np.ndarray) -> None:
 
 
 def test_little_data_leaves_the_prior(problem: IdentificationProblem) -> None:
-    prior = inertial_prior(ur5(), "dh")
-    factors = joint_factors(problem)
-    mean, root = base_prior(problem, prior, 0.3, factors, np.ones(6))
-    values, _ = posterior(factors * 1e-9, np.ones(6), mean, root)
-    np.testing.assert_allclose(values, mean, rtol=0, atol=1e-6 * np.abs(mean).max())
+    prior = published_prior(problem.base)
+    factors = joint_factors(problem) * 1e-6
+    values, _ = posterior(factors, np.ones(6), prior.mean, prior.root / 0.3)
+    # Friction and motor inertia have no prior: the data alone speak of them.
+    away = prior.root @ (values - prior.mean)
+    np.testing.assert_allclose(away, 0.0, atol=1e-6 * np.abs(prior.root @ prior.mean).max())
 
 
 def test_instruments_solve_their_equations(problem: IdentificationProblem) -> None:
@@ -290,11 +268,11 @@ def test_the_likelihood_has_its_gradient(problem: IdentificationProblem) -> None
         assert (ends[0] - ends[1]) / 2e-3 == pytest.approx(slope, rel=1e-5, abs=1e-5)
 
 
-def test_without_noise_in_the_motion_likelihood_is_weighted_least_squares(
-    problem: IdentificationProblem,
-) -> None:
-    silent = replace(motion_noise(problem.samples), density=np.zeros(6))
-    fit = MaximumLikelihood(noise=silent).fit(problem)
+def test_without_noise_in_the_motion_likelihood_is_weighted_least_squares() -> None:
+    # A filter so low leaves no room above the motion to see its noise in.
+    problem = problem_of(cutoff=6.0)
+    assert not motion_noise(problem.samples).density.any()
+    fit = MaximumLikelihood().fit(problem)
     pick = np.linspace(0, problem.samples.count - 1, min(1200, problem.samples.count)).astype(int)
     start = WeightedLeastSquares().fit(problem)
     a, b = dense(problem, 1 / start.noise)

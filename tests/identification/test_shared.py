@@ -158,7 +158,3 @@ def test_records_that_do_not_belong_together_are_refused(base: BaseParametrizati
     b = _record(other, np.zeros(other.rank), 1.0, generator)
     with pytest.raises(InputError, match="other base parameters"):
         SharedProblem(problems=(a, b))
-    with pytest.raises(InputError, match="one flag a record"):
-        SharedProblem(problems=(a, a), loaded=(True,))
-    with pytest.raises(InputError, match="at least one record"):
-        SharedProblem(problems=())

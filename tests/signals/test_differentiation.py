@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dynid.core import InputError
-from dynid.signals import derivative
+from dynid.signals import ProcessingSettings, derivative
 from dynid.signals.filters import fourier_derivative
 
 ORDER = 0.05
@@ -70,8 +70,8 @@ def test_central_differences_need_three_samples(count: int) -> None:
 
 
 def test_an_unknown_method_is_refused() -> None:
-    with pytest.raises(InputError, match=r"unknown derivative; got spline; allowed: .*savgol"):
-        derivative(np.zeros((10, 1)), 10.0, "spline", 1.0)
+    with pytest.raises(InputError, match=r"derivative; got spline; allowed: .*savgol"):
+        ProcessingSettings(derivative="spline")
 
 
 @pytest.mark.parametrize("count", [1250, 1251])

@@ -6,7 +6,7 @@ import pytest
 from known_arm import RATE, estimate, record, samples
 
 from dynid.core import InputError
-from dynid.identification import Assessment, TorqueInterval
+from dynid.identification.selection import Assessment, TorqueInterval
 from dynid.recording import ExperimentRecord
 from dynid.robot import Counterbalance
 from dynid.signals import ProcessingSettings

@@ -54,10 +54,6 @@ def inertial_prior(robot: RobotModel, frames: str) -> InertialPrior:
     A body without a published tensor is a uniform rod along its link, as thick as a tenth of the
     arm's reach; one without a centre has it half way; one without a mass gets that rod's volume
     at `DENSITY`. A published tensor that no body can have is rounded to one that can.
-
-    Args:
-        robot: The robot.
-        frames: Parameter frames.
     """
     ends = [*robot.placements[1:, :3, 3], robot.flange[:3, 3]]
     reach = float(sum(np.linalg.norm(end) for end in ends)) or UNKNOWN_REACH_M
@@ -151,28 +147,23 @@ MASS_SPREAD, CENTRE_SPREAD_M, TENSOR_SPREAD = 0.058, 0.0058, 0.17
 by up to 10 %, centres by up to 10 mm, tensors by up to 30 %."""
 
 
-def deviations(robot: RobotModel, frames: str, known: InertialPrior | None = None) -> Array:
+def deviations(robot: RobotModel, frames: str) -> Array:
     """(10 n, 10 n) moves of published inertias, each by one standard deviation.
 
     A published mass, centre and tensor are off as those of real links are. A tensor that was
     completed, or a whole body whose mass was, is off by its unit in the pseudo-inertias' metric.
-
-    Args:
-        robot: The robot.
-        frames: Parameter frames.
-        known: Inertias in these frames; None for the robot's, completed.
     """
-    given = known or inertial_prior(robot, frames)
-    out = np.zeros((given.parameters.size, given.parameters.size))
+    given = inertial_prior(robot, frames).parameters
+    out = np.zeros((given.size, given.size))
     places = robot.parameter_frames[frames]
-    for i, row in enumerate(given.parameters):
+    for i, row in enumerate(given):
         published, mass, centre = robot.inertias[i], row[0], row[1:4] / row[0]
         pseudo = to_pseudo_inertia(row)
-        if known is None and not (published[0] > 0 and np.isfinite(published[:4]).all()):
+        if not (published[0] > 0 and np.isfinite(published[:4]).all()):
             body = np.linalg.cholesky(pseudo)
             moves = COMPLETED * (body @ _ORTHONORMAL @ body.T)
         else:
-            theirs = known is not None or np.allclose(move(row, places[i]), published)
+            theirs = np.allclose(move(row, places[i]), published)
             second = pseudo[:3, :3] - mass * np.outer(centre, centre)
             shape = np.asarray(np.linalg.cholesky(second), dtype=np.float64)
             moves = np.zeros((10, 4, 4))
@@ -191,8 +182,6 @@ RELATIVE = 0.3
 """Standard deviation of a published pseudo-inertia in its own metric: 30 %."""
 COMPLETED = 1.0
 """The same for one with a completed part."""
-WIDE = 10.0
-"""Friction and motor inertia: this many times what would explain all torques."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -220,23 +209,11 @@ class PublishedPrior:
         """(r, r) inverse covariance at a unit deviation."""
         return self.root.T @ self.root
 
-    @property
-    def word(self) -> str:
-        """What the prior is."""
-        return "the published ones" if self.published else "plausible bodies"
 
-
-def published_prior(
-    base: BaseParametrization, known: InertialPrior | None = None
-) -> PublishedPrior:
-    """The prior of a model's base parameters.
-
-    Args:
-        base: The base parameters.
-        known: Inertias in the model's parameter frames; None for the robot's, completed.
-    """
+def published_prior(base: BaseParametrization) -> PublishedPrior:
+    """The prior of a model's base parameters."""
     model = base.model
-    given = known or inertial_prior(model.robot, model.frames)
+    given = inertial_prior(model.robot, model.frames)
     inertial, mapping = 10 * model.robot.joints, base_mapping(base)
     spread = metric_moves(to_pseudo_inertia(given.parameters))
     scale = np.linalg.norm(mapping[:, :inertial] @ spread, axis=1)
@@ -248,12 +225,12 @@ def published_prior(
     rest = left[:, rank:] / scale[:, None]
     triangle = upper_triangle((rest.T @ mapping[:, :inertial] @ spread).T)
     root = inverse_upper(triangle).T @ rest.T
-    off = deviations(model.robot, model.frames, known)
+    off = deviations(model.robot, model.frames)
     return PublishedPrior(
         mean=mapping[:, :inertial] @ given.parameters.ravel(),
         root=root,
         free=left[:, :rank] * scale[:, None],
-        published=bool(np.nan_to_num(model.robot.inertias)[:, 0].max(initial=0.0) > 0),
+        published=bool(np.nan_to_num(model.robot.inertias)[:, 0].any()),
         pull=root.T @ (root @ mapping[:, :inertial] @ off),
     )
 
@@ -271,15 +248,14 @@ class TowardPublished(Estimator):
     by_factors: ClassVar[bool] = True
     weight: float
     """Of the prior, over the rows of a joint."""
-    prior: InertialPrior | None = None
-    """Inertias in the model's parameter frames; None for the robot's, completed."""
     groups: tuple[int, ...] | None = None
     """See `WeightedLeastSquares`."""
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""
         factors = joint_factors(problem)
-        known = published_prior(problem.base, self.prior)
+        known = published_prior(problem.base)
+        word = "the published ones" if known.published else "plausible bodies"
         strength = self.weight * problem.blocks
         root, pull = np.sqrt(strength) * known.root, strength * known.pull
         fit = reweighted(
@@ -292,37 +268,35 @@ class TowardPublished(Estimator):
             fit,
             # The bodies are off by what real ones are, not by what the weight would say.
             prior_precision=pull @ pull.T,
-            choices=(f"inertias toward {known.word} with weight {self.weight:.2g}",),
+            choices=(f"inertias toward {word} with weight {self.weight:.2g}",),
         )
 
 
 @dataclass(frozen=True, kw_only=True)
 class BayesianRegression(Estimator):
-    """Gaussian prior on standard parameters, Gaussian likelihood, both exact.
+    """Gaussian prior on inertial parameters, Gaussian likelihood, both exact.
 
-    The prior's covariance is the inverse of the pseudo-inertia metric at the published values
-    (Lee, Wensing and Park 2020), so that no choice of frames or units matters. Residuals of
-    robots are correlated: the likelihood is tempered by how much that inflates variances,
-    otherwise the posterior would claim too much.
+    The prior's covariance is the inverse of the pseudo-inertia metric at the published values, see
+    `PublishedPrior`, so that no choice of frames or units matters. Residuals of robots are
+    correlated: the likelihood is tempered by how much that inflates variances, otherwise the
+    posterior would claim too much.
     """
 
     name: ClassVar[str] = "bayes"
-    prior: InertialPrior | None = None
-    """Inertias in the model's parameter frames; None for the robot's, completed."""
-    relative: float | None = None
-    """Standard deviation of the prior in its own metric; None for `RELATIVE` or `COMPLETED`."""
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""
         model = problem.base.model
         plain = WeightedLeastSquares(prior_gain=1.0).fit(problem)
-        known = self.prior or inertial_prior(model.robot, model.frames)
-        relative = self.relative or (COMPLETED if known.completed else RELATIVE)
+        completed = inertial_prior(model.robot, model.frames).completed
+        relative = COMPLETED if completed else RELATIVE
         honest = np.diag(hac_covariance(plain, problem)) / np.diag(naive_covariance(plain))
+        inflation = float(np.median(honest))
         factors = joint_factors(problem)
-        tempered = plain.weights / np.sqrt(max(float(np.median(honest)), 1.0))
-        mean, root = base_prior(problem, known, relative, factors, tempered)
-        values, information = posterior(factors, tempered, mean, root)
+        tempered = plain.weights / np.sqrt(max(inflation, 1.0))
+        known = published_prior(problem.base)
+        root = known.root / relative
+        values, information = posterior(factors, tempered, known.mean, root)
         return replace(
             plain,
             values=values,
@@ -332,37 +306,9 @@ class BayesianRegression(Estimator):
             prior_precision=root.T @ root,
             choices=(
                 f"prior of {100 * relative:g} % on published inertias",
-                f"likelihood tempered by {float(np.median(honest)):.2g} for correlated residuals",
+                f"likelihood tempered by {inflation:.2g} for correlated residuals",
             ),
         )
-
-
-def base_prior(
-    problem: IdentificationProblem,
-    known: InertialPrior,
-    relative: float,
-    factors: Array,
-    weights: Array,
-) -> tuple[Array, Array]:
-    """Mean (r) and root (r, r) of the precision of the base parameters' prior."""
-    model = problem.base.model
-    inertial = 10 * model.robot.joints
-    spread = np.zeros((len(model.columns), len(model.columns)))
-    moves = metric_moves(to_pseudo_inertia(known.parameters))
-    spread[:inertial, :inertial] = relative * moves
-    mapping = base_mapping(problem.base)
-    stacked = (factors * weights[:, None, None]).reshape(-1, problem.base.rank + 1)
-    energy = float(np.linalg.norm(stacked[:, -1]))
-    for k, column in enumerate(problem.base.independent):
-        if column >= inertial:
-            spread[column, column] = WIDE * energy / float(np.linalg.norm(stacked[:, k]))
-    for column in problem.base.dependent:
-        if column >= inertial:
-            spread[column, column] = float(np.abs(spread[inertial:, inertial:]).max())
-    mean = np.zeros(len(model.columns))
-    mean[:inertial] = known.parameters.ravel()
-    # Covariance R'R has the precision R^-1 R^-T.
-    return mapping @ mean, inverse_upper(upper_triangle((mapping @ spread).T)).T
 
 
 def posterior(
@@ -370,12 +316,8 @@ def posterior(
 ) -> tuple[Array, Array]:
     """Mean (r) of the posterior and the root (r, r) of its precision.
 
-    Args:
-        factors: (n, r + 1, r + 1) from `joint_factors`.
-        weights: (n) weight of each joint.
-        mean: (r) of the prior.
-        root: (k, r) root of the prior's precision.
-        prior_gain: Weak prior on what neither torques nor the prior show, see `PRIOR_GAIN`.
+    From factors (n, r + 1, r + 1) of `joint_factors`, weights (n), the prior's mean (r) and a root
+    (k, r) of its precision; a weak prior on what neither of them shows, see `PRIOR_GAIN`.
     """
     prior = np.column_stack([root, root @ mean])
     size = factors.shape[1]

@@ -39,6 +39,8 @@ class ConsistentProblem:
     """C (k, p)."""
     floor: Array
     """d (k)."""
+    least: float = 0.0
+    """Residual sum that no parameters can go below."""
 
     @property
     def links(self) -> int:
@@ -50,27 +52,14 @@ class ConsistentProblem:
         return to_pseudo_inertia(parameters[: 10 * self.links].reshape(-1, 10))
 
     def misfit(self, parameters: Array) -> float:
-        """||A p - y||^2."""
-        return float(np.square(self.matrix @ parameters - self.target).sum())
-
-    def divergence(self, parameters: Array) -> float:
-        """The sum of D over the links; infinite outside the bodies that exist."""
-        bodies, prior = self.pseudo_inertias(parameters), to_pseudo_inertia(self.prior)
-        try:
-            # Not by the determinant: two negative eigenvalues make a positive one.
-            roots = np.linalg.cholesky(bodies)
-        except np.linalg.LinAlgError:
-            return float("inf")
-        size = 2.0 * np.log(np.diagonal(roots, axis1=1, axis2=2)).sum()
-        known = np.linalg.slogdet(prior)[1].sum()
-        trace = np.trace(np.linalg.solve(prior, bodies), axis1=1, axis2=2).sum()
-        return float(trace - size + known - 4.0 * self.links)
+        """The weighted residual sum, ||A p - y||^2 and what lies below."""
+        return self.least + float(np.square(self.matrix @ parameters - self.target).sum())
 
 
 def reduced_problem(
     problem: IdentificationProblem, factors: Array, weights: Array, prior: InertialPrior
-) -> tuple[ConsistentProblem, float]:
-    """The reduced problem, and the residual sum that no parameters can go below.
+) -> ConsistentProblem:
+    """The reduced problem.
 
     With factors (n, r + 1, r + 1) of `joint_factors`, weights (n) [1/(N.m)] and inertias in the
     model's parameter frames.
@@ -79,15 +68,13 @@ def reduced_problem(
     upper = upper_triangle((factors * weights[:, None, None]).reshape(-1, rank + 1))
     signs = sign_constraints(problem.base.model)
     bodies, floors = body_constraints(problem.base.model)
-    return (
-        ConsistentProblem(
-            matrix=upper[:rank, :rank] @ base_mapping(problem.base),
-            target=upper[:rank, rank],
-            prior=prior.parameters,
-            constraints=np.vstack([signs, bodies]),
-            floor=np.concatenate([np.zeros(len(signs)), floors]),
-        ),
-        float(upper[rank, rank] ** 2),
+    return ConsistentProblem(
+        matrix=upper[:rank, :rank] @ base_mapping(problem.base),
+        target=upper[:rank, rank],
+        prior=prior.parameters,
+        constraints=np.vstack([signs, bodies]),
+        floor=np.concatenate([np.zeros(len(signs)), floors]),
+        least=float(upper[rank, rank] ** 2),
     )
 
 
@@ -190,8 +177,7 @@ def solve_conic(
         first = width + EXTRA * i
         linear[10 * i : 10 * i + 10] += gamma * np.trace(_BASIS, axis1=1, axis2=2)
         linear[first + 10 : first + EXTRA] = -gamma
-        added = _link_rows(_BASIS, 10 * i, first, columns)
-        rows += added
+        rows += _link_rows(10 * i, first, columns)
         right += [np.zeros(36), *[np.array([0.0, 1.0, 0.0])] * 4]
         cones += [clarabel.PSDTriangleConeT(8), *[clarabel.ExponentialConeT()] * 4]
     settings = clarabel.DefaultSettings()
@@ -230,10 +216,10 @@ def _units(problem: ConsistentProblem) -> Array:
     return units
 
 
-def _link_rows(white: Array, here: int, first: int, columns: int) -> list[Array]:
+def _link_rows(here: int, first: int, columns: int) -> list[Array]:
     """Rows of one link: its 8x8 matrix, then the cone of each logarithm."""
     block = np.zeros((columns, 8, 8))
-    block[here : here + 10, :4, :4] = white
+    block[here : here + 10, :4, :4] = _BASIS
     for k, (a, b) in enumerate(TRIANGLE):
         block[first + k, a, 4 + b] = block[first + k, 4 + b, a] = 1.0
         if a == b:
@@ -307,7 +293,7 @@ def held_out_weight(
         )
         # Fewer rows, same meaning of the weight: the residual sum of all rows is one.
         share = float(np.sqrt(len(mark) / (~mark).sum()))
-        reduced, _ = reduced_problem(problem, stay, weights * share, prior)
+        reduced = reduced_problem(problem, stay, weights * share, prior)
         for i, power in enumerate(POWERS):
             try:
                 found = solve_conic(reduced, 10.0**power, WEIGHT_TOLERANCE)

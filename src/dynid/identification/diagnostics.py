@@ -113,7 +113,7 @@ def not_physical(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
         for name, value, std, unit in zip(
             estimate.names, estimate.values, estimate.std, estimate.units, strict=True
         )
-        if symbol_of(name) in ("Fc", "Fv", "Im") and value < -3 * std
+        if symbol_of(name) in ("Fc", "Fv", "Im") and value < -CERTAIN * std
     ]
     advice = (
         "do not simulate or invert this model; --estimator sdp fits physically consistent bodies"
@@ -122,20 +122,12 @@ def not_physical(estimate: Estimate, samples: Samples) -> tuple[Finding, ...]:
     if found:
         text = f"significantly negative: {', '.join(found)}"
         told.append(Finding("negative_friction", text, next_step=advice))
-    steps = [
-        k for k, name in enumerate(estimate.names) if name.startswith("Fc") and name[2:].isdigit()
-    ]
-    negative = [k for k in steps if estimate.values[k] < -3 * estimate.std[k]]
+    steps = [k for k, name in enumerate(estimate.names) if symbol_of(name) == "Fc"]
+    negative = [k for k in steps if estimate.values[k] < -CERTAIN * estimate.std[k]]
     if 2 * len(negative) > len(steps):
         joints = tuple(int(estimate.names[k][2:]) - 1 for k in negative)
-        told.append(
-            Finding(
-                "reversed",
-                "the sign of the torques is probably reversed",
-                joints=joints,
-                value=-1.0,
-            )
-        )
+        text = "the sign of the torques is probably reversed"
+        told.append(Finding("reversed", text, joints=joints, value=-1.0))
     smallest, std = smallest_mass_eigenvalue(estimate, samples)
     if smallest < -CERTAIN * std:
         size = f"{smallest:.2g} +- {std:.1g}"

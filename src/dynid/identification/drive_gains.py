@@ -59,11 +59,7 @@ class DriveGains:
         freeze(self, gain=(n,), std=(n,), coulomb=(n,), viscous=(n,), r2=(n,), finite=False)
 
     def to_json(self, names: tuple[str, ...]) -> dict[str, Any]:
-        """A JSON object; null where a gain is not known.
-
-        Args:
-            names: (n) joint names.
-        """
+        """A JSON object for joints of these names; null where a gain is not known."""
         return {
             "samples": self.samples,
             "gains": [
@@ -95,20 +91,13 @@ def drive_gains(
         width: Speed over which the compensated dry friction changes sign [rad/s].
 
     Raises:
-        InputError: Shapes that disagree, a width that is not positive, or too few samples.
+        InputError: A width that is not positive, or too few samples.
         JobError: No joint's gain can be told.
     """
-    shape = (current.shape[0], len(names))
-    if not current.shape == moment.shape == velocity.shape == shape:
-        raise InputError(
-            "target current, target moment and velocity differ in shape",
-            value=(current.shape, moment.shape, velocity.shape),
-            limit=shape,
-        )
     if not width > 0:
         raise InputError("the width must be positive", value=width)
-    if shape[0] < 16:
-        raise InputError("too few samples for drive gains", value=shape[0], limit="at least 16")
+    if len(current) < 16:
+        raise InputError("too few samples for drive gains", value=len(current), limit="at least 16")
     rows, lost = np.empty((len(names), 5)), dict[str, str]()
     for j, name in enumerate(names):
         columns = np.stack([moment[:, j], np.tanh(velocity[:, j] / width), velocity[:, j]])
@@ -123,7 +112,7 @@ def drive_gains(
         )
     return DriveGains(
         **dict(zip(_COLUMNS, rows.T, strict=True)),
-        samples=shape[0],
+        samples=len(current),
         warnings=tuple(
             Finding("low_excitation", f"no drive gain for {name}: {reason}")
             for name, reason in lost.items()
@@ -219,8 +208,6 @@ class WeighedGains:
     """(n) standard deviations that allow for correlated residuals [N.m/A]."""
     payload: Array
     """(10) the payload about the flange: what was known, and the rest as found."""
-    noise: Array
-    """(R, n) residual standard deviation of each record's joints [A]."""
 
 
 def weighed_gains(
@@ -237,23 +224,22 @@ def weighed_gains(
             too small.
 
     Raises:
-        InputError: No loaded or no unloaded record, or an unknown mass.
         JobError: A singular problem, or one that does not converge.
     """
-    if not any(problem.loaded) or all(problem.loaded):
-        raise InputError("needs records with and without the payload", value=problem.loaded)
-    if not known[0] > 0:
-        raise InputError("the payload's mass must be known", value=float(known[0]))
     system = WeighedSystem(problem=problem, turn=turn, known=known)
     records, joints = len(problem.problems), problem.joints
     data = factored(system)
     blocks = np.array([item.blocks for item in problem.problems])
     scale = np.linalg.norm(data[2], axis=2) / np.sqrt(blocks)[:, None]
-    gain = first = _linear_start(data, scale) if start is None else start
+    if start is None:
+        # The homogeneous linear problem, currents among the columns.
+        columns, fixed, current = data
+        start = _solved_with_gains(current, -columns, fixed, scale)[0][:joints]
+    gain = start
     values = np.zeros(system.size)
     noise = scale
     for _ in range(ITERATIONS):
-        _check_scale(gain, first)
+        _check_scale(gain, start)
         values = _values(data, gain, noise)
         predicted = (data[0] @ values + data[1]) / gain[:, None]
         residual = data[2] - predicted
@@ -261,7 +247,9 @@ def weighed_gains(
         used = (system.size + joints) / joints
         total = np.square(residual).sum(axis=(0, 2)) / max(blocks.sum() - used, 1.0)
         noise = np.tile(np.maximum(np.sqrt(total), 1e-9 * scale.max()), (records, 1))
-        step, root = _step(data[0], predicted, residual, gain, noise)
+        # A Gauss-Newton step in log gain and parameters.
+        slopes = data[0] / gain[:, None, None]
+        step, root = _solved_with_gains(-predicted, slopes, residual, noise)
         # Half a logarithm at most: far from the answer the linear model is no guide.
         step = step * min(1.0, 0.5 / max(float(np.abs(step[:joints]).max()), 1e-300))
         gain = gain * np.exp(step[:joints])
@@ -272,24 +260,8 @@ def weighed_gains(
     covariance = _covariance(system, gain, values, noise, root)
     payload = known.copy()
     payload[np.isnan(known)] = values[system.size - int(np.isnan(known).sum()) :]
-    return WeighedGains(
-        gain=gain, std=gain * np.sqrt(np.diag(covariance)[:joints]), payload=payload, noise=noise
-    )
-
-
-def _linear_start(data: tuple[Array, Array, Array], scale: Array) -> Array:
-    """(n) gains of the homogeneous linear problem, currents among the columns."""
-    columns, fixed, current = data
-    joints, size = columns.shape[1], columns.shape[3]
-    rows: list[Array] = []
-    for k in range(len(columns)):
-        for j in range(joints):
-            part = np.zeros((columns.shape[2], joints + size + 1))
-            part[:, j] = current[k, j]
-            part[:, joints:-1] = -columns[k, j]
-            part[:, -1] = fixed[k, j]
-            rows.append(part / scale[k, j])
-    return _solved(np.vstack(rows))[0][:joints]
+    std = gain * np.sqrt(np.diag(covariance)[:joints])
+    return WeighedGains(gain=gain, std=std, payload=payload)
 
 
 def _check_scale(gain: Array, first: Array) -> None:
@@ -312,18 +284,16 @@ def _values(data: tuple[Array, Array, Array], gain: Array, noise: Array) -> Arra
     return _solved(rows.reshape(-1, rows.shape[-1]))[0]
 
 
-def _step(
-    columns: Array, predicted: Array, residual: Array, gain: Array, noise: Array
+def _solved_with_gains(
+    own: Array, columns: Array, target: Array, noise: Array
 ) -> tuple[Array, Array]:
-    """A Gauss-Newton step in log gain and parameters, and the root of the information."""
+    """As `_solved`, of weighted rows with a column (R, n, h) of each joint before the others."""
     records, joints, height, size = columns.shape
     rows = np.zeros((records, joints, height, joints + size + 1))
     for j in range(joints):
-        rows[:, j, :, j] = -predicted[:, j]
-        rows[:, j, :, joints:-1] = columns[:, j] / gain[j]
-    rows[..., -1] = residual
-    rows /= noise[:, :, None, None]
-    return _solved(rows.reshape(-1, joints + size + 1))
+        rows[:, j, :, j] = own[:, j]
+    rows[..., joints:-1], rows[..., -1] = columns, target
+    return _solved((rows / noise[:, :, None, None]).reshape(-1, joints + size + 1))
 
 
 def _solved(rows: Array) -> tuple[Array, Array]:

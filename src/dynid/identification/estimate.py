@@ -1,7 +1,7 @@
 """The result of an identification, and its JSON file."""
 
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, overload
 
@@ -70,21 +70,6 @@ class StandardParameters:
         freeze(self, prior=(p,), finite=False)
         if not set(self.origins) <= set(ORIGINS):
             raise InputError("unknown origin", value=set(self.origins), limit=ORIGINS)
-
-    def to_json(self, names: tuple[str, ...], units: tuple[str, ...]) -> list[dict[str, Any]]:
-        """One JSON object a parameter; no deviation where the prior speaks."""
-        return [
-            {
-                "name": name,
-                "value": float(self.values[k]),
-                "unit": unit,
-                "from": self.origins[k],
-                "prior_share": float(self.prior_share[k]),
-                "std": float(self.std[k]),
-                "prior": plain(float(self.prior[k])),
-            }
-            for k, (name, unit) in enumerate(zip(names, units, strict=True))
-        ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -236,14 +221,7 @@ class Estimate:
     ) -> Array:
         """Half widths (N, n) of the intervals of measured torques [N.m or N].
 
-        Arguments as of `predict`.
-
-        Args:
-            q: (N, n) positions [rad or m].
-            dq: (N, n) velocities.
-            ddq: (N, n) accelerations.
-            state: (n, N) of presliding friction.
-            level: Share of torques within, 0.5 to 0.99.
+        The motion as for `predict`; the level is the share of torques within, 0.5 to 0.99.
 
         Raises:
             InputError: The estimate knows no intervals, or a level outside 0.5 to 0.99.
@@ -266,10 +244,23 @@ class Estimate:
 
     def standard_table(self) -> list[dict[str, Any]] | None:
         """One JSON object a standard parameter, where the estimator finds them."""
-        if self.standard is None:
+        known = self.standard
+        if known is None:
             return None
-        units = tuple(column.unit for column in self.model.columns)
-        return self.standard.to_json(self.model.names, units)
+        return [
+            {
+                "name": name,
+                "value": float(known.values[k]),
+                "unit": column.unit,
+                "from": known.origins[k],
+                "prior_share": float(known.prior_share[k]),
+                "std": float(known.std[k]),
+                "prior": plain(float(known.prior[k])),
+            }
+            for k, (name, column) in enumerate(
+                zip(self.model.names, self.model.columns, strict=True)
+            )
+        ]
 
     def parameter_table(self) -> list[dict[str, Any]]:
         """One JSON object a base parameter."""
@@ -291,6 +282,22 @@ class Estimate:
 
 FORMAT = "dynid-estimate"
 VERSION = 1
+
+
+def _array(values: Iterable[Any]) -> Array:
+    """Numbers, or rows of them; NaN for null."""
+    return np.array(list(values), dtype=np.float64)
+
+
+_SAME: dict[str, Callable[[Any], Any]] = {
+    **dict.fromkeys(("estimator", "preset"), str),
+    **dict.fromkeys(
+        ("condition_number", "scaled_condition_number", "motion_condition_number"), float
+    ),
+    "samples": int,
+    **dict.fromkeys(("covariance", "noise", "residual_autocorrelation"), _array),
+}
+"""Fields that the file keeps by their own names, and how they are read."""
 _MAKE = "Make one with: dynid identify RECORD -o ESTIMATE.json"
 
 
@@ -299,23 +306,15 @@ def estimate_to_json(estimate: Estimate) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "version": VERSION,
-        "estimator": estimate.estimator,
-        "preset": estimate.preset,
+        **{name: plain(getattr(estimate, name)) for name in _SAME},
         "base_parameters": len(estimate.values),
         "standard_parameters": len(estimate.model.columns),
-        "condition_number": estimate.condition_number,
-        "scaled_condition_number": estimate.scaled_condition_number,
-        "motion_condition_number": estimate.motion_condition_number,
-        "samples": estimate.samples,
         "degrees_of_freedom": estimate.degrees_of_freedom,
         "frames": estimate.model.frames,
         "friction": estimate.model.friction.to_json(),
         "independent": list(estimate.independent),
         "parameters": estimate.parameter_table(),
-        "covariance": estimate.covariance.tolist(),
-        "noise": estimate.noise.tolist(),
-        "residual_autocorrelation": estimate.residual_autocorrelation.tolist(),
-        "motion": {key: value.tolist() for key, value in asdict(estimate.motion).items()},
+        "motion": plain(estimate.motion),
         "settings": estimate.settings.to_json(),
         "choices": list(estimate.choices),
         "warnings": [notice.to_json() for notice in estimate.warnings],
@@ -381,24 +380,16 @@ def _estimate(data: dict[str, Any]) -> Estimate:
         independent=tuple(int(i) for i in data["independent"]),
         expressions=tuple(str(row["expression"]) for row in table),
         values=_array(row["value"] for row in table),
-        covariance=_array(data["covariance"]),
         naive_std=_array(row["std_naive"] for row in table),
-        noise=_array(data["noise"]),
-        condition_number=float(data["condition_number"]),
-        scaled_condition_number=float(data["scaled_condition_number"]),
-        motion_condition_number=float(data["motion_condition_number"]),
-        samples=int(data["samples"]),
-        estimator=str(data["estimator"]),
-        preset=str(data["preset"]),
         settings=ProcessingSettings(**settings),
         essential=tuple(k for k, row in enumerate(table) if row["essential"]),
         motion=MotionRange(**{key: _array(row) for key, row in data["motion"].items()}),
         choices=tuple(str(text) for text in data["choices"]),
         warnings=tuple(finding_from_json(w) for w in data["warnings"]),
         provenance=provenance_from_json(JsonFields(data).object("provenance")),
-        residual_autocorrelation=_array(data["residual_autocorrelation"]),
         standard=_standard(data.get("standard")),
         assessment=assessment_from_json(data["assessment"]) if "assessment" in data else None,
+        **{name: read(data[name]) for name, read in _SAME.items()},
     )
 
 
@@ -413,8 +404,3 @@ def _standard(rows: list[dict[str, Any]] | None) -> StandardParameters | None:
         prior=_array(row["prior"] for row in rows),
         origins=tuple(str(row["from"]) for row in rows),
     )
-
-
-def _array(values: Iterable[Any]) -> Array:
-    """Numbers, or rows of them; NaN for null."""
-    return np.array(list(values), dtype=np.float64)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, Indices, InputError, Provenance
+from dynid.core import Array, Indices, Provenance
 from dynid.identification.bayesian import BayesianRegression
 from dynid.identification.diagnostics import diagnose
 from dynid.identification.estimate import Estimate, MotionRange, StandardParameters
@@ -43,7 +43,7 @@ from dynid.identification.statistics import (
     naive_covariance,
     sandwich,
 )
-from dynid.identification.sums import PassPlan, RowSums
+from dynid.identification.sums import PassPlan, RowSums, no_sums
 from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
@@ -66,17 +66,7 @@ ESTIMATORS = tuple(_MAKERS)
 
 
 def estimator_of(word: str, prior_gain: float | None = None) -> Estimator:
-    """The estimator of a word.
-
-    Args:
-        word: One of `ESTIMATORS`.
-        prior_gain: See `WeightedLeastSquares`; for those that have it.
-
-    Raises:
-        InputError: An unknown word.
-    """
-    if word not in _MAKERS:
-        raise InputError("unknown", where="--estimator", value=word, limit=", ".join(ESTIMATORS))
+    """The estimator of a word of `ESTIMATORS`; see `WeightedLeastSquares` for the gain."""
     return _MAKERS[word](prior_gain)
 
 
@@ -85,71 +75,15 @@ COARSEST = 1e3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PartFit:
-    """A fit to a part of the rows, from which the sums over all of them are planned."""
+class AllRows:
+    """All rows of recordings, summed in one pass that a fit to a part of them has planned."""
 
     plan: PassPlan
-    fit: Fit
     parts: Indices
     """(N) what each row of the part is left out with."""
     floor: Array
     """(r) variances that a model of the noise gives, times the rows."""
-
-
-def plan_pass(
-    model: InverseDynamicModel,
-    samples: Samples,
-    estimator: Estimator,
-    rows: int,
-    recordings: Indices | None = None,
-) -> PartFit:
-    """Fit a part of the rows of recordings, and plan the sums over all of them.
-
-    Args:
-        model: The model.
-        samples: The part.
-        estimator: How all rows will be fitted.
-        rows: How many there will be a joint.
-        recordings: (N) the recording of each sample of the part, if there are several.
-    """
-    base = reduce_model(model)
-    problem = IdentificationProblem(base=base, samples=samples)
-    fit = estimator.fit(problem)
-    residual = problem.residual(fit.values)
-    rho = float(autocorrelation(residual, 1).max())
-    floor = np.zeros(base.rank)
-    if rho > MODEL_CORRELATION:
-        floor = np.diag(ar_covariance(fit, problem, residual)) * problem.blocks
-    used = samples.rows
-    every = slice(used.start, used.start + problem.blocks * samples.block, samples.block)
-    if recordings is None:
-        regions = find_regions([samples.q[every]], model.robot.prismatic)
-        parts = regions.labels(samples.q[every], 0)
-    else:
-        regions, parts = None, recordings[every]
-    columns = fit.information / np.linalg.norm(fit.information, axis=0)
-    return PartFit(
-        plan=PassPlan(
-            base=base,
-            values=fit.values,
-            weights=fit.weights,
-            lag=correlation_lag(residual, problem.rate_hz, rows),
-            regions=regions,
-            stretches=BLOCKS,
-            factors=bool(np.linalg.cond(columns) > COARSEST),
-        ),
-        fit=fit,
-        parts=parts,
-        floor=floor,
-    )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AllRows:
-    """All rows of recordings, summed in one pass."""
-
     sums: RowSums
-    part: PartFit
 
     def problem(self, part: IdentificationProblem) -> SummedProblem:
         """The problem of all rows, of which a part is at hand."""
@@ -171,22 +105,65 @@ class AllRows:
     def cells(self) -> LeftOutCells:
         """What is left out."""
         blocks, keys = self.sums.blocks()
-        return LeftOutCells(blocks=blocks, keys=keys, parts=self.part.parts)
+        return LeftOutCells(blocks=blocks, keys=keys, parts=self.parts)
 
     def covariance(self, fit: Fit) -> Array:
         """(r, r) covariance of a fit to all rows.
 
         The scores are those of the part's fit, so its weights stand in the bread as well.
         """
-        plan, rank = self.part.plan, len(fit.values)
+        plan, rank = self.plan, len(fit.values)
         products = np.array([f.T @ f for f in self.sums.joint_factors()])[:, :rank, :rank]
         own = np.tensordot(np.square(fit.weights), products, axes=1)
         prior = fit.information.T @ fit.information - own
         matrix = np.tensordot(np.square(plan.weights), products, axes=1) + prior
         scale = np.sqrt(np.diag(matrix))
         bread = np.linalg.inv(matrix / np.outer(scale, scale)) / np.outer(scale, scale)
-        floor = np.maximum(np.diag(naive_covariance(fit)), self.part.floor / self.sums.rows)
+        floor = np.maximum(np.diag(naive_covariance(fit)), self.floor / self.sums.rows)
         return sandwich(fit, bread, self.sums.long_run, self.sums.rows, plan.lag, floor)
+
+
+def plan_pass(
+    model: InverseDynamicModel,
+    samples: Samples,
+    estimator: Estimator,
+    rows: int,
+    recordings: Indices | None = None,
+) -> AllRows:
+    """Fit a part of the rows of recordings, and plan the sums over all of them; none is added yet.
+
+    Args:
+        model: The model.
+        samples: The part.
+        estimator: How all rows will be fitted.
+        rows: How many there will be a joint.
+        recordings: (N) the recording of each sample of the part, if there are several.
+    """
+    base = reduce_model(model)
+    problem = IdentificationProblem(base=base, samples=samples)
+    fit = estimator.fit(problem)
+    residual = problem.residual(fit.values)
+    floor = np.zeros(base.rank)
+    if autocorrelation(residual, 1).max() > MODEL_CORRELATION:
+        floor = np.diag(ar_covariance(fit, problem, residual)) * problem.blocks
+    used = samples.rows
+    every = slice(used.start, used.start + problem.blocks * samples.block, samples.block)
+    if recordings is None:
+        regions = find_regions([samples.q[every]], model.robot.prismatic)
+        parts = regions.labels(samples.q[every], 0)
+    else:
+        regions, parts = None, recordings[every]
+    columns = fit.information / np.linalg.norm(fit.information, axis=0)
+    plan = PassPlan(
+        base=base,
+        values=fit.values,
+        weights=fit.weights,
+        lag=correlation_lag(residual, problem.rate_hz, rows),
+        regions=regions,
+        stretches=BLOCKS,
+        factors=bool(np.linalg.cond(columns) > COARSEST),
+    )
+    return AllRows(plan=plan, parts=parts, floor=floor, sums=no_sums(samples.joints, base.rank))
 
 
 PRIOR_SPEAKS = 0.25
@@ -208,7 +185,7 @@ def fit_estimate(
     near_weights: Sequence[float] = (),
     everything: AllRows | None = None,
 ) -> Estimate:
-    """Fit samples and say how far the result can be trusted.
+    """Fit samples by an estimator, and say how far the result can be trusted.
 
     Args:
         model: The model; its base parameters are found here.
@@ -230,7 +207,9 @@ def fit_estimate(
     """
     base = reduce_model(model)
     part = IdentificationProblem(base=base, samples=samples)
-    problem = part if everything is None else everything.problem(part)
+    problem, cells, sums = part, None, None
+    if everything is not None:
+        problem, cells, sums = everything.problem(part), everything.cells, everything.sums
     fit = estimator.fit(problem)
     if everything is None:
         covariance = hac_covariance(fit, problem)
@@ -249,7 +228,7 @@ def fit_estimate(
         naive_std=np.sqrt(np.diag(naive_covariance(fit))),
         estimator=estimator.name,
         preset=preset,
-        motion=_motion_range(samples, None if everything is None else everything.sums),
+        motion=_motion_range(samples, sums),
         choices=(*choices, *fit.choices),
         provenance=made,
         residual_autocorrelation=rho,
@@ -260,7 +239,7 @@ def fit_estimate(
             prior_weight=prior_weight,
             near_weights=near_weights,
             lengths=lengths,
-            cells=None if everything is None else everything.cells,
+            cells=cells,
         ),
     )
 

@@ -11,8 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core import Array, InputError, JobError, Mask, upper_triangle
-from dynid.identification.shared import SharedProblem, friction_parameters
+from dynid.core import Array, JobError, Mask, upper_triangle
+from dynid.identification.problem import IdentificationProblem
+from dynid.identification.shared import (
+    SharedProblem,
+    friction_parameters,
+    friction_places,
+    record_scores,
+)
 from dynid.identification.statistics import correlation_lag, long_run_covariance
 from dynid.reduction import BaseParametrization
 
@@ -50,58 +56,39 @@ def shared_names(base: BaseParametrization) -> list[str]:
 def friction_names(base: BaseParametrization) -> list[list[str]]:
     """For each joint, the names of its friction parameters, in the order of `RobotStates`."""
     own = friction_parameters(base)
-    return [[base.names[own[c]] for c in place] for place in _places(base)]
+    return [[base.names[own[c]] for c in place] for place in friction_places(base)]
 
 
-def _places(base: BaseParametrization) -> list[list[int]]:
-    """For each joint, which of a recording's own parameters are its friction."""
-    joint = [base.model.columns[base.independent[k]].joint for k in friction_parameters(base)]
-    joints = range(base.model.robot.joints)
-    return [[c for c, of in enumerate(joint) if of == j] for j in joints]
-
-
-def record_statistics(problem: SharedProblem) -> RecordStatistics:
-    """Sufficient statistics of one recording, in two passes over its samples.
-
-    Args:
-        problem: The recording alone.
-
-    Raises:
-        InputError: More than one recording.
-    """
-    if len(problem.problems) != 1:
-        raise InputError("statistics are of one recording", value=len(problem.problems))
-    item, places = problem.problems[0], _places(problem.problems[0].base)
-    joints, own, widest = problem.joints, len(problem.own), max(len(p) for p in places)
-    width = widest + problem.shared + 1
-    factors = np.zeros((joints, width, width))
-    for _, columns, torque in problem.chunks(0):
-        rows = np.zeros((columns.shape[2], width))
-        for j, place in enumerate(places):
-            rows[:, :widest] = 0.0
-            rows[:, : len(place)] = columns[place, j].T
-            rows[:, widest:-1] = columns[own:, j].T
-            rows[:, -1] = torque[j]
-            factors[j] = upper_triangle(np.vstack([factors[j], rows]))
+def record_statistics(item: IdentificationProblem) -> RecordStatistics:
+    """Sufficient statistics of one recording, in two passes over its samples."""
+    alone, places = SharedProblem(problems=(item,)), friction_places(item.base)
+    own, widest = len(alone.own), max(len(place) for place in places)
+    width = widest + alone.shared + 1
+    factors = np.zeros((alone.joints, width, width))
+    for found, whole, place in zip(factors, alone.factors(0), places, strict=True):
+        # Friction of other joints has no part in a joint's torque.
+        rows = np.zeros((len(whole), width))
+        rows[:, : len(place)] = whole[:, place]
+        rows[:, widest:] = whole[:, own:]
+        found[:] = upper_triangle(rows)
     # The residuals' correlation hardly depends on the parameters: those of this recording serve.
     rest = factors[None, :, widest:, widest:]
     level = np.linalg.norm(factors[..., -1], axis=1)[None]
     local = _pooled(rest, np.maximum(level, 1e-9 * max(float(level.max()), 1e-9)))[0]
-    friction = _friction(factors, local)[0]
-    scores = np.zeros((joints, widest, item.blocks))
-    residual = np.empty((joints, item.blocks))
-    for part, columns, torque in problem.chunks(0):
-        residual[:, part] = torque - np.tensordot(local, columns[own:], axes=1)
-        for j, place in enumerate(places):
-            residual[j, part] -= friction[j, : len(place)] @ columns[place, j]
-            scores[j, : len(place), part] = columns[place, j] * residual[j, part]
+    values = np.concatenate([np.zeros(own), local])
+    for friction, place in zip(_friction(factors, local)[0], places, strict=True):
+        values[place] = friction[: len(place)]
+    scores, residual = record_scores(alone, 0, values, np.ones(alone.joints))
     lag = correlation_lag(residual, item.rate_hz)
     short = 1.0 / max(1.0 - 2.0 * lag / item.blocks, 0.5)
+    long_run = np.zeros((alone.joints, widest, widest))
+    for found, place in zip(long_run, places, strict=True):
+        found[: len(place), : len(place)] = short * long_run_covariance(scores[place], lag)
     speed = np.abs(item.samples.dq)
     moving = speed > MOVING * speed.max(axis=0)
     return RecordStatistics(
         factors=factors,
-        scores=np.array([short * long_run_covariance(s, lag) for s in scores]),
+        scores=long_run,
         samples=item.blocks,
         speed=np.where(moving, speed, 0.0).sum(axis=0) / np.maximum(moving.sum(axis=0), 1),
     )
@@ -131,28 +118,18 @@ class RobotStates:
     def level(self, weights: Array) -> tuple[Array, Array]:
         """(R, n) a combination of the friction parameters, and its standard deviation.
 
-        Args:
-            weights: (n, f) such as 1 for Coulomb, a speed for viscous friction.
+        By weights (n, f) such as 1 for Coulomb, a speed for viscous friction.
         """
         variance = np.einsum("jf,rjfg,jg->rj", weights, self.covariance, weights)
         return np.einsum("rjf,jf->rj", self.friction, weights), np.sqrt(np.maximum(variance, 0.0))
 
 
 def solve_robot(statistics: Sequence[RecordStatistics]) -> RobotStates:
-    """Pool the recordings of one robot.
-
-    Args:
-        statistics: Of recordings with the same columns.
+    """Pool the recordings, at least one, of one robot and one model.
 
     Raises:
-        InputError: No recordings, or columns that differ.
         JobError: Recordings in which nothing moves.
     """
-    if not statistics or len({one.factors.shape for one in statistics}) > 1:
-        raise InputError(
-            "recordings of one robot and one model are pooled",
-            value=sorted({one.factors.shape for one in statistics}),
-        )
     factors = np.array([one.factors for one in statistics])
     samples = np.array([one.samples for one in statistics], dtype=np.float64)[:, None]
     noise = np.linalg.norm(factors[..., -1], axis=2) / np.sqrt(samples)

@@ -24,8 +24,7 @@ GAP = 1.5
 def smooth_motion(samples: Samples) -> tuple[Samples, Indices]:
     """The motion low-passed near its own bandwidth, far below the cut-off of the samples.
 
-    Args:
-        samples: The samples; several records are smoothed one by one.
+    Several records are smoothed one by one.
 
     Returns:
         Samples with smooth q, dq, ddq, same torques; and the indices where the filter has
@@ -106,8 +105,7 @@ class ClosedLoop:
     def simulate(self, reference: Samples) -> Samples:
         """Positions, velocities, accelerations of the simulated arm at the samples' times.
 
-        Args:
-            reference: A smooth motion; gaps in time part its records.
+        Of the reference, a smooth motion, gaps in time part the records.
 
         Raises:
             JobError: The arm runs away.
@@ -264,16 +262,10 @@ def simulated_problem(
 def solve_instrumental(
     measured: IdentificationProblem, simulated: IdentificationProblem, weights: Array
 ) -> tuple[Array, Array]:
-    """The instrumental-variable solution and the root of its information.
+    """(r) p = (Z' W)^-1 Z' tau, and the (r, r) triangular root of W' Z (Z' Z)^-1 Z' W.
 
-    Args:
-        measured: W and tau.
-        simulated: Z, with as many rows.
-        weights: (n) weight of each joint [1/(N.m)].
-
-    Returns:
-        (r) p = (Z' W)^-1 Z' tau, rows weighted, and the (r, r) triangular root of
-        W' Z (Z' Z)^-1 Z' W.
+    W and tau are the measured problem's, Z the simulated one's with as many rows; all rows are
+    weighted by those (n) of their joints [1/(N.m)].
 
     Raises:
         JobError: Z' W is singular to working precision.

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynid.core import Array, freeze, inverse_upper, scipy_part, upper_triangle
+from dynid.core import Array, inverse_upper, scipy_part, upper_triangle
 from dynid.identification.instrumental import segments, smooth_cutoff
 from dynid.identification.least_squares import Estimator, Fit, WeightedLeastSquares
 from dynid.identification.problem import IdentificationProblem
@@ -32,9 +32,6 @@ class MotionNoise:
     cutoff_hz: float
     """Cut-off [Hz]."""
 
-    def __post_init__(self) -> None:
-        freeze(self, "noise", density=(None,))
-
     def covariance(self) -> Array:
         """(3n, 3n) of q, dq, ddq at one instant: velocities are independent of the others."""
         turn = 2 * np.pi
@@ -53,8 +50,7 @@ class MotionNoise:
 def motion_noise(samples: Samples) -> MotionNoise:
     """The noise of a motion: the level of the acceleration's spectrum between motion and cut-off.
 
-    Args:
-        samples: The samples; the longest record counts.
+    Of several records the longest counts.
     """
     rate = samples.rate_hz
     part = max(segments(samples.t, rate), key=lambda s: s.stop - s.start)
@@ -92,15 +88,13 @@ class MaximumLikelihood(Estimator):
     """
 
     name: ClassVar[str] = "ml"
-    noise: MotionNoise | None = None
-    """Noise of the motion; None to read it off the motion's spectrum."""
     prior_gain: float | None = None
     """See `WeightedLeastSquares`, where it starts."""
 
     def fit(self, problem: IdentificationProblem) -> Fit:
         """See `Estimator`."""
         start = WeightedLeastSquares(prior_gain=self.prior_gain).fit(problem)
-        likelihood = Likelihood.of(problem, start, self.noise or motion_noise(problem.samples))
+        likelihood = Likelihood.of(problem, start, motion_noise(problem.samples))
         turn = inverse_upper(start.information)
 
         def cost(step: Array) -> tuple[float, Array]:
@@ -143,12 +137,9 @@ class Likelihood:
 
     @staticmethod
     def of(problem: IdentificationProblem, start: Fit, noise: MotionNoise) -> Likelihood:
-        """The likelihood of a problem.
+        """The likelihood of a problem with noise of the motion.
 
-        Args:
-            problem: The problem.
-            start: A least-squares fit, whose residuals bound the torque noise.
-            noise: Noise of the motion.
+        The residuals of a least-squares fit, where it starts, bound the torque noise.
         """
         samples, base = problem.samples, problem.base
         pick = np.linspace(0, samples.count - 1, min(MOST_ROWS, samples.count)).astype(int)

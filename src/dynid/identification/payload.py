@@ -171,12 +171,7 @@ class Payload:
 
 
 def payload_of(problem: SharedProblem, fit: SharedFit) -> Payload:
-    """The payload of a fit, moved to the flange and made physically consistent.
-
-    Args:
-        problem: Records, some of them loaded.
-        fit: Their fit.
-    """
+    """The payload of a fit to records, moved to the flange and made physically consistent."""
     model = problem.problems[0].base.model
     robot = model.robot
     link_in_flange = np.linalg.inv(robot.flange) @ robot.parameter_frames[model.frames][-1]

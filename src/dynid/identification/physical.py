@@ -45,11 +45,8 @@ def standard_posterior(estimate: Estimate, base: BaseParametrization) -> Standar
     Base parameters b = B p with covariance C; published parameters p ~ N(p0, S), S from
     `deviations`. Then p = p0 + K (b - B p0) with
     K = S B' (B S B' + C)^-1, and its covariance is S - K B S. The prior's share of a parameter is
-    the share of its variance that is left.
-
-    Args:
-        estimate: The estimate.
-        base: The base parametrization of its model, with the same independent columns.
+    the share of its variance that is left. The base parametrization is that of its model, with the
+    same independent columns.
     """
     if estimate.standard is not None:
         return estimate.standard
@@ -148,8 +145,6 @@ class PhysicallyConsistent(Estimator):
 
     name: ClassVar[str] = "sdp"
     by_factors: ClassVar[bool] = True
-    prior: InertialPrior | None = None
-    """Inertias in the model's parameter frames; None for the robot's, completed."""
     prior_gain: float | None = None
     """See `WeightedLeastSquares`, whose weights and residual sum are the measure."""
     by_regions: bool = False
@@ -159,19 +154,19 @@ class PhysicallyConsistent(Estimator):
         """See `Estimator`."""
         plain = WeightedLeastSquares(prior_gain=self.prior_gain).fit(problem)
         model = problem.base.model
-        prior = self.prior or inertial_prior(model.robot, model.frames)
+        prior = inertial_prior(model.robot, model.frames)
         factors = joint_factors(problem)
         least = residual_sum(factors, plain.weights, plain.values)
         # In units of the plain residual sum, weights of the prior mean the same on all records.
         weights = plain.weights / np.sqrt(max(least, 1e-300))
-        consistent, floor = reduced_problem(problem, factors, weights, prior)
+        consistent = reduced_problem(problem, factors, weights, prior)
         words: tuple[str, ...] = ()
         if self.by_regions:
             gamma, regions = held_out_weight(problem, weights, prior)
             solution = solve_conic(consistent, gamma)
             words = (f"prior weight from {regions} regions of the motion left out",)
         else:
-            gamma, solution = largest_weight(consistent, floor, EXCESS)
+            gamma, solution = largest_weight(consistent)
         values = base_mapping(problem.base) @ solution.values
         return replace(
             plain,
@@ -182,9 +177,9 @@ class PhysicallyConsistent(Estimator):
                 gamma,
                 solution,
                 consistent.matrix[:, list(problem.base.independent)],
-                deviations(model.robot, model.frames, self.prior),
+                deviations(model.robot, model.frames),
             ),
-            choices=(*words, *_words(consistent, solution, gamma, floor, model.names, prior)),
+            choices=(*words, *_words(consistent, solution, gamma, model.names, prior)),
         )
 
 
@@ -193,26 +188,24 @@ def residual_sum(factors: Array, weights: Array, values: Array) -> float:
     return float(np.square(weights[:, None] * (factors @ np.append(values, -1.0))).sum())
 
 
-def largest_weight(
-    problem: ConsistentProblem, floor: float, allowed: float
-) -> tuple[float, ConsistentSolution]:
+def largest_weight(problem: ConsistentProblem) -> tuple[float, ConsistentSolution]:
     """The largest weight of the prior that the data allow, and its solution.
 
-    By the discrepancy principle: the plain residual sum of the problem is one, no parameters go
-    below `floor`, and it may grow by the share `allowed`; where consistency alone costs more than
-    half of that, half of it comes on top of what it costs.
+    By the discrepancy principle: the plain residual sum of the problem is one, and may grow by the
+    share `EXCESS`; where consistency alone costs more than half of that, half of it comes on top of
+    what it costs.
     """
     tried: dict[float, tuple[float, ConsistentSolution]] = {}
 
     def excess(power: float) -> float:
         if power not in tried:
             solution = solve_conic(problem, 10.0**power)
-            tried[power] = (problem.misfit(solution.values) + floor - 1.0, solution)
+            tried[power] = (problem.misfit(solution.values) - 1.0, solution)
         return tried[power][0]
 
     low, high = (float(x) for x in np.log10(WEIGHTS))
     cost = excess(low)
-    limit = allowed if cost <= allowed / 2 else cost + allowed / 2
+    limit = EXCESS if cost <= EXCESS / 2 else cost + EXCESS / 2
     if excess(high) <= limit:
         low = high
     while high - low > POWER_DIGITS:
@@ -228,12 +221,11 @@ def _words(
     problem: ConsistentProblem,
     solution: ConsistentSolution,
     gamma: float,
-    floor: float,
     names: tuple[str, ...],
     prior: InertialPrior,
 ) -> tuple[str, ...]:
     """What was chosen and what it cost."""
-    excess = problem.misfit(solution.values) + floor - 1.0
+    excess = problem.misfit(solution.values) - 1.0
     words = [
         f"consistent bodies, prior weight {gamma:.2g}: weighted residual sum "
         f"{100 * excess:+.2g} % against weighted least squares"

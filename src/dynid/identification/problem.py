@@ -116,7 +116,12 @@ def block_mean(values: Array, block: int) -> Array:
     """Means over blocks of the last axis, whose length is a multiple of `block`."""
     if block == 1:
         return values
-    return values.reshape(*values.shape[:-1], -1, block).mean(axis=-1)
+    # Faster than the mean of an axis.
+    total = values[..., ::block].copy()
+    for k in range(1, block):
+        total += values[..., k::block]
+    total /= block
+    return total
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -187,10 +187,7 @@ def with_ripple(
 ) -> InverseDynamicModel:
     """The model with the torque ripple that samples show, where leaving blocks out bears it out.
 
-    Args:
-        model: A model without ripple.
-        samples: The samples that it will be fitted to.
-        estimator: What it will be fitted with.
+    The model has none yet; it is fitted to the samples by the estimator.
     """
     if samples.torque_filter is not None:
         # What smoothed the torque has taken the ripple away.

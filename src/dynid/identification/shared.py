@@ -20,6 +20,7 @@ from dynid.core import (
     solve_upper,
     upper_triangle,
 )
+from dynid.identification.bayesian import symbol_of
 from dynid.identification.estimate import Estimate
 from dynid.identification.fitting import judged
 from dynid.identification.least_squares import Fit, autocorrelation
@@ -43,8 +44,15 @@ def friction_parameters(base: BaseParametrization) -> tuple[int, ...]:
     return tuple(
         k
         for k, (column, name) in enumerate(zip(base.independent, base.names, strict=True))
-        if column >= links and name.rstrip("0123456789") not in INERTIAS
+        if column >= links and symbol_of(name) not in INERTIAS
     )
+
+
+def friction_places(base: BaseParametrization) -> list[list[int]]:
+    """For each joint, which of `friction_parameters` are its own."""
+    joint = [base.model.columns[base.independent[k]].joint for k in friction_parameters(base)]
+    joints = range(base.model.robot.joints)
+    return [[c for c, of in enumerate(joint) if of == j] for j in joints]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +60,7 @@ class SharedProblem:
     """Records of one robot, some of them with one and the same payload on its last link.
 
     Raises:
-        InputError: No records, models whose base parameters differ, or not one flag a record.
+        InputError: Models whose base parameters differ.
     """
 
     problems: tuple[IdentificationProblem, ...]
@@ -61,8 +69,6 @@ class SharedProblem:
     """For each record, whether it carries the payload; empty for none."""
 
     def __post_init__(self) -> None:
-        if not self.problems:
-            raise InputError("needs at least one record")
         first = self.problems[0].base
         for other in self.problems[1:]:
             same = other.base.model.frames == first.model.frames
@@ -72,8 +78,6 @@ class SharedProblem:
                     value=sorted(set(other.base.names) ^ set(first.names)),
                     limit=f"frames {first.model.frames}",
                 )
-        if self.loaded and len(self.loaded) != len(self.problems):
-            raise InputError("one flag a record", value=len(self.loaded), limit=len(self.problems))
 
     @property
     def joints(self) -> int:
@@ -103,9 +107,6 @@ class SharedProblem:
 
     def chunks(self, record: int) -> Iterator[tuple[slice, Array, Array]]:
         """Parts of a record as `IdentificationProblem.chunks`, its own columns first.
-
-        Args:
-            record: Which record.
 
         Yields:
             Rows covered, columns (f + shared, n, T) with zeros for a payload that the record
@@ -224,14 +225,6 @@ class SharedFit:
     shares: Array
     """(R f + s, n) what the torques of each joint add to the solution, which is their sum."""
 
-    def places(self, record: int) -> list[int]:
-        """(f + s) where a record's parameters stand in the covariance."""
-        records, own = self.solution.own.shape
-        return [
-            *range(record * own, (record + 1) * own),
-            *range(records * own, len(self.covariance)),
-        ]
-
 
 def fit_shared(problem: SharedProblem, *, one_noise: bool = False) -> SharedFit:
     """Fit, weighting each joint of each record by its own noise, iterated.
@@ -308,7 +301,7 @@ def _covariance(
     total = sum(item.blocks for item in problem.problems)
 
     def scored(k: int) -> tuple[Array, Array]:
-        local, residual = _scores(problem, k, solution.local(k), weights[k])
+        local, residual = record_scores(problem, k, solution.local(k), weights[k])
         scores = np.zeros((len(naive), local.shape[1]))
         scores[k * own : (k + 1) * own], scores[records * own :] = local[:own], local[own:]
         return scores, residual
@@ -369,7 +362,7 @@ def _same_motion(a: IdentificationProblem, b: IdentificationProblem) -> bool:
     return bool((apart <= SAME_PLACE * np.ptp(a.samples.q, axis=0)).all())
 
 
-def _scores(
+def record_scores(
     problem: SharedProblem, record: int, values: Array, weights: Array
 ) -> tuple[Array, Array]:
     """Scores (w, N) and residuals (n, N) of a record."""
@@ -387,11 +380,11 @@ ESTIMATOR = "wls, shared"
 
 def base_order(problem: SharedProblem, fit: SharedFit, record: int) -> list[int]:
     """(r) where the base parameters of a record stand in the covariance."""
-    places = fit.places(record)
-    order = [0] * problem.problems[0].base.rank
-    for column, base in enumerate((*problem.own, *problem.common)):
-        order[base] = places[column]
-    return order
+    records, own = fit.solution.own.shape
+    places = (*range(record * own, (record + 1) * own), *range(records * own, len(fit.covariance)))
+    bases = (*problem.own, *problem.common)
+    # Those of a payload, behind the common ones, are no base parameters.
+    return [place for _, place in sorted(zip(bases, places, strict=False))]
 
 
 def shared_estimates(
@@ -404,17 +397,7 @@ def shared_estimates(
     choices: tuple[str, ...],
     made: Provenance,
 ) -> tuple[Estimate, ...]:
-    """One estimate a record, all with the same inertias.
-
-    Args:
-        problem: The records' samples.
-        fit: Their fit.
-        records: The records, whose motions are judged for conditioning.
-        settings: How they were processed.
-        preset: Name of the preset, for the file.
-        choices: What was chosen, in words.
-        made: Provenance of the result.
-    """
+    """One estimate a record, all with the same inertias; see `fit_estimate` for the keywords."""
     flat = np.concatenate([fit.solution.own.ravel(), fit.solution.shared])
     found: list[Estimate] = []
     for k, (item, record) in enumerate(zip(problem.problems, records, strict=True)):

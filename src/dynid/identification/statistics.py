@@ -292,16 +292,10 @@ _LARGEST_RATIO = 30.0
 
 
 def essential_parameters(fit: Fit) -> tuple[int, ...]:
-    """The parameters that the data really speak about (Pham and Gautier 1991).
+    """Indices of the base parameters that the data really speak about (Pham and Gautier 1991).
 
     Drops the parameter with the largest relative standard deviation and fits again until the
     largest is at most 30 times the smallest and below 100 %.
-
-    Args:
-        fit: A solution.
-
-    Returns:
-        Indices of the base parameters that stay.
     """
     upper = fit.information
     kept = list(range(len(fit.values)))
@@ -315,10 +309,8 @@ def essential_parameters(fit: Fit) -> tuple[int, ...]:
         scale = np.mean(np.square(fit.noise * fit.weights))
         relative = relative_std_percent(values, np.sqrt(scale * np.square(inverse).sum(axis=1)))
         worst = int(np.argmax(relative))
-        if (
-            relative[worst] <= max(_LARGEST_RATIO * relative.min(), 1e-9)
-            and relative[worst] < 100.0
-        ):
+        alike = relative[worst] <= max(_LARGEST_RATIO * relative.min(), 1e-9)
+        if alike and relative[worst] < 100.0:
             break
         kept.pop(worst)
     return tuple(kept)

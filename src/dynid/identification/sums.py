@@ -153,9 +153,6 @@ class PanelRows:
 
     Where all columns are plain functions of the state, only the entries that are needed are
     evaluated, in memory that is used again.
-
-    Args:
-        base: The base parameters.
     """
 
     def __init__(self, base: BaseParametrization) -> None:
@@ -171,11 +168,8 @@ class PanelRows:
     def chunks(self, samples: Samples, inner: slice) -> Iterator[tuple[slice, list[Array]]]:
         """Samples covered, and for each joint its panel (m, T): its torque, then columns.
 
-        The panels are overwritten by the next ones.
-
-        Args:
-            samples: Samples; what lies beside the inner ones is only looked at.
-            inner: Which of them are wanted, a multiple of their block.
+        The panels are overwritten by the next ones. Of the samples, those beside the inner ones, a
+        multiple of their block, are only looked at.
         """
         block = samples.block
         step = max(1, chunk_size(samples) // block) * block
@@ -224,19 +218,8 @@ class PanelRows:
             # The free row before the panel holds the torque.
             whole = rows[panel.rows.start - 1 : panel.rows.stop, :count]
             whole[0] = torque[j]
-            found.append(_means(whole, samples.block))
+            found.append(block_mean(whole, samples.block))
         return found
-
-
-def _means(values: Array, block: int) -> Array:
-    """Means over blocks of the last axis."""
-    if block == 1:
-        return values
-    total = values[:, ::block].copy()
-    for k in range(1, block):
-        total += values[:, k::block]
-    total /= block
-    return total
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
@@ -252,16 +235,11 @@ def sum_rows(
     panels: PanelRows, plan: PassPlan, samples: Samples, inner: slice, first: int, total: int,
     recording: int = 0,
 ) -> RowSums:  # fmt: skip
-    """Sum a part of a recording.
+    """Sum a part of a recording, its panels by the plan.
 
-    Args:
-        panels: The columns of the plan's base parameters.
-        plan: What is summed.
-        samples: The part, with what the torque filter looks at beside it.
-        inner: Which samples of it are meant, a multiple of their block.
-        first: Rows of all recordings before the inner ones.
-        total: Rows of all recordings.
-        recording: Which one it is, where recordings are left out.
+    The inner samples, a multiple of their block, stand between those that the torque filter looks
+    at. Of `total` rows of all recordings, `first` come before them; `recording` says which one it
+    is, where recordings are left out.
     """
     n, rank, block = samples.joints, plan.base.rank, samples.block
     sums = no_sums(n, rank)
@@ -270,7 +248,8 @@ def sum_rows(
     square = np.square(plan.weights)
     scores, residual = np.zeros((rank, count)), np.empty((n, count))
     cells: dict[tuple[int, int], tuple[int, list[Array]]] = {}
-    factors = [np.zeros((len(c) + 1, len(c) + 1)) for c in panels.columns]
+    nothing = [np.zeros((len(c) + 1, len(c) + 1)) for c in panels.columns]
+    factors = list(nothing)
     row = 0
     for part, parts in panels.chunks(samples, inner):
         here = slice(row, row + parts[0].shape[1])
@@ -287,14 +266,10 @@ def sum_rows(
         scores[:, here] = own_scores
         poses = samples.q[part][::block]
         for key, chosen in _cells(plan, poses, first + here.start, total, recording):
-            known = cells.get(key)
+            known, total_products = cells.get(key, (0, nothing))
             products = [x @ x.T for x in (panel[:, chosen] for panel in parts)]
-            many = len(parts[0][0, chosen])
-            cells[key] = (
-                (many, products)
-                if known is None
-                else (known[0] + many, [a + b for a, b in zip(known[1], products, strict=True)])
-            )
+            together = [a + b for a, b in zip(total_products, products, strict=True)]
+            cells[key] = (known + len(poses[chosen]), together)
     sums.rows = count
     sums.cells = {
         key: (many, _scattered(panels, products, rank)) for key, (many, products) in cells.items()
@@ -305,13 +280,8 @@ def sum_rows(
             [upper_triangle(_in_place(panels, j, f, rank)) for j, f in enumerate(factors)]
         )
     sums.long_run = window_covariance(scores, plan.lag)
-    sums.moments = np.array(
-        [
-            residual.sum(axis=1),
-            np.square(residual).sum(axis=1),
-            (residual[:, 1:] * residual[:, :-1]).sum(axis=1),
-        ]
-    )
+    pairs = residual[:, 1:] * residual[:, :-1]
+    sums.moments = np.array([x.sum(axis=1) for x in (residual, np.square(residual), pairs)])
     q, dq = samples.q[inner], samples.dq[inner]
     sums.lower, sums.upper = q.min(axis=0), q.max(axis=0)
     sums.speed = np.abs(dq).max(axis=0)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core import Array, InputError, JobError
+from dynid.core import Array, InputError, JobError, freeze
 
 LAWS = ("exponential", "linear")
 LEAST_SPREAD_K = 3.0
@@ -24,7 +24,11 @@ CONVERGED = 1e-10
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointTemperatureLaw:
-    """The friction of one joint at any temperature."""
+    """The friction of one joint at any temperature.
+
+    Raises:
+        InputError: Shapes that disagree.
+    """
 
     symbols: tuple[str, ...]
     """(f) its friction parameters, e.g. `Fc`, `Fv`."""
@@ -45,20 +49,16 @@ class JointTemperatureLaw:
     chi_squared: float
     """Weighted residual sum of the fit."""
 
-    def at(self, temperature_degC: float) -> Array:
-        """(f) friction parameters at a temperature [degC]."""
-        return self._at(temperature_degC)[0]
+    def __post_init__(self) -> None:
+        f = len(self.symbols)
+        freeze(self, "laws:", reference=(f,), slope=(f,), covariance=(2 * f, 2 * f))
+        freeze(self, "laws:", gain=(2 * f, None))
 
-    def sensitivity(self, temperature_degC: float) -> Array:
-        """(f, 2 f) derivative of `at` by `reference` and `slope`."""
-        return self._at(temperature_degC)[1]
+    def at(self, temperature_degC: float) -> tuple[Array, Array]:
+        """Friction parameters (f) at a temperature [degC].
 
-    def std_at(self, temperature_degC: float) -> Array:
-        """(f) standard deviations of `at`."""
-        turn = self.sensitivity(temperature_degC)
-        return np.sqrt(np.maximum(np.diag(turn @ self.covariance @ turn.T), 0.0))
-
-    def _at(self, temperature_degC: float) -> tuple[Array, Array]:
+        And their derivative (f, 2 f) by `reference` and `slope`.
+        """
         rise = temperature_degC - self.reference_degC
         return _evaluate(self.law, self.symbols, self.reference, self.slope, rise)
 
@@ -81,18 +81,11 @@ def fit_law(
         law: `exponential`, `linear`, or `auto` for the one that fits better.
 
     Raises:
-        InputError: An unknown law, or shapes that disagree.
+        InputError: An unknown law.
         JobError: The exponential law does not converge.
     """
     if law not in (*LAWS, "auto"):
         raise InputError("unknown law", value=law, limit=(*LAWS, "auto"))
-    records, count = values.shape
-    if covariance.shape != (records * count, records * count) or count != len(symbols):
-        raise InputError(
-            "friction and its covariance disagree",
-            value=(values.shape, covariance.shape),
-            limit=f"{len(symbols)} parameters a record",
-        )
     if np.ptp(temperature_degC) < LEAST_SPREAD_K:
         return _fit(values, covariance, temperature_degC, tuple(symbols), "constant")
     tried = [

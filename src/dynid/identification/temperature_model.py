@@ -5,9 +5,9 @@ estimates reads it, as the estimate in the middle of the records' temperatures.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +18,10 @@ from dynid.core import (
     InputError,
     JsonFields,
     finding_from_json,
+    freeze,
+    frozen,
     load_object,
+    plain,
     write_json,
 )
 from dynid.identification.estimate import Estimate, estimate_to_json, read_estimate
@@ -32,7 +35,11 @@ CHOICE = "friction at "
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TemperatureModel:
-    """What is needed to give an estimate for any temperatures; `write_temperature` keeps it."""
+    """What is needed to give an estimate for any temperatures; `write_temperature` keeps it.
+
+    Raises:
+        InputError: Shapes that disagree.
+    """
 
     estimate: Estimate
     """One estimate with the shared inertias; its friction is of no account."""
@@ -52,6 +59,17 @@ class TemperatureModel:
     """(P, P) the same as if residuals were not correlated in time."""
     warnings: tuple[Finding, ...] = ()
     """Findings of the identification."""
+
+    def __post_init__(self) -> None:
+        joints, size = self.estimate.model.robot.joints, len(self.covariance)
+        freeze(self, temperature_degC=(None, joints), covariance=(size, size), naive=(size, size))
+        if len(self.laws) != joints:
+            raise InputError("laws: needs one a joint", value=len(self.laws), limit=joints)
+        shapes = [(len(law.symbols), law.gain.shape[1]) for law in self.laws]
+        if shapes != [(len(p), len(s)) for p, s in zip(self.places, self.seen, strict=True)]:
+            raise InputError("laws: their shapes disagree with places and seen", value=shapes)
+        if len(self.order) != len(self.estimate.values):
+            raise InputError("order: needs one place a parameter", value=len(self.order))
 
     @property
     def reference_degC(self) -> Array:
@@ -79,9 +97,9 @@ class TemperatureModel:
         for degC, law, places, seen in zip(
             wanted.tolist(), self.laws, self.places, self.seen, strict=True
         ):
-            values[list(places)] = law.at(degC)
+            values[list(places)], sensitivity = law.at(degC)
             turn[list(places)] = 0.0
-            turn[np.ix_(places, seen)] = law.sensitivity(degC) @ law.gain
+            turn[np.ix_(places, seen)] = sensitivity @ law.gain
         covariance, naive = (turn @ c @ turn.T for c in (self.covariance, self.naive))
         choices = [choice for choice in known.choices if not choice.startswith(CHOICE)]
         return replace(
@@ -129,10 +147,7 @@ def write_temperature(found: TemperatureModel, path: str | Path) -> None:
 
 
 def read_temperature(path: str | Path) -> TemperatureModel:
-    """Read what `write_temperature` wrote.
-
-    Args:
-        path: The JSON file.
+    """Read the JSON file that `write_temperature` wrote.
 
     Raises:
         InputError: No such file, not an estimate, one without temperature laws, or damaged.
@@ -140,11 +155,7 @@ def read_temperature(path: str | Path) -> TemperatureModel:
     estimate = read_estimate(path)
     fields = load_object(path)
     if KEY not in fields.values:
-        raise InputError(
-            _NO_LAWS,
-            where=str(path),
-            next_step=_MAKE,
-        )
+        raise InputError(_NO_LAWS, where=str(path), next_step=_MAKE)
     try:
         return _model(estimate, fields.object(KEY))
     except InputError as error:
@@ -178,75 +189,53 @@ def open_estimate(estimate: EstimateLike, at_degC: float | None = None) -> Estim
 
 
 def _to_json(model: TemperatureModel) -> dict[str, Any]:
-    laws: list[dict[str, Any]] = []
-    for law, places, seen in zip(model.laws, model.places, model.seen, strict=True):
-        values = asdict(law) | {"places": places, "seen": seen}
-        laws.append({name: _plain(value) for name, value in values.items()})
-    arrays = ("temperature_degC", "order", "covariance", "naive")
+    laws = zip(model.laws, model.places, model.seen, strict=True)
+    names = ("temperature_degC", "order", "covariance", "naive")
     return {
-        **{name: _plain(getattr(model, name)) for name in arrays},
-        "laws": laws,
+        **{name: plain(getattr(model, name)) for name in names},
+        "laws": [plain(law) | {"places": list(p), "seen": list(s)} for law, p, s in laws],
         "warnings": [notice.to_json() for notice in model.warnings],
     }
 
 
-def _plain(value: Any) -> Any:
-    """Arrays and tuples as lists."""
-    return np.asarray(value).tolist() if isinstance(value, np.ndarray | tuple) else value  # pyright: ignore[reportUnknownArgumentType]
-
-
 def _model(estimate: Estimate, fields: JsonFields) -> TemperatureModel:
-    laws = fields.objects("laws")
-    covariance, naive = fields.matrix("covariance"), fields.matrix("naive")
-    size, joints, rank = len(covariance), len(laws), len(estimate.values)
-    _agree(covariance.shape == naive.shape == (size, size) and size >= rank, "covariance")
-    order = _indices(fields, "order", size)
-    _agree(joints == estimate.model.robot.joints, "laws")
-    _agree(len(order) == rank, "order")
-    places = tuple(_indices(one, "places", rank) for one in laws)
-    seen = tuple(_indices(one, "seen", size) for one in laws)
-    temperature = fields.matrix("temperature_degC")
-    _agree(temperature.shape[1] == joints, "temperature_degC")
+    laws, covariance = fields.objects("laws"), fields.matrix("covariance")
+    places = tuple(_indices(one, "places", len(estimate.values)) for one in laws)
+    seen = tuple(_indices(one, "seen", len(covariance)) for one in laws)
     return TemperatureModel(
         estimate=estimate,
-        laws=tuple(_law(one, len(p), len(s)) for one, p, s in zip(laws, places, seen, strict=True)),
-        temperature_degC=temperature,
+        laws=tuple(_law(one, len(s)) for one, s in zip(laws, seen, strict=True)),
+        temperature_degC=fields.matrix("temperature_degC"),
         places=places,
         seen=seen,
-        order=order,
+        order=_indices(fields, "order", len(covariance)),
         covariance=covariance,
-        naive=naive,
+        naive=fields.matrix("naive"),
         warnings=tuple(finding_from_json(one.values) for one in fields.objects("warnings")),
     )
 
 
-def _law(fields: JsonFields, count: int, seen: int) -> JointTemperatureLaw:
-    symbols, low_high = fields.get("symbols"), fields.vector("range_degC")
-    _agree(isinstance(symbols, list) and len(low_high) == 2, "laws")
-    law = JointTemperatureLaw(
-        symbols=tuple(str(symbol) for symbol in fields.values["symbols"]),
+def _law(fields: JsonFields, seen: int) -> JointTemperatureLaw:
+    lowest, highest = frozen(fields.vector("range_degC"), shape=(2,), name="laws: range_degC")
+    found = fields.get("symbols")
+    symbols = tuple(map(str, cast("list[object]", found))) if isinstance(found, list) else ()
+    return JointTemperatureLaw(
+        symbols=symbols,
         law=fields.text("law"),
         reference=fields.vector("reference"),
         slope=fields.vector("slope"),
         # A joint without friction has empty matrices.
-        covariance=fields.matrix("covariance") if count else np.zeros((0, 0)),
-        gain=fields.matrix("gain") if count else np.zeros((0, seen)),
+        covariance=fields.matrix("covariance") if symbols else np.zeros((0, 0)),
+        gain=fields.matrix("gain") if symbols else np.zeros((0, seen)),
         reference_degC=fields.number("reference_degC"),
-        range_degC=(float(low_high[0]), float(low_high[1])),
+        range_degC=(float(lowest), float(highest)),
         chi_squared=fields.number("chi_squared"),
     )
-    _agree(len(law.symbols) == len(law.reference) == len(law.slope) == count, "laws")
-    _agree(law.covariance.shape == (2 * count, 2 * count), "laws")
-    _agree(law.gain.shape == (2 * count, seen), "laws")
-    return law
 
 
 def _indices(fields: JsonFields, name: str, size: int) -> tuple[int, ...]:
     found = fields.vector(name)
-    _agree(bool(((found >= 0) & (found < size) & (found % 1 == 0)).all()), name)
+    if not ((found >= 0) & (found < size) & (found % 1 == 0)).all():
+        said = f"{name} does not agree with the parameters and their covariance"
+        raise InputError(said, value=found.tolist(), limit=f"indices below {size}")
     return tuple(int(index) for index in found)
-
-
-def _agree(holds: bool, name: str) -> None:
-    if not holds:
-        raise InputError(f"the temperature laws are damaged: {name}")

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynid.core import Array, Indices, InputError
+from dynid.core import Array, Indices
 
 LEAST_RECORDINGS = 8
 """Fewer recordings have no trend."""
@@ -68,10 +68,8 @@ class Trend:
 def repeated_motions(speed: Array) -> Indices:
     """(R) number of the motion of each recording; -1 where fewer than `SEGMENT` repeat it.
 
-    What the model gets wrong depends on the motion, so a new program looks like new friction.
-
-    Args:
-        speed: (R, n) mean speed of each joint.
+    Told apart by the mean speed of each joint (R, n). What the model gets wrong depends on the
+    motion, so a new program looks like new friction.
     """
     labels = np.full(len(speed), -1)
     left = np.arange(len(speed))
@@ -111,12 +109,7 @@ def trend(
 
     Returns:
         The trend; None with fewer than `LEAST_RECORDINGS` recordings, or times that are equal.
-
-    Raises:
-        InputError: Times that descend.
     """
-    if (np.diff(time_s) < 0).any():
-        raise InputError("times of a trend must ascend")
     count = len(values)
     steps = _steps(time_s)
     if count < LEAST_RECORDINGS or not len(steps):
@@ -239,9 +232,6 @@ def holm(p_values: Sequence[float]) -> Array:
 
     Rejecting those up to a level errs at all with at most that probability, however the tests
     depend on each other.
-
-    Args:
-        p_values: Of all tests of the family.
     """
     values = np.asarray(p_values, dtype=np.float64)
     order = np.argsort(values)
@@ -303,12 +293,8 @@ class JointState:
 def judge(joints: Sequence[JointState], false_alarms: float) -> tuple[tuple[JointState, ...], int]:
     """Raise alarms: all trends, of friction and of the control, are one family of tests.
 
-    Args:
-        joints: Of the whole fleet.
-        false_alarms: Probability of any false alarm among them.
-
-    Returns:
-        The joints with corrected p values and alarms, and how many trends were tested.
+    Of the joints of the whole fleet, with the probability of any false alarm among them. Returns
+    them with corrected p values and alarms, and how many trends were tested.
     """
     tested = [
         (k, word)

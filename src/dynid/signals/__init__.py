@@ -13,7 +13,7 @@ from dynid.signals.filters import (
 )
 from dynid.signals.parts import LongSignals, StreamGrid, rows_of, survey
 from dynid.signals.process import delayed, process, samples_at_stamps, samples_from, uniform_signals
-from dynid.signals.resample import UniformSignals, find_period, fold_periods, rest_share, window
+from dynid.signals.resample import UniformSignals, find_period, fold_periods, window
 from dynid.signals.samples import ProcessingSettings, Samples, joined, measured_torque
 
 __all__ = [
@@ -35,7 +35,6 @@ __all__ = [
     "measured_torque",
     "motion_bandwidth",
     "process",
-    "rest_share",
     "rows_of",
     "samples_at_stamps",
     "samples_from",

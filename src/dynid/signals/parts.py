@@ -45,8 +45,6 @@ class StreamGrid:
     """One behind the last row of the window."""
     start_s: float
     """Its first stamp [s]."""
-    stop_s: float
-    """Its last stamp [s]."""
     step_s: float
     count: int
     """Points of the grid."""
@@ -77,11 +75,7 @@ class StreamGrid:
 
 
 def survey(recording: AnyRecording, settings: ProcessingSettings) -> StreamGrid:
-    """Find the grid of a recording by its stamps alone.
-
-    Args:
-        recording: The recording.
-        settings: Whose window is meant.
+    """Find the grid of the window of a recording by its stamps alone.
 
     Raises:
         InputError: An empty window, or stamps too irregular for a grid.
@@ -110,7 +104,6 @@ def survey(recording: AnyRecording, settings: ProcessingSettings) -> StreamGrid:
         first_row=first,
         last_row=last,
         start_s=start,
-        stop_s=stop,
         step_s=slope if uniform else step,
         count=count if uniform else grid_points(start, stop, step, count),
         uniform=uniform,
@@ -170,7 +163,7 @@ class LongSignals:
     Samples are counted as `process` would keep them.
 
     Raises:
-        InputError: No cut-off, periods to fold, or too few samples.
+        InputError: Too few samples.
     """
 
     recording: AnyRecording
@@ -182,8 +175,6 @@ class LongSignals:
     """Points of the grid that are kept: the first, and one behind the last, of each run."""
 
     def __post_init__(self) -> None:
-        if self.settings.cutoff_hz is None or self.settings.period_s is not None:
-            raise InputError("parts need a cut-off and no period", value=self.settings.cutoff_hz)
         count = self.grid.count
         edge = min(unsettled(self.grid.rate_hz, self.settings, self.cutoff_hz), count // 4)
         runs: list[tuple[int, int]] = []
@@ -222,11 +213,7 @@ class LongSignals:
         return used_rows(self.count, self.settings.torque_filter, self.grid.rate_hz)
 
     def samples(self, first: int, last: int) -> Samples:
-        """Some of the kept samples.
-
-        Args:
-            first: The first of them.
-            last: One behind the last of them.
+        """The kept samples from the first to the one before the last.
 
         Raises:
             InputError: A recording without the torques or velocities that are needed.
@@ -288,14 +275,9 @@ def rows_of(
     *,
     positions: bool = False,
 ) -> ExperimentRecord:
-    """Rows as a recording of their own.
+    """Rows from the first to the one before the last, as a recording of their own.
 
-    Args:
-        recording: The recording.
-        first: The first row.
-        last: One behind the last row.
-        settings: Only signals that they ask for are read; None for all that are processed.
-        positions: Whether positions will do.
+    Only signals that settings ask for are read, None for all that are processed; or only positions.
     """
     if isinstance(recording, StoredRecording) and positions:
         return recording.part(first, last, ())

@@ -69,10 +69,7 @@ def samples_from(
 ) -> Samples:
     """Samples from signals on a uniform grid; see `process`.
 
-    Args:
-        signals: The signals.
-        settings: How they are processed.
-        trim: Leave out ends where the filter has not settled; a prediction is judged there too.
+    Trimming leaves out ends where the filter has not settled; a prediction is judged there too.
     """
     rate = signals.rate_hz
     cutoff = settings.cutoff_hz or default_cutoff(signals.q, rate)
@@ -104,13 +101,9 @@ def samples_from(
 def delayed(
     torque: Array, rate_hz: float, delays_s: tuple[float, ...] | None, circular: bool = False
 ) -> Array:
-    """Torques (N, n) moved earlier by each joint's delay [s], straight lines between samples.
+    """Torques (N, n) moved earlier by each joint's delay (n) [s], straight lines between samples.
 
-    Args:
-        torque: (N, n) torques.
-        rate_hz: Sampling rate.
-        delays_s: (n) delays; None for none.
-        circular: The samples span whole periods.
+    None for no delays; circular where the samples span whole periods.
 
     Raises:
         InputError: Not one delay a joint.

@@ -1,4 +1,4 @@
-"""From recorded stamps to a uniform grid; periods, repetitions and standstill."""
+"""From recorded stamps to a uniform grid; periods and repetitions."""
 
 from dataclasses import dataclass, replace
 
@@ -176,10 +176,6 @@ def fold_periods(signals: UniformSignals, period_s: float) -> UniformSignals:
 
     What lies in gaps does not count; where every repetition has a gap, nothing is valid.
 
-    Args:
-        signals: Signals on a uniform grid.
-        period_s: Period [s].
-
     Raises:
         InputError: The period is not a whole number of samples (to 1e-3 of one, or to 1e-6 of
             itself), or is longer than the record.
@@ -220,16 +216,3 @@ def fold_periods(signals: UniformSignals, period_s: float) -> UniformSignals:
 
 def _stacked(values: Array, repetitions: int, length: int) -> Array:
     return values[: repetitions * length].reshape(repetitions, length, -1)
-
-
-RESTING = 0.02
-"""Slower joints count as resting [rad/s or m/s]."""
-SPAN_S = 0.05
-"""Over which speeds are looked at [s]."""
-
-
-def rest_share(signals: UniformSignals) -> float:
-    """Share of a record in which no joint moves."""
-    span = max(1, round(SPAN_S * signals.rate_hz))
-    speed = np.abs(signals.q[span:] - signals.q[:-span]) * (signals.rate_hz / span)
-    return float((speed < RESTING).all(axis=1).mean()) if len(speed) else 1.0

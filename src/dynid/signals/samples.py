@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, InputError, frozen
+from dynid.core import Array, InputError, freeze
 from dynid.recording import ExperimentRecord
 from dynid.robot import RobotModel
 from dynid.signals.filters import METHODS, TorqueFilter
@@ -94,11 +94,8 @@ class Samples:
     """The low-pass that the recorded torque has passed."""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "t", frozen(self.t, shape=(None,), name="t"))
-        object.__setattr__(self, "q", frozen(self.q, shape=(len(self.t), None), name="q"))
-        for name in ("dq", "ddq", "tau"):
-            value = frozen(getattr(self, name), shape=self.q.shape, name=name)
-            object.__setattr__(self, name, value)
+        freeze(self, t=(None,), q=(len(self.t), None))
+        freeze(self, dq=self.q.shape, ddq=self.q.shape, tau=self.q.shape)
 
     def as_recorded(self, values: Array, part: slice | None = None) -> Array:
         """What the record would show of torques or columns (..., T) of a part of the samples."""

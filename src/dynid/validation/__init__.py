@@ -1,12 +1,6 @@
 """How well a model predicts another record."""
 
-from dynid.validation.comparison import (
-    CAUSES,
-    ParameterComparison,
-    TransferReport,
-    compare,
-    refit_friction,
-)
+from dynid.validation.comparison import CAUSES, ParameterComparison, compare, refit_friction
 from dynid.validation.observer import ContactThresholds, MomentumObserver, contact_thresholds
 from dynid.validation.prediction import (
     MOVING_SPEED,
@@ -25,7 +19,6 @@ __all__ = [
     "Metrics",
     "MomentumObserver",
     "ParameterComparison",
-    "TransferReport",
     "ValidationResult",
     "compare",
     "contact_thresholds",

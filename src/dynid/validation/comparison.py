@@ -194,16 +194,9 @@ GROUPS = ("inertial", "coulomb", "viscous", "motor")
 FALSE_ALARM = 0.01
 """Chance that a group in which nothing moved is said to have moved."""
 _SYMBOLS = {
-    "Fc": "coulomb",
-    "Fca": "coulomb",
-    "Fs": "coulomb",
-    "Fcm": "coulomb",
-    "Fv": "viscous",
-    "Fva": "viscous",
-    "Fr": "viscous",
-    "Fvm": "viscous",
-    "Im": "motor",
-    "Imm": "motor",
+    **dict.fromkeys(("Fc", "Fca", "Fs", "Fcm"), "coulomb"),
+    **dict.fromkeys(("Fv", "Fva", "Fr", "Fvm"), "viscous"),
+    **dict.fromkeys(("Im", "Imm"), "motor"),
     "Fo": "offset",
 }
 

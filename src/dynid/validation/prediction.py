@@ -251,20 +251,19 @@ def validate(
     settings = replace(settings, cutoff_hz=own)
     samples = samples_at_stamps(record, robot, settings)
     result = validate_samples(estimate, samples)
+    error = result.measured - result.predicted
     found = (
-        *another_payload(estimate, samples, result.measured - result.predicted),
+        *another_payload(estimate, samples, error),
         *_seen_before(estimate, record, start_s, stop_s),
         *_another_robot(estimate, record),
         *result.warnings,
     )
-    split = transfer_report(estimate, samples, result.measured - result.predicted)
+    split = transfer_report(estimate, samples, error)
     covered = None
     if estimate.assessment is not None:
         state = motion_state(estimate.model, samples)
-        width = estimate.half_width(samples.q, samples.dq, samples.ddq, state, level=INTERVAL)[
-            samples.rows
-        ]
-        covered = read_only((np.abs(result.measured - result.predicted) <= width).mean(axis=0))
+        width = estimate.half_width(samples.q, samples.dq, samples.ddq, state, level=INTERVAL)
+        covered = read_only((np.abs(error) <= width[samples.rows]).mean(axis=0))
     return replace(result, warnings=found, transfer=split, covered=covered)
 
 
@@ -329,11 +328,11 @@ def _seen_before(
 
 
 def _another_robot(estimate: Estimate, record: ExperimentRecord) -> tuple[Finding, ...]:
-    names, known = record.metadata.robot, estimate.model.robot.name
-    builtin = names is not None and names.isalnum()
-    if names is None or not builtin or names == known:
+    named, known = record.metadata.robot, estimate.model.robot.name
+    # Only a built-in robot's name says which one it is.
+    if named is None or not named.isalnum() or named == known:
         return ()
-    return (Finding("another_robot", f"the record is of robot {names}, the estimate of {known}"),)
+    return (Finding("another_robot", f"the record is of robot {named}, the estimate of {known}"),)
 
 
 def validate_samples(estimate: Estimate, samples: Samples) -> ValidationResult:

@@ -37,7 +37,6 @@ from dynid.identification import (
     IdentificationProblem,
     JointState,
     RecordStatistics,
-    SharedProblem,
     record_statistics,
 )
 from dynid.recording import is_url, local_files, objects_below, open_record
@@ -164,7 +163,7 @@ def _contribution(job: tuple[str, str | None, str]) -> tuple[_Contribution, byte
         with _threads().limit(limits=1, user_api="blas"):  # pyright: ignore[reportUnknownMemberType]
             samples = process(record, robot, ProcessingSettings(decimate=True))
             problem = IdentificationProblem(base=base, samples=samples)
-            statistics = record_statistics(SharedProblem(problems=(problem,)))
+            statistics = record_statistics(problem)
     except DynidError as error:
         return str(error)
     extra = record.metadata.extra

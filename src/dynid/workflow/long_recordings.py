@@ -13,7 +13,6 @@ import numpy as np
 
 from dynid.core import Array, InputError, Progress, Workers, each, in_one_piece, silent
 from dynid.identification import (
-    AllRows,
     Estimate,
     PanelRows,
     PassPlan,
@@ -169,7 +168,7 @@ def fit_long(
         part.pieces,
         settings.preset,
         made_from(recordings, settings),
-        AllRows(sums=sums, part=planned),
+        replace(planned, sums=sums),
         (words,),
     )
     return Looked(

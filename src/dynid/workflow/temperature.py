@@ -13,6 +13,7 @@ from dynid.identification import (
     TemperatureModel,
     base_order,
     fit_law,
+    friction_places,
 )
 from dynid.recording import RecordLike, open_several
 from dynid.robot import RobotLike, load_robot
@@ -57,14 +58,6 @@ class TemperatureIdentification(TemperatureModel):
             "warnings": told(self.warnings),
             "findings": [finding.to_json() for finding in self.warnings],
         }
-
-
-def _joint_columns(shared: SharedIdentification) -> list[list[int]]:
-    """For each joint, which of a record's own parameters are its friction."""
-    problem = shared.problem
-    base = problem.problems[0].base
-    joint = [base.model.columns[base.independent[k]].joint for k in problem.own]
-    return [[c for c, of in enumerate(joint) if of == j] for j in range(problem.joints)]
 
 
 def identify_temperature(
@@ -115,7 +108,7 @@ def identify_temperature(
     shared = identify_shared(several, robot, settings, progress=progress)
     problem, solved = shared.problem, shared.fit
     names, own = shared.own, solved.solution.own
-    columns = _joint_columns(shared)
+    columns = friction_places(problem.problems[0].base)
     # Where the friction of a joint stands in the covariance, record by record.
     seen = [
         tuple(k * own.shape[1] + c for k in range(len(own)) for c in joint) for joint in columns
