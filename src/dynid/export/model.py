@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from dynid.core import Array, InputError, freeze, frozen
+from dynid.core import Array, InputError, freeze, frozen, scipy_part
 from dynid.export.completion import Completion, complete
 from dynid.identification import Estimate
 from dynid.regressor import InverseDynamicModel, TorqueRipple, coupled_motors
@@ -190,22 +190,10 @@ def nearest_friction(
     both, missing = np.zeros((2, n)), np.zeros(n)
     for j in range(n):
         columns = np.column_stack([np.sign(dq[:, j]), dq[:, j]])
-        both[:, j] = _not_negative(columns, wanted[:, j])
+        both[:, j] = scipy_part("optimize").nnls(columns, wanted[:, j])[0]
         left = wanted[:, j] - columns @ both[:, j]
         missing[j] = np.hypot(np.sqrt(np.mean(np.square(left))), offset[j])
     return NearestFriction(coulomb=both[0], viscous=both[1], missing=missing, stands_in=True)
-
-
-def _not_negative(columns: Array, wanted: Array) -> Array:
-    """(2) least squares weights of two columns, neither below zero."""
-    best, least = np.zeros(2), float(wanted @ wanted)
-    for chosen in ([0, 1], [0], [1]):
-        weights = np.zeros(2)
-        weights[chosen] = np.linalg.lstsq(columns[:, chosen], wanted, rcond=None)[0]
-        left = wanted - columns @ weights
-        if (weights >= 0.0).all() and float(left @ left) < least:
-            best, least = weights, float(left @ left)
-    return best
 
 
 def _recorded_range(estimate: Estimate) -> tuple[Array, Array, Array]:
