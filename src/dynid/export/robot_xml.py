@@ -3,7 +3,6 @@
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -66,26 +65,17 @@ _LONG = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CentredBody:
-    """A link by its centre of mass."""
-
-    mass: float
-    """[kg]"""
-    centre: Array
-    """(3) in the joint frame [m]."""
-    central: Array
-    """(3, 3) tensor about the centre of mass, along the joint frame [kg.m^2]."""
+_SIX = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
-def bodies(model: ExportModel) -> list[CentredBody]:
-    """The links, base to tip.
+def bodies(model: ExportModel) -> list[tuple[float, Array, Array]]:
+    """Mass [kg], centre of mass (3) [m] and central inertia (6) [kg.m^2] of each link, as `_SIX`.
 
     Raises:
         JobError: A link whose mass is not positive, which has no centre of mass that loaders
             take.
     """
-    found: list[CentredBody] = []
+    found: list[tuple[float, Array, Array]] = []
     for i, row in enumerate(model.inertials):
         mass = float(row[0])
         if not mass > 0.0:
@@ -96,7 +86,8 @@ def bodies(model: ExportModel) -> list[CentredBody]:
             )
         centre = row[1:4] / mass
         steiner = mass * ((centre @ centre) * np.eye(3) - np.outer(centre, centre))
-        found.append(CentredBody(mass=mass, centre=centre, central=tensor(row) - steiner))
+        central = tensor(row) - steiner
+        found.append((mass, centre, central[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
     return found
 
 
@@ -181,7 +172,8 @@ def urdf_text(model: ExportModel, note: str = "") -> str:
         remarks.append(f"Identified, but without a place in URDF: {', '.join(missing)}.")
     if model.terms["Im"].any():
         remarks.append(f"Motor inertias, joint side, by joint: {numbers(*model.terms['Im'])}.")
-    if _unknown_limits(model):
+    limits = robot.limits
+    if np.isnan([limits.lower, limits.upper, limits.velocity, limits.torque]).any():
         remarks.append("Limits that are not known stand as very large numbers.")
     root = ET.Element("robot", name=printable(robot.name, None))
     turn = np.eye(4)
@@ -189,8 +181,13 @@ def urdf_text(model: ExportModel, note: str = "") -> str:
     ET.SubElement(root, "link", name="world")
     ET.SubElement(root, "link", name="base_link")
     _urdf_joint(root, "mounting", "fixed", turn, "world", "base_link")
-    for i, body in enumerate(bodies(model)):
-        _link(root, i, body)
+    for i, (mass, centre, inertia) in enumerate(bodies(model)):
+        link = ET.SubElement(root, "link", name=f"link_{i + 1}")
+        inertial = ET.SubElement(link, "inertial")
+        ET.SubElement(inertial, "origin", xyz=numbers(*centre), rpy="0 0 0")
+        ET.SubElement(inertial, "mass", value=numbers(mass))
+        six = {name: numbers(value) for name, value in zip(_SIX, inertia, strict=True)}
+        ET.SubElement(inertial, "inertia", six)
         _joint(root, model, i)
     ET.SubElement(root, "link", name="flange")
     _urdf_joint(root, "flange_fixed", "fixed", robot.flange, f"link_{robot.joints}", "flange")
@@ -206,20 +203,6 @@ def _urdf_joint(
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=child)
     return joint
-
-
-def _link(root: ET.Element, i: int, body: CentredBody) -> None:
-    link = ET.SubElement(root, "link", name=f"link_{i + 1}")
-    inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "origin", xyz=numbers(*body.centre), rpy="0 0 0")
-    ET.SubElement(inertial, "mass", value=numbers(body.mass))
-    parts = zip(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), _six(body), strict=True)
-    ET.SubElement(inertial, "inertia", {name: numbers(value) for name, value in parts})
-
-
-def _six(body: CentredBody) -> Array:
-    """(6) xx, yy, zz, xy, xz, yz of the central tensor."""
-    return body.central[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
 
 
 def _joint(root: ET.Element, model: ExportModel, i: int) -> None:
@@ -239,14 +222,6 @@ def _joint(root: ET.Element, model: ExportModel, i: int) -> None:
     ET.SubElement(joint, "limit", shown)
     damping, friction = numbers(model.terms["Fv"][i]), numbers(model.terms["Fc"][i])
     ET.SubElement(joint, "dynamics", damping=damping, friction=friction)
-
-
-def _unknown_limits(model: ExportModel) -> bool:
-    limits = model.robot.limits
-    return any(
-        bool(np.isnan(values).any())
-        for values in (limits.lower, limits.upper, limits.velocity, limits.torque)
-    )
 
 
 MJCF_HELD = ("Fc", "Fv", "Im")
@@ -274,15 +249,15 @@ def mjcf_text(model: ExportModel, note: str = "") -> str:
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
     ET.SubElement(root, "option", gravity=numbers(*robot.gravity))
     parent = ET.SubElement(root, "worldbody")
-    for i, body in enumerate(bodies(model)):
+    for i, (mass, centre, inertia) in enumerate(bodies(model)):
         place = {"name": f"link_{i + 1}", **_place(robot.placements[i])}
         parent = ET.SubElement(parent, "body", place)
         ET.SubElement(
             parent,
             "inertial",
-            pos=numbers(*body.centre),
-            mass=numbers(body.mass),
-            fullinertia=numbers(*_six(body)),
+            pos=numbers(*centre),
+            mass=numbers(mass),
+            fullinertia=numbers(*inertia),
         )
         joint = ET.SubElement(
             parent,

@@ -34,6 +34,8 @@ FILES = {
 """What a job's file is called unless its name is typed; numbered where there is one."""
 EXPORTS = {"urdf": ".urdf", "mjcf": ".xml", "c": ".h", "python": ".py", "json": ".json"}
 """Formats of models, and how their files end."""
+TOLD = ("what", "share", "ask", "word", "stopping", "history")
+"""What the page hears of a job's state."""
 ROBOT_FILES = (".urdf", ".toml")
 _TICK_S = 0.1
 _TICK_WHILE_RUNNING_S = 0.2
@@ -386,13 +388,8 @@ class Page:
             "made": printable(Path(job.job.output).name, 120),
             "target": printable(job.job.target),
             "repeat": job.job.options.get("repeat", 1),
-            "what": printable(state.what, 200),
-            "share": state.share,
-            "ask": state.ask,
-            "word": state.word,
-            "stopping": state.stopping,
+            **{key: getattr(state, key) for key in TOLD},
             "ended": ended,
-            "history": state.history,
             **(self._ending if ended else {}),
         }
 
