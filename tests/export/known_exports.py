@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from dynid.core import Array, provenance
 from dynid.identification import Estimate, MotionRange
-from dynid.reduction import reduce_model
+from dynid.reduction import random_states, reduce_model
 from dynid.regressor import (
     FrictionTerms,
     Gear,
@@ -25,6 +26,18 @@ EVERY_TERM = parse_terms("fc,fv,im,fo,fca,fva,fs,fr", width=0.02)
 # Steps so wide that random states tell the offset, the asymmetry and Stribeck friction apart.
 WIDE_TERMS = parse_terms("fc,fv,im,fo,fca,fva,fs,fr", width=0.5, stribeck_velocity=1.0)
 IN_PINOCCHIO = [0, 1, 2, 3, 4, 6, 9, 8, 7, 5]
+
+
+class States(NamedTuple):
+    """(N, n) each."""
+
+    q: Array
+    dq: Array
+    ddq: Array
+
+
+def random_motion(robot: RobotModel, samples: int = 200) -> States:
+    return States(*random_states(robot, samples, 0))
 
 
 def load_bodies(joints: int, seed: int = 0) -> tuple[Array, Array]:

@@ -14,12 +14,13 @@ from known_exports import (
     mixed_chain,
     parameters_of,
     pinocchio_chain,
+    random_motion,
 )
 
 from dynid.core import InputError, JobError
 from dynid.export import ExportModel, write_model, writing
 from dynid.export import verification as load_code
-from dynid.export.verification import States, c_torque, random_motion
+from dynid.export.verification import c_torque
 from dynid.export.writing import FORMATS
 from dynid.identification import Estimate
 from dynid.robot import RobotModel, load_robot
@@ -83,7 +84,7 @@ def test_urdf_by_pinocchio_from_its_own_numbers(tmp_path: Path) -> None:
         assert list(loaded.names)[1:] == list(robot.joint_names)
         np.testing.assert_allclose(loaded.damping, parameters[11 * n : 12 * n], rtol=1e-9)
         np.testing.assert_allclose(loaded.upperDryFrictionLimit, parameters[10 * n : 11 * n])
-        states = random_motion(n, robot.prismatic)
+        states = random_motion(robot)
         for q, dq, ddq in zip(states.q[:20], states.dq[:20], states.ddq[:20], strict=True):
             theirs = pin.rnea(loaded, loaded.createData(), q, dq, ddq)
             ours = pin.rnea(known, known.createData(), q, dq, ddq)
@@ -124,7 +125,7 @@ def generated(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, objec
 def test_python_parts_apart(generated: tuple[dict, pin.Model]) -> None:  # type: ignore[type-arg]
     arm, known = generated
     data = known.createData()
-    states = random_motion(4, mixed_chain().prismatic)
+    states = random_motion(mixed_chain())
     for q, dq, ddq in zip(states.q[:10], states.dq[:10], states.ddq[:10], strict=True):
         mass = pin.crba(known, data, q)
         mass = np.triu(mass) + np.triu(mass, 1).T
@@ -143,7 +144,7 @@ def test_python_parts_apart(generated: tuple[dict, pin.Model]) -> None:  # type:
 
 def test_python_takes_one_state_or_many(generated: tuple[dict, pin.Model]) -> None:  # type: ignore[type-arg]
     arm, _ = generated
-    states = random_motion(4, mixed_chain().prismatic)
+    states = random_motion(mixed_chain())
     many = arm["inverse_dynamics"](states.q, states.dq, states.ddq)
     one = arm["inverse_dynamics"](*(x[7].tolist() for x in (states.q, states.dq, states.ddq)))
     np.testing.assert_allclose(many[7], one, rtol=0, atol=EXACT)
@@ -157,8 +158,7 @@ def test_c_parts_apart(tmp_path: Path) -> None:
     write_model(estimate, tmp_path / "arm.h", "c")
     write_model(estimate, tmp_path / "arm.py", "python")
     arm = runpy.run_path(str(tmp_path / "arm.py"))
-    motion = random_motion(6, robot.prismatic)
-    states = States(q=motion.q[:9], dq=motion.dq[:9], ddq=motion.ddq[:9])
+    states = random_motion(robot, 9)
     for number, expected in enumerate(
         [
             np.einsum("kij,kj->ki", arm["mass_matrix"](states.q), states.ddq),

@@ -11,7 +11,6 @@ import pytest
 
 from dynid.core import InputError
 from dynid.figures import (
-    FORMATS,
     Axis,
     Band,
     Bars,
@@ -22,10 +21,8 @@ from dynid.figures import (
     Points,
     Ranges,
     Spans,
-    Texts,
     axis_around,
     category_axis,
-    colour,
     document,
     fragment,
     joint_unit,
@@ -34,9 +31,10 @@ from dynid.figures import (
     script,
     shaded,
     style,
-    thinned,
     write_figure,
 )
+from dynid.figures.marks import colour, thinned
+from dynid.figures.svg import FORMATS
 
 MINUS = "\N{MINUS SIGN}"
 T = np.linspace(0.0, 10.0, 1001)
@@ -63,7 +61,6 @@ def figure() -> Figure:
         Ranges([4.0], [-10.0], [10.0], name="interval"),
         Level(20.0, name="limit"),
         Level(7.0, upright=True, dash=""),
-        Texts([5.0], [0.0], ["<b>"]),
     )
     names = category_axis(["Elbow", "Wrist 1"])
     bars = Bars([0, 1], [3.0, 9.0], across=True, name="error")

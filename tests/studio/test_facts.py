@@ -12,7 +12,7 @@ from dynid.core import InputError, printable
 from dynid.recording import ExperimentRecord
 from dynid.robot import joint_poses, load_robot
 from dynid.studio import facts
-from dynid.studio.live import instant, tail_of
+from dynid.studio.live import instant
 from dynid.studio.scene_editing import SceneEditor
 from dynid.studio.session import file_in
 from dynid.studio.solids import arm_skins
@@ -78,7 +78,7 @@ def test_margins_read_the_same_way() -> None:
 
 def test_an_instant_of_a_robot_without_anything_known_is_json() -> None:
     constraints = safe_constraints(load_robot("ur5"))
-    told = facts.instant_facts(instant(constraints, *np.zeros((3, 6))))
+    told = facts.instant_facts(*instant(constraints, *np.zeros((3, 6))))
     json.dumps(told, allow_nan=False)
     assert {row["kind"] for row in told["margins"]} >= {"position", "velocity", "torque"}
 
@@ -97,9 +97,21 @@ def test_shapes_are_told_with_their_triangles() -> None:
 def test_torques_follow_from_currents_where_gains_are_known() -> None:
     robot, t = load_robot("ur5"), np.arange(50) / 125.0
     signals = {"q": np.zeros((50, 6)), "current": np.ones((50, 6))}
-    tail = facts.tail_facts(tail_of(ExperimentRecord(t=t, signals=signals)), robot)
+    tail = facts.tail_facts(ExperimentRecord(t=t, signals=signals), robot)
     torque = numbers(tail["groups"]["Torque"], 6)
     np.testing.assert_allclose(torque[0], robot.drives.gain, rtol=SINGLE)
+
+
+def test_the_tail_ends_with_the_newest_sample() -> None:
+    t = np.arange(12_500) / 125.0
+    record = ExperimentRecord(t=t + 7.0, signals={"q": np.outer(t, np.ones(6))})
+    tail = facts.tail_facts(record, load_robot("ur5"))
+    shown = numbers(tail["t"], 1)
+    assert 300 <= len(shown) <= 400
+    assert tail["samples"] == 12_500
+    assert shown[-1] == pytest.approx(t[-1])
+    assert shown[0] >= shown[-1] - 10.0
+    np.testing.assert_allclose(numbers(tail["q"], 6)[-1], t[-1], rtol=SINGLE)
 
 
 def test_long_recordings_are_thinned_and_keep_their_end() -> None:

@@ -41,10 +41,10 @@ def distance_to_bodies(point: np.ndarray, q: np.ndarray, names: set[str]) -> flo
 def test_the_drawn_ways_are_as_long_as_the_distances_that_are_judged(seed: int) -> None:
     constraints = safe_constraints(UR5, SCENE)
     q = np.random.default_rng(seed).uniform(-2, 2, 6)
-    found = instant(constraints, q, np.zeros(6), np.zeros(6))
+    _, near = instant(constraints, q, np.zeros(6), np.zeros(6))
     usage = constraints.usage(q[None], np.zeros((1, 6)), np.zeros((1, 6)))
-    assert {item.kind for item in found.near} == {"self_collision", "environment"}
-    for item in found.near:
+    assert {item.kind for item in near} == {"self_collision", "environment"}
+    for item in near:
         # Links that are never far apart have a smaller clearance of their own.
         left = usage.worst[item.kind].room
         assert item.distance - item.clearance == pytest.approx(left, abs=CLOSE)
@@ -67,9 +67,8 @@ def test_the_margins_of_an_instant_are_those_of_the_judge() -> None:
     constraints = safe_constraints(UR5)
     generator = np.random.default_rng(7)
     q, dq, ddq = generator.normal(size=(3, 6))
-    found = instant(constraints, q, dq, ddq)
+    worst, _ = instant(constraints, q, dq, ddq)
     judged = constraints.usage(q[None], dq[None], ddq[None]).worst
-    assert found.worst.keys() == judged.keys()
+    assert worst.keys() == judged.keys()
     for kind, item in judged.items():
-        np.testing.assert_equal(found.worst[kind].margin, item.margin)
-    np.testing.assert_array_equal(found.poses, joint_poses(UR5, q))
+        np.testing.assert_equal(worst[kind].margin, item.margin)

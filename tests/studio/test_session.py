@@ -7,18 +7,19 @@ import numpy as np
 import pytest
 from gentle import MIDDLE, PERIOD, write_motion
 
+from dynid.constraints import Worst
 from dynid.core import InputError
 from dynid.recording import ExperimentRecord, RecordMetadata, read_record, write_record
+from dynid.robot import joint_poses
 from dynid.studio.jobs import Job
-from dynid.studio.live import Instant
-from dynid.studio.opening import REST, PlayedRecord, kind_of, open_path
+from dynid.studio.opening import REST, kind_of, open_path, recorded
 from dynid.studio.session import JOB_SCENE, Session
 
 BOX = {"shapes": [{"type": "box", "size": [0.2, 0.2, 0.2], "position": [1.5, 1.5, 0.5]}]}
 
 
-def look(session: Session) -> Instant:
-    return session.look(*session.motion.at(0.0))
+def look(session: Session) -> dict[str, Worst]:
+    return session.look(*session.motion.at(0.0))[0]
 
 
 @pytest.fixture
@@ -38,8 +39,8 @@ def folder(tmp_path: Path) -> Path:
 
 def test_a_directory_is_opened_with_all_that_lies_in_it(folder: Path) -> None:
     opened = open_path(str(folder))
-    assert [item.motion.name for item in opened.motions] == ["motion.json", "record.parquet"]
-    assert [item.design for item in opened.motions] == [True, False]
+    assert [item.name for item in opened.motions] == ["motion.json", "record.parquet"]
+    assert [item.trajectory is not None for item in opened.motions] == [True, False]
     assert opened.scene == BOX
     assert [name for name, _ in opened.skipped] == ["broken.json"]
     assert (opened.robot.name, opened.reference) == ("ur5", "ur5")
@@ -49,7 +50,7 @@ def test_a_directory_is_opened_with_all_that_lies_in_it(folder: Path) -> None:
 
 def test_a_design_a_recording_and_a_robot_can_be_opened_alone(folder: Path) -> None:
     assert len(open_path(str(folder / "motion.json")).motions) == 1
-    assert not open_path(str(folder / "record.parquet")).motions[0].design
+    assert open_path(str(folder / "record.parquet")).motions[0].trajectory is None
     assert open_path("ur3e").robot.name == "ur3e"
     for name in ("nobody", str(folder / "none.json"), str(folder / "other.json")):
         with pytest.raises(InputError):
@@ -68,13 +69,12 @@ def test_motions_of_other_robots_are_left_out(folder: Path) -> None:
 
 def test_a_motion_is_chosen_and_judged_where_it_is(folder: Path) -> None:
     session = Session(open_path(str(folder)))
-    motion = session.motions["motion.json"].motion
-    now = session.look(*motion.at(0.5))
-    assert now.worst["velocity"].margin < 1.0
+    motion = session.motions["motion.json"]
+    worst, _ = session.look(*motion.at(0.5))
+    assert worst["velocity"].margin < 1.0
     session.choose("")
     assert session.motion.name == REST
-    at_rest = session.look(*session.motion.at(0.0))
-    np.testing.assert_array_equal(at_rest.worst["velocity"].margin, 1.0)
+    np.testing.assert_array_equal(look(session)["velocity"].margin, 1.0)
     with pytest.raises(InputError):
         session.choose("none")
     for wrong in (np.zeros(5), np.full(6, np.nan)):
@@ -84,7 +84,7 @@ def test_a_motion_is_chosen_and_judged_where_it_is(folder: Path) -> None:
 
 def test_a_recording_plays_between_its_samples(folder: Path) -> None:
     record = read_record(folder / "record.parquet")
-    played = PlayedRecord("x", record)
+    played = recorded("x", record)
     assert played.duration == pytest.approx(49 / 125)
     q, dq, ddq = played.at(10.5 / 125)
     np.testing.assert_allclose(q, MIDDLE + 0.1 * 10.5 / 125, rtol=0, atol=1e-12)
@@ -103,19 +103,19 @@ def test_the_certificate_follows_the_scene(folder: Path) -> None:
     session.judge()
     assert session.stale
     # In the way of the arm: its flange passes here.
-    tip = look(session).poses[-1][:3, 3]
+    tip = joint_poses(session.robot, session.motion.at(0.0)[0])[-1][:3, 3]
     pose = np.eye(4)
     pose[:3, 3] = tip
     session.editor.place(number, pose)
     session.judge()
-    assert look(session).worst["environment"].room < 0
+    assert look(session)["environment"].room < 0
     again = session.certify().certificate
     assert again is not None
     assert not again.feasible
     assert "environment" in again.broken
     session.editor.remove(number)
     session.judge()
-    assert look(session).worst["environment"].room > 0
+    assert look(session)["environment"].room > 0
 
 
 def test_a_scene_without_room_is_said_and_the_arm_still_shown(folder: Path) -> None:
@@ -130,17 +130,17 @@ def test_a_scene_without_room_is_said_and_the_arm_still_shown(folder: Path) -> N
     with pytest.raises(InputError, match="no room"):
         session.save_scene("scene.json")
     assert json.loads((folder / "scene.json").read_text()) == BOX
-    assert look(session).poses.shape == (6, 4, 4)
+    assert look(session)["position"].room > 0
 
 
 def test_jobs_get_the_scene_of_the_page_and_leave_the_persons_file_alone(folder: Path) -> None:
     session = Session(open_path(str(folder)))
     session.editor.add("floor")
-    path = session.scene_for_jobs()
+    path = session.surroundings_for_jobs()["scene"]
     assert path == str(folder / JOB_SCENE)
     assert len(json.loads(Path(path).read_text())["shapes"]) == 2
     assert json.loads((folder / "scene.json").read_text()) == BOX
-    assert Session(open_path("ur5")).scene_for_jobs() is None
+    assert Session(open_path("ur5")).surroundings_for_jobs()["scene"] is None
 
 
 def test_one_job_at_a_time(folder: Path) -> None:
@@ -159,4 +159,4 @@ def test_one_job_at_a_time(folder: Path) -> None:
         session.close()
     assert session.job is not None
     assert session.job.state.ended
-    assert session.motions["motion.json"].motion.duration == PERIOD
+    assert session.motions["motion.json"].duration == PERIOD

@@ -147,7 +147,7 @@ def test_a_visitor_plays_pauses_and_scrubs(
     visited: Visited, studio: tuple[Page, str], width: int
 ) -> None:
     page, _ = studio
-    motion = page.session.motions["motion.json"].motion
+    motion = page.session.motions["motion.json"]
     visit = visited(width)
     assert visit.page.title() == "dynid studio"
     visit.page.get_by_text("Every limit holds over the whole motion").wait_for()

@@ -1,59 +1,11 @@
 """The functions of the generated C header, the same for every robot.
 
-`@` stands for the robot's prefix in lower case, `$` for the one in upper case, and `FRICTION` for
-the call of friction, which takes what the robot's friction depends on.
+`@` stands for the robot's prefix in lower case, `$` for the one in upper case. Friction stands at
+`<friction>`; `<state>` is what it is called with, `<still>` the same where no acceleration is
+known, which `<note>` explains.
 """
-
-FRICTION = "<friction>"
 
 BODY = """
-/* Torques [N.m, N] that move the arm: M ddq + coriolis + gravity + friction. */
-static inline void @_inverse_dynamics(const double q[$_JOINTS], const double dq[$_JOINTS],
-                                      const double ddq[$_JOINTS], double torque[$_JOINTS])
-{
-    double rubbing[$_JOINTS];
-    int i;
-    @_rigid_body(q, dq, ddq, @_gravity_vector, torque);
-    @_add_motors(ddq, torque);
-    @_add_known(q, torque);
-    <friction>
-    for (i = 0; i < $_JOINTS; ++i) torque[i] += rubbing[i];
-}
-
-/* Mass matrix with the motor inertias [kg.m^2, kg]. */
-static inline void @_mass_matrix(const double q[$_JOINTS], double mass[$_JOINTS][$_JOINTS])
-{
-    static const double none[$_JOINTS] = {0.0};
-    static const double weightless[3] = {0.0, 0.0, 0.0};
-    double unit[$_JOINTS], column[$_JOINTS];
-    int i, j;
-    for (j = 0; j < $_JOINTS; ++j) {
-        for (i = 0; i < $_JOINTS; ++i) unit[i] = i == j ? 1.0 : 0.0;
-        @_rigid_body(q, none, unit, weightless, column);
-        @_add_motors(unit, column);
-        for (i = 0; i < $_JOINTS; ++i) mass[i][j] = column[i];
-    }
-}
-
-/* Coriolis and centrifugal torques C(q, dq) dq. */
-static inline void @_coriolis(const double q[$_JOINTS], const double dq[$_JOINTS],
-                              double torque[$_JOINTS])
-{
-    static const double none[$_JOINTS] = {0.0};
-    static const double weightless[3] = {0.0, 0.0, 0.0};
-    @_rigid_body(q, dq, none, weightless, torque);
-}
-
-/* Torques that hold the arm still without friction, counterbalances included. */
-static inline void @_gravity(const double q[$_JOINTS], double torque[$_JOINTS])
-{
-    static const double none[$_JOINTS] = {0.0};
-    @_rigid_body(q, none, none, @_gravity_vector, torque);
-    @_add_known(q, torque);
-}
-"""
-
-RIGID = """
 static inline void @_cross(const double a[3], const double b[3], double out[3])
 {
     out[0] = a[1] * b[2] - a[2] * b[1];
@@ -61,20 +13,22 @@ static inline void @_cross(const double a[3], const double b[3], double out[3])
     out[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-/* out = R' v */
-static inline void @_into(const double r[9], const double v[3], double out[3])
+/* v = R' v */
+static inline void @_into(const double r[9], double v[3])
 {
-    out[0] = r[0] * v[0] + r[3] * v[1] + r[6] * v[2];
-    out[1] = r[1] * v[0] + r[4] * v[1] + r[7] * v[2];
-    out[2] = r[2] * v[0] + r[5] * v[1] + r[8] * v[2];
+    const double x = v[0], y = v[1], z = v[2];
+    v[0] = r[0] * x + r[3] * y + r[6] * z;
+    v[1] = r[1] * x + r[4] * y + r[7] * z;
+    v[2] = r[2] * x + r[5] * y + r[8] * z;
 }
 
-/* out = R v */
-static inline void @_out(const double r[9], const double v[3], double out[3])
+/* v = R v */
+static inline void @_out(const double r[9], double v[3])
 {
-    out[0] = r[0] * v[0] + r[1] * v[1] + r[2] * v[2];
-    out[1] = r[3] * v[0] + r[4] * v[1] + r[5] * v[2];
-    out[2] = r[6] * v[0] + r[7] * v[1] + r[8] * v[2];
+    const double x = v[0], y = v[1], z = v[2];
+    v[0] = r[0] * x + r[1] * y + r[2] * z;
+    v[1] = r[3] * x + r[4] * y + r[5] * z;
+    v[2] = r[6] * x + r[7] * y + r[8] * z;
 }
 
 /* Rotation and place of joint frame i in the one before. */
@@ -110,9 +64,9 @@ static inline void @_wrench(const double b[10], const double w[3], const double 
 }
 
 /* Recursive Newton-Euler in the joint frames, for bodies of the given parameters. */
-static inline void @_newton_euler(const double bodies[$_JOINTS][10], const double q[$_JOINTS],
-                                  const double dq[$_JOINTS], const double ddq[$_JOINTS],
-                                  const double gravity[3], double torque[$_JOINTS])
+static inline void @_rigid_body(const double bodies[$_JOINTS][10], const double q[$_JOINTS],
+                                const double dq[$_JOINTS], const double ddq[$_JOINTS],
+                                const double gravity[3], double torque[$_JOINTS])
 {
     double rotation[$_JOINTS][9], place[$_JOINTS][3];
     double force[$_JOINTS][3], moment[$_JOINTS][3];
@@ -126,12 +80,10 @@ static inline void @_newton_euler(const double bodies[$_JOINTS][10], const doubl
         @_cross(w, place[i], t);
         @_cross(w, t, u);
         @_cross(dw, place[i], t);
-        for (k = 0; k < 3; ++k) u[k] += a[k] + t[k];
-        @_into(rotation[i], u, a);
-        for (k = 0; k < 3; ++k) t[k] = w[k];
-        @_into(rotation[i], t, w);
-        for (k = 0; k < 3; ++k) t[k] = dw[k];
-        @_into(rotation[i], t, dw);
+        for (k = 0; k < 3; ++k) a[k] += t[k] + u[k];
+        @_into(rotation[i], a);
+        @_into(rotation[i], w);
+        @_into(rotation[i], dw);
         @_cross(w, axis, t);
         if (@_prismatic[i]) {
             for (k = 0; k < 3; ++k) a[k] += 2.0 * dq[i] * t[k] + ddq[i] * axis[k];
@@ -151,25 +103,107 @@ static inline void @_newton_euler(const double bodies[$_JOINTS][10], const doubl
         }
         torque[i] = @_prismatic[i] ? axis[0] * f[0] + axis[1] * f[1] + axis[2] * f[2]
                                    : axis[0] * m[0] + axis[1] * m[1] + axis[2] * m[2];
-        for (k = 0; k < 3; ++k) t[k] = f[k];
-        @_out(rotation[i], t, f);
-        for (k = 0; k < 3; ++k) t[k] = m[k];
-        @_out(rotation[i], t, m);
+        @_out(rotation[i], f);
+        @_out(rotation[i], m);
         @_cross(place[i], f, t);
         for (k = 0; k < 3; ++k) m[k] += t[k];
     }
 }
 
-static inline void @_rigid_body(const double q[$_JOINTS], const double dq[$_JOINTS],
-                                const double ddq[$_JOINTS], const double gravity[3],
-                                double torque[$_JOINTS])
+/* Speed of a coupled motor. */
+static inline double @_motor(int k, const double dq[$_JOINTS])
 {
-    @_newton_euler(@_inertials, q, dq, ddq, gravity, torque);
+    double speed = 0.0;
+    int i;
+    for (i = 0; i < $_JOINTS; ++i) speed += @_shares[k][i] * dq[i];
+    return speed;
 }
-"""
 
+/* Adds the torque of a coupled motor to those of the joints. */
+static inline void @_add_motor(int k, double push, double *torque)
+{
+    int i;
+    for (i = 0; i < $_JOINTS; ++i) torque[i] += @_shares[k][i] * push;
+}
 
-OBSERVER = """
+/* Adds the torques that turn the motors. */
+static inline void @_add_motors(const double ddq[$_JOINTS], double *torque)
+{
+    int i, k;
+    for (i = 0; i < $_JOINTS; ++i) torque[i] += @_im[i] * ddq[i];
+    for (k = 0; k < $_MOTORS; ++k) @_add_motor(k, @_imm[k] * @_motor(k, ddq), torque);
+}
+
+/* Adds what counterbalances leave for the motors. */
+static inline void @_add_known(const double *q, double *torque)
+{
+    int k;
+    for (k = 0; k < $_COUNTERBALANCES; ++k) {
+        const double outer = @_counterbalances[k].outer, inner = @_counterbalances[k].inner;
+        const double area = @_counterbalances[k].piston_area;
+        const double angle = q[@_counterbalances[k].joint] + @_counterbalances[k].offset;
+        const double length =
+            sqrt(outer * outer + inner * inner - 2.0 * outer * inner * cos(angle));
+        const double arm = outer * inner * sin(angle) / length;
+        const double volume =
+            @_counterbalances[k].gas_volume - (length - @_counterbalances[k].rest_length) * area;
+        torque[@_counterbalances[k].joint] += arm * @_counterbalances[k].gas_work * area / volume;
+    }
+}
+
+/* Coulomb friction as a share of its largest. */
+static inline double @_step(double speed, double width)
+{
+    if (width > 0.0) return tanh(speed / width);
+    return (double)((speed > 0.0) - (speed < 0.0));
+}
+
+<friction>
+/* Torques [N.m, N] that move the arm: M ddq + coriolis + gravity + friction. */
+static inline void @_inverse_dynamics(const double q[$_JOINTS], const double dq[$_JOINTS],
+                                      const double ddq[$_JOINTS], double torque[$_JOINTS])
+{
+    double rubbing[$_JOINTS];
+    int i;
+    @_rigid_body(@_inertials, q, dq, ddq, @_gravity_vector, torque);
+    @_add_motors(ddq, torque);
+    @_add_known(q, torque);
+    @_friction(<state>, rubbing);
+    for (i = 0; i < $_JOINTS; ++i) torque[i] += rubbing[i];
+}
+
+/* Mass matrix with the motor inertias [kg.m^2, kg]. */
+static inline void @_mass_matrix(const double q[$_JOINTS], double mass[$_JOINTS][$_JOINTS])
+{
+    static const double none[$_JOINTS] = {0.0};
+    static const double weightless[3] = {0.0, 0.0, 0.0};
+    double unit[$_JOINTS], column[$_JOINTS];
+    int i, j;
+    for (j = 0; j < $_JOINTS; ++j) {
+        for (i = 0; i < $_JOINTS; ++i) unit[i] = i == j ? 1.0 : 0.0;
+        @_rigid_body(@_inertials, q, none, unit, weightless, column);
+        @_add_motors(unit, column);
+        for (i = 0; i < $_JOINTS; ++i) mass[i][j] = column[i];
+    }
+}
+
+/* Coriolis and centrifugal torques C(q, dq) dq. */
+static inline void @_coriolis(const double q[$_JOINTS], const double dq[$_JOINTS],
+                              double torque[$_JOINTS])
+{
+    static const double none[$_JOINTS] = {0.0};
+    static const double weightless[3] = {0.0, 0.0, 0.0};
+    @_rigid_body(@_inertials, q, dq, none, weightless, torque);
+}
+
+/* Torques that hold the arm still without friction, counterbalances included. */
+static inline void @_gravity(const double q[$_JOINTS], double torque[$_JOINTS])
+{
+    static const double none[$_JOINTS] = {0.0};
+    @_rigid_body(@_inertials, q, none, none, @_gravity_vector, torque);
+    @_add_known(q, torque);
+}
+
 /* Generalised momentum p = M dq, and the derivative of the kinetic energy by q.
    Without contact dp/dt = torque - friction - gravity + slope. */
 static inline void @_momentum(const double q[$_JOINTS], const double dq[$_JOINTS],
@@ -184,10 +218,9 @@ static inline void @_momentum(const double q[$_JOINTS], const double dq[$_JOINTS
     for (i = 0; i < $_JOINTS; ++i) {
         @_frame(i, q[i], rotation[i], place[i]);
         @_cross(w, place[i], t);
-        for (k = 0; k < 3; ++k) t[k] += v[k];
-        @_into(rotation[i], t, v);
-        for (k = 0; k < 3; ++k) t[k] = w[k];
-        @_into(rotation[i], t, w);
+        for (k = 0; k < 3; ++k) v[k] += t[k];
+        @_into(rotation[i], v);
+        @_into(rotation[i], w);
         for (k = 0; k < 3; ++k) {
             if (@_prismatic[i]) v[k] += dq[i] * @_axis[i][k];
             else w[k] += dq[i] * @_axis[i][k];
@@ -209,10 +242,8 @@ static inline void @_momentum(const double q[$_JOINTS], const double dq[$_JOINTS
             p[i] += axis[k] * (@_prismatic[i] ? l[k] : h[k]);
             slope[i] += @_prismatic[i] ? l[k] * t[k] : h[k] * t[k] + l[k] * u[k];
         }
-        for (k = 0; k < 3; ++k) t[k] = l[k];
-        @_out(rotation[i], t, l);
-        for (k = 0; k < 3; ++k) t[k] = h[k];
-        @_out(rotation[i], t, h);
+        @_out(rotation[i], l);
+        @_out(rotation[i], h);
         @_cross(place[i], l, t);
         for (k = 0; k < 3; ++k) h[k] += t[k];
     }
@@ -233,9 +264,9 @@ static inline void @_observer_step(@_observer *o, double bandwidth, double dt,
 {
     double own[$_JOINTS], slope[$_JOINTS], weight[$_JOINTS], rubbing[$_JOINTS];
     int i;
-    @_momentum(q, dq, own, slope);
+<note>    @_momentum(q, dq, own, slope);
     @_gravity(q, weight);
-    <friction>
+    @_friction(<still>, rubbing);
     for (i = 0; i < $_JOINTS; ++i) {
         const double push = torque[i] - weight[i] - rubbing[i] + slope[i];
         if (o->running) {
@@ -250,5 +281,70 @@ static inline void @_observer_step(@_observer *o, double bandwidth, double dt,
         o->push[i] = push;
     }
     o->running = 1;
+}
+"""
+
+SPEED = """\
+/* Friction torques [N.m, N] at speeds dq. */
+static inline void @_speed_friction(const double dq[$_JOINTS], double torque[$_JOINTS])
+{
+    int i, k;
+    for (i = 0; i < $_JOINTS; ++i) {
+        const double v = dq[i], step = @_step(v, @_width[i]), share = v / @_stribeck_velocity;
+        torque[i] = @_fc[i] * step + @_fv[i] * v + @_fo[i]
+                    + @_fca[i] * fabs(step) + @_fva[i] * fabs(v)
+                    + @_fs[i] * exp(-share * share) * step + @_fr[i] * cbrt(v);
+    }
+    for (k = 0; k < $_MOTORS; ++k) {
+        const double v = @_motor(k, dq), step = @_step(v, @_motor_width[k]);
+        @_add_motor(k, @_fcm[k] * step + @_fvm[k] * v, torque);
+    }
+}
+"""
+
+LOAD = """\
+/* Adds the friction that grows with the load of a gear. */
+static inline void @_add_load_friction(const double q[$_JOINTS], const double dq[$_JOINTS],
+                                       const double ddq[$_JOINTS], double *torque)
+{
+    double load[$_JOINTS];
+    int i;
+    @_rigid_body(@_load, q, dq, ddq, @_gravity_vector, load);
+    @_add_known(q, load);
+    for (i = 0; i < $_JOINTS; ++i)
+        torque[i] += @_fl[i] * fabs(load[i]) * @_step(dq[i], @_width[i]);
+}
+"""
+
+RIPPLE = """\
+/* Adds the torque ripple of gears: waves in a position, their size by the speed's share of the
+   fastest that was identified, beyond which they stay as they are. */
+static inline void @_add_ripple(const double *q, const double *dq, double *torque)
+{
+    int w, k;
+    for (w = 0; w < <waves>; ++w) {
+        const int gear = @_waves[w].gear;
+        const double share = fmax(-1.0, fmin(1.0, dq[gear] / @_waves[w].speed));
+        double cosine = 0.0, sine = 0.0;
+        for (k = <powers> - 1; k >= 0; --k) {
+            cosine = cosine * share + @_waves[w].cosine[k];
+            sine = sine * share + @_waves[w].sine[k];
+        }
+        torque[@_waves[w].joint] += cosine * cos(@_waves[w].number * q[gear])
+                                    + sine * sin(@_waves[w].number * q[gear]);
+    }
+}
+"""
+
+SHAPED = """\
+/* Friction torques [N.m, N], all of them:
+<words>
+   Where no acceleration is known, give zeros for ddq. */
+static inline void @_friction(const double q[$_JOINTS], const double dq[$_JOINTS],
+                              const double ddq[$_JOINTS], double torque[$_JOINTS])
+{
+    @_speed_friction(dq, torque);
+<calls>
+    (void)ddq;
 }
 """

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core import Array, Indices, upper_triangle
+from dynid.core import Array, upper_triangle
 from dynid.identification import Estimate, inertial_prior
 from dynid.reduction import random_states
 from dynid.regressor import INERTIAL, InverseDynamicModel
@@ -32,18 +32,21 @@ _SEED = 0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PseudoInertias:
-    """The links and motors among the standard parameters, with their prior.
+    """The links, then the motors, among the standard parameters, with their prior.
 
     The divergence of a link is tr(J0^-1 J) - log det(J0^-1 J) - 4 of its pseudo-inertia J to the
-    prior's J0; that of a motor inertia is the same for one number.
+    prior's J0. A motor has its inertia as the first element of an otherwise unit matrix, which
+    makes the divergence that of one number.
     """
 
     names: tuple[str, ...]
-    """(p) names of the standard parameters."""
+    """(b) what the bodies are called: numbers of links, names of motor inertias."""
     links: int
-    """Number of links n; the first 10 n parameters are theirs."""
-    motors: Indices
-    """(k) places of the motor inertias."""
+    """Number of links; the first 10 parameters a link are theirs."""
+    maps: Array
+    """(b, 4, 4, p) pseudo-inertias by parameter."""
+    units: Array
+    """(b, 4, 4) what is no parameter's."""
     prior: Array
     """(p) inertial parameters and motor inertias of possible bodies; 0 for friction."""
 
@@ -54,7 +57,7 @@ class PseudoInertias:
         A motor's inertia is guessed to be that of the arm it drives, the mean over random poses:
         gears are chosen so that the two are alike.
         """
-        values = np.zeros(len(model.columns))
+        n, values = model.robot.joints, np.zeros(len(model.columns))
         values[: prior.size] = prior.ravel()
         motors = [
             k
@@ -62,23 +65,20 @@ class PseudoInertias:
             if k >= prior.size and column.name.rstrip("0123456789") in MOTOR_SYMBOLS
         ]
         driven = _driven(model, values)
-        for k in motors:
+        maps = np.zeros((n + len(motors), 4, 4, len(values)))
+        units = np.zeros(maps.shape[:3])
+        for i in range(n):
+            maps[i, :, :, 10 * i : 10 * i + 10] = to_pseudo_inertia(np.eye(10)).transpose(1, 2, 0)
+        for i, k in enumerate(motors, start=n):
             values[k] = driven[model.columns[k].joint]
-        return PseudoInertias(
-            names=model.names,
-            links=model.robot.joints,
-            motors=np.array(motors, dtype=np.intp),
-            prior=values,
-        )
+            maps[i, 0, 0, k] = 1.0
+            units[i, 1:, 1:] = np.eye(3)
+        names = (*(str(i + 1) for i in range(n)), *(model.names[k] for k in motors))
+        return PseudoInertias(names=names, links=n, maps=maps, units=units, prior=values)
 
-    @property
-    def inertial(self) -> int:
-        """Number of inertial parameters 10 n."""
-        return len(INERTIAL) * self.links
-
-    def pseudo_inertias(self, values: Array) -> Array:
-        """(n, 4, 4) of parameters (p)."""
-        return to_pseudo_inertia(values[: self.inertial].reshape(-1, 10))
+    def at(self, values: Array) -> Array:
+        """(b, 4, 4) pseudo-inertias of parameters (p)."""
+        return self.maps @ values + self.units
 
     def divergence(self, values: Array) -> tuple[float, Array, Array]:
         """The divergence to the prior, its gradient (p) and its second derivatives (p, p).
@@ -86,57 +86,33 @@ class PseudoInertias:
         Infinite, with zeros for the derivatives, where a body cannot exist.
         """
         width = len(values)
-        gradient, curvature = np.zeros(width), np.zeros((width, width))
-        here, known = self.pseudo_inertias(values), self.pseudo_inertias(self.prior)
-        motor, expected = values[self.motors], self.prior[self.motors]
+        here, given = self.at(values), np.linalg.inv(self.at(self.prior))
         try:
             # Factor and inverse both: bodies at the edge of the possible have the one alone.
             np.linalg.cholesky(here)
-            inverses = np.asarray(np.linalg.inv(here), dtype=np.float64)
+            inverses = np.linalg.inv(here)
         except np.linalg.LinAlgError:
-            return float("inf"), gradient, curvature
-        if (motor <= 0.0).any():
-            return float("inf"), gradient, curvature
-        share = motor / expected
-        total = float((share - np.log(share) - 1.0).sum())
-        total += 0.5 * _OTHER * float(np.square(values[self.inertial :]).sum())
-        basis = to_pseudo_inertia(np.eye(10))
-        for i in range(self.links):
-            mine = slice(10 * i, 10 * i + 10)
-            body: Array = here[i]
-            inverse: Array = inverses[i]
-            given = np.asarray(np.linalg.inv(known[i]), dtype=np.float64)
-            total += float(np.sum(given * body)) - 4.0
-            total -= float(np.linalg.slogdet(given @ body)[1])
-            turned: Array = inverse @ basis
-            gradient[mine] = np.einsum("ab,kba->k", given - inverse, basis)
-            curvature[mine, mine] = np.einsum("kab,lba->kl", turned, turned)
-        free = np.arange(self.inertial, width)
-        gradient[free] += _OTHER * values[free]
-        curvature[free, free] += _OTHER
-        gradient[self.motors] += 1.0 / expected - 1.0 / motor
-        curvature[self.motors, self.motors] += 1.0 / np.square(motor)
+            return float("inf"), np.zeros(width), np.zeros((width, width))
+        other = np.arange(width) >= len(INERTIAL) * self.links
+        total = float(np.sum(given * here)) - 4.0 * len(here)
+        total -= float(np.linalg.slogdet(given @ here)[1].sum())
+        total += 0.5 * _OTHER * float(np.square(values[other]).sum())
+        gradient = np.einsum("bij,bijp->p", given - inverses, self.maps)
+        gradient += _OTHER * values * other
+        turned = np.einsum("bij,bjkp->bikp", inverses, self.maps)
+        swapped = turned.swapaxes(1, 2).reshape(-1, width)
+        curvature = turned.reshape(-1, width).T @ swapped + _OTHER * np.diag(other)
         return total, gradient, curvature
 
     def shortfalls(self, values: Array) -> Array:
-        """(n + k) the share of its prior that each link, then motor, lacks to be possible.
-
-        Negative where it is possible.
-        """
-        roots = np.linalg.inv(np.linalg.cholesky(self.pseudo_inertias(self.prior)))
-        white = roots @ self.pseudo_inertias(values) @ roots.transpose(0, 2, 1)
-        links = np.asarray(-np.linalg.eigvalsh(white)[:, 0], dtype=np.float64)
-        motors = -values[self.motors] / self.prior[self.motors]
-        return np.concatenate([links, motors])
+        """(b) the share of its prior that each body lacks to be possible; else negative."""
+        roots = np.linalg.inv(np.linalg.cholesky(self.at(self.prior)))
+        white = roots @ self.at(values) @ roots.transpose(0, 2, 1)
+        return np.asarray(-np.linalg.eigvalsh(white)[:, 0], dtype=np.float64)
 
     def prior_by_body(self) -> Array:
-        """(p, n + k) a column a link, then a motor: the prior of that one alone."""
-        columns = np.zeros((len(self.prior), self.links + len(self.motors)))
-        for i in range(self.links):
-            mine = slice(10 * i, 10 * i + 10)
-            columns[mine, i] = self.prior[mine]
-        columns[self.motors, self.links + np.arange(len(self.motors))] = self.prior[self.motors]
-        return columns
+        """(p, b) a column a body: the prior of that one alone."""
+        return self.prior[:, None] * self.maps.any(axis=(1, 2)).T
 
     def impossible(self, values: Array) -> str:
         """The links and motors that cannot exist, in words; empty if all can.
@@ -147,15 +123,13 @@ class PseudoInertias:
         """
         lacking = self.shortfalls(values)
         short = lacking > max(_POSSIBLE, _NAMED * float(lacking.max()))
-        links = [str(i + 1) for i in range(self.links) if short[i]]
-        motors = [
-            self.names[int(self.motors[k])]
-            for k in range(len(self.motors))
-            if short[self.links + k]
+        named = [name if bad else "" for name, bad in zip(self.names, short, strict=True)]
+        links, motors = named[: self.links], named[self.links :]
+        words = [
+            f"{what} {', '.join(filter(None, some))}"
+            for what, some in (("link", links), ("motor inertia", motors))
+            if any(some)
         ]
-        words = [f"link {', '.join(links)}"] if links else []
-        if motors:
-            words.append(f"motor inertia {', '.join(motors)}")
         return " and ".join(words)
 
 

@@ -7,12 +7,11 @@ from them. Then the two that come nearest to all friction over the recorded rang
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from textwrap import wrap
 from types import MappingProxyType
 
 import numpy as np
 
-from dynid.core import Array, InputError, freeze, frozen
+from dynid.core import Array, InputError, freeze, frozen, scipy_part
 from dynid.export.completion import Completion, complete
 from dynid.identification import Estimate
 from dynid.regressor import InverseDynamicModel, TorqueRipple, coupled_motors
@@ -36,8 +35,7 @@ class ExportModel:
     on q.
 
     Raises:
-        InputError: Arrays that do not fit the robot, terms that no file can hold, or friction by
-            load or ripple without its shape.
+        InputError: Arrays that do not fit the robot, or terms that no file can hold.
     """
 
     robot: RobotModel
@@ -84,18 +82,6 @@ class ExportModel:
             for symbol in SYMBOLS
         }
         object.__setattr__(self, "terms", MappingProxyType(terms))
-        self._check_shapes()
-
-    def _check_shapes(self) -> None:
-        if self.load is None and self.terms["Fl"].any():
-            raise InputError("friction that grows with load needs the load's bodies", where="Fl")
-        named = [ripple.joint for ripple in self.ripples]
-        moved = [gear.joint for ripple in self.ripples for gear in ripple.gears]
-        bare = set(np.flatnonzero(self.terms["Fw"]).tolist()) - set(named)
-        if bare or len(set(named)) < len(named) or max([*named, *moved], default=0) >= self.joints:
-            raise InputError(
-                "torque ripple needs its waves, each joint once", where="Fw", value=named
-            )
 
     @property
     def joints(self) -> int:
@@ -111,11 +97,6 @@ class ExportModel:
     def springs(self) -> tuple[Counterbalance, ...]:
         """Counterbalances."""
         return self.robot.counterbalances
-
-
-def export_model(estimate: Estimate) -> ExportModel:
-    """The model of an estimate, completed to standard parameters; see `completed_model`."""
-    return completed_model(estimate)[0]
 
 
 def completed_model(estimate: Estimate) -> tuple[ExportModel, Completion]:
@@ -209,22 +190,10 @@ def nearest_friction(
     both, missing = np.zeros((2, n)), np.zeros(n)
     for j in range(n):
         columns = np.column_stack([np.sign(dq[:, j]), dq[:, j]])
-        both[:, j] = _not_negative(columns, wanted[:, j])
+        both[:, j] = scipy_part("optimize").nnls(columns, wanted[:, j])[0]
         left = wanted[:, j] - columns @ both[:, j]
         missing[j] = np.hypot(np.sqrt(np.mean(np.square(left))), offset[j])
     return NearestFriction(coulomb=both[0], viscous=both[1], missing=missing, stands_in=True)
-
-
-def _not_negative(columns: Array, wanted: Array) -> Array:
-    """(2) least squares weights of two columns, neither below zero."""
-    best, least = np.zeros(2), float(wanted @ wanted)
-    for chosen in ([0, 1], [0], [1]):
-        weights = np.zeros(2)
-        weights[chosen] = np.linalg.lstsq(columns[:, chosen], wanted, rcond=None)[0]
-        left = wanted - columns @ weights
-        if (weights >= 0.0).all() and float(left @ left) < least:
-            best, least = weights, float(left @ left)
-    return best
 
 
 def _recorded_range(estimate: Estimate) -> tuple[Array, Array, Array]:
@@ -246,103 +215,3 @@ def _friction(
         if not column.name.startswith("F"):
             values[k] = 0.0
     return model.inverse_dynamics(q, dq, ddq, values)
-
-
-_WIDTH = 88
-
-
-def friction_words(model: ExportModel) -> list[str]:
-    """Lines of a comment; none where friction depends on speed alone."""
-    lines: list[str] = []
-    if model.terms["Fl"].any():
-        lines += wrap(
-            f"Friction that grows with load, joints {_joints(model, 'Fl')}: a share of |load| "
-            "times the Coulomb step. The load is the torque (recursive Newton-Euler, less that "
-            "of counterbalances) of bodies with fixed numbers, so it needs q, dq and ddq.",
-            _WIDTH,
-        )
-    if model.terms["Fw"].any():
-        lines += wrap(
-            f"Torque ripple of gears, joints {_joints(model, 'Fw')}: waves in the positions of "
-            "joints whose size changes with their speeds; it needs q and dq.",
-            _WIDTH,
-        )
-    return lines
-
-
-def _joints(model: ExportModel, symbol: str) -> str:
-    return ", ".join(str(j + 1) for j in np.flatnonzero(model.terms[symbol]).tolist())
-
-
-@dataclass(frozen=True, slots=True)
-class Wave:
-    """C(s) cos(number q) + S(s) sin(number q), polynomials of s = clip(dq / speed, -1, 1)."""
-
-    joint: int
-    """In whose torque it is, from 0."""
-    gear: int
-    """The joint of q and dq, from 0."""
-    speed: float
-    """[rad/s or m/s]"""
-    number: float
-    """Periods a turn of q."""
-    cosine: tuple[float, ...]
-    """Coefficients of C by the power of s, from 0, `Fw` included [N.m or N]."""
-    sine: tuple[float, ...]
-    """Those of S."""
-
-
-def ripple_waves(model: ExportModel) -> tuple[Wave, ...]:
-    """The waves of a model; none where `Fw` is zero."""
-    found: list[Wave] = []
-    for ripple in model.ripples:
-        factor = float(model.terms["Fw"][ripple.joint])
-        if not factor:
-            continue
-        left = factor * np.array(ripple.coefficients)
-        for gear in ripple.gears:
-            own, left = left[: gear.size], left[gear.size :]
-            pairs = own.reshape(len(gear.waves), gear.powers, 2).tolist()
-            for number, rows in zip(gear.waves, pairs, strict=True):
-                cosine, sine = (tuple(row[k] for row in rows) for k in (0, 1))
-                found.append(Wave(ripple.joint, gear.joint, gear.speed, number, cosine, sine))
-    return tuple(found)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointTurns:
-    """Rotation fixed + sine sin(q) + cosine cos(q) and place origin + slide q of each joint.
-
-    Rodrigues' formula with the placement multiplied in: the generated code needs no more.
-    """
-
-    fixed: Array
-    """(n, 3, 3)"""
-    sine: Array
-    """(n, 3, 3) zero where the joint slides."""
-    cosine: Array
-    """(n, 3, 3) zero where the joint slides."""
-    origin: Array
-    """(n, 3) [m]"""
-    slide: Array
-    """(n, 3) unit vector where the joint slides, zero where it turns."""
-
-
-def joint_turns(robot: RobotModel) -> JointTurns:
-    """The matrices of a robot."""
-    n = robot.joints
-    fixed, sine, cosine = (np.zeros((n, 3, 3)) for _ in range(3))
-    slide = np.zeros((n, 3))
-    for i, (placement, axis) in enumerate(zip(robot.placements, robot.axes, strict=True)):
-        rotation = placement[:3, :3]
-        if robot.prismatic[i]:
-            fixed[i], slide[i] = rotation, rotation @ axis
-            continue
-        x, y, z = axis
-        along = np.outer(axis, axis)
-        fixed[i] = rotation @ along
-        sine[i] = rotation @ np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        cosine[i] = rotation @ (np.eye(3) - along)
-    return JointTurns(
-        fixed=fixed, sine=sine, cosine=cosine, origin=robot.placements[:, :3, 3], slide=slide
-    )

@@ -5,19 +5,19 @@ In its functions, the same for every robot, `FRICTION` stands for what friction 
 """
 
 from collections.abc import Iterator
-from dataclasses import astuple
 
 import numpy as np
 
 from dynid.core import Array
-from dynid.export.model import (
-    JOINT_SYMBOLS,
-    MOTOR_SYMBOLS,
-    ExportModel,
+from dynid.export.constants import (
+    COUNTERBALANCE,
+    WAVE,
+    arrays,
+    counterbalances,
     friction_words,
-    joint_turns,
     ripple_waves,
 )
+from dynid.export.model import ExportModel
 
 FRICTION = "<state>"
 STILL = "<still>"
@@ -139,7 +139,7 @@ class Observer:
         return self.residual
 
 
-def rigid_body(q, dq, ddq, gravity=GRAVITY, bodies=INERTIALS):
+def rigid_body(q, dq, ddq, gravity=GRAVITY_VECTOR, bodies=INERTIALS):
     """Torques of the links alone, recursive Newton-Euler in the joint frames."""
     q, dq, ddq = (np.asarray(x, dtype=float) for x in (q, dq, ddq))
     zero = np.zeros((*q.shape[:-1], 3))
@@ -267,7 +267,7 @@ def friction_arguments(model: ExportModel) -> tuple[str, str, str]:
     """What `friction` is called with, with what where no acceleration is known, and a comment."""
     if model.speed_alone:
         return "dq", "dq", ""
-    why = "# No acceleration is known here: the load of a gear is that of gravity and speed."
+    why = "# No acceleration is known here: the load is that of gravity and speed."
     return "q, dq, ddq", "q, dq, np.zeros(JOINTS)", f"        {why}\n"
 
 
@@ -296,48 +296,24 @@ def python_code(model: ExportModel, comment: str = "") -> str:
 
 
 def _constants(model: ExportModel) -> Iterator[str]:
-    robot, turns = model.robot, joint_turns(model.robot)
-    yield f"JOINT_NAMES = {tuple(_safe(name) for name in robot.joint_names)!r}"
+    yield f"JOINT_NAMES = {tuple(_safe(name) for name in model.robot.joint_names)!r}"
     yield f"JOINTS = {model.joints}"
-    yield f"PRISMATIC = {tuple(robot.prismatic)!r}"
-    for name, value in (
-        ("GRAVITY", robot.gravity),
-        ("FIXED", turns.fixed),
-        ("SINE", turns.sine),
-        ("COSINE", turns.cosine),
-        ("ORIGIN", turns.origin),
-        ("SLIDE", turns.slide),
-        ("AXIS", robot.axes),
-        ("INERTIALS", model.inertials),
-        ("WIDTH", model.width),
-    ):
-        yield _array(name, value)
-    yield f"STRIBECK_VELOCITY = {model.stribeck_velocity!r}"
-    for symbol in (*JOINT_SYMBOLS, *MOTOR_SYMBOLS):
-        values = model.terms[symbol]
-        chosen = values[list(model.motors)] if symbol in MOTOR_SYMBOLS else values
-        yield _array(symbol.upper(), chosen)
-    yield _array("SHARES", model.shares)
-    yield _array("MOTOR_WIDTH", model.width[list(model.motors)])
-    yield "# joint, outer, inner, rest_length, offset, piston_area, gas_work, gas_volume"
-    springs = [astuple(spring) for spring in model.springs]
-    yield f"COUNTERBALANCES = {[tuple(map(_plain, spring)) for spring in springs]!r}"
-    if model.load is not None and model.terms["Fl"].any():
-        yield "# What the load of a gear is the torque of: need not be physically consistent."
-        yield _array("LOAD", model.load)
-        yield _array("FL", model.terms["Fl"])
+    for comment, name, value in arrays(model):
+        if comment:
+            yield f"# {comment}"
+        yield f"{name.upper()} = {_array(value)}"
+    yield f"# {COUNTERBALANCE}"
+    yield f"COUNTERBALANCES = {counterbalances(model)!r}"
     if waves := ripple_waves(model):
-        yield "# joint, whose position, waves a turn, speed, polynomials of cosine and sine"
+        yield f"# {WAVE}"
         yield "WAVES = ["
-        for wave in waves:
-            one = (wave.joint, wave.gear, wave.number, wave.speed, wave.cosine, wave.sine)
-            yield f"    {one!r},"
+        yield from (f"    {wave!r}," for wave in waves)
         yield "]"
 
 
-def _array(name: str, values: Array) -> str:
+def _array(values: Array) -> str:
     if values.size == 0:
-        return f"{name} = np.zeros({values.shape!r})"
+        return f"np.zeros({values.shape!r})"
     text = np.array2string(
         values,
         separator=", ",
@@ -345,11 +321,7 @@ def _array(name: str, values: Array) -> str:
         threshold=values.size + 1,
         formatter={"float_kind": lambda x: repr(float(x))},
     )
-    return f"{name} = np.array({text})"
-
-
-def _plain(value: float | int) -> float | int:
-    return value if isinstance(value, int) else float(value)
+    return f"np.array({text})"
 
 
 def _safe(text: str) -> str:

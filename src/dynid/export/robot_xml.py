@@ -1,13 +1,13 @@
 """URDF and MJCF: inertias, armature, damping and dry friction of an identified arm."""
 
 import math
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
-from xml.sax.saxutils import escape, quoteattr
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Sequence
+from xml.sax.saxutils import escape
 
 import numpy as np
 
-from dynid.core import Array, JobError, printable
+from dynid.core import Array, JobError, printable, scipy_part
 from dynid.export.model import ExportModel, NearestFriction
 from dynid.robot import tensor
 
@@ -31,18 +31,8 @@ def roll_pitch_yaw(rotation: Array) -> tuple[float, float, float]:
 
 def quaternion(rotation: Array) -> Array:
     """(4) w, x, y, z of a rotation (3, 3), w not negative."""
-    # The eigenvector of Bar-Itzhack's symmetric matrix: no case is badly conditioned.
-    (a, b, c), (d, e, f), (g, h, i) = rotation.tolist()
-    matrix = np.array(
-        [
-            [a + e + i, h - f, c - g, d - b],
-            [h - f, a - e - i, b + d, c + g],
-            [c - g, b + d, e - a - i, f + h],
-            [d - b, c + g, f + h, i - a - e],
-        ]
-    )
-    largest: Array = np.linalg.eigh(matrix)[1][:, -1]
-    return np.copysign(1.0, largest[0]) * largest
+    turned = scipy_part("spatial.transform").Rotation.from_matrix(rotation)
+    return np.roll(turned.as_quat(canonical=True), 1)
 
 
 def upright(gravity: Array) -> Array:
@@ -75,26 +65,17 @@ _LONG = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CentredBody:
-    """A link by its centre of mass."""
-
-    mass: float
-    """[kg]"""
-    centre: Array
-    """(3) in the joint frame [m]."""
-    central: Array
-    """(3, 3) tensor about the centre of mass, along the joint frame [kg.m^2]."""
+_SIX = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
-def bodies(model: ExportModel) -> list[CentredBody]:
-    """The links, base to tip.
+def bodies(model: ExportModel) -> list[tuple[float, Array, Array]]:
+    """Mass [kg], centre of mass (3) [m] and central inertia (6) [kg.m^2] of each link, as `_SIX`.
 
     Raises:
         JobError: A link whose mass is not positive, which has no centre of mass that loaders
             take.
     """
-    found: list[CentredBody] = []
+    found: list[tuple[float, Array, Array]] = []
     for i, row in enumerate(model.inertials):
         mass = float(row[0])
         if not mass > 0.0:
@@ -105,7 +86,8 @@ def bodies(model: ExportModel) -> list[CentredBody]:
             )
         centre = row[1:4] / mass
         steiner = mass * ((centre @ centre) * np.eye(3) - np.outer(centre, centre))
-        found.append(CentredBody(mass=mass, centre=centre, central=tensor(row) - steiner))
+        central = tensor(row) - steiner
+        found.append((mass, centre, central[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]))
     return found
 
 
@@ -147,20 +129,21 @@ def stand_in_words(friction: NearestFriction | None) -> list[str]:
     ]
 
 
-def numbers(values: Iterable[float]) -> str:
+def numbers(*values: float) -> str:
     """Numbers that read back exactly, with blanks between them."""
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 
-def attribute(text: str) -> str:
-    """A quoted attribute value."""
-    return quoteattr(printable(text, None))
-
-
-def comment(text: str) -> list[str]:
-    """Lines of an XML comment."""
-    lines = [escape(printable(line, None)).replace("--", "- -") for line in text.splitlines()]
-    return ["<!--", *(f"  {line}" for line in lines), "-->"] if lines else []
+def _document(root: ET.Element, remarks: Sequence[str]) -> str:
+    """The file's text, remarks as a comment on top."""
+    lines = [
+        escape(printable(line, None)).replace("--", "- -")
+        for remark in remarks
+        for line in remark.splitlines()
+    ]
+    ET.indent(root)
+    head = "\n".join(['<?xml version="1.0"?>', "<!--", *(f"  {line}" for line in lines), "-->"])
+    return f"{head}\n{ET.tostring(root, encoding='unicode')}\n"
 
 
 URDF_HELD = ("Fc", "Fv")
@@ -183,98 +166,62 @@ def urdf_text(model: ExportModel, note: str = "") -> str:
     """
     robot = model.robot
     refuse_negative_friction(model)
-    parts = bodies(model)
-    remarks = [note, f"Gravity: {numbers([float(np.linalg.norm(robot.gravity))])} m/s^2."]
+    remarks = [note, f"Gravity: {numbers(float(np.linalg.norm(robot.gravity)))} m/s^2."]
     missing = left_out(model, URDF_HELD)
     if missing:
         remarks.append(f"Identified, but without a place in URDF: {', '.join(missing)}.")
     if model.terms["Im"].any():
-        remarks.append(f"Motor inertias, joint side, by joint: {numbers(model.terms['Im'])}.")
-    if _unknown_limits(model):
+        remarks.append(f"Motor inertias, joint side, by joint: {numbers(*model.terms['Im'])}.")
+    limits = robot.limits
+    if np.isnan([limits.lower, limits.upper, limits.velocity, limits.torque]).any():
         remarks.append("Limits that are not known stand as very large numbers.")
-    lines = ['<?xml version="1.0"?>', *comment("\n".join(remarks))]
-    lines.append(f"<robot name={attribute(robot.name)}>")
-    lines += [f"  {line}" for line in _base(model)]
-    for i, body in enumerate(parts):
-        lines += [f"  {line}" for line in (*_link(i, body), *_joint(model, i))]
-    placed = robot.flange
-    lines += [
-        '  <link name="flange"/>',
-        '  <joint name="flange_fixed" type="fixed">',
-        f'    <origin xyz="{numbers(placed[:3, 3])}" rpy="{_rpy(placed)}"/>',
-        f'    <parent link="link_{model.joints}"/>',
-        '    <child link="flange"/>',
-        "  </joint>",
-    ]
-    return "\n".join([*lines, "</robot>", ""])
-
-
-def _base(model: ExportModel) -> Iterator[str]:
+    root = ET.Element("robot", name=printable(robot.name, None))
     turn = np.eye(4)
-    turn[:3, :3] = upright(model.robot.gravity)
-    yield '<link name="world"/>'
-    yield '<link name="base_link"/>'
-    yield '<joint name="mounting" type="fixed">'
-    yield f'  <origin xyz="0 0 0" rpy="{_rpy(turn)}"/>'
-    yield '  <parent link="world"/>'
-    yield '  <child link="base_link"/>'
-    yield "</joint>"
+    turn[:3, :3] = upright(robot.gravity)
+    ET.SubElement(root, "link", name="world")
+    ET.SubElement(root, "link", name="base_link")
+    _urdf_joint(root, "mounting", "fixed", turn, "world", "base_link")
+    for i, (mass, centre, inertia) in enumerate(bodies(model)):
+        link = ET.SubElement(root, "link", name=f"link_{i + 1}")
+        inertial = ET.SubElement(link, "inertial")
+        ET.SubElement(inertial, "origin", xyz=numbers(*centre), rpy="0 0 0")
+        ET.SubElement(inertial, "mass", value=numbers(mass))
+        six = {name: numbers(value) for name, value in zip(_SIX, inertia, strict=True)}
+        ET.SubElement(inertial, "inertia", six)
+        _joint(root, model, i)
+    ET.SubElement(root, "link", name="flange")
+    _urdf_joint(root, "flange_fixed", "fixed", robot.flange, f"link_{robot.joints}", "flange")
+    return _document(root, remarks)
 
 
-def _link(i: int, body: CentredBody) -> Iterator[str]:
-    j = body.central
-    yield f'<link name="link_{i + 1}">'
-    yield "  <inertial>"
-    yield f'    <origin xyz="{numbers(body.centre)}" rpy="0 0 0"/>'
-    yield f'    <mass value="{numbers([body.mass])}"/>'
-    yield (
-        f'    <inertia ixx="{numbers([j[0, 0]])}" iyy="{numbers([j[1, 1]])}" '
-        f'izz="{numbers([j[2, 2]])}" iyz="{numbers([j[1, 2]])}" '
-        f'ixz="{numbers([j[0, 2]])}" ixy="{numbers([j[0, 1]])}"/>'
-    )
-    yield "  </inertial>"
-    yield "</link>"
+def _urdf_joint(
+    root: ET.Element, name: str, kind: str, placement: Array, parent: str, child: str
+) -> ET.Element:
+    joint = ET.SubElement(root, "joint", name=name, type=kind)
+    angles = roll_pitch_yaw(placement[:3, :3])
+    ET.SubElement(joint, "origin", xyz=numbers(*placement[:3, 3]), rpy=numbers(*angles))
+    ET.SubElement(joint, "parent", link=parent)
+    ET.SubElement(joint, "child", link=child)
+    return joint
 
 
-def _joint(model: ExportModel, i: int) -> Iterator[str]:
-    robot = model.robot
-    placement, limits = robot.placements[i], robot.limits
+def _joint(root: ET.Element, model: ExportModel, i: int) -> None:
+    robot, limits = model.robot, model.robot.limits
+    parent = f"link_{i}" if i else "base_link"
+    name, kind = printable(robot.joint_names[i], None), robot.joint_types[i]
+    joint = _urdf_joint(root, name, kind, robot.placements[i], parent, f"link_{i + 1}")
+    ET.SubElement(joint, "axis", xyz=numbers(*robot.axes[i]))
     wide = _PRISMATIC if robot.prismatic[i] else _REVOLUTE
-    lower, upper, effort, velocity = (
-        float(value) if np.isfinite(value) else instead
-        for value, instead in (
-            (limits.lower[i], -wide),
-            (limits.upper[i], wide),
-            (limits.torque[i], _EFFORT),
-            (limits.velocity[i], _SPEED),
-        )
-    )
-    yield f'<joint name={attribute(robot.joint_names[i])} type="{robot.joint_types[i]}">'
-    yield f'  <origin xyz="{numbers(placement[:3, 3])}" rpy="{_rpy(placement)}"/>'
-    yield f'  <parent link="{f"link_{i}" if i else "base_link"}"/>'
-    yield f'  <child link="link_{i + 1}"/>'
-    yield f'  <axis xyz="{numbers(robot.axes[i])}"/>'
-    yield (
-        f'  <limit lower="{numbers([lower])}" upper="{numbers([upper])}" '
-        f'effort="{numbers([effort])}" velocity="{numbers([velocity])}"/>'
-    )
-    yield (
-        f'  <dynamics damping="{numbers([model.terms["Fv"][i]])}" '
-        f'friction="{numbers([model.terms["Fc"][i]])}"/>'
-    )
-    yield "</joint>"
-
-
-def _unknown_limits(model: ExportModel) -> bool:
-    limits = model.robot.limits
-    return any(
-        bool(np.isnan(values).any())
-        for values in (limits.lower, limits.upper, limits.velocity, limits.torque)
-    )
-
-
-def _rpy(placement: np.ndarray) -> str:
-    return numbers(roll_pitch_yaw(placement[:3, :3]))
+    known = {
+        "lower": (limits.lower[i], -wide),
+        "upper": (limits.upper[i], wide),
+        "effort": (limits.torque[i], _EFFORT),
+        "velocity": (limits.velocity[i], _SPEED),
+    }
+    shown = {k: numbers(x if np.isfinite(x) else instead) for k, (x, instead) in known.items()}
+    ET.SubElement(joint, "limit", shown)
+    damping, friction = numbers(model.terms["Fv"][i]), numbers(model.terms["Fc"][i])
+    ET.SubElement(joint, "dynamics", damping=damping, friction=friction)
 
 
 MJCF_HELD = ("Fc", "Fv", "Im")
@@ -298,43 +245,36 @@ def mjcf_text(model: ExportModel, note: str = "") -> str:
     remarks = [note]
     if missing:
         remarks.append(f"Identified, but without a place in MJCF: {', '.join(missing)}.")
-    lines = [
-        *comment("\n".join(remarks)),
-        f"<mujoco model={attribute(robot.name)}>",
-        '  <compiler angle="radian" autolimits="true"/>',
-        f'  <option gravity="{numbers(robot.gravity)}"/>',
-        "  <worldbody>",
-    ]
-    for i, body in enumerate(bodies(model)):
-        lines += [f"    {'  ' * i}{line}" for line in _body(model, i, body)]
-    indent = "    " + "  " * model.joints
-    flange = robot.flange
-    place = f'pos="{numbers(flange[:3, 3])}" quat="{numbers(quaternion(flange[:3, :3]))}"'
-    lines.append(f'{indent}<site name="flange" {place}/>')
-    lines += [f"    {'  ' * i}</body>" for i in reversed(range(model.joints))]
-    return "\n".join([*lines, "  </worldbody>", "</mujoco>", ""])
+    root = ET.Element("mujoco", model=printable(robot.name, None))
+    ET.SubElement(root, "compiler", angle="radian", autolimits="true")
+    ET.SubElement(root, "option", gravity=numbers(*robot.gravity))
+    parent = ET.SubElement(root, "worldbody")
+    for i, (mass, centre, inertia) in enumerate(bodies(model)):
+        place = {"name": f"link_{i + 1}", **_place(robot.placements[i])}
+        parent = ET.SubElement(parent, "body", place)
+        ET.SubElement(
+            parent,
+            "inertial",
+            pos=numbers(*centre),
+            mass=numbers(mass),
+            fullinertia=numbers(*inertia),
+        )
+        joint = ET.SubElement(
+            parent,
+            "joint",
+            name=printable(robot.joint_names[i], None),
+            type="slide" if robot.prismatic[i] else "hinge",
+            axis=numbers(*robot.axes[i]),
+            armature=numbers(model.terms["Im"][i]),
+            damping=numbers(model.terms["Fv"][i]),
+            frictionloss=numbers(model.terms["Fc"][i]),
+        )
+        bounds = (robot.limits.lower[i], robot.limits.upper[i])
+        if np.isfinite(bounds).all() and bounds[0] < bounds[1]:
+            joint.set("range", numbers(*bounds))
+    ET.SubElement(parent, "site", {"name": "flange", **_place(robot.flange)})
+    return _document(root, remarks)
 
 
-def _body(model: ExportModel, i: int, body: CentredBody) -> Iterator[str]:
-    robot, j = model.robot, body.central
-    placement, limits = robot.placements[i], robot.limits
-    yield (
-        f'<body name="link_{i + 1}" pos="{numbers(placement[:3, 3])}" '
-        f'quat="{numbers(quaternion(placement[:3, :3]))}">'
-    )
-    six = (j[0, 0], j[1, 1], j[2, 2], j[0, 1], j[0, 2], j[1, 2])
-    yield (
-        f'  <inertial pos="{numbers(body.centre)}" mass="{numbers([body.mass])}" '
-        f'fullinertia="{numbers(six)}"/>'
-    )
-    bounds = (limits.lower[i], limits.upper[i])
-    known = bool(np.isfinite(bounds).all()) and bounds[0] < bounds[1]
-    span = f' range="{numbers(bounds)}"' if known else ""
-    yield (
-        f"  <joint name={attribute(robot.joint_names[i])} "
-        f'type="{"slide" if robot.prismatic[i] else "hinge"}" '
-        f'axis="{numbers(robot.axes[i])}"{span} '
-        f'armature="{numbers([model.terms["Im"][i]])}" '
-        f'damping="{numbers([model.terms["Fv"][i]])}" '
-        f'frictionloss="{numbers([model.terms["Fc"][i]])}"/>'
-    )
+def _place(pose: Array) -> dict[str, str]:
+    return {"pos": numbers(*pose[:3, 3]), "quat": numbers(*quaternion(pose[:3, :3]))}

@@ -20,23 +20,8 @@ from dynid.export.model import NearestFriction
 from dynid.identification import Estimate
 
 STATES = 200
-SEED = 0
-SPEED = 3.0
-"""[rad/s or m/s]"""
-ACCELERATION = 10.0
-"""[rad/s^2 or m/s^2]"""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class States:
-    """Random states of an arm."""
-
-    q: Array
-    """(N, n) positions [rad or m]."""
-    dq: Array
-    """(N, n) velocities."""
-    ddq: Array
-    """(N, n) accelerations."""
+States = tuple[Array, Array, Array]
+"""(N, n) each: positions, velocities, accelerations."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,14 +48,6 @@ class Verification:
         return asdict(self)
 
 
-def random_motion(joints: int, prismatic: Iterable[bool]) -> States:
-    """The states that files are verified on."""
-    random = np.random.default_rng(SEED)
-    reach = np.where(list(prismatic), 1.0, np.pi)
-    q, dq, ddq = random.uniform(-1.0, 1.0, (3, STATES, joints))
-    return States(q=reach * q, dq=SPEED * dq, ddq=ACCELERATION * ddq)
-
-
 def our_torque(
     estimate: Estimate,
     completed: Completion,
@@ -86,14 +63,14 @@ def our_torque(
     """
     model, values = estimate.model, np.array(completed.values)
     if held is None or friction is None:
-        torque = model.inverse_dynamics(states.q, states.dq, states.ddq, values)
-        return torque - model.known_torque(states.q)
+        torque = model.inverse_dynamics(*states, values)
+        return torque - model.known_torque(states[0])
     kept = set(held) - {"Fc", "Fv"}
     for k, column in enumerate(model.columns[10 * model.robot.joints :]):
         if column.name.rstrip("0123456789") not in kept:
             values[10 * model.robot.joints + k] = 0.0
-    torque = model.inverse_dynamics(states.q, states.dq, states.ddq, values)
-    return torque + friction.torque(states.dq)
+    torque = model.inverse_dynamics(*states, values)
+    return torque + friction.torque(states[1])
 
 
 _TIMEOUT_S = 120.0
@@ -131,7 +108,7 @@ def python_torque(path: Path, states: States) -> tuple[Array, str]:
     Raises:
         JobError: The file does not run.
     """
-    given = json.dumps([states.q.tolist(), states.dq.tolist(), states.ddq.tolist()])
+    given = json.dumps([values.tolist() for values in states])
     answer = _run([sys.executable, "-I", "-c", _PYTHON, str(path)], given, "the Python file")
     name = f"Python {sys.version_info.major}.{sys.version_info.minor}, NumPy {np.__version__}"
     return np.array(json.loads(answer)), name
@@ -148,7 +125,7 @@ def c_torque(path: Path, prefix: str, states: States) -> tuple[Array | None, str
     compiler = c_compiler()
     if compiler is None:
         return None, "no C compiler was found (cc, gcc or clang)"
-    rows = np.concatenate([states.q, states.dq, states.ddq], axis=1)
+    rows = np.concatenate(states, axis=1)
     given = "\n".join(" ".join(map(repr, row)) for row in rows.tolist())
     with tempfile.TemporaryDirectory(prefix="dynid-c-") as folder:
         source, program = Path(folder) / "main.c", Path(folder) / "main"
@@ -198,13 +175,8 @@ def urdf_torque(path: Path, gravity: float, states: States) -> tuple[Array | Non
         raise JobError("pinocchio cannot read the file", where=str(path), value=error) from error
     model.gravity.linear = np.array([0.0, 0.0, -gravity])
     data = model.createData()
-    rigid = np.array(
-        [
-            pin.rnea(model, data, *state)
-            for state in zip(states.q, states.dq, states.ddq, strict=True)
-        ]
-    )
-    rubbing = model.damping * states.dq + model.upperDryFrictionLimit * np.sign(states.dq)
+    rigid = np.array([pin.rnea(model, data, *state) for state in zip(*states, strict=True)])
+    rubbing = model.damping * states[1] + model.upperDryFrictionLimit * np.sign(states[1])
     return rigid + rubbing, f"pinocchio {pin.__version__}"
 
 
@@ -226,10 +198,10 @@ def mjcf_torque(path: Path, states: States) -> tuple[Array | None, str]:
         raise JobError("MuJoCo cannot read the file", where=str(path), value=error) from error
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     data = mujoco.MjData(model)
-    torque = np.empty(states.q.shape)
-    for k, (q, dq, ddq) in enumerate(zip(states.q, states.dq, states.ddq, strict=True)):
+    torque = np.empty(states[0].shape)
+    for k, (q, dq, ddq) in enumerate(zip(*states, strict=True)):
         data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
         mujoco.mj_inverse(model, data)
         torque[k] = data.qfrc_inverse
-    torque += model.dof_frictionloss * np.sign(states.dq)
+    torque += model.dof_frictionloss * np.sign(states[1])
     return torque, f"MuJoCo {mujoco.__version__}"

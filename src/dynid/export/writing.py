@@ -17,16 +17,17 @@ from dynid.export.model import ExportModel, NearestFriction, completed_model, ne
 from dynid.export.python_code import python_code
 from dynid.export.robot_xml import left_out, stand_in_words
 from dynid.export.verification import (
+    STATES,
     States,
     Verification,
     c_torque,
     mjcf_torque,
     our_torque,
     python_torque,
-    random_motion,
     urdf_torque,
 )
 from dynid.identification import Estimate, EstimateLike, open_estimate
+from dynid.reduction import random_states
 from dynid.regressor import ripples_from_json
 from dynid.robot import PARAMETERS, robot_from_json, robot_to_json
 
@@ -84,44 +85,22 @@ def model_to_json(model: ExportModel) -> dict[str, Any]:
 
 
 def model_from_json(data: Mapping[str, Any]) -> ExportModel:
-    """The model of an object that `model_to_json` made.
-
-    Raises:
-        InputError: Not such an object, or a damaged one.
-    """
-    if data.get("format") != FORMAT or data.get("version") != VERSION:
-        raise InputError(
-            "not a dynid model",
-            value=(data.get("format"), data.get("version")),
-            limit=(FORMAT, VERSION),
-        )
-    try:
-        robot = robot_from_json(data["robot"])
-        # Files of before there was friction by load have neither key.
-        load = data.get("load")
-        motors: list[dict[str, Any]] = data["coupled_motors"]
-        return ExportModel(
-            robot=robot,
-            inertials=_rows(data["links"]),
-            terms={str(symbol): np.array(values) for symbol, values in data["terms"].items()},
-            width=np.array(data["coulomb_width"]),
-            stribeck_velocity=float(data["stribeck_velocity"]),
-            shares=np.array([one["turns_per_joint_turn"] for one in motors]).reshape(
-                -1, robot.joints
-            ),
-            motors=tuple(int(one["motor"]) - 1 for one in motors),
-            load=None if load is None else _rows(load),
-            ripples=ripples_from_json(data.get("ripples")),
-            physical=bool(data["physical"]),
-            worst=str(data["worst"]),
-            origin=str(data["origin"]),
-        )
-    except InputError:
-        raise
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise InputError(
-            "the model is damaged", value=f"{type(error).__name__}: {error}"
-        ) from error
+    """The model of an object that `model_to_json` made."""
+    robot, motors, load = robot_from_json(data["robot"]), data["coupled_motors"], data["load"]
+    return ExportModel(
+        robot=robot,
+        inertials=_rows(data["links"]),
+        terms={str(symbol): np.array(values) for symbol, values in data["terms"].items()},
+        width=np.array(data["coulomb_width"]),
+        stribeck_velocity=data["stribeck_velocity"],
+        shares=np.array([one["turns_per_joint_turn"] for one in motors]).reshape(-1, robot.joints),
+        motors=tuple(one["motor"] - 1 for one in motors),
+        load=None if load is None else _rows(load),
+        ripples=ripples_from_json(data["ripples"]),
+        physical=data["physical"],
+        worst=data["worst"],
+        origin=data["origin"],
+    )
 
 
 def _links(model: ExportModel, rows: Array) -> list[dict[str, Any]]:
@@ -243,7 +222,7 @@ def write_model(estimate: EstimateLike, path: str | Path, to: str, note: str = "
     path = Path(path)
     place = file_behind(path)
     model, completed = completed_model(estimate)
-    states = random_motion(model.joints, model.robot.prismatic)
+    states = random_states(model.robot, STATES, seed=0)
     kind = _FORMATS[to]
     friction = None if kind.held is None else nearest_friction(estimate, completed, model)
     ours = our_torque(estimate, completed, states, kind.held, friction)

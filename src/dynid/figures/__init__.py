@@ -2,28 +2,22 @@
 
 from dynid.figures.axes import Axis, axis_around, category_axis, number, units
 from dynid.figures.marks import (
-    ROLES,
     Band,
     Bars,
-    LegendEntry,
     Level,
     Line,
     Mark,
     Points,
     Ranges,
     Spans,
-    Texts,
-    colour,
     joint_role,
     joint_unit,
     legend,
     script,
     shaded,
     style,
-    thinned,
 )
 from dynid.figures.svg import (
-    FORMATS,
     Figure,
     Panel,
     document,
@@ -35,13 +29,10 @@ from dynid.figures.svg import (
 )
 
 __all__ = [
-    "FORMATS",
-    "ROLES",
     "Axis",
     "Band",
     "Bars",
     "Figure",
-    "LegendEntry",
     "Level",
     "Line",
     "Mark",
@@ -49,10 +40,8 @@ __all__ = [
     "Points",
     "Ranges",
     "Spans",
-    "Texts",
     "axis_around",
     "category_axis",
-    "colour",
     "document",
     "file_name",
     "fragment",
@@ -65,7 +54,6 @@ __all__ = [
     "script",
     "shaded",
     "style",
-    "thinned",
     "units",
     "write_figure",
 ]

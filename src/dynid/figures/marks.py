@@ -1,4 +1,4 @@
-"""What is drawn in a plot: lines, points, bands, bars, stretches of time, levels and texts.
+"""What is drawn in a plot: lines, points, bands, bars, stretches of time and levels.
 
 Every mark has a role (`ROLES`), which is its colour on light and on dark ground.
 """
@@ -181,18 +181,7 @@ class Level:
     dash: str = "4 3"
 
 
-@dataclass(frozen=True, slots=True)
-class Texts:
-    """Short texts in the plot; their middle stands at the place."""
-
-    x: ArrayLike
-    y: ArrayLike
-    texts: Sequence[str]
-    role: str = "ink"
-    size: float = 12.0
-
-
-Mark = Line | Points | Band | Bars | Ranges | Spans | Level | Texts
+Mark = Line | Points | Band | Bars | Ranges | Spans | Level
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,7 +198,7 @@ def legend(marks: Sequence[Mark]) -> tuple[LegendEntry, ...]:
     """One entry a name, in the order in which they are drawn."""
     found: dict[str, LegendEntry] = {}
     for mark in marks:
-        if not isinstance(mark, Texts) and mark.name:
+        if mark.name:
             found.setdefault(mark.name, LegendEntry(mark.name, mark.role, _swatch(mark)))
     return tuple(found.values())
 

@@ -21,13 +21,11 @@ from dynid.figures.marks import (
     Band,
     Bars,
     LegendEntry,
-    Level,
     Line,
     Mark,
     Points,
     Ranges,
     Spans,
-    Texts,
     colour,
     legend,
     thinned,
@@ -210,7 +208,7 @@ def _strokes(sheet: _Ground, mark: Mark) -> Iterator[str]:
         ends = sheet.across(np.asarray(mark.stretches, dtype=np.float64).reshape(-1, 2))
         path = "".join(f"M{a:.0f} 0H{b:.0f}V{tall:.0f}H{a:.0f}z" for a, b in ends)
         yield f'<path {sheet.area(mark.role)} d="{path}"/>'
-    elif isinstance(mark, Level):
+    else:
         if mark.upright:
             path = f"M{sheet.across(mark.value):.0f} 0V{tall:.0f}"
         else:
@@ -240,13 +238,6 @@ def _picture(sheet: _Ground, panel: Panel, most: int, ticks: bool, named: bool =
         f'<svg {size} viewBox="0 0 {wide:.0f} {tall:.0f}" preserveAspectRatio="none">'
         f"{''.join(inner)}</svg>"
     ]
-    for mark in panel.marks:
-        if isinstance(mark, Texts):
-            places = zip(sheet.x.share(mark.x), sheet.y.share(mark.y), mark.texts, strict=True)
-            for a, b, text in places:
-                x, y = float(a), float(b if sheet.y.names else 1 - b)
-                at = sheet.place(x, 0), sheet.place(y, 1)
-                drawn.append(sheet.text(*at, text, mark.role, "middle", mark.size))
     if named:
         texts = ""
         for value, text in rows:

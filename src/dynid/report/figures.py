@@ -15,7 +15,6 @@ from dynid.figures import (
     Points,
     Ranges,
     Spans,
-    Texts,
     axis_around,
     category_axis,
     joint_role,
@@ -68,7 +67,6 @@ def torque_panels(item: ReportedEstimate, result: ValidationResult, j: int) -> t
     reach = _rounded_up(max(5.0 * usual, 1e-6))
     told = item.estimate.assessment
     noise = 0.0 if told is None else float(told.noise_floor[j])
-    beyond = _beyond(t, error, reach)
     edges = ([-2 * noise] * 2, [2 * noise] * 2)
     band = (Band(t[[0, -1]], *edges, name="noise ±2 σ"),) if noise else ()  # noqa: RUF001
     return (
@@ -85,7 +83,7 @@ def torque_panels(item: ReportedEstimate, result: ValidationResult, j: int) -> t
         Panel(
             title=f"{name}, residual",
             y=Axis(low=-reach, high=reach, label=unit, bounds=True),
-            marks=(*events, *band, Line(t, error, "residual", "residual", 0.8), *beyond),
+            marks=(*events, *band, Line(t, error, "residual", "residual", 0.8)),
             height=30,
         ),
     )
@@ -94,17 +92,6 @@ def torque_panels(item: ReportedEstimate, result: ValidationResult, j: int) -> t
 def _rounded_up(value: float) -> float:
     decade = 10.0 ** np.floor(np.log10(value))
     return float(decade * next(s for s in (1, 2, 3, 4, 5, 6, 8, 10) if s * decade >= value))
-
-
-def _beyond(t: Array, error: Array, reach: float) -> tuple[Texts, ...]:
-    """One small arrow at each peak that leaves the strip."""
-    marks: list[Texts] = []
-    for sign, arrow in ((1.0, "▴"), (-1.0, "▾")):
-        peaks = [(a + b) / 2 for a, b in shaded(t, sign * error > reach)]
-        if peaks:
-            at = [sign * 0.86 * reach] * len(peaks)
-            marks.append(Texts(peaks, at, [arrow] * len(peaks), "residual", size=8))
-    return tuple(marks)
 
 
 def torque_figure(item: ReportedEstimate) -> Figure | None:

@@ -31,6 +31,7 @@ from dynid.figures import (
     write_figure,
 )
 from dynid.identification import CONFIDENCE, JointState, Trend
+from dynid.report import screens
 from dynid.report.appendix import chapters
 from dynid.report.contents import ReportContents, ReportedEstimate, joint_labels
 from dynid.report.figures import (
@@ -42,15 +43,6 @@ from dynid.report.figures import (
     torque_figure,
     torque_panels,
     worst_first,
-)
-from dynid.report.screens import (
-    headline,
-    joint_bars,
-    lead,
-    model_bars,
-    models_words,
-    next_steps,
-    purposes,
 )
 
 DAY_S, PLOT_HEIGHT = 86400.0, 90.0
@@ -166,12 +158,8 @@ def _level(trend: Trend, days: Array, stepped: bool) -> tuple[Array, Array]:
     )
 
 
-def report_figures(contents: ReportContents) -> tuple[Figure, ...]:
-    """All figures of a report, those that decide first.
-
-    Args:
-        contents: What the report is about.
-    """
+def _report_figures(contents: ReportContents) -> tuple[Figure, ...]:
+    """All figures of a report, those that decide first."""
     item = contents.estimates[0]
     drawn = (torque_figure(item), friction_figure(item), links_figure(item), models_figure(item))
     more = (figure for chapter in chapters(contents) for figure in chapter.figures)
@@ -201,7 +189,7 @@ def write_figures(
     endings = (".svg", ".png") if png else (".svg",)
     places = [
         (figure, target / f"{k:02d}-{file_name(figure.title)}{ending}")
-        for k, figure in enumerate(report_figures(contents), start=1)
+        for k, figure in enumerate(_report_figures(contents), start=1)
         for ending in endings
     ]
     require_absent(*(path for _, path in places), force=force)
@@ -230,17 +218,11 @@ def render(contents: ReportContents) -> str:
     page: str = template.render(
         contents=contents,
         item=item,
-        headline=headline(item),
-        lead=lead(item),
-        purposes=purposes(item),
+        screens=screens,
         torque=_torque(item),
-        joint_bars=joint_bars(item),
         friction=friction_figure(item),
         links=links_figure(item),
-        model_bars=model_bars(item),
         models=models_figure(item),
-        models_words=models_words(item),
-        steps=next_steps(contents),
         chapters=list(chapters(contents)),
         style=_markup(style() + _asset("page.css")),
         script=_markup(script() + _asset("page.js")),

@@ -6,6 +6,7 @@ time from a recording.
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import queue
@@ -19,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 from dynid.core import DynidError, InputError
-from dynid.studio.jobs import Job, job_from_line, line, parse
+from dynid.studio.jobs import LEVELS, Job, line
 
 if TYPE_CHECKING:
     from dynid.excitation import HistoryEntry
@@ -58,7 +59,7 @@ class ParentTalk:
         now = time.monotonic()
         if now - self._told >= _TELL_S or share >= 1.0:
             self._told = now
-            self.say({"progress": what, "share": share})
+            self.say({"what": what, "share": min(max(share, 0.0), 1.0)})
 
     def best(self, entry: HistoryEntry) -> None:
         """Tell the criterion of the best motion so far; JSON of pages holds no infinity."""
@@ -73,10 +74,10 @@ class ParentTalk:
             raise InputError("the motion was not confirmed", value=answer or "", limit=word)
 
     def _listen(self) -> None:
-        # What cannot be understood may have been a stop.
-        with suppress(InputError):
+        # What cannot be understood, as of a page that died, may have been a stop.
+        with suppress(ValueError):
             for text in self._heard:
-                message = parse(text)
+                message = json.loads(text)
                 if "answer" not in message:
                     break
                 self._answers.put(str(message["answer"]))
@@ -92,7 +93,7 @@ def main() -> int:
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     talk = ParentTalk(out, sys.stdin)
     try:
-        job = job_from_line(sys.stdin.readline())
+        job = Job(**json.loads(sys.stdin.readline()))
         talk.listen()
         result = _DO[job.kind](job, talk)
     except DynidError as error:
@@ -101,8 +102,11 @@ def main() -> int:
     except KeyboardInterrupt:
         talk.say({"error": "stopped before there was a result"})
         return 130
-    talk.say({"result": result})
+    talk.say({"result": result, "share": 1.0, "what": "done"})
     return 0
+
+
+# Each result has `words` and `level` (`good`, `warn`, `bad`) for the page.
 
 
 def _design(job: Job, talk: ParentTalk) -> dict[str, Any]:
@@ -110,7 +114,10 @@ def _design(job: Job, talk: ParentTalk) -> dict[str, Any]:
 
     settings = DesignSettings(**job.options)
     found = design(job.source, settings, output=job.output, progress=talk.progress, watch=talk.best)
-    return found.to_json()
+    result = found.to_json()
+    early = ", stopped early" if result["interrupted"] else ""
+    words = f"Condition number {result['condition_number']:.4g}, {result['certificate']}{early}"
+    return result | {"words": words, "level": "good" if result["feasible"] else "warn"}
 
 
 def _run(job: Job, talk: ParentTalk) -> dict[str, Any]:
@@ -128,7 +135,11 @@ def _run(job: Job, talk: ParentTalk) -> dict[str, Any]:
             cancel=cancel,
             progress=talk.progress,
         )
-    return result.to_json()
+    outcome, abort = result.result.outcome, result.abort
+    words = f"{outcome.samples} samples, {outcome.gaps} gaps"
+    if abort is not None:
+        words = f"{words}; stopped: {abort.message}"
+    return result.to_json() | {"words": words, "level": "good" if abort is None else "warn"}
 
 
 def _identify(job: Job, talk: ParentTalk) -> dict[str, Any]:
@@ -145,14 +156,17 @@ def _identify(job: Job, talk: ParentTalk) -> dict[str, Any]:
         progress=talk.progress,
     )
     judged = verdict(result)
-    return {"level": judged.level, "headline": judged.headline, "file": job.output}
+    return {"words": judged.headline, "level": LEVELS[judged.level]}
 
 
 def _import(job: Job, talk: ParentTalk) -> dict[str, Any]:
     from dynid.workflow import import_recording
 
     talk.progress("read the log", 0.1)
-    return import_recording([job.source], job.output, robot=job.options["robot"]).to_json()
+    result = import_recording([job.source], job.output, robot=job.options["robot"]).to_json()
+    problems = [str(item) for item in result["problems"]]
+    words = ". ".join([f"{result['samples']} samples at {result['rate_hz']:.4g} Hz", *problems])
+    return result | {"words": words, "level": "warn" if problems else "good"}
 
 
 _DO: dict[str, Callable[[Job, ParentTalk], dict[str, Any]]] = {

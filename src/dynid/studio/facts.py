@@ -6,7 +6,7 @@ Text from files and robots is made printable here; the page writes it as text, n
 import base64
 import math
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,8 @@ from dynid.export import roll_pitch_yaw
 from dynid.recording import ExperimentRecord
 from dynid.report import ReportedEstimate
 from dynid.robot import RobotModel
-from dynid.studio.live import Instant, Tail
-from dynid.studio.opening import PlayedRecord, PlayedTrajectory
+from dynid.studio.jobs import LEVELS
+from dynid.studio.live import Near
 from dynid.studio.scene_editing import SceneEditor
 from dynid.studio.session import Session
 from dynid.studio.solids import LinkMesh, arm_meshes, reach, shaded, shape_mesh
@@ -50,6 +50,9 @@ RECORDED = {
     "temperature": ("Temperature", "°C"),
 }
 """What is drawn of a recording."""
+TAIL_S = 10.0
+TAIL_POINTS = 400
+"""What the page draws of a run."""
 _ALMOST = 0.05
 """Share of a limit below which what is left of it is shown as little."""
 
@@ -111,10 +114,10 @@ def scene_shapes(editor: SceneEditor) -> dict[str, Any]:
     return {"changes": editor.changes, "shapes": shapes}
 
 
-def instant_facts(now: Instant) -> dict[str, Any]:
+def instant_facts(worst: Mapping[str, Worst], near: Sequence[Near]) -> dict[str, Any]:
     """Limits and nearest bodies at one instant."""
     return {
-        "margins": margins(now.worst),
+        "margins": margins(worst),
         "near": [
             {
                 "names": printable(item.names),
@@ -123,7 +126,7 @@ def instant_facts(now: Instant) -> dict[str, Any]:
                 "start": item.start.tolist(),
                 "end": item.end.tolist(),
             }
-            for item in now.near
+            for item in near
         ],
     }
 
@@ -165,7 +168,7 @@ def margins(worst: Mapping[str, Worst]) -> list[dict[str, Any]]:
 def verdict(session: Session) -> dict[str, Any] | None:
     """The verdict on the whole motion that is shown; None where there is none."""
     found = session.verdict
-    if not session.certifiable or found.motion != session.motion.name:
+    if session.motion.trajectory is None or found.motion != session.motion.name:
         return None
     made = found.certificate
     if made is None:
@@ -186,20 +189,21 @@ def verdict(session: Session) -> dict[str, Any] | None:
 def curves(session: Session, name: str) -> dict[str, Any]:
     """A motion over time: positions to play, and groups of curves to draw."""
     item = session.motion_named(name)
-    motion, slides = item.motion, bool(np.any(session.robot.prismatic))
-    if isinstance(motion, PlayedRecord):
-        return _recorded(motion.record, session.robot, slides)
-    if not isinstance(motion, PlayedTrajectory):
+    slides = bool(np.any(session.robot.prismatic))
+    if item.record is not None:
+        return _recorded(item.record, session.robot, slides)
+    if item.trajectory is None:
         raise InputError("a pose has no curves", value=name)
-    count = int(np.clip(motion.duration * RATE_HZ, 200, MOST_SAMPLES)) + 1
-    t = np.linspace(0.0, motion.duration, count)
-    q, dq, ddq = motion.sampled(t)
+    count = int(np.clip(item.duration * RATE_HZ, 200, MOST_SAMPLES)) + 1
+    t = np.linspace(0.0, item.duration, count)
+    motion = item.trajectory.evaluate(t)
+    q, dq, ddq = motion.q, motion.dq, motion.ddq
     shown = {"position": q, "velocity": dq, "acceleration": ddq}
     torque = _expected(session.robot, q, dq, ddq)
     if torque is not None:
         shown = {"torque": torque, **shown}
     groups = [_group(kind, slides, "expected", values) for kind, values in shown.items()]
-    return {"duration": motion.duration, "t": encoded(t), "q": encoded(q), "groups": groups}
+    return {"duration": item.duration, "t": encoded(t), "q": encoded(q), "groups": groups}
 
 
 def _expected(model: RobotModel, q: Array, dq: Array, ddq: Array) -> Array | None:
@@ -230,15 +234,21 @@ def _signals(measured: Mapping[str, Array], model: RobotModel) -> dict[str, Arra
     return found
 
 
-def tail_facts(tail: Tail, model: RobotModel) -> dict[str, Any]:
-    """The newest samples of a run."""
-    signals = _signals(tail.signals, model)
+def tail_facts(record: ExperimentRecord, model: RobotModel) -> dict[str, Any]:
+    """The last seconds of a run, thinned to what a small plot can show, the newest sample kept."""
+    t: Array = record.t - record.t[0]
+    signals = _signals(record.signals, model)
+    first = int(np.searchsorted(t, float(t[-1]) - TAIL_S))
+    step = max(1, -(-(len(t) - first) // TAIL_POINTS))
+    chosen = np.arange(len(t) - 1, first - 1, -step)[::-1]
     return {
-        "samples": tail.samples,
-        "t": encoded(tail.t),
-        "q": encoded(tail.signals["q"]),
+        "samples": record.samples,
+        "t": encoded(t[chosen]),
+        "q": encoded(signals["q"][chosen]),
         "groups": {
-            RECORDED[name][0]: encoded(signals[name]) for name in RECORDED if name in signals
+            RECORDED[name][0]: encoded(signals[name][chosen])
+            for name in RECORDED
+            if name in signals
         },
     }
 
@@ -286,7 +296,7 @@ def _facts(item: ReportedEstimate) -> dict[str, Any]:
     names = estimate.model.robot.joint_names
     found: dict[str, Any] = {
         "name": printable(item.name, 120),
-        "level": {"usable": "good", "do_not_use": "bad"}.get(item.level, "warn"),
+        "level": LEVELS[item.level],
         "headline": printable(item.headline, 300),
         "warnings": [printable(str(warning), 300) for warning in item.warnings[:6]],
         "parameters": [

@@ -1,7 +1,7 @@
 """Long jobs as values, the process of each, and the lines in which it talks with the page.
 
 A job's process reads its job from the first line of its stdin. What it has to say goes to its
-stdout, one JSON object a line: `progress`, `criterion`, `ask`, then `result` or `error`. Further
+stdout, one JSON object a line: what changes of `JobState`, or the `criterion` of a search. Further
 lines on its stdin are `answer` and `stop`; the end of its stdin is a stop too, so that no robot
 goes on moving for a page that is gone.
 """
@@ -15,23 +15,17 @@ import threading
 import time
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
-from typing import Any, cast
+from typing import Any
 
-from dynid.core import InputError, JobError, check_word
-
-KINDS = ("design", "run", "identify", "import")
+from dynid.core import JobError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """What another process shall do.
-
-    Raises:
-        InputError: An unknown kind.
-    """
+    """What another process shall do."""
 
     kind: str
-    """One of `KINDS`."""
+    """`design`, `run`, `identify` or `import`."""
     source: str
     """What it starts from: the robot, the design, or the recording."""
     output: str
@@ -41,38 +35,14 @@ class Job:
     target: str = "sim"
     """What moves: `sim` or `ur://HOST`."""
 
-    def __post_init__(self) -> None:
-        check_word(self.kind, KINDS)
-
-
-def job_to_line(job: Job) -> str:
-    """A job as a line."""
-    return line(asdict(job))
-
-
-def job_from_line(text: str) -> Job:
-    """The inverse of `job_to_line`; InputError where it is no job."""
-    try:
-        return Job(**parse(text))
-    except TypeError as error:
-        raise InputError("this is no job", value=text) from error
-
 
 def line(message: dict[str, Any]) -> str:
     """A message as a line."""
     return json.dumps(message) + "\n"
 
 
-def parse(text: str) -> dict[str, Any]:
-    """A message from its line; InputError where it is none."""
-    found: object = None
-    with suppress(ValueError):
-        found = json.loads(text)
-    if not isinstance(found, dict):
-        raise InputError("this is no message", value=text)
-    return cast("dict[str, Any]", found)
-
-
+LEVELS = {"usable": "good", "care": "warn", "do_not_use": "bad"}
+"""Levels of verdicts as the page colours them."""
 _LAST = 4_000
 """Characters of a dead process's stderr that are looked at."""
 
@@ -130,7 +100,7 @@ class Supervisor:
         except OSError as error:
             self._errors.close()
             raise JobError("the job's process cannot be started", value=error.strerror) from error
-        self._send(job_to_line(job))
+        self._send(line(asdict(job)))
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
@@ -154,7 +124,7 @@ class Supervisor:
         """Tell it to stop: a robot comes to rest, a search keeps its best motion."""
         if self.state.ended or self.state.stopping:
             return
-        self._change(stopping=True, what="stopping", ask=None)
+        self._change(stopping=True, ask=None)
         self._send(line({"stop": True}))
 
     def wait(self, timeout: float | None = None) -> JobState:
@@ -174,10 +144,11 @@ class Supervisor:
     def _read(self) -> None:
         stream = self._process.stdout
         for text in stream or ():
-            try:
-                self._take(parse(text))
-            except InputError as error:
-                self._change(error=str(error))
+            message = json.loads(text)
+            if "criterion" in message:
+                now = time.monotonic() - self._began
+                message = {"history": (*self.state.history, (now, message["criterion"]))}
+            self._change(**message)
         code = self._process.wait()
         for end in (self._process.stdin, stream):
             # There may be a line that it no longer wanted to hear.
@@ -189,24 +160,6 @@ class Supervisor:
             self._change(error=f"its process ended with code {code}: {self._last_words()}")
         self._errors.close()
         self._change(ended=True, ask=None)
-
-    def _take(self, message: dict[str, Any]) -> None:
-        if "progress" in message:
-            self._progress(str(message["progress"]), float(message["share"]))
-        elif "criterion" in message:
-            now = time.monotonic() - self._began
-            self._change(history=(*self.state.history, (now, float(message["criterion"]))))
-        elif "ask" in message:
-            self._change(ask=str(message["ask"]), word=str(message["word"]))
-        elif "result" in message:
-            self._change(result=dict(message["result"]), share=1.0, what="done")
-        elif "error" in message:
-            self._change(error=str(message["error"]))
-
-    def _progress(self, what: str, share: float) -> None:
-        with self._lock:
-            words = self._state.what if self._state.stopping else what
-            self._state = replace(self._state, what=words, share=min(max(share, 0.0), 1.0))
 
     def _change(self, **values: Any) -> None:
         with self._lock:

@@ -1,4 +1,4 @@
-"""The limits at one instant, and the last seconds of a recording while it is made.
+"""The limits at one instant, and a recording while it is made.
 
 The page reads the same file that a crash would leave behind, so the recorder neither knows of
 the page nor waits for it.
@@ -13,7 +13,6 @@ import numpy as np
 from dynid.constraints import DISTANCES, CollisionBodies, MotionConstraints, Worst
 from dynid.core import Array, RecordError
 from dynid.recording import ExperimentRecord, partial_path, recover
-from dynid.robot import joint_poses
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,37 +32,24 @@ class Near:
     """(3) on the other's."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Instant:
-    """What is true now."""
-
-    poses: Array
-    """(n, 4, 4) joint frames in the base frame [m]."""
-    worst: dict[str, Worst]
-    """Kind of limit to its use."""
-    near: tuple[Near, ...]
-    """The nearest pair of each kind of distance."""
-
-
-def instant(constraints: MotionConstraints, q: Array, dq: Array, ddq: Array) -> Instant:
-    """Judge one instant: (n) positions, velocities and accelerations."""
+def instant(
+    constraints: MotionConstraints, q: Array, dq: Array, ddq: Array
+) -> tuple[dict[str, Worst], list[Near]]:
+    """Judge (n) positions, velocities, accelerations: limits used, nearest pair of each kind."""
     rows = [np.array(values, dtype=np.float64)[None] for values in (q, dq, ddq)]
     around = constraints.surroundings
     near: list[Near] = []
     if around is not None:
-        for kind in DISTANCES:
-            if names := around.names.get(kind):
-                near.append(_near(constraints, around.bodies, kind, names, rows[0]))
-    worst = constraints.usage(*rows).worst
-    return Instant(poses=joint_poses(constraints.robot, q), worst=worst, near=tuple(near))
+        kinds = [kind for kind in DISTANCES if around.names.get(kind)]
+        near = [_near(constraints, around.bodies, k, around.names[k], rows[0]) for k in kinds]
+    return constraints.usage(*rows).worst, near
 
 
 def _near(
     constraints: MotionConstraints, bodies: CollisionBodies, kind: str, names: list[str], q: Array
 ) -> Near:
     around = kind == "environment"
-    found = bodies.nearest(q, around=around)
-    row = int(found.pair[0])
+    row = int(bodies.nearest(q, around=around).pair[0])
     first, second = (bodies.around if around else bodies.own)[row]
     nearer = 0.0 if around else float(bodies.nearer[row])
     distance, ends = bodies.closest(q[0], int(first), int(second))
@@ -79,24 +65,9 @@ def _near(
     )
 
 
-SHOWN_S = 10.0
-"""What the page draws [s]."""
-POINTS = 400
 _EVERY_S = 0.3
 _BUSY = 20.0
 """Reading takes one part in so many of the time at most."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tail:
-    """The newest samples."""
-
-    t: Array
-    """(N) seconds of the recording."""
-    signals: dict[str, Array]
-    """Quantity to (N, n) values."""
-    samples: int
-    """In the whole recording so far."""
 
 
 class TailReader:
@@ -111,8 +82,8 @@ class TailReader:
         self._next = 0.0
         self._size = 0
 
-    def read(self, now: float) -> Tail | None:
-        """The newest samples; None where there are no new ones, or it is too early to look.
+    def read(self, now: float) -> ExperimentRecord | None:
+        """What there is; None where there is nothing new, or it is too early to look.
 
         Args:
             now: Time of a clock that only goes forward [s].
@@ -131,18 +102,4 @@ class TailReader:
             return None
         self._size = size
         self._next = now + max(_EVERY_S, _BUSY * (time.perf_counter() - began))
-        return tail_of(record)
-
-
-def tail_of(record: ExperimentRecord, seconds: float = SHOWN_S, points: int = POINTS) -> Tail:
-    """The end of a recording [s], thinned to what a small plot can show, the newest one kept."""
-    stamps: Array = record.t - record.t[0]
-    first = int(np.searchsorted(stamps, float(stamps[-1]) - seconds))
-    step = max(1, -(-(len(stamps) - first) // points))
-    last = len(stamps) - 1
-    chosen = np.arange(last - (last - first) // step * step, last + 1, step)
-    return Tail(
-        t=stamps[chosen],
-        signals={name: values[chosen] for name, values in record.signals.items()},
-        samples=record.samples,
-    )
+        return record

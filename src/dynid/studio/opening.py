@@ -1,7 +1,8 @@
 """What `dynid studio PATH` shows: a robot, a design, or all that lies in a directory."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,82 +19,6 @@ REST = "nothing moves"
 """Name of the motion that is none."""
 
 
-@dataclass(frozen=True, slots=True)
-class PlayedTrajectory:
-    """A trajectory; the certificate is about it."""
-
-    name: str
-    trajectory: Trajectory
-
-    @property
-    def duration(self) -> float:
-        """Its own [s]."""
-        return self.trajectory.duration
-
-    def at(self, t: float) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations (n) at a time [s]."""
-        q, dq, ddq = self.sampled(np.array([np.clip(t, 0.0, self.duration)]))
-        return q[0], dq[0], ddq[0]
-
-    def sampled(self, t: Array) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations (N, n) at times (N) [s]."""
-        motion = self.trajectory.evaluate(t)
-        return motion.q, motion.dq, motion.ddq
-
-
-class PlayedRecord:
-    """What was measured, between the samples in a straight line.
-
-    Velocities are the measured ones where there are any; accelerations are their differences,
-    rough as the encoders are.
-
-    Args:
-        name: What the page calls it.
-        record: The recording, with `q`.
-    """
-
-    def __init__(self, name: str, record: ExperimentRecord) -> None:
-        self.name, self.record = name, record
-        self._t: Array = record.t - record.t[0]
-        self._q = record.signals["q"]
-        measured = record.signals.get("qd")
-        self._dq = np.gradient(self._q, self._t, axis=0) if measured is None else measured
-        self._ddq = np.gradient(self._dq, self._t, axis=0)
-
-    @property
-    def duration(self) -> float:
-        """From the first sample to the last [s]."""
-        return float(self._t[-1])
-
-    def at(self, t: float) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations (n) at a time [s]."""
-        after = int(np.clip(np.searchsorted(self._t, t), 1, len(self._t) - 1))
-        low, high = self._t[after - 1], self._t[after]
-        share = float(np.clip((t - low) / (high - low), 0.0, 1.0))
-        q, dq, ddq = (
-            (1.0 - share) * values[after - 1] + share * values[after]
-            for values in (self._q, self._dq, self._ddq)
-        )
-        return q, dq, ddq
-
-
-@dataclass(frozen=True, slots=True)
-class Held:
-    """A pose that somebody holds by hand."""
-
-    q: Array
-    """(n) [rad or m]"""
-    name: str = REST
-    duration: float = 1.0
-
-    def at(self, t: float) -> tuple[Array, Array, Array]:
-        """The pose, at rest."""
-        rest = np.zeros(len(self.q))
-        return self.q, rest, rest
-
-
-Playable = PlayedTrajectory | PlayedRecord | Held
-"""A motion with a name and an end."""
 DEFAULT_ROBOT = "ur5"
 _LONGEST = 120
 """Characters of a file's name."""
@@ -104,16 +29,59 @@ _SCENE_KEYS = frozenset({"shapes", "payload"})
 class OpenMotion:
     """A motion that can be played, and the file it is from."""
 
-    motion: Playable
-    path: Path
-    design: bool
-    """Whether the file can be run and certified; else it is a recording."""
+    name: str
+    duration: float
+    """From its start to its end [s]."""
+    at: Callable[[float], tuple[Array, Array, Array]]
+    """Positions, velocities and accelerations (n) at a time [s]."""
+    path: Path = Path()
+    trajectory: Trajectory | None = None
+    """Of a design: it can be run and certified."""
+    record: ExperimentRecord | None = None
+    """Of a recording."""
     limits: DesignLimits | None = None
     """What it was designed for."""
     reference: str = DEFAULT_ROBOT
     """Built-in name or path of its robot."""
     robot: RobotModel | None = None
     """The design's, which says how it is mounted."""
+
+
+def held(q: Array) -> OpenMotion:
+    """A pose (n) that somebody holds by hand."""
+    rest = np.zeros(len(q))
+    return OpenMotion(name=REST, duration=1.0, at=lambda _: (q, rest, rest))
+
+
+def _played(trajectory: Trajectory, t: float) -> tuple[Array, Array, Array]:
+    motion = trajectory.evaluate(np.array([np.clip(t, 0.0, trajectory.duration)]))
+    return motion.q[0], motion.dq[0], motion.ddq[0]
+
+
+def recorded(
+    name: str, record: ExperimentRecord, path: Path = Path(), reference: str = DEFAULT_ROBOT
+) -> OpenMotion:
+    """What was measured, between the samples in a straight line.
+
+    Velocities are the measured ones where there are any; accelerations are their differences,
+    rough as the encoders are.
+    """
+    t: Array = record.t - record.t[0]
+    q = record.signals["q"]
+    measured = record.signals.get("qd")
+    dq = np.gradient(q, t, axis=0) if measured is None else measured
+    rows = np.stack([q, dq, np.gradient(dq, t, axis=0)])
+
+    def at(now: float) -> tuple[Array, Array, Array]:
+        after = int(np.clip(np.searchsorted(t, now), 1, len(t) - 1))
+        share = np.clip((now - t[after - 1]) / (t[after] - t[after - 1]), 0.0, 1.0)
+        here = (1.0 - share) * rows[:, after - 1] + share * rows[:, after]
+        return here[0], here[1], here[2]
+
+    duration = float(t[-1])
+    return OpenMotion(
+        name=name, duration=duration, at=at, path=path, record=record, reference=reference
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -165,17 +133,15 @@ def open_motion(path: Path, robot: str | None = None) -> OpenMotion:
     name = printable(path.name, _LONGEST)
     if path.suffix.lower() == ".parquet":
         record = read_record(path)
-        return OpenMotion(
-            motion=PlayedRecord(name, record),
-            path=path,
-            design=False,
-            reference=robot or record.metadata.robot or DEFAULT_ROBOT,
-        )
+        return recorded(name, record, path, robot or record.metadata.robot or DEFAULT_ROBOT)
     found = read_design(path, robot=robot)
+    trajectory = found.stored.trajectory
     return OpenMotion(
-        motion=PlayedTrajectory(name, found.stored.trajectory),
+        name=name,
+        duration=trajectory.duration,
+        at=partial(_played, trajectory),
         path=path,
-        design=True,
+        trajectory=trajectory,
         limits=found.limits,
         reference=robot or found.stored.robot,
         robot=found.robot,
@@ -226,13 +192,13 @@ def _files(paths: list[Path], folder: Path, robot: str | None, *, strict: bool) 
         model = load_robot(reference)
     kept: list[OpenMotion] = []
     for item in motions:
-        joints = len(item.motion.at(0.0)[0])
+        joints = len(item.at(0.0)[0])
         if joints == model.joints:
             kept.append(item)
         else:
             skipped.append((item.path.name, f"{joints} joints, not {model.joints}"))
-    held = [item.limits for item in kept if item.limits]
-    limits = next((item for item in held if item.scene), held[0] if held else DesignLimits())
+    known = [item.limits for item in kept if item.limits]
+    limits = next((item for item in known if item.scene), known[0] if known else DesignLimits())
     if scene is None:
         scene, scene_file = limits.scene, limits.scene_file
     return Opened(

@@ -34,6 +34,8 @@ FILES = {
 """What a job's file is called unless its name is typed; numbered where there is one."""
 EXPORTS = {"urdf": ".urdf", "mjcf": ".xml", "c": ".h", "python": ".py", "json": ".json"}
 """Formats of models, and how their files end."""
+TOLD = ("what", "share", "ask", "word", "stopping", "history")
+"""What the page hears of a job's state."""
 ROBOT_FILES = (".urdf", ".toml")
 _TICK_S = 0.1
 _TICK_WHILE_RUNNING_S = 0.2
@@ -58,7 +60,6 @@ class Page:
         self._actions: dict[str, Callable[[JsonFields], dict[str, Any] | None]] = {
             "choose": self._choose,
             "judge": self._judge,
-            "certify": lambda _: self._certify(),
             "add": self._add_shape,
             "place": self._place,
             "resize": self._resize,
@@ -86,7 +87,7 @@ class Page:
     def run(self, stop: threading.Event) -> None:
         """Keep the news up to date until `stop` is set."""
         # The first certificate compiles for seconds on a new machine: visitors need not wait.
-        threading.Thread(target=self._certify, daemon=True).start()
+        threading.Thread(target=self.session.certify, daemon=True).start()
         while not stop.is_set():
             busy = self.step(time.monotonic())
             stop.wait(_TICK_WHILE_RUNNING_S if busy else _TICK_S)
@@ -154,7 +155,7 @@ class Page:
                 "robot": printable(session.robot.name),
                 "folder": printable(session.folder.resolve().name),
                 "motions": [
-                    {"name": name, "design": item.design, "duration": item.motion.duration}
+                    {"name": name, "design": item.trajectory is not None, "duration": item.duration}
                     for name, item in session.motions.items()
                 ],
                 "motion": session.motion.name if session.motion.name in session.motions else "",
@@ -209,12 +210,12 @@ class Page:
         session = self.session
         if suffix in ROBOT_FILES:
             self._open(open_path(str(path)))
-            threading.Thread(target=self._certify, daemon=True).start()
+            threading.Thread(target=self.session.certify, daemon=True).start()
             return f"{self.session.robot.name} is shown"
         kind = kind_of(path) if suffix == ".json" else ""
         if kind == "design":
             session.open(path)
-            self._certify()
+            self.session.certify()
             return f"{path.name} is open"
         if kind == "estimate":
             session.estimates.append(path)
@@ -242,7 +243,7 @@ class Page:
 
     def _choose(self, asked: JsonFields) -> None:
         self.session.choose(asked.text("name"))
-        self._certify()
+        self.session.certify()
 
     def _judge(self, asked: JsonFields) -> dict[str, Any]:
         """Limits and nearest bodies at a time of the motion, or at a pose that the page shows."""
@@ -253,11 +254,7 @@ class Page:
             q = asked.vector("q")
             dq = asked.vector("dq") if asked.get("dq") is not None else np.zeros(len(q))
             ddq = np.zeros(len(q))
-        return facts.instant_facts(session.look(q, dq, ddq))
-
-    def _certify(self) -> None:
-        if self.session.certifiable:
-            self.session.certify()
+        return facts.instant_facts(*session.look(q, dq, ddq))
 
     def _add_shape(self, asked: JsonFields) -> dict[str, Any]:
         with self.session.lock:
@@ -284,7 +281,9 @@ class Page:
             )
 
     def _save(self, asked: JsonFields) -> dict[str, Any]:
-        return {"words": f"saved: {self.session.save_scene(asked.text('file')).name}"}
+        with self.session.lock:
+            self.session.scene_name = self.session.save_scene(asked.text("file")).name
+        return {"words": f"saved: {self.session.scene_name}"}
 
     def _design(self, asked: JsonFields) -> None:
         session = self.session
@@ -302,7 +301,7 @@ class Page:
     def _run(self, asked: JsonFields) -> None:
         session = self.session
         chosen = session.motions.get(session.motion.name)
-        if chosen is None or not chosen.design:
+        if chosen is None or chosen.trajectory is None:
             raise InputError("choose a design first", value=session.motion.name)
         options = {
             "repeat": asked.whole("repeat"),
@@ -316,7 +315,7 @@ class Page:
     def _identify(self, asked: JsonFields) -> None:
         session = self.session
         chosen = session.motions.get(asked.text("record"))
-        if chosen is None or chosen.design:
+        if chosen is None or chosen.record is None:
             raise InputError("choose a recording; make one in the step Run, or drop a log here")
         other = session.motions.get(asked.text("validate"))
         options = {
@@ -350,9 +349,9 @@ class Page:
         return {"words": ". ".join([f"written: {name}", *notes])}
 
     def _follow(self, job: Supervisor, state: JobState, clock: float) -> None:
-        tail = None if self._reader is None else self._reader.read(clock)
-        if tail is not None:
-            self._tail = facts.tail_facts(tail, self.session.robot)
+        record = None if self._reader is None else self._reader.read(clock)
+        if record is not None:
+            self._tail = facts.tail_facts(record, self.session.robot)
         if not state.ended:
             return
         self._done, self._reader, self._tail = job, None, None
@@ -361,7 +360,7 @@ class Page:
         if result is None:
             return
         try:
-            self._ending |= _ENDINGS[job.job.kind](result)
+            self._ending = {"words": result["words"], "level": result["level"]}
             self._take_result(job.job, result)
         except DynidError as error:
             self._ending = {"words": str(error), "level": "bad"}
@@ -375,7 +374,7 @@ class Page:
         made = result.get("record") if job.kind == "run" else job.output
         if isinstance(made, str):
             session.open(Path(made))
-            self._certify()
+            self.session.certify()
 
     def _job_state(self) -> dict[str, Any] | None:
         job = self.session.job
@@ -389,51 +388,10 @@ class Page:
             "made": printable(Path(job.job.output).name, 120),
             "target": printable(job.job.target),
             "repeat": job.job.options.get("repeat", 1),
-            "what": printable(state.what, 200),
-            "share": state.share,
-            "ask": state.ask,
-            "word": state.word,
-            "stopping": state.stopping,
+            **{key: getattr(state, key) for key in TOLD},
             "ended": ended,
-            "history": state.history,
             **(self._ending if ended else {}),
         }
-
-
-def _design_words(result: dict[str, Any]) -> dict[str, Any]:
-    early = ", stopped early" if result.get("interrupted") else ""
-    number = result.get("condition_number")
-    value = f"{number:.4g}" if isinstance(number, float) else "unknown"
-    state = str(result.get("certificate", "not judged"))
-    level = "good" if result.get("feasible") else "warn"
-    return {"words": f"Condition number {value}, {state}{early}", "level": level}
-
-
-def _run_words(result: dict[str, Any]) -> dict[str, Any]:
-    words = f"{result.get('samples')} samples, {result.get('gaps')} gaps"
-    cause = result.get("cause")
-    if isinstance(cause, dict):
-        return {"words": f"{words}; stopped: {cause.get('message')}", "level": "warn"}  # pyright: ignore[reportUnknownMemberType]
-    return {"words": words, "level": "good"}
-
-
-def _identify_words(result: dict[str, Any]) -> dict[str, Any]:
-    level = {"usable": "good", "do_not_use": "bad"}.get(str(result.get("level")), "warn")
-    return {"words": str(result.get("headline")), "level": level}
-
-
-def _import_words(result: dict[str, Any]) -> dict[str, Any]:
-    problems = [str(item) for item in result.get("problems", [])]
-    words = f"{result.get('samples')} samples at {result.get('rate_hz', 0):.4g} Hz"
-    return {"words": ". ".join([words, *problems]), "level": "warn" if problems else "good"}
-
-
-_ENDINGS = {
-    "design": _design_words,
-    "run": _run_words,
-    "identify": _identify_words,
-    "import": _import_words,
-}
 
 
 def _copy(stream: BufferedIOBase, file: IO[bytes], length: int) -> None:

@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from dynid.constraints import Certificate, MotionConstraints, certify
+from dynid.constraints import Certificate, MotionConstraints, Worst, certify
 from dynid.core import Array, DynidError, InputError
-from dynid.robot import joint_poses
 from dynid.studio.jobs import Job, Supervisor
-from dynid.studio.live import Instant, instant
-from dynid.studio.opening import Held, Opened, OpenMotion, Playable, PlayedTrajectory, open_motion
+from dynid.studio.live import Near, instant
+from dynid.studio.opening import Opened, OpenMotion, held, open_motion
 from dynid.studio.scene_editing import SceneEditor
 from dynid.workflow import truth_path
 
@@ -75,7 +74,7 @@ class Session:
     def __init__(self, opened: Opened) -> None:
         self.robot, self.reference, self.folder = opened.robot, opened.reference, opened.folder
         self.estimates = list(opened.estimates)
-        self.motions: dict[str, OpenMotion] = {item.motion.name: item for item in opened.motions}
+        self.motions: dict[str, OpenMotion] = {item.name: item for item in opened.motions}
         self.lock = threading.RLock()
         """Held by whoever reads or changes more than one thing."""
         self.editor = SceneEditor(opened.scene)
@@ -86,7 +85,7 @@ class Session:
         self.constraints: MotionConstraints | None = None
         self.verdict = ShownVerdict()
         self.job: Supervisor | None = None
-        self.motion: Playable = Held(_middle(opened))
+        self.motion = held(_middle(opened))
         self._judged = -1
         self.judge()
         if self.motions:
@@ -99,27 +98,31 @@ class Session:
                 return
             self._judged, self.scene_error = self.editor.changes, ""
             # What a design was held to is not what holds here: all that is safe does.
-            held = replace(self.limits, preset="safe", collision=True, scene=None)
+            alone = replace(self.limits, preset="safe", collision=True, scene=None)
             try:
-                around = replace(held, scene=self.editor.to_json())
+                around = replace(alone, scene=self.editor.to_json())
                 self.constraints = around.constraints(self.robot)
             except InputError as error:
                 self.scene_error = str(error)
                 # The page shows a robot that cannot even be judged alone.
                 self.constraints = None
                 with suppress(InputError):
-                    self.constraints = held.constraints(self.robot)
+                    self.constraints = alone.constraints(self.robot)
 
     def surroundings_for_jobs(self) -> dict[str, Any]:
-        """Options of a job for the scene, the floor and the tool."""
-        held = self.limits
-        around = {"floor": held.floor, "tool": held.tool, "payload": held.payload}
-        return {"scene": self.scene_for_jobs(), **around}
+        """Options of a job for the scene, as a file unless it is empty, the floor and the tool."""
+        with self.lock:
+            document, limits = self.editor.to_json(), self.limits
+            there = bool(document["shapes"]) or "payload" in document or self.editor.changes > 0
+            # Not the person's own file: an edit on the page is kept there only when asked to.
+            scene = str(self.save_scene(JOB_SCENE)) if there else None
+        around = {"floor": limits.floor, "tool": limits.tool, "payload": limits.payload}
+        return {"scene": scene, **around}
 
     def choose(self, name: str) -> None:
         """Show another motion; no name holds a pose."""
         with self.lock:
-            self.motion = self.motion_named(name).motion if name else Held(self.motion.at(0.0)[0])
+            self.motion = self.motion_named(name) if name else held(self.motion.at(0.0)[0])
 
     def motion_named(self, name: str) -> OpenMotion:
         """A motion by its name."""
@@ -130,7 +133,7 @@ class Session:
     def open(self, path: Path) -> str:
         """Open a file that a job has made, and choose it; its name."""
         found = open_motion(path)
-        joints = len(found.motion.at(0.0)[0])
+        joints = len(found.at(0.0)[0])
         if joints != self.robot.joints:
             raise InputError(
                 "this is of another robot",
@@ -139,27 +142,27 @@ class Session:
                 limit=self.robot.joints,
             )
         with self.lock:
-            self.motions[found.motion.name] = found
-            self.choose(found.motion.name)
-        return found.motion.name
+            self.motions[found.name] = found
+            self.choose(found.name)
+        return found.name
 
-    def look(self, q: Array, dq: Array, ddq: Array) -> Instant:
+    def look(self, q: Array, dq: Array, ddq: Array) -> tuple[dict[str, Worst], list[Near]]:
         """The limits and the nearest bodies at a pose (n), speed and acceleration."""
         for values in (q, dq, ddq):
             if values.shape != (self.robot.joints,) or not np.isfinite(values).all():
                 raise InputError("this is no pose of the robot", limit=self.robot.joints)
         if self.constraints is None:
-            return Instant(poses=joint_poses(self.robot, q), worst={}, near=())
+            return {}, []
         return instant(self.constraints, q, dq, ddq)
 
     def certify(self) -> ShownVerdict:
-        """Judge the whole motion in the scene; the verdict is kept."""
+        """Judge the whole motion in the scene, if it is a design's; the verdict is kept."""
         with self.lock:
             motion, constraints, changes = self.motion, self.constraints, self.editor.changes
+        if motion.trajectory is None:
+            return self.verdict
         certificate, said = None, ""
         try:
-            if not isinstance(motion, PlayedTrajectory):
-                raise InputError("only a design can be certified", value=motion.name)
             if constraints is None or self.scene_error:
                 raise InputError(self.scene_error or "the robot's limits contradict each other")
             certificate = certify(motion.trajectory, constraints)
@@ -167,11 +170,6 @@ class Session:
             said = str(error)
         self.verdict = ShownVerdict(certificate, said, motion.name, changes)
         return self.verdict
-
-    @property
-    def certifiable(self) -> bool:
-        """Whether a design is shown."""
-        return isinstance(self.motion, PlayedTrajectory)
 
     @property
     def stale(self) -> bool:
@@ -182,26 +180,11 @@ class Session:
         """Write the scene into the studio's folder; where it is."""
         path = file_in(self.folder, name, ".json")
         with self.lock:
-            self._save(path)
-            self.scene_name = name
+            self.judge()
+            if self.scene_error:
+                raise InputError(self.scene_error)
+            self.editor.save(path)
         return path
-
-    def _save(self, path: Path) -> None:
-        self.judge()
-        if self.scene_error:
-            raise InputError(self.scene_error)
-        self.editor.save(path)
-
-    def scene_for_jobs(self) -> str | None:
-        """The scene as a file for a job; None where the page's scene is an empty one."""
-        with self.lock:
-            document = self.editor.to_json()
-            if not document["shapes"] and "payload" not in document and not self.editor.changes:
-                return None
-            # Not the person's own file: an edit on the page is kept there only when asked to.
-            path = self.folder / JOB_SCENE
-            self._save(path)
-            return str(path)
 
     def start(self, job: Job) -> None:
         """Start a job, unless another one is still there or a file where its result goes."""

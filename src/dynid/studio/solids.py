@@ -91,42 +91,19 @@ CREASE = math.radians(40.0)
 """Faces that meet at a larger angle keep their edge."""
 ROUND_CREASE = math.radians(62.0)
 """The same where triangles stand for a round surface."""
-_PARTS = 3
-"""Parts of each edge of a rounded triangle."""
 _NOTHING = 1e-9
 """Twice the area of triangles that are not drawn: the joggled hull has many [m^2]."""
-_BULGE = 0.7
-"""Of a rounded triangle, as a share of what its normals ask for."""
 
 
 def shaded(vertices: Array, faces: Indices, *, smooth: bool) -> Array:
-    """Corners of triangles (V, 3) [m], (F, 3) for drawing: (3 T, 6) place [m] and unit normal.
+    """Corners of triangles (V, 3) [m], (F, 3) for drawing: (3 F, 6) place [m] and unit normal.
 
-    Smooth ones stand for a round surface: they are cut in nine and bulged (Phong tessellation:
-    Boubekeur and Alexa 2008).
+    Smooth ones stand for a round surface.
     """
     first, second, third = vertices[faces].transpose(1, 0, 2)
     faces = faces[np.linalg.norm(np.cross(second - first, third - first), axis=1) > _NOTHING]
     normals = corner_normals(vertices, faces, crease=ROUND_CREASE if smooth else CREASE)
-    if not smooth:
-        return np.hstack([vertices[faces.ravel()], normals])
-    share = np.array([[i, j, _PARTS - i - j] for i, j in _grid(_PARTS)]) / _PARTS
-    corners, normals = vertices[faces], normals.reshape(-1, 3, 3)
-    flat = np.einsum("pk,fkx->fpx", share, corners)
-    rise = np.einsum("fpkx,fkx->fpk", flat[:, :, None] - corners[:, None], normals)
-    bulged = flat - _BULGE * np.einsum("pk,fpk,fkx->fpx", share, rise, normals)
-    turned = np.einsum("pk,fkx->fpx", share, normals)
-    turned /= np.linalg.norm(turned, axis=-1, keepdims=True) + 1e-30
-    number = {place: k for k, place in enumerate(_grid(_PARTS))}
-    small = [[number[i, j], number[i + 1, j], number[i, j + 1]] for i, j in _grid(_PARTS - 1)] + [
-        [number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]] for i, j in _grid(_PARTS - 2)
-    ]
-    # Barycentric steps of the first and the second corner: such triangles turn as the large one.
-    return np.concatenate([bulged, turned], axis=-1)[:, small].reshape(-1, 6)
-
-
-def _grid(parts: int) -> list[tuple[int, int]]:
-    return [(i, j) for i in range(parts + 1) for j in range(parts + 1 - i)]
+    return np.hstack([vertices[faces.ravel()], normals])
 
 
 def corner_normals(vertices: Array, faces: Indices, *, crease: float) -> Array:
