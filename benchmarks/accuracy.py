@@ -29,12 +29,11 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dynid import DesignSettings, ExcitationDesign, ExperimentRecord, design, identify
 from dynid.bench import Plant, arm, plant
 from dynid.constraints import safe_constraints
-from dynid.core import JobError
+from dynid.core import Array, JobError
 from dynid.excitation import assumed_noise, safe_motions
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
@@ -42,7 +41,6 @@ from dynid.robot import RobotModel
 from dynid.trajectory import JointMotion
 from dynid.workflow import IdentifySettings
 
-Array = NDArray[np.float64]
 ARMS = ("ur5", "ur10e", "seven")
 RATE_HZ = 125.0
 STEP_SPEED = 0.001

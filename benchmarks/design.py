@@ -71,9 +71,7 @@ def paper_problem() -> ExcitationProblem:
 def plain_seconds(problem: ExcitationProblem) -> float:
     """CPU time of one evaluation: pinocchio's regressor in a loop, then numpy.linalg.cond."""
     arm, columns = PinocchioArm(problem.base.model.robot), list(problem.base.independent)
-    numbers = random_numbers(
-        region_of(problem), PLAIN_MOTIONS, np.random.default_rng(0), fill=1.0
-    )
+    numbers = random_numbers(region_of(problem), PLAIN_MOTIONS, np.random.default_rng(0), fill=1.0)
     began = time.process_time()
     for x in numbers:
         motion = problem.family.trajectory(x[:, 0], x[:, 1:]).evaluate(problem.times)
