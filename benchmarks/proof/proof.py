@@ -13,14 +13,15 @@ import datetime
 import json
 import os
 import platform
-import re
 import subprocess
 import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from shared.measuring import ROOT, processor
+
 PAGE = ROOT / "docs" / "proof.md"
 LAST_LINES = 3
 """Lines of a step's output that are quoted."""
@@ -122,13 +123,10 @@ def machine() -> str:
     import numpy as np
     import threadpoolctl
 
-    path = Path("/proc/cpuinfo")
-    model = re.search(r"model name\s*: (.+)", path.read_text()) if path.exists() else None
     blas = [info for info in threadpoolctl.threadpool_info() if info["user_api"] == "blas"]
     kernel = ", ".join(f"{b['internal_api']} {b['version']} ({b['architecture']})" for b in blas)
-    processor = model.group(1) if model else platform.processor()
     return (
-        f"{processor}, {os.cpu_count()} cores; {platform.system()} {platform.release()}; "
+        f"{processor()}, {os.cpu_count()} cores; {platform.system()} {platform.release()}; "
         f"Python {platform.python_version()}, NumPy {np.__version__}, {kernel}"
     )
 

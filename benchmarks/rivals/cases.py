@@ -21,9 +21,8 @@ from dynid.export.robot_xml import roll_pitch_yaw
 from dynid.robot import tensor
 from dynid.signals import ProcessingSettings, uniform_signals
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "benchmarks"))
-import real_recordings  # noqa: E402
+sys.path.insert(0, str(Path(__file__).parents[1]))
+import real_recordings
 
 DENSITY = 1000.0
 """Of a ball in the place of a link whose inertia nobody published [kg/m^3]."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import subprocess
 import sys
 import time
@@ -83,6 +84,14 @@ def child(
         raise SystemExit(f"exit code {process.returncode}: {' '.join(map(str, words))[:200]}")
     cpu = usage.ru_utime + usage.ru_stime
     return Child(process.returncode, said, cpu, usage.ru_maxrss / 1024)
+
+
+def processor() -> str:
+    """What the processor calls itself."""
+    path = Path("/proc/cpuinfo")
+    lines = path.read_text().splitlines() if path.exists() else []
+    named = (line.partition(": ")[2] for line in lines if line.startswith("model name"))
+    return next(named, platform.processor())
 
 
 def print_row(cells: Iterable[object]) -> None:
