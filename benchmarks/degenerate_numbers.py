@@ -58,8 +58,8 @@ class Case:
     """A name, or the text of a URDF."""
     q: float = 1.0
     tau: float = 1.0
-    joint: int | slice = slice(None)
-    """Whose positions and torques are scaled."""
+    joint: int | None = None
+    """Whose positions and torques are scaled; None for all."""
     t: float = 1.0
     half_nan: bool = False
 
@@ -71,8 +71,9 @@ class Case:
     def write(self, path: Path) -> None:
         """A text file."""
         t, q, tau = motion(self.joints)
-        q[:, self.joint] *= self.q
-        tau[:, self.joint] *= self.tau
+        scaled = slice(None) if self.joint is None else self.joint
+        q[:, scaled] *= self.q
+        tau[:, scaled] *= self.tau
         if self.half_nan:
             q[::2] = np.nan
         names = ["t", *(f"{kind}{j}" for kind in ("q", "tau") for j in range(self.joints))]

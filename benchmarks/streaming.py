@@ -106,7 +106,7 @@ def identify(path: str, preset: str) -> None:
     estimate = dynid.identify(path or part, "ur5", settings).estimate
     cpu = time.process_time() - begun
     told = {"compiled_mb": compiled, "peak_mb": peak_mb(), "cpu_s": cpu}
-    print(json.dumps(told | {"choices": estimate.choices[-1]}))
+    print(json.dumps(told | {"choices": " ".join(estimate.choices[-1:])}))
 
 
 def hours(number: float, preset: str) -> None:
