@@ -29,12 +29,11 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dynid import DesignSettings, ExcitationDesign, ExperimentRecord, design, identify
 from dynid.bench import Plant, arm, plant
 from dynid.constraints import safe_constraints
-from dynid.core import JobError
+from dynid.core import Array, JobError
 from dynid.excitation import assumed_noise, safe_motions
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
@@ -42,7 +41,6 @@ from dynid.robot import RobotModel
 from dynid.trajectory import JointMotion
 from dynid.workflow import IdentifySettings
 
-Array = NDArray[np.float64]
 ARMS = ("ur5", "ur10e", "seven")
 RATE_HZ = 125.0
 STEP_SPEED = 0.001
@@ -76,23 +74,16 @@ class Arm:
         motion = found.trajectory.evaluate(times)
         torque = np.tile(_torque(real, motion, rich), (count, 1))
         random = np.random.default_rng([seed, count])
-        step = real.position_step
-        record = ExperimentRecord(
-            t=np.arange(len(torque)) / RATE_HZ,
-            signals={
-                "q": np.tile(step * np.round(motion.q / step), (count, 1)),
-                "effort": torque + noise * random.standard_normal(torque.shape),
-            },
-        )
+        q = real.position_step * np.round(motion.q / real.position_step)
+        noisy = torque + noise * random.standard_normal(torque.shape)
+        signals = {"q": np.tile(q, (count, 1)), "effort": noisy}
+        record = ExperimentRecord(t=np.arange(len(torque)) / RATE_HZ, signals=signals)
         result = identify(record, self.robot, IdentifySettings(preset=_PRESETS[rich]))
-        left = size = 0.0
-        for held in self.motions:
-            true = _torque(real, held, rich)
-            told = result.estimate.predict(held.q, held.dq, held.ddq)
-            left += float(np.square(told - true).sum())
-            size += float(np.square(true).sum())
+        true = np.concatenate([_torque(real, held, rich) for held in self.motions])
+        told = [result.estimate.predict(held.q, held.dq, held.ddq) for held in self.motions]
+        error = np.linalg.norm(np.concatenate(told) - true) / np.linalg.norm(true)
         said = 0.0 if result.accuracy is None else result.accuracy.bound_percent
-        return 100 * (left / size) ** 0.5, said
+        return 100 * float(error), said
 
 
 def _torque(real: Plant, motion: JointMotion, rich: bool) -> Array:
@@ -142,8 +133,8 @@ def main() -> int:
     parser.add_argument("--factors", type=float, nargs="+", default=[3.0, 1.0])
     parser.add_argument("--arms", nargs="+", default=list(ARMS))
     asked = parser.parse_args()
-    counts = {False: Count(), True: Count()}
-    plants = {False: asked.plants, True: asked.rich}
+    kinds = ("Coulomb and viscous friction", "rich friction")
+    counts, plants = (Count(), Count()), (asked.plants, asked.rich)
     shares: list[float] = []
     for factor, name in itertools.product(asked.factors, asked.arms):
         arm = Arm.named(name)
@@ -162,23 +153,23 @@ def main() -> int:
             cpu, period = time.process_time() - began, found.trajectory.duration
             line += f" {found.repetitions} x {period:.1f} s, expected"
             line += f" {found.expected.bound_percent:.2f} %, {cpu:.0f} s CPU"
-            for rich, count in counts.items():
-                errors = [count.case(arm, found, noise, k, rich) for k in range(plants[rich])]
+            for rich, what in enumerate(kinds):
+                errors = [
+                    counts[rich].case(arm, found, noise, k, bool(rich)) for k in range(plants[rich])
+                ]
                 if errors:
                     good = sum(error <= percent for error in errors)
-                    line += f"; {('found', 'rich friction')[rich]}: {_range(errors)}, {good} of "
-                    line += f"{len(errors)} reached"
+                    line += f"; {what}: {_range(errors)}, {good} of {len(errors)} reached"
             print(line, flush=True)
             if percent == FIXED_PERCENT:
                 share = found.repetitions * period / FIXED_S
                 shares += [share] * sum(error <= percent for error in by_fixed)
-    for rich, count in counts.items():
-        what = ("Coulomb and viscous friction", "rich friction")[rich]
+    for what, count in zip(kinds, counts, strict=True):
         print(f"{what}: {count.reached} reached, {count.later} in ten times the time, {count.never}"
               f" never, of which said {count.said}")  # fmt: skip
     used = float(np.mean(shares)) if shares else 0.0
     print(f"robot time over 3 x 10 s at {FIXED_PERCENT:g} %: {100 * used:.0f} % (asked: 60)")
-    return int(min(count.share for count in counts.values() if count.reached) < 0.9 or used > 0.6)
+    return int(min(count.share for count in counts if count.reached) < 0.9 or used > 0.6)
 
 
 def _range(errors: list[float]) -> str:

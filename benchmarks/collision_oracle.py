@@ -25,7 +25,9 @@ import math
 import re
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import coal
@@ -39,21 +41,16 @@ from dynid.robot import RobotModel, Tool, load_robot
 from dynid.trajectory import FourierSeries
 from dynid.workflow import DesignSettings, design
 
+_BOXES = [
+    {"type": "box", "size": [0.4, 0.6, 0.5], "position": [0.6, 0, -0.1]},
+    {"type": "box", "size": [0.2, 0.2, 1.0], "position": [-0.4, 0.55, 0.2]},
+    {"type": "cylinder", "radius": 0.1, "length": 1.2, "position": [0, -0.6, 0.3]},
+]
+_WALL = {"type": "wall", "point": [0.75, 0, 0], "normal": [-1, 0, 0]}
 SCENES: tuple[dict[str, Any], ...] = (
     {"shapes": [{"type": "table", "size": [1.4, 1.4], "position": [0, 0, -0.02]}]},
-    {
-        "shapes": [
-            {"type": "floor", "height": -0.6},
-            {"type": "wall", "point": [0.75, 0, 0], "normal": [-1, 0, 0]},
-        ]
-    },
-    {
-        "shapes": [
-            {"type": "box", "size": [0.4, 0.6, 0.5], "position": [0.6, 0, -0.1]},
-            {"type": "box", "size": [0.2, 0.2, 1.0], "position": [-0.4, 0.55, 0.2]},
-            {"type": "cylinder", "radius": 0.1, "length": 1.2, "position": [0, -0.6, 0.3]},
-        ]
-    },
+    {"shapes": [{"type": "floor", "height": -0.6}, _WALL]},
+    {"shapes": _BOXES},
 )
 FLOOR = {"type": "floor", "height": 0}
 TOOL = {"type": "box", "size": [0.08, 0.08, 0.16], "position": [0, 0, 0.08]}
@@ -176,32 +173,34 @@ class Oracle:
         coal.distance(first, places[0], second, places[1], coal.DistanceRequest(), found)
         return float(found.min_distance)
 
+    def _above(self, a: int, normal: np.ndarray, height: float) -> float:
+        """How far a part is above a plane where the arm stands."""
+        at = self.data.oMi[self.parts[a][1]]
+        lowest = float((self.corners[a] @ (at.rotation.T @ normal)).min())
+        return lowest + float(normal @ at.translation) - height
+
     def meets(self, q: np.ndarray) -> tuple[str, float, int]:
         """The first two parts that touch at samples q (N, 6), the least distance, and queries."""
         travel = np.vstack([np.zeros(6), np.cumsum(np.abs(np.diff(q, axis=0)), axis=0)])
         least, queries = math.inf, 0
-        checks: list[tuple[int, Any, str]] = []
+        checks: list[tuple[str, np.ndarray, Callable[[], float]]] = []
         for a, b in self.pairs:
-            name = f"{self.parts[a][0]} - {self.parts[b][0]}"
             # A link's own motion where the other part is of the scene.
-            checks.append((b if b < len(self.corners) else a, (a, b), name))
-        for normal, height in self.planes:
-            for a in range(1, len(self.corners)):
-                checks.append((a, (normal, height), f"{self.parts[a][0]} - plane"))
-        for mover, what, name in checks:
-            rate = self.reach[mover].copy()
-            if isinstance(what[0], int) and what[1] < len(self.corners):
-                rate[: self.parts[what[0]][1]] = 0.0
+            links = b < len(self.corners)
+            rate = self.reach[b if links else a].copy()
+            if links:
+                rate[: self.parts[a][1]] = 0.0
+            name = f"{self.parts[a][0]} - {self.parts[b][0]}"
+            checks.append((name, rate, partial(self._apart, a, b)))
+        for (normal, height), a in itertools.product(self.planes, range(1, len(self.corners))):
+            above = partial(self._above, a, normal, height)
+            checks.append((f"{self.parts[a][0]} - plane", self.reach[a], above))
+        for name, rate, distance in checks:
             way, k = travel @ rate, 0
             while k < len(q):
                 pin.forwardKinematics(self.model, self.data, q[k])
                 queries += 1
-                if isinstance(what[0], int):
-                    far = self._apart(*what)
-                else:
-                    at = self.data.oMi[self.parts[mover][1]]
-                    far = float((self.corners[mover] @ (at.rotation.T @ what[0])).min())
-                    far += float(what[0] @ at.translation) - what[1]
+                far = distance()
                 least = min(least, far)
                 if far <= 0.0:
                     return f"{name} at sample {k}", far, queries
@@ -282,11 +281,6 @@ def random_motion(judge: MotionConstraints, random: np.random.Generator) -> Four
             low *= 0.97
 
 
-def designed(robot: RobotModel, seed: int, starts: int | None) -> Any:
-    """What `dynid design` makes by default."""
-    return design(robot, DesignSettings(starts=starts, seed=seed)).trajectory
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--robots", nargs="*", default=ROBOTS)
@@ -314,7 +308,8 @@ def main() -> None:
             robot = replace(robot, tool=Tool(tcp=np.array((0.0, 0.0, length))))
         judge = safe_constraints(robot, scene_from_json(JsonFields(scene)) if scene else None)
         if plain:
-            motion = designed(robot, given.seed + k, given.starts)
+            settings = DesignSettings(starts=given.starts, seed=given.seed + k)
+            motion = design(robot, settings).trajectory
         else:
             motion = random_motion(judge, np.random.default_rng([given.seed, k]))
         if edge:

@@ -16,7 +16,8 @@ import time
 from pathlib import Path
 
 import numpy as np
-from real_recordings import ROOT, Case, cases, identified
+from real_recordings import Case, cases, identified
+from shared.measuring import DATA, print_head, print_row
 
 import dynid
 from dynid.core import Array
@@ -32,6 +33,9 @@ from dynid.identification.problem import joint_factors
 from dynid.reduction import reduce_model
 from dynid.robot import to_pseudo_inertia
 from dynid.signals import process
+from dynid.simulation import simulate, simulated_arm
+from dynid.trajectory import random_excitation
+from dynid.workflow.running import record_of
 
 POSES = 100_000
 ASKED = "residual +2 %, held out +1 %, all positive, masses within 3, 2 s"
@@ -39,10 +43,6 @@ ASKED = "residual +2 %, held out +1 %, all positive, masses within 3, 2 s"
 
 def simulated() -> list[Case]:
     """The simulated UR5, one motion for another."""
-    from dynid.simulation import simulate, simulated_arm
-    from dynid.trajectory import random_excitation
-    from dynid.workflow.running import record_of
-
     robot = dynid.load_robot("ur5")
     records: list[dynid.ExperimentRecord] = []
     for seed in (1, 2):
@@ -93,15 +93,13 @@ def mass_ratio(case: Case, values: Array) -> float:
     return float(np.exp(np.abs(np.log(found[known] / published[known])).max()))
 
 
-def row(case: Case, preset: str) -> str:
+def cells(case: Case, preset: str) -> tuple[str, ...]:
     """Identify both ways and give a row of the table."""
     results = [
         identified(case, dynid.IdentifySettings(preset=preset, estimator=word))
         for word in ("wls", "sdp")
     ]
     plain, consistent = results
-    assert plain.validation is not None
-    assert consistent.validation is not None
     standard = consistent.estimate.standard
     assert standard is not None
     errors = [x.validation.metrics.normalized_error for x in results if x.validation]
@@ -109,7 +107,7 @@ def row(case: Case, preset: str) -> str:
     n = case.robot.joints
     bodies = to_pseudo_inertia(standard.values[: 10 * n].reshape(n, 10))
     moved = np.abs(consistent.estimate.values - plain.estimate.values) / plain.estimate.std
-    cells = (
+    return (
         case.name,
         preset,
         f"{growth:+.1f}",
@@ -120,28 +118,16 @@ def row(case: Case, preset: str) -> str:
         f"{moved.max():.1f}",
         f"{seconds:.2f}",
     )
-    return "| " + " | ".join(cells) + " |"
 
 
 def main(words: list[str]) -> int:
     """Print the table."""
-    data = Path(words[0]) if words else ROOT.parent / "shared" / "data"
-    columns = (
-        "record",
-        "preset",
-        "residual [%]",
-        "held out [%]",
-        "pseudo-inertia",
-        "mass matrix",
-        "mass, factor",
-        "moved [std]",
-        "s",
-    )
-    print("| " + " | ".join(columns) + " |")
-    print("|" + "---|" * len(columns))
+    data = Path(words[0]) if words else DATA
+    columns = "record, preset, residual [%], held out [%], pseudo-inertia, mass matrix"
+    print_head((columns + ", mass over published, moved [std], s").split(", "))
     for case in [*simulated(), *(cases(data) if data.exists() else [])]:
         for preset in ("paper", "best"):
-            print(row(case, preset), flush=True)
+            print_row(cells(case, preset))
     print(f"asked: {ASKED}")
     return 0
 

@@ -1,10 +1,7 @@
 """Designs by many starts and a fleet on two local Dask workers, beside one process.
 
 The workers are processes with one thread each; the calling process takes part. The result is the
-same, whoever computes it. Asked: 1.7 times on idle cores, the median of the rounds. On busy ones
-the CPU of the processes tells what idle cores would give: all work alone over what the busiest of
-two cores has to do, without what an idle cluster takes by the second. For designs it also tells
-what two jobs gain that share nothing: two cores of a virtual machine are not always twice one.
+same, whoever computes it. Asked: 1.7 times on idle cores, the median of the rounds.
 
     python benchmarks/dask_design.py            # times
     python benchmarks/dask_design.py --kill 10  # and a worker is killed in mid-run, so many times
@@ -21,7 +18,7 @@ import signal
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -52,11 +49,10 @@ def design(dask: str | None, starts: int = STARTS) -> list[np.ndarray]:
 
 
 @contextmanager
-def fleet():
-    """A fleet in a folder; each run is a first one."""
+def fleet() -> Iterator[tuple[Job, Job]]:
+    """A fleet in a folder, and a small one; each run is a first one."""
     with tempfile.TemporaryDirectory() as place:
-        data, runs = Path(place) / "recordings", iter(range(1000))
-        few = Path(place) / "few"
+        data, few, runs = Path(place) / "recordings", Path(place) / "few", iter(range(1000))
         data.mkdir()
         few.mkdir()
         for seed in range(ARMS):
@@ -78,89 +74,46 @@ def fleet():
         yield run, partial(run, folder=few)
 
 
+def timed(job: Job, dask: str | None) -> tuple[list[np.ndarray], float]:
+    """What a job finds, and its wall time [s]."""
+    begun = time.perf_counter()
+    found = job(dask)
+    return found, time.perf_counter() - begun
+
+
 def same(a: list[np.ndarray], b: list[np.ndarray]) -> str:
     """Whether two results are equal to the last bit."""
     equal = len(a) == len(b) and all(map(np.array_equal, a, b))
     return "same result" if equal else "ANOTHER RESULT"
 
 
-def timed(
-    name: str, job: Job, client: Any, address: str, rounds: int
-) -> tuple[list[np.ndarray], float]:
-    """One process, then the cluster, so many times; what the first found, and the second's time."""
+def idle_cpu(client: Any) -> float:
+    """CPU that an idle cluster takes, this process included [s a second]."""
 
-    def spent() -> np.ndarray:
-        return np.array([time.process_time(), *client.run(time.process_time).values()])
-
-    def measured(dask: str | None) -> tuple[float, np.ndarray, list[np.ndarray]]:
-        before, begun = spent(), time.perf_counter()
-        found = job(dask)
-        return time.perf_counter() - begun, spent() - before, found
+    def spent() -> float:
+        return time.process_time() + sum(client.run(time.process_time).values())
 
     before = spent()
     time.sleep(IDLE_S)
-    idle = (spent() - before) / IDLE_S
-    expected, together_s, ratios = list[np.ndarray](), 0.0, list[float]()
-    for _ in range(rounds):
-        alone_s, alone, expected = measured(None)
-        together_s, shares, found = measured(address)
-        own, net = alone[0] - idle[0] * alone_s, shares - idle * together_s
-        busiest = max(net.max(), net.sum() / 2)
-        ratios.append(alone_s / together_s)
-        print(
-            f"{name}: one process {alone_s:.1f} s ({alone[0]:.1f} s of CPU), with two workers "
-            f"{together_s:.1f} s ({' + '.join(f'{s:.1f}' for s in shares)} s of CPU): "
-            f"{ratios[-1]:.2f} times, by CPU, without the {1e3 * idle.sum():.0f} ms a second of "
-            f"an idle cluster, {own / busiest:.2f}; {same(expected, found)}",
-            flush=True,
-        )
-    print(f"{name}: median {np.median(ratios):.2f} of {rounds} (asked {ASKED} on idle cores)")
-    return expected, together_s
+    return (spent() - before) / IDLE_S
 
 
-def ceiling(name: str, job: Job, client: Any, rounds: int) -> None:
-    """What two cores of this machine give: a job in one worker, then one in each."""
-    first, *_ = workers = list(client.scheduler_info()["workers"])
+def killed(job: Job, cluster: Any, victim: int, wait_s: float) -> tuple[list[np.ndarray], str]:
+    """What a job finds whose worker dies after a time, and what happened."""
+    over, struck = threading.Event(), threading.Event()
 
-    def together(places: list[str]) -> float:
-        begun = time.perf_counter()
-        jobs = [client.submit(job, None, workers=[place], pure=False) for place in places]
-        distributed.wait(jobs)
-        return time.perf_counter() - begun
+    def strike() -> None:
+        if not over.wait(wait_s):
+            os.kill(victim, signal.SIGKILL)
+            struck.set()
 
-    ratios = [2 * together([first]) / together(workers) for _ in range(rounds)]
-    each = " ".join(f"{ratio:.2f}" for ratio in ratios)
-    print(f"{name}: two jobs that share nothing, one in each worker: {each} times", flush=True)
-
-
-def killed(
-    name: str, job: Job, client: Any, cluster: Any, kills: int, expected: list[np.ndarray], s: float
-) -> None:
-    """A worker dies at a random time of each run of about so many seconds."""
-    address, draw = cluster.scheduler_address, random.Random(0)
-    for k in range(kills):
-        # Of the processes' parents: whoever asks the cluster may still ask a dead one.
-        victim = draw.choice([worker.pid for worker in cluster.workers.values()])
-        wait, over, struck = draw.uniform(0.1, 0.7) * s, threading.Event(), list[float]()
-
-        def strike(wait=wait, victim=victim, over=over, struck=struck) -> None:
-            if not over.wait(wait):
-                os.kill(victim, signal.SIGKILL)
-                struck.append(wait)
-
-        thread = threading.Thread(target=strike)
-        thread.start()
-        begun = time.perf_counter()
-        found = job(address)
-        over.set()
-        thread.join()
-        told = f"killed after {struck[0]:.1f} s" if struck else "over before anybody was killed"
-        print(
-            f"{name} {k + 1}: {told} of {time.perf_counter() - begun:.1f} s: "
-            f"{same(expected, found)}",
-            flush=True,
-        )
-        client.wait_for_workers(2)
+    thread = threading.Thread(target=strike)
+    thread.start()
+    found, spent = timed(job, cluster.scheduler_address)
+    over.set()
+    thread.join()
+    told = f"killed after {wait_s:.1f} s" if struck.is_set() else "over before anybody was killed"
+    return found, f"{told} of {spent:.1f} s"
 
 
 def main() -> None:
@@ -170,6 +123,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--only", choices=("design", "fleet"))
     asked = parser.parse_args()
+    draw = random.Random(0)
     with (
         fleet() as (of_fleet, of_few),
         # So long after any loss, LocalCluster gives up a worker that is away at that moment: at
@@ -180,6 +134,7 @@ def main() -> None:
         ) as cluster,
         distributed.Client(cluster) as client,
     ):
+        print(f"an idle cluster takes {idle_cpu(client):.2f} s of CPU a second", flush=True)
         jobs = {
             f"design, {STARTS} starts": (design, partial(design, starts=3)),
             f"fleet, {ARMS * DAYS} recordings": (of_fleet, of_few),
@@ -189,10 +144,21 @@ def main() -> None:
                 continue
             # Workers import and compile once.
             short(cluster.scheduler_address)
-            expected, together_s = timed(name, job, client, cluster.scheduler_address, asked.rounds)
-            if job is design:
-                ceiling(name, job, client, asked.rounds)
-            killed(name, job, client, cluster, asked.kill, expected, together_s)
+            ratios = []
+            for _ in range(asked.rounds):
+                expected, alone_s = timed(job, None)
+                found, together_s = timed(job, cluster.scheduler_address)
+                ratios.append(alone_s / together_s)
+                print(f"{name}: one process {alone_s:.1f} s, with two workers {together_s:.1f} s: "
+                      f"{ratios[-1]:.2f} times; {same(expected, found)}", flush=True)  # fmt: skip
+            print(f"{name}: median {np.median(ratios):.2f} times (asked {ASKED} on idle cores)")
+            for k in range(asked.kill):
+                # Of the processes' parents: whoever asks the cluster may still ask a dead one.
+                victim = draw.choice([worker.pid for worker in cluster.workers.values()])
+                wait_s = draw.uniform(0.1, 0.7) * together_s
+                found, told = killed(job, cluster, victim, wait_s)
+                print(f"{name} {k + 1}: {told}: {same(expected, found)}", flush=True)
+                client.wait_for_workers(2)
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 import warnings
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -49,57 +50,61 @@ def urdf(joints: int, mass: float = 1.0, length: float = 0.2, axis: str = "") ->
     return text + "</robot>"
 
 
-def signals(q: float | None = None, tau: float | None = None, joint: int | None = None):
-    """A change of a sound recording: a scale, of all joints or of one; None leaves it."""
+@dataclass(frozen=True)
+class Case:
+    """A sound recording of a robot, and factors on it."""
 
-    def change(t: np.ndarray, a: np.ndarray, b: np.ndarray):
-        for value, scale in ((a, q), (b, tau)):
-            if scale is not None:
-                value[:, slice(None) if joint is None else joint] *= scale
-        return t, a, b
+    robot: str = "ur5"
+    """A name, or the text of a URDF."""
+    q: float = 1.0
+    tau: float = 1.0
+    joint: int | None = None
+    """Whose positions and torques are scaled; None for all."""
+    t: float = 1.0
+    half_nan: bool = False
 
-    return change
+    @property
+    def joints(self) -> int:
+        """How many."""
+        return max(self.robot.count("<joint"), 6 if self.robot == "ur5" else 0)
+
+    def write(self, path: Path) -> None:
+        """A text file."""
+        t, q, tau = motion(self.joints)
+        scaled = slice(None) if self.joint is None else self.joint
+        q[:, scaled] *= self.q
+        tau[:, scaled] *= self.tau
+        if self.half_nan:
+            q[::2] = np.nan
+        names = ["t", *(f"{kind}{j}" for kind in ("q", "tau") for j in range(self.joints))]
+        rows = np.column_stack([t * self.t, q, tau])
+        np.savetxt(path, rows, delimiter=",", header=",".join(names), comments="")
 
 
-def stepped(t: np.ndarray, a: np.ndarray, b: np.ndarray):
-    """Time that goes 1e-200 s a row."""
-    return t * 1e-200, a, b
-
-
-def with_nan(t: np.ndarray, a: np.ndarray, b: np.ndarray):
-    a[::2] = np.nan
-    return t, a, b
-
-
-RECORDINGS = {
-    "sound": (6, "ur5", signals()),
-    "torques all zero": (6, "ur5", signals(tau=0.0)),
-    "positions all zero": (6, "ur5", signals(q=0.0)),
-    "all zero": (6, "ur5", signals(q=0.0, tau=0.0)),
-    "torques 1e200": (6, "ur5", signals(tau=1e200)),
-    "torques 1e-200": (6, "ur5", signals(tau=1e-200)),
-    "positions 1e100": (6, "ur5", signals(q=1e100)),
-    "positions 1e-200": (6, "ur5", signals(q=1e-200)),
-    "everything 1e-200": (6, "ur5", signals(q=1e-200, tau=1e-200)),
-    "joint 3 still": (6, "ur5", signals(q=0.0, joint=2)),
-    "torque 3 dead": (6, "ur5", signals(tau=0.0, joint=2)),
-    "torque 3 1e200": (6, "ur5", signals(tau=1e200, joint=2)),
-    "joint 3 1e-9": (6, "ur5", signals(q=1e-9, joint=2)),
-    "time 1e-200": (6, "ur5", stepped),
-    "positions half NaN": (6, "ur5", with_nan),
-    "one joint": (1, urdf(1), signals()),
-    "one joint, dead": (1, urdf(1), signals(tau=0.0)),
-    "thirty joints": (30, urdf(30), signals()),
-    "massless": (6, urdf(6, mass=0.0), signals()),
-    "mass 1e200": (6, urdf(6, mass=1e200), signals()),
-    "links 1e100 long": (6, urdf(6, length=1e100), signals()),
-    "links without length": (6, urdf(6, length=0.0), signals()),
-    "all axes parallel": (6, urdf(6, axis="0 0 1"), signals()),
-}
-ROBOTS = {
-    name: text
-    for name, (_, text, _) in RECORDINGS.items()
-    if text.startswith("<") and name != "one joint, dead"
+CASES = {
+    "sound": Case(),
+    "torques all zero": Case(tau=0.0),
+    "positions all zero": Case(q=0.0),
+    "all zero": Case(q=0.0, tau=0.0),
+    "torques 1e200": Case(tau=1e200),
+    "torques 1e-200": Case(tau=1e-200),
+    "positions 1e100": Case(q=1e100),
+    "positions 1e-200": Case(q=1e-200),
+    "everything 1e-200": Case(q=1e-200, tau=1e-200),
+    "joint 3 still": Case(q=0.0, joint=2),
+    "torque 3 dead": Case(tau=0.0, joint=2),
+    "torque 3 1e200": Case(tau=1e200, joint=2),
+    "joint 3 1e-9": Case(q=1e-9, joint=2),
+    "time 1e-200": Case(t=1e-200),
+    "positions half NaN": Case(half_nan=True),
+    "one joint": Case(urdf(1)),
+    "one joint, dead": Case(urdf(1), tau=0.0),
+    "thirty joints": Case(urdf(30)),
+    "massless": Case(urdf(6, mass=0.0)),
+    "mass 1e200": Case(urdf(6, mass=1e200)),
+    "links 1e100 long": Case(urdf(6, length=1e100)),
+    "links without length": Case(urdf(6, length=0.0)),
+    "all axes parallel": Case(urdf(6, axis="0 0 1")),
 }
 
 
@@ -116,9 +121,9 @@ def main(names: list[str]) -> int:
     warnings.simplefilter("error")
     bad = count = 0
 
-    def tell(name: str, command: str, found: tuple[int, str, float]) -> int:
+    def tell(name: str, command: str, *words: str | Path) -> int:
         nonlocal bad, count
-        code, text, seconds = found
+        code, text, seconds = said(command, *words)
         lines = [line for line in text.splitlines() if line.startswith("dynid:")]
         wrong = "bug in dynid" in text or "Traceback" in text or "Warning" in text
         wrong |= code not in (0, 1, 2) or (code == 2 and len(lines) != 1)
@@ -128,31 +133,22 @@ def main(names: list[str]) -> int:
         print(f"{mark} {name:22} {command:8} {code} {seconds:5.1f} s  {last[:170]}", flush=True)
         return code
 
-    with tempfile.TemporaryDirectory() as place:
-        for k, (name, (joints, robot, change)) in enumerate(RECORDINGS.items()):
-            if names and name not in names:
-                continue
-            folder = Path(place) / str(k)
-            folder.mkdir()
-            t, q, tau = change(*motion(joints))
-            header = ["t", *(f"q{j}" for j in range(joints)), *(f"tau{j}" for j in range(joints))]
-            np.savetxt(folder / "x.csv", np.column_stack([t, q, tau]), delimiter=",",
-                       header=",".join(header), comments="")  # fmt: skip
-            arm = robot
-            if robot.startswith("<"):
+    for name in names or CASES:
+        case = CASES[name]
+        with tempfile.TemporaryDirectory() as place:
+            folder, arm = Path(place), case.robot
+            case.write(folder / "x.csv")
+            if arm.startswith("<"):
                 arm = str(folder / "arm.urdf")
-                Path(arm).write_text(robot)
+                Path(arm).write_text(case.robot)
             own = folder / "x.parquet"
-            code = tell(name, "import", said("import", folder / "x.csv", "--robot", arm, "-o", own))
-            if code == 0:
-                words = ["identify", own, "--preset", "paper", "-o", folder / "x.json"]
-                tell(name, "identify", said(*words))
-            if name in ROBOTS:
-                tell(name, "analyze", said("analyze", arm))
-                words = ["design", arm, "-o", folder / "d.json", "--method", "ga"]
-                words += ["--population", "4", "--generations", "1", "--harmonics", "2"]
-                if joints < 10:
-                    tell(name, "design", said(*words))
+            if not tell(name, "import", folder / "x.csv", "--robot", arm, "-o", own):
+                tell(name, "identify", own, "--preset", "paper", "-o", folder / "x.json")
+            if arm != case.robot and name != "one joint, dead":
+                tell(name, "analyze", arm)
+                if case.joints < 10:
+                    words = ["--population", "4", "--generations", "1", "--harmonics", "2"]
+                    tell(name, "design", arm, "-o", folder / "d.json", "--method", "ga", *words)
     print(f"{bad} of {count} commands answered badly")
     return bool(bad)
 

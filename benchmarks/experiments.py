@@ -26,13 +26,14 @@ import json
 import sys
 import tempfile
 import time
+from collections import defaultdict
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 from criteria import NOISE, RATE_HZ, Judge, Plant
-from numpy.typing import NDArray
+from shared.pinocchio_arm import Array
 
 from dynid import DesignSettings, ExcitationDesign, ExperimentRecord, design
 from dynid.constraints import safe_constraints, scene_from_json
@@ -54,7 +55,6 @@ from dynid.regressor import InverseDynamicModel
 from dynid.robot import load_robot, with_tool
 from dynid.trajectory import JointMotion, motion_family
 
-Array = NDArray[np.float64]
 POINTS, FEW = 20, 6
 ROUNDS = 8
 """Motions that join a mixture."""
@@ -62,23 +62,24 @@ REACH_M = {"ur3": 0.5, "ur5": 0.85, "ur10e": 1.3}
 TOOL, PAYLOAD = (0.0, 0.0, 0.15), (1.0, 0.0, 0.0, 0.08)
 
 
-def sampled(found: ExcitationDesign) -> JointMotion:
-    """One period."""
-    return found.trajectory.evaluate(
-        np.arange(round(found.trajectory.duration * RATE_HZ)) / RATE_HZ
-    )
+def sampled(found: ExcitationDesign, periods: int = 1) -> JointMotion:
+    """Some periods of a design."""
+    count = round(found.trajectory.duration * RATE_HZ)
+    one = found.trajectory.evaluate(np.arange(count) / RATE_HZ)
+    q, dq, ddq = (np.tile(part, (periods, 1)) for part in (one.q, one.dq, one.ddq))
+    return JointMotion(t=np.arange(len(q)) / RATE_HZ, q=q, dq=dq, ddq=ddq)
+
+
+def information(plant: Plant, motion: JointMotion) -> Array:
+    """(b, b) of the base parameters."""
+    w = plant.over_noise(motion)
+    return w.T @ w
 
 
 def deviation(judge: Judge, found: ExcitationDesign) -> float:
     """Held-out deviation over noise, averaged over the joints."""
-    w = judge.plant.over_noise(sampled(found))
-    return float(np.sqrt(judge.variance(np.linalg.inv(w.T @ w))).mean())
-
-
-def tiled(motion: JointMotion, periods: int) -> JointMotion:
-    """Several periods."""
-    q, dq, ddq = (np.tile(part, (periods, 1)) for part in (motion.q, motion.dq, motion.ddq))
-    return JointMotion(t=np.arange(len(q)) / RATE_HZ, q=q, dq=dq, ddq=ddq)
+    covariance = np.linalg.inv(information(judge.plant, sampled(found)))
+    return float(np.sqrt(judge.variance(covariance)).mean())
 
 
 def lasting(gram: Array, own: Mask) -> Array:
@@ -99,35 +100,29 @@ def previous(seeds: int) -> bool:
     n = plant.robot.joints
     own = (plant.base >= 10 * n) & (plant.base < 12 * n)
 
-    def information(motion: JointMotion) -> Array:
-        w = plant.over_noise(motion)
-        return w.T @ w
-
     usual = DesignSettings(noise=tuple(NOISE))
     short = replace(usual, period_s=4.0)
     few = replace(short, trajectory="points", harmonics=FEW)
-    ratios: dict[str, list[float]] = {}
+    pairs = (
+        ("10 s after 10 s", 1, usual, usual),
+        ("10 s after 100 s", 10, usual, usual),
+        ("4 s after 100 s", 10, usual, short),
+        ("4 s after 4 s", 1, short, short),
+        (f"{FEW} points after {FEW}", 1, few, few),
+    )
+    ratios = defaultdict[str, list[float]](list)
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "first.parquet"
-        for seed, (what, periods, first, second) in itertools.product(
-            range(seeds),
-            (
-                ("10 s after 10 s", 1, usual, usual),
-                ("10 s after 100 s", 10, usual, usual),
-                ("4 s after 100 s", 10, usual, short),
-                ("4 s after 4 s", 1, short, short),
-                (f"{FEW} points after {FEW}", 1, few, few),
-            ),
-        ):
-            motion = tiled(sampled(design("ur5", replace(first, seed=seed))), periods)
+        for seed, (what, periods, first, second) in itertools.product(range(seeds), pairs):
+            motion = sampled(design("ur5", replace(first, seed=seed)), periods)
             signals = {"q": motion.q, "effort": np.zeros_like(motion.q)}
             write_record(ExperimentRecord(t=motion.t, signals=signals), file, force=True)
-            known, values = lasting(information(motion), own), []
+            known, values = lasting(information(plant, motion), own), []
             for more in ({}, {"previous": (str(file),)}):
                 found = design("ur5", replace(second, seed=seeds + seed, **more))
-                gram = known + information(sampled(found))
+                gram = known + information(plant, sampled(found))
                 values.append(float(judge.variance(np.linalg.inv(gram)).mean()))
-            ratios.setdefault(what, []).append(values[1] / values[0])
+            ratios[what].append(values[1] / values[0])
             print(f"seed {seed}, {what}: variance {values[0]:.5f} alone, {values[1]:.5f} with "
                   f"--previous: {ratios[what][-1]:.2f}", flush=True)  # fmt: skip
     for what, found in ratios.items():

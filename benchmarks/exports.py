@@ -13,13 +13,12 @@ import runpy
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from shared.measuring import fastest
 
 from dynid.core import provenance
 from dynid.export import write_model
@@ -32,9 +31,7 @@ from dynid.robot import load_robot
 from dynid.signals import ProcessingSettings
 
 ASKED_US = 2.0
-CALLS = 200_000
-ROUNDS = 7
-BATCH = 1000
+CALLS, ROUNDS, BATCH = 200_000, 7, 1000
 PROGRAM = """
 #include <stdio.h>
 #include <time.h>
@@ -59,15 +56,20 @@ int main(void)
 """
 
 
+def prior_bodies() -> np.ndarray:
+    """(60) inertial parameters of the UR5 before it is identified."""
+    robot = load_robot("ur5")
+    return inertial_prior(robot, robot.default_frames).parameters.ravel()
+
+
 def ur5_estimate(friction: FrictionTerms) -> Estimate:
     """The UR5 with its prior inertias and friction of the real arm's size."""
     base = reduce_model(InverseDynamicModel(robot=load_robot("ur5"), friction=friction))
-    bodies = inertial_prior(base.model.robot, base.model.frames).parameters.ravel()
     coulomb, viscous = [7.7, 8.4, 8.3, 1.9, 1.8, 1.8], [10.8, 8.8, 5.5, 2.8, 1.9, 1.4]
     motor = [2.0, 2.2, 1.1, 0.3, 0.3, 0.3]
     one = np.ones(6)
     shaped = np.full(len(base.model.columns) - 78, 0.05)
-    known = np.concatenate([bodies, coulomb, viscous, motor, shaped])
+    known = np.concatenate([prior_bodies(), coulomb, viscous, motor, shaped])
     return Estimate(
         model=base.model,
         independent=base.independent,
@@ -89,42 +91,33 @@ def ur5_estimate(friction: FrictionTerms) -> Estimate:
     )
 
 
-def with_load_and_ripple() -> FrictionTerms:
-    """Of every joint, the load being that of the arm's prior bodies."""
-    robot = load_robot("ur5")
-    bodies = inertial_prior(robot, robot.default_frames).parameters.ravel()
+def frictions() -> dict[str, FrictionTerms]:
+    """The paper's; with friction by load and ripple of every joint, and with both."""
+    load = LoadFriction(joints=tuple(range(6)), parameters=tuple(prior_bodies().tolist()))
     gears = [Gear(joint=j, waves=(120.0, 240.0), speed=2.0, powers=4) for j in range(6)]
     weights = tuple(np.random.default_rng(0).normal(size=gears[0].size).tolist())
-    return replace(
-        FrictionTerms(),
-        load=LoadFriction(joints=tuple(range(6)), parameters=tuple(bodies.tolist())),
-        ripples=tuple(
-            TorqueRipple(joint=j, gears=(gear,), coefficients=weights)
-            for j, gear in enumerate(gears)
-        ),
+    ripples = tuple(
+        TorqueRipple(joint=j, gears=(gear,), coefficients=weights) for j, gear in enumerate(gears)
     )
+    plain = FrictionTerms()
+    return {
+        "friction": plain,
+        "friction by load": replace(plain, load=load),
+        "torque ripple": replace(plain, ripples=ripples),
+        "both": replace(plain, load=load, ripples=ripples),
+    }
 
 
-def fastest(work: Callable[[], float]) -> float:
-    """The shortest time of several rounds [s]; the first round warms the caches."""
-    work()
-    return min(work() for _ in range(ROUNDS))
-
-
-def c_seconds(header: Path, prefix: str, folder: Path) -> float:
+def c_seconds(header: Path, prefix: str) -> float:
     """Processor time of one call of the compiled header [s]."""
-    source, program = folder / "main.c", folder / "main"
-    (folder / "model.h").write_text(header.read_text())
+    source, program = header.with_name("main.c"), header.with_name("main")
     text = PROGRAM.replace("NAME", prefix.upper()).replace("name_", f"{prefix}_")
-    source.write_text(text.replace("CALLS;", f"{CALLS};").replace("/ CALLS,", f"/ {CALLS},"))
+    text = text.replace("CALLS;", f"{CALLS};").replace("/ CALLS,", f"/ {CALLS},")
+    source.write_text(text.replace("model.h", header.name))
     compiler = c_compiler() or "cc"
     subprocess.run([compiler, *C_FLAGS, str(source), "-o", str(program), "-lm"], check=True)
-
-    def run() -> float:
-        done = subprocess.run([str(program)], capture_output=True, text=True, check=True)
-        return float(done.stdout.split()[0])
-
-    return fastest(run)
+    runs = [subprocess.check_output([str(program)], text=True) for _ in range(ROUNDS)]
+    return min(float(said.split()[0]) for said in runs)
 
 
 def main() -> int:
@@ -132,62 +125,39 @@ def main() -> int:
     if c_compiler() is None:
         print("no C compiler", file=sys.stderr)
         return 1
-    plain, every = FrictionTerms(), with_load_and_ripple()
-    estimate = ur5_estimate(plain)
-    more = {
-        "friction by load": replace(plain, load=every.load),
-        "torque ripple": replace(plain, ripples=every.ripples),
-        "both": every,
-    }
-    q, dq, ddq = np.random.default_rng(0).uniform(-3, 3, (3, BATCH, 6))
+    estimate, in_c = ur5_estimate(FrictionTerms()), dict[str, float]()
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        prefix = c_prefix(estimate.model.robot.name)
-        written = [
-            write_model(estimate, folder / f"arm.{end}", to)
-            for to, end in (("c", "h"), ("python", "py"), ("urdf", "urdf"))
-        ]
-        compiled = c_seconds(folder / "arm.h", prefix, folder)
-        shaped: dict[str, float] = {}
-        for label, terms in more.items():
-            written.append(write_model(ur5_estimate(terms), folder / "more.h", "c"))
-            shaped[f"the header with {label}, 6 joints"] = c_seconds(
-                folder / "more.h", prefix, folder
-            )
+        folder, written = Path(name), []
+        for to, end in (("python", "py"), ("urdf", "urdf")):
+            written.append(write_model(estimate, folder / f"arm.{end}", to))
+        for number, (label, terms) in enumerate(frictions().items()):
+            header = folder / f"arm{number}.h"
+            written.append(write_model(ur5_estimate(terms), header, "c"))
+            prefix = c_prefix(estimate.model.robot.name)
+            in_c[f"generated C header, -O2, {label} of 6 joints"] = c_seconds(header, prefix)
         arm = runpy.run_path(str(folder / "arm.py"))
         theirs = pin.buildModelFromUrdf(str(folder / "arm.urdf"))
     data = theirs.createData()
+    q, dq, ddq = np.random.default_rng(0).uniform(-3, 3, (3, BATCH, 6))
 
-    def loop() -> float:
-        start = time.process_time()
+    def loop() -> None:
         for k in range(BATCH):
             pin.rnea(theirs, data, q[k], dq[k], ddq[k])
-        return (time.process_time() - start) / BATCH
 
-    def batch() -> float:
-        start = time.process_time()
-        arm["inverse_dynamics"](q, dq, ddq)
-        return (time.process_time() - start) / BATCH
-
-    reference = fastest(loop)
-    times = {
-        "pinocchio, rnea from Python, rigid part alone": reference,
-        "generated C header, -O2, friction included": compiled,
-        **shaped,
-        f"generated Python file, batches of {BATCH}, friction included": fastest(batch),
-    }
+    reference = "pinocchio, rnea from Python, rigid part alone"
+    batches = f"generated Python file, batches of {BATCH}, friction included"
+    works = {reference: loop, batches: lambda: arm["inverse_dynamics"](q, dq, ddq)}
+    times = {what: each / BATCH for what, each in fastest(works, ROUNDS).items()} | in_c
     print(f"UR5, processor time of one inverse dynamics, fastest of {ROUNDS} rounds")
     print(f"{'':62}{'us/call':>10}{'ratio':>8}")
     for label, seconds in times.items():
-        print(f"{label:62}{1e6 * seconds:10.3f}{reference / seconds:8.2f}")
+        print(f"{label:62}{1e6 * seconds:10.3f}{times[reference] / seconds:8.2f}")
     for one in written:
         found = one.verified
         print(f"{one.path.name:10} {found.max_torque_difference:.2e} N.m, {found.loaded_with}")
-    slowest = 1e6 * max(compiled, *shaped.values())
-    print(
-        f"C: {1e6 * compiled:.2f} us a call, {slowest:.2f} with more; asked: at most {ASKED_US:g}"
-    )
-    return int(slowest > ASKED_US)
+    each = [1e6 * seconds for seconds in in_c.values()]
+    print(f"C: {each[0]:.2f} us a call, {max(each):.2f} with more; asked: at most {ASKED_US:g}")
+    return int(max(each) > ASKED_US)
 
 
 if __name__ == "__main__":

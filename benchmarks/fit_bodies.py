@@ -16,19 +16,21 @@ from __future__ import annotations
 import argparse
 import json
 import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+from shared.measuring import DATA, ROOT
 
 from dynid.robot import Body, RobotModel, load_robot
 from dynid.robot.body import around_points, beyond, parts_of
 
-HERE = Path(__file__).parent
-MESHES = HERE.parents[1] / "shared/data/ur_meshes"
-LIBRARY = HERE.parent / "src/dynid/robot/library"
-STORED = HERE / "bodies.json"
+MESHES = DATA / "ur_meshes"
+LIBRARY = ROOT / "src/dynid/robot/library"
+STORED = ROOT / "benchmarks/bodies.json"
 ROBOTS = ("ur3", "ur5", "ur10", "ur3e", "ur5e", "ur10e", "ur16e")
 LINKS = ("base", "shoulder", "upperarm", "forearm", "wrist1", "wrist2", "wrist3")
 CORNERS, WITHIN, WORTH = 48, 0.001, 0.97
@@ -47,13 +49,8 @@ def _number(text: str, key: str) -> float:
     return float(found.group(1))
 
 
-def _turn(axis: int, angle: float) -> np.ndarray:
-    c, s = np.cos(angle), np.sin(angle)
-    i, j = (axis + 1) % 3, (axis + 2) % 3
-    found = np.eye(3)
-    found[i, i] = found[j, j] = c
-    found[i, j], found[j, i] = -s, s
-    return found
+def _turn(axes: str, *angles: float) -> np.ndarray:
+    return Rotation.from_euler(axes, angles).as_matrix()
 
 
 def link_meshes(robot: str, meshes: Path = MESHES) -> list[np.ndarray]:
@@ -65,14 +62,15 @@ def link_meshes(robot: str, meshes: Path = MESHES) -> list[np.ndarray]:
     visual = (config / "visual_parameters.yaml").read_text()
     physical = (config / "physical_parameters.yaml").read_text()
     offsets = [float(x) for x in re.findall(r"visual_offset:\s*(\S+)", visual)]
+    back, lying, sideways = _turn("z", np.pi), _turn("x", np.pi / 2), _turn("z", -np.pi / 2)
     places = [
-        (0.0, _turn(2, np.pi)),
-        (0.0, _turn(2, np.pi)),
-        (_number(physical, "shoulder_offset"), _turn(2, -np.pi / 2) @ _turn(0, np.pi / 2)),
-        (_number(physical, "elbow_offset"), _turn(2, -np.pi / 2) @ _turn(0, np.pi / 2)),
-        (offsets[0], _turn(0, np.pi / 2)),
+        (0.0, back),
+        (0.0, back),
+        (_number(physical, "shoulder_offset"), sideways @ lying),
+        (_number(physical, "elbow_offset"), sideways @ lying),
+        (offsets[0], lying),
         (offsets[1], np.eye(3)),
-        (offsets[2], _turn(0, np.pi / 2)),
+        (offsets[2], lying),
     ]
     row = np.dtype([("normal", "<3f4"), ("corners", "<9f4"), ("attribute", "<u2")])
     found = []
@@ -90,16 +88,14 @@ def meshes_of(robot: RobotModel, meshes: Path = MESHES) -> list[np.ndarray]:
     dh = robot.parameter_frames["dh"]
     found = link_meshes(robot.name, meshes)
     for k, (a, alpha) in enumerate(_dh_table(robot.name)):
-        faces = (found[k + 1] - [a, 0, 0]) @ _turn(0, alpha)
+        faces = (found[k + 1] - [a, 0, 0]) @ _turn("x", alpha)
         found[k + 1] = faces @ dh[k, :3, :3].T + dh[k, :3, 3]
     return found
 
 
 def _dh_table(robot: str) -> list[tuple[float, float]]:
-    text = (LIBRARY / f"{robot}.toml").read_text()
-    rows = [json.loads(re.search(rf"^{key} = (\[.*\])", text, re.MULTILINE)[1])  # type: ignore[index]
-            for key in ("a", "alpha")]  # fmt: skip
-    return list(zip(*rows, strict=True))
+    table = tomllib.loads((LIBRARY / f"{robot}.toml").read_text())["dh"]
+    return list(zip(table["a"], table["alpha"], strict=True))
 
 
 def outside(faces: np.ndarray, bodies: list[Body]) -> int:
@@ -135,46 +131,37 @@ def _spread(faces: np.ndarray, spacing: float, random: np.random.Generator) -> n
     return faces[rows, 0] + np.einsum("kc,kcx->kx", shares, sides[rows])
 
 
-def fit(faces: np.ndarray, name: str) -> list[Body]:
-    """Bodies around a mesh (T, 3, 3)."""
-    found = [
+def fit(faces: np.ndarray) -> list[tuple[np.ndarray, float]]:
+    """Points and radii of bodies around a mesh (T, 3, 3)."""
+    return [
         around_points(part.reshape(-1, 3), corners=CORNERS, within=WITHIN)
         for part in parts_of(faces, WORTH)
-    ]
-    return [
-        Body(name=f"{name} {k + 1}", link=0, points=points, radius=radius)
-        for k, (points, radius) in enumerate(found)
     ]
 
 
 def tables(robot: str, meshes: Path) -> str:
     """The [[body]] tables of a robot's file."""
     lines: list[str] = []
+    links = ("base", *load_robot(robot).joint_names)
     table = [(0.0, 0.0), *_dh_table(robot)]
     for k, (faces, (a, alpha)) in enumerate(zip(link_meshes(robot, meshes), table, strict=True)):
-        name = LINKS[k] if k == 0 else JOINTS[k - 1]
-        placed = (faces - [a, 0, 0]) @ _turn(0, alpha)
+        placed = (faces - [a, 0, 0]) @ _turn("x", alpha)
         key = placed.tobytes()
         if key not in _FITTED:
-            _FITTED[key] = fit(placed, LINKS[k])
-        for body in _FITTED[key]:
-            lines += ["", "[[body]]"]
-            if not any("source" in line for line in lines):
-                lines.append(f'source = """{SOURCE}"""')
-            lines += [f'name = "{body.name}"', f'link = "{name}"']
+            _FITTED[key] = fit(placed)
+        for number, (points, radius) in enumerate(_FITTED[key], start=1):
+            source = [] if lines else [f'source = """{SOURCE}"""']
+            lines += ["", "[[body]]", *source]
+            lines += [f'name = "{LINKS[k]} {number}"', f'link = "{links[k]}"']
             lines += ['frames = "dh"'] if k else []
             lines += ["points = ["]
-            lines += [f"    {(np.round(point, 4) + 0.0).tolist()}," for point in body.points]
-            lines += ["]", f"radius = {body.radius:.4f}"]
+            lines += [f"    {(np.round(point, 4) + 0.0).tolist()}," for point in points]
+            lines += ["]", f"radius = {radius:.4f}"]
     return "\n".join(lines) + "\n"
 
 
-_FITTED: dict[bytes, list[Body]] = {}
+_FITTED: dict[bytes, list[tuple[np.ndarray, float]]] = {}
 """Some arms share meshes."""
-JOINTS = (
-    "shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint",
-    "wrist_1_joint", "wrist_2_joint", "wrist_3_joint",
-)  # fmt: skip
 
 
 def check(robot: RobotModel, meshes: Path = MESHES) -> dict[str, Any]:

@@ -12,13 +12,14 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-import time
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from functools import cached_property
 from pathlib import Path
+from time import process_time
 
 import numpy as np
+from shared.measuring import print_head, print_row
 
 import dynid
 from dynid.bench import Motion, Plant, motion, plant
@@ -59,7 +60,7 @@ class Individual:
         )
         torque = rigid + now.friction(moved.dq, rigid, 1 / RATE_HZ)
         torque = gain * torque + draw.normal(0, now.torque_noise, torque.shape)
-        step = now.position_step
+        step, time = now.position_step, (START + timedelta(days=day)).isoformat()
         record = dynid.ExperimentRecord(
             t=moved.t,
             signals={
@@ -67,28 +68,18 @@ class Individual:
                 "effort": torque,
                 "temperature": warm + draw.normal(0, 0.05, torque.shape),
             },
-            metadata=dynid.RecordMetadata(
-                robot="ur5",
-                extra={
-                    "robot_id": self.name,
-                    "time": (START + timedelta(days=day)).isoformat(),
-                },
-            ),
+            metadata=dynid.RecordMetadata(robot="ur5", extra={"robot_id": self.name, "time": time}),
         )
         dynid.write_record(record, folder / f"{self.name}_{day:04d}.parquet")
 
 
-def _place(joint) -> tuple[int, int]:
-    return int(joint.robot[3:]), joint.joint
-
-
-def run(seed: int, robots: int, recordings: int, folder: Path, jobs: int) -> str:
+def run(seed: int, robots: int, recordings: int, folder: Path, jobs: int) -> tuple[object, ...]:
     """A row of the table."""
     model, draw = dynid.load_robot("ur5"), np.random.default_rng(seed)
     chosen = {(int(r), int(draw.integers(6))) for r in draw.choice(robots, 2, replace=robots < 2)}
-    began = time.process_time()
     data = folder / "recordings"
     data.mkdir()
+    times = [process_time()]
     arms = [
         Individual(f"arm{r:02d}", plant(model, 1000 * seed + r), 1000 * seed + r)
         for r in range(robots)
@@ -97,32 +88,31 @@ def run(seed: int, robots: int, recordings: int, folder: Path, jobs: int) -> str
     for arm, joints in zip(arms, worn, strict=True):
         for day in range(recordings):
             arm.write(data, day, joints if day >= (1 - SHARE) * recordings else set())
-    simulated = time.process_time() - began
     settings = dynid.FleetSettings(jobs=jobs)
-    began = time.process_time()
+    times.append(process_time())
     found = dynid.fleet(data, folder / "fleet", settings)
-    first = time.process_time() - began
+    times.append(process_time())
     for day in range(recordings, recordings + 10):
         arms[-1].write(data, day, worn[-1])
-    began = time.process_time()
+    before = process_time()
     again = dynid.fleet(data, folder / "fleet", settings)
-    second = time.process_time() - began
-    others = [f"{j.robot}/{j.joint + 1} {j.alarm}" for j in found.alarms if _place(j) not in chosen]
-    right = [
-        f"{joint.robot}/{joint.joint + 1} {joint.change_percent[0]:+.1f} %"
-        for joint in found.alarms
-        if _place(joint) in chosen and joint.alarm == "friction_drift"
-    ]
-    cells = (
+    spent = [*np.diff(times), process_time() - before]
+    right, others = [], []
+    for joint in found.alarms:
+        name = f"{joint.robot}/{joint.joint + 1}"
+        if (int(joint.robot[3:]), joint.joint) not in chosen:
+            others.append(f"{name} {joint.alarm}")
+        elif joint.alarm == "friction_drift":
+            right.append(f"{name} {joint.change_percent[0]:+.1f} %")
+    return (
         seed,
         f"{robots} x {recordings}",
         f"{len(right)} of {len(chosen)} ({', '.join(right)})",
         f"{len(others)} {' '.join(others)}",
         found.tests,
         again.computed,
-        *(f"{value:.0f}" for value in (simulated, first, second)),
+        *(f"{value:.0f}" for value in spent),
     )
-    return "| " + " | ".join(map(str, cells)) + " |"
 
 
 def main() -> None:
@@ -133,11 +123,10 @@ def main() -> None:
     asked = parser.parse_args()
     columns = "seed, robots x recordings, found, other alarms, trends, computed again"
     columns += ", CPU s simulation, CPU s first run, CPU s second run"
-    print("| " + columns.replace(", ", " | ") + " |")
-    print("|" + "---|" * 9)
+    print_head(columns.split(", "))
     for seed in asked.seeds:
         with tempfile.TemporaryDirectory() as folder:
-            print(run(seed, asked.robots, asked.recordings, Path(folder), asked.jobs), flush=True)
+            print_row(run(seed, asked.robots, asked.recordings, Path(folder), asked.jobs))
 
 
 if __name__ == "__main__":

@@ -18,24 +18,19 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
-import pinocchio as pin
+from shared.measuring import fastest
+from shared.pinocchio_arm import PinocchioArm
 
 from dynid.excitation import CRITERIA, Criterion, GramKernel, parse_criterion
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import load_robot
 from dynid.trajectory import harmonic_basis
-from regressor import fastest, pinocchio_model
 
-SAMPLES = 1250
-PERIOD = 10.0
-HARMONICS = 5
+SAMPLES, PERIOD, HARMONICS = 1250, 10.0, 5
 ROUNDS = 200
-ASKED_VALUE = 0.1
-ASKED_GRADIENT = 4.0
+ASKED_VALUE, ASKED_GRADIENT = 0.1, 4.0
 SAME_CONDITION = 1e-8
-ORDER = [0, 1, 2, 3, 4, 6, 9, 8, 7, 5]
-"""Where our ten parameters of a link stand in pinocchio's."""
 
 
 def main() -> int:
@@ -46,43 +41,15 @@ def main() -> int:
     basis = harmonic_basis(np.arange(SAMPLES) * PERIOD / SAMPLES, PERIOD, HARMONICS)
     numbers = np.random.default_rng(0).normal(size=(2 * HARMONICS, n)) * 0.3
     kernel = GramKernel(model, base, coulomb_width=None)
-    theirs, _ = pinocchio_model(model.robot, "urdf")
-    data = theirs.createData()
-    # Their regressor is for parameters about the joint frames; ours for dh: one map a link.
-    change = np.zeros((10 * n, 10 * n))
-    for k in range(n):
-        part = slice(10 * k, 10 * k + 10)
-        action = pin.SE3(model.robot.parameter_frames["dh"][k])
-        for c in range(10):
-            # Linear in the ten: probe about a body that is valid.
-            bodies = []
-            for size in (0.0, 0.01):
-                ten = np.array([1.0, 0, 0, 0, 1.0, 0, 1.0, 0, 0, 1.0])
-                ten[ORDER[c]] += size
-                bodies.append(action.act(pin.Inertia.FromDynamicParameters(ten)))
-            moved = (bodies[1].toDynamicParameters() - bodies[0].toDynamicParameters()) / 0.01
-            change[part, 10 * k + c] = moved
+    theirs = PinocchioArm(model.robot)
+    w = np.zeros((SAMPLES, n, len(model.columns)))
 
     def motion() -> list[np.ndarray]:
         return [part @ numbers for part in basis]
 
-    links = [c for c in base.independent if c < 10 * n]
-    beside = [c - 10 * n for c in base.independent if c >= 10 * n]
-    change = change[:, links]
-    stack = np.empty((SAMPLES, n, 10 * n))
-    inertial = np.empty((SAMPLES * n, len(links)))
-    w = np.zeros((SAMPLES, n, base.rank))
-
     def plain() -> float:
-        q, dq, ddq = motion()
-        for k in range(SAMPLES):
-            stack[k] = pin.computeJointTorqueRegressor(theirs, data, q[k], dq[k], ddq[k])
-        np.matmul(stack.reshape(-1, 10 * n), change, out=inertial)
-        w[:, :, : len(links)] = inertial.reshape(SAMPLES, n, -1)
-        terms = (np.tanh(dq / 0.001), dq, ddq)
-        for k, column in enumerate(beside):
-            w[:, column % n, len(links) + k] = terms[column // n][:, column % n]
-        return float(np.linalg.cond(w.reshape(-1, base.rank)))
+        rows = theirs.rows(*motion(), out=w).reshape(SAMPLES * n, -1)
+        return float(np.linalg.cond(rows[:, base.independent]))
 
     def value(kernel: GramKernel, criterion: Criterion) -> Callable[[], float]:
         return lambda: criterion.value(kernel.gram(*motion()))
@@ -98,10 +65,7 @@ def main() -> int:
     cond = value(kernel, parse_criterion("cond"))
     reference = "plain: pinocchio in a loop, numpy.linalg.cond"
     asked = "dynid: cond, as the genetic algorithm asks"
-    works: dict[str, Callable[[], object]] = {
-        reference: plain,
-        asked: cond,
-    }
+    works: dict[str, Callable[[], object]] = {reference: plain, asked: cond}
     for name in CRITERIA:
         works[f"dynid: {name}"] = value(kernel, parse_criterion(name))
         works[f"dynid: {name} and gradient"] = gradient(parse_criterion(name))

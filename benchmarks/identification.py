@@ -9,12 +9,11 @@ parameters, which no UR5 has, most of the time goes into the search for a fault.
 
 from __future__ import annotations
 
-import resource
-import subprocess
 import sys
 import time
 
 import numpy as np
+from shared.measuring import child
 
 import dynid
 from dynid.identification import inertial_prior
@@ -37,42 +36,29 @@ def recording(seconds: float, rate: float) -> ExperimentRecord:
     motion = series.evaluate(np.arange(int(seconds * rate)) / rate)
     model = InverseDynamicModel(robot=robot)
     bodies = inertial_prior(robot, robot.default_frames).parameters.ravel()
-    parameters = np.concatenate(
-        [bodies * generator.normal(1.0, OFF, bodies.size), COULOMB, VISCOUS, MOTOR]
-    )
+    bodies = bodies * generator.normal(1.0, OFF, bodies.size)
+    parameters = np.concatenate([bodies, COULOMB, VISCOUS, MOTOR])
     torque = model.inverse_dynamics(motion.q, motion.dq, motion.ddq, parameters)
     noisy = torque + NOISE * generator.normal(size=torque.shape)
     return ExperimentRecord(t=motion.t, signals={"q": motion.q, "effort": noisy})
 
 
-def cpu_s(record: ExperimentRecord, preset: str) -> float:
-    robot = dynid.load_robot("ur5")
-    settings = dynid.IdentifySettings(preset=preset)
-    dynid.identify([record], robot, settings)
+def identify(record: ExperimentRecord, preset: str) -> float:
+    """CPU time of an identification [s]."""
     start = time.process_time()
-    dynid.identify([record], robot, settings)
+    dynid.identify([record], "ur5", dynid.IdentifySettings(preset=preset))
     return time.process_time() - start
 
 
 def pinocchio_loop_s(record: ExperimentRecord) -> float:
-    # Here, not above: the process that measures memory loads neither.
-    import pinocchio as pin
+    # Here, not above: the process that measures memory does not load it.
+    from shared.pinocchio_arm import PinocchioArm
 
-    from regressor import pinocchio_model
-
-    robot = dynid.load_robot("ur5")
-    model, _ = pinocchio_model(robot, robot.default_frames)
-    data, q = model.createData(), record.signals["q"]
+    arm, q = PinocchioArm(dynid.load_robot("ur5")), record.signals["q"]
+    out = np.empty((len(q), 6, 60))
     start = time.process_time()
-    for state in q:
-        pin.computeJointTorqueRegressor(model, data, state, state, state)
+    arm.loop(q, q, q, out)
     return time.process_time() - start
-
-
-def memory_gb(preset: str) -> float:
-    """Peak memory of a fresh process that identifies five minutes at 500 Hz."""
-    script = [sys.executable, __file__, "--memory", preset]
-    return float(subprocess.run(script, check=True, capture_output=True, text=True).stdout)
 
 
 def main() -> None:
@@ -80,22 +66,22 @@ def main() -> None:
     loop = pinocchio_loop_s(record)
     print(f"{record.samples} samples; loop over pinocchio's regressor: {loop * 1e3:.0f} ms of CPU")
     for preset, asked in ASKED_CPU_S.items():
-        used = cpu_s(record, preset)
+        identify(record, preset)
+        used = identify(record, preset)
         print(
             f"identify --preset {preset}: {used:.2f} s of CPU, {used / loop:.0f} loops; "
             f"asked: {asked:g} s"
         )
     for preset in ASKED_CPU_S:
+        peak = child([__file__, "--memory", preset]).peak_mb / 1e3
         print(
-            f"identify --preset {preset}, 5 minutes at 500 Hz: peak {memory_gb(preset):.2f} GB; "
+            f"identify --preset {preset}, 5 minutes at 500 Hz: peak {peak:.2f} GB; "
             f"asked: {ASKED_GB:g} GB"
         )
 
 
 if __name__ == "__main__":
     if "--memory" in sys.argv:
-        chosen = dynid.IdentifySettings(preset=sys.argv[-1])
-        dynid.identify([recording(300.0, 500.0)], dynid.load_robot("ur5"), chosen)
-        print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6)
+        identify(recording(300.0, 500.0), sys.argv[-1])
     else:
         main()

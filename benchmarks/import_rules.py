@@ -19,39 +19,26 @@ import tempfile
 import warnings
 from collections import Counter
 from pathlib import Path
-from typing import Any
 
 import pytest
+from real_recordings import SOURCES, Source
+from shared.measuring import DATA, ROOT
 
-ROOT = Path(__file__).parents[1]
-DATA = ROOT.parent / "shared" / "data"
-sys.path[:0] = [str(ROOT / "tests" / "recording")]
+from dynid.core import InputError
+from dynid.recording import RawTable, RepairSettings, parse_columns, reading, repair
+from dynid.recording.content import Budget
+from dynid.recording.repair import pipeline
+from dynid.recording.table import ReadOptions
+from dynid.robot import load_robot
 
+RECORDING = ROOT / "tests" / "recording"
+sys.path[:0] = [str(RECORDING)]
 import test_damage  # noqa: E402
 from recorded_motions import Motion  # noqa: E402
 
-from dynid.core import InputError  # noqa: E402
-from dynid.recording import RawTable, RepairSettings, parse_columns, reading, repair  # noqa: E402
-from dynid.recording.content import Budget  # noqa: E402
-from dynid.recording.repair import pipeline  # noqa: E402
-from dynid.recording.table import ReadOptions  # noqa: E402
-from dynid.robot import load_robot  # noqa: E402
-
-TESTS = [
-    f"tests/recording/test_{name}.py"
-    for name in (
-        "repairs",
-        "dropouts",
-        "input_checks",
-        "text_tables",
-        "foreign_headers",
-        "ros_bags",
-    )
-]
+TESTS = ("repairs", "dropouts", "input_checks", "text_tables", "foreign_headers", "ros_bags")
 DAMAGED = 60
 LENGTHS = (160, 1500)
-KUKA = "q=rec.act_pos_mot_deg,qd=rec.act_vel_mot_deg_per_s,effort=rec.act_torque_abs_nm"
-TX40 = "q=0:6,effort=6:12"
 Given = tuple[RawTable, RepairSettings]
 
 
@@ -71,7 +58,7 @@ def failing_tests() -> int:
     seen = _Failures()
     words = ["-q", "-p", "no:cacheprovider", "--rootdir", str(ROOT)]
     with contextlib.redirect_stdout(io.StringIO()):
-        pytest.main([*words, *(str(ROOT / x) for x in TESTS)], plugins=[seen])
+        pytest.main([*words, *(str(RECORDING / f"test_{x}.py") for x in TESTS)], plugins=[seen])
     return len(seen.names)
 
 
@@ -106,29 +93,18 @@ def real_tables() -> dict[str, Given]:
     """The recordings of ../shared/data as raw tables."""
     if not DATA.is_dir():
         return {}
-    robot = {
-        name: load_robot(ROOT / "examples" / "robots" / f"{name}.toml")
-        for name in ("ur10_unisa", "kr300", "tx40", "panda", "gen3")
-    }
-    found: dict[str, Given] = {}
-
-    def add(name: str, files: list[Path], of: Any, columns: str | None = None, **more: Any) -> None:
-        table = _table(files, columns, of.joint_names)
-        found[name] = table, RepairSettings(robot=of, **more)
-
-    add("UR10", [DATA / "ur10_unisa" / "ur10_exciting_trajectory.db3"], robot["ur10_unisa"])
-    for part in "AB":
-        path = DATA / "kr300_weigand" / part / "data.mat"
-        add(f"KR300 {part}", [path], robot["kr300"], KUKA, rate_hz=250.0)
-    tx40 = [DATA / "tx40" / f"{name}_data.csv" for name in ("pos_read", "curr")]
-    add("TX40", tx40, robot["tx40"], TX40, rate_hz=5000.0)
-    parts = ("time", "positions", "velocity", "torques")
-    panda = [DATA / "panda_gaz" / f"exciting_traj_{part}.txt" for part in parts]
-    add("Panda", panda, robot["panda"])
+    sources = dict(SOURCES)
     for path in sorted((DATA / "kinova_gen3").glob("*.csv")):
-        add(path.stem, [path], robot["gen3"])
+        sources[path.stem] = Source("gen3", (str(path),))
+    found: dict[str, Given] = {}
+    for name, source in sources.items():
+        of = source.load_robot()
+        table = _table([DATA / file for file in source.files], source.columns, of.joint_names)
+        found[name] = table, RepairSettings(robot=of, rate_hz=source.rate_hz)
+    ur5 = load_robot("ur5")
     for folder in sorted((DATA / "ur5_kufieta").glob("no*")):
-        add(f"UR5 {folder.name}", sorted(folder.glob("*.csv")), load_robot("ur5"))
+        table = _table(sorted(folder.glob("*.csv")), None, ur5.joint_names)
+        found[f"UR5 {folder.name}"] = table, RepairSettings(robot=ur5)
     return found
 
 

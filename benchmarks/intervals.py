@@ -68,14 +68,11 @@ def truth(real: Plant, estimate: dynid.Estimate) -> Array:
     """(p) true standard parameters in the estimate's frames."""
     inverses = np.linalg.inv(real.robot.parameter_frames[estimate.model.frames])
     values = np.zeros(len(estimate.model.names))
-    for k, (mass, centre, second) in enumerate(
-        zip(real.mass, real.centre, real.second, strict=True)
-    ):
-        pseudo = np.zeros((4, 4))
-        place = np.append(centre, 1.0)
-        pseudo[:3, :3] = second
-        pseudo += mass * np.outer(place, place)
-        values[10 * k : 10 * k + 10] = move(from_pseudo_inertia(pseudo), inverses[k])
+    for k, inverse in enumerate(inverses):
+        place = np.append(real.centre[k], 1.0)
+        pseudo = real.mass[k] * np.outer(place, place)
+        pseudo[:3, :3] += real.second[k]
+        values[10 * k : 10 * k + 10] = move(from_pseudo_inertia(pseudo), inverse)
     known = {"Fc": real.coulomb, "Fv": real.viscous, "Im": real.armature}
     for k, name in enumerate(estimate.model.names[10 * real.robot.joints :]):
         if name[:2] in known and name[2:].isdigit():

@@ -14,31 +14,28 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import subprocess
 import sys
-import time
+
+from shared.measuring import child
 
 ASKED = {12: 34.5, 60: 33.0}
 """Condition number by the number of starts."""
 GENERIC = "Nehalem"
 """The kernel that comes with numba for any processor."""
-
-
-def conditions(seeds: int, starts: int) -> tuple[str, list[float], float]:
-    """In this process: the kernel, the condition numbers by seed, CPU time of a design [s]."""
-    from threadpoolctl import threadpool_info
-
-    from dynid import DesignSettings, design
-
-    kernel = next(x["architecture"] for x in threadpool_info() if x["internal_api"] == "openblas")
-    settings = [DesignSettings(limits="paper", starts=starts, seed=k) for k in range(seeds)]
-    design("ur5", DesignSettings(limits="paper", starts=1))
-    began = time.process_time()
-    found = [design("ur5", one) for one in settings]
-    assert all(one.feasible for one in found)
-    spent = (time.process_time() - began) / seeds
-    return kernel, [one.condition_number for one in found], spent
+DESIGNS = """
+import json, sys, time
+from threadpoolctl import threadpool_info
+from dynid import DesignSettings, design
+seeds, starts = map(int, sys.argv[1:])
+kernel = next(x["architecture"] for x in threadpool_info() if x["internal_api"] == "openblas")
+design("ur5", DesignSettings(limits="paper", starts=1))
+began, settings = time.process_time(), dict(limits="paper", starts=starts)
+found = [design("ur5", DesignSettings(seed=k, **settings)) for k in range(seeds)]
+assert all(one.feasible for one in found)
+spent = (time.process_time() - began) / seeds
+print(json.dumps([kernel, [one.condition_number for one in found], spent]))
+"""
+"""The kernel, the condition numbers by seed, CPU time of a design [s]."""
 
 
 def main() -> int:
@@ -48,26 +45,17 @@ def main() -> int:
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--kernels", nargs="*", default=["Haswell", "Sandybridge", GENERIC])
     asked = parser.parse_args()
-    if not asked.kernels:
-        print(json.dumps(conditions(asked.seeds, asked.starts)))
-        return 0
     limit, worst = ASKED.get(asked.starts, float("inf")), 0.0
-    words = ["--seeds", str(asked.seeds), "--starts", str(asked.starts), "--kernels"]
     for name in asked.kernels:
         changed = {"OPENBLAS_CORETYPE": name}
         if name == GENERIC:
             changed["NUMBA_CPU_NAME"] = "generic"
-        child = subprocess.run(
-            [sys.executable, __file__, *words],
-            env=os.environ | changed,
-            stdout=subprocess.PIPE,
-            check=True,
-        )
-        kernel, values, spent = json.loads(child.stdout)
+        told = child(["-c", DESIGNS, asked.seeds, asked.starts], **changed).said
+        kernel, values, spent = json.loads(told)
         worst = max(worst, *values)
         numbers = " ".join(f"{value:.2f}" for value in values)
-        print(f"{kernel:12} {min(values):.2f} to {max(values):.2f}: {numbers}; {spent:.1f} s CPU",
-              flush=True)  # fmt: skip
+        line = f"{kernel:12} {min(values):.2f} to {max(values):.2f}: {numbers}; {spent:.1f} s CPU"
+        print(line, flush=True)
     print(f"{asked.starts} starts, {asked.seeds} seeds: worst {worst:.2f}, asked {limit:g}")
     return int(worst > limit)
 

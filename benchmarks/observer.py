@@ -16,27 +16,22 @@ from dynid.core import Array
 from dynid.simulation import SimulatedArm, SimulatedPlant, simulated_arm
 from dynid.validation import MomentumObserver, contact_thresholds
 
-RATE = 125.0
-SECONDS = 10.0
-CONTACT = 15.0
-ASKED_S = 0.05
+RATE, SECONDS = 125.0, 10.0
+CONTACT, ASKED_S = 15.0, 0.05
 LEARN, FREE, CONTACTS = 12, 60, 36
 SETTLED = 20
 """Samples after which the observer has forgotten its start."""
 
-Run = tuple[Array, Array, Array, Array]
+Touch = tuple[int, int, float]
+"""Cycle, joint and torque of a contact that stays [N.m]."""
 
 
 def run(
-    arm: SimulatedArm, plant: SimulatedPlant, seed: int, touch: tuple[int, int, float] | None = None
-) -> Run:
+    arm: SimulatedArm, plant: SimulatedPlant, seed: int, touch: Touch | None
+) -> tuple[Array, Array, Array, Array]:
     """Times, positions, measured velocities and torques of ten seconds of random motion.
 
-    Args:
-        arm: The simulated arm.
-        plant: Its physics; its temperatures go on from where they are.
-        seed: Seed of the motion and the noise.
-        touch: Cycle, joint and torque of a contact that stays [N.m].
+    The plant's temperatures go on from where they are.
     """
     t = np.arange(round(SECONDS * RATE)) / RATE
     motion = dynid.random_excitation(arm.robot.limits, seed=seed).evaluate(t)
@@ -62,28 +57,22 @@ def main() -> int:
     record = dynid.simulate_recording(robot, motion, seed=1, periods=3, thermal="warm")
     settings = dynid.IdentifySettings(preset="paper")
     estimate = dynid.identify([record], robot, settings).estimate
-    observer, plant = (
-        MomentumObserver(estimate=estimate),
-        SimulatedPlant(arm, rate_hz=RATE, thermal="warm"),
-    )
+    observer = MomentumObserver(estimate=estimate)
+    plant = SimulatedPlant(arm, rate_hz=RATE, thermal="warm")
 
-    learned = [run(arm, plant, 100 + k) for k in range(LEARN)]
-    thresholds = contact_thresholds(
-        [observer.residuals(*one)[SETTLED:] for one in learned],
-        [one[2][SETTLED:] for one in learned],
-        noise=estimate.noise,
-    )
-    alarms = 0
-    for k in range(FREE):
-        one = run(arm, plant, 20_000 + k)
-        seen = thresholds.contacts(observer.residuals(*one), one[2])[SETTLED:]
-        alarms += int(seen.any())
+    def observed(seed: int, touch: Touch | None = None) -> tuple[Array, Array]:
+        one = run(arm, plant, seed, touch)
+        return observer.residuals(*one), one[2]
+
+    learned = [observed(100 + k) for k in range(LEARN)]
+    residuals, speeds = ([part[SETTLED:] for part in parts] for parts in zip(*learned, strict=True))
+    thresholds = contact_thresholds(residuals, speeds, noise=estimate.noise)
+    free = [thresholds.contacts(*observed(20_000 + k))[SETTLED:] for k in range(FREE)]
+    alarms = sum(bool(seen.any()) for seen in free)
     random, delays = np.random.default_rng(7), []
     for k in range(CONTACTS):
-        first = int(random.integers(200, 1100))
-        touch = first, k % 6, CONTACT * (-1.0) ** (k // 6)
-        one = run(arm, plant, 30_000 + k, touch)
-        seen = thresholds.contacts(observer.residuals(*one), one[2])[first:].any(axis=1)
+        touch = int(random.integers(200, 1100)), k % 6, CONTACT * (-1.0) ** (k // 6)
+        seen = thresholds.contacts(*observed(30_000 + k, touch))[touch[0] :].any(axis=1)
         delays.append((int(np.argmax(seen)) + 1) / RATE if seen.any() else np.inf)
     minutes = FREE * SECONDS / 60
     print(f"thresholds near rest [N.m]:  {np.round(thresholds.limits[0], 1).tolist()}")

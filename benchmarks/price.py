@@ -1,39 +1,51 @@
-"""What safety costs: condition numbers, or CPU time, of designs beside those of release 0.1.
+"""What the present costs beside release 0.1: condition numbers, CPU of designs, CPU of `dynid fit`.
 
-    python benchmarks/price.py [OLD] [--robots ur3 ur5 ur10] [--seeds 3] [--starts 4]
+    python benchmarks/price.py OLD [--robots ur3 ur5 ur10] [--seeds 3] [--starts 4]
     python benchmarks/price.py OLD --cpu [--robots ur5] [--seeds 10] [--starts 1]
+    python benchmarks/price.py OLD --fit [--runs 3]
 
-OLD is the source folder (`src`) of a tree of v0.1.0. Both releases design by the criterion cond, as
-many seeds each, in processes of their own. The new release keeps its defaults: a floor at the
-mounting plane, 10 mm between bodies, 5 % below every limit. The old one, which knows no floor, gets
-it as a scene, 10 mm lower: that much less clearance. Prints a line a design; exits 1 where the
-median over the seeds of an arm is more than 15 % above that of 0.1.
+OLD is the source folder (`src`) of a tree of v0.1.0; an environment `.venv` beside it is taken. The
+releases take turns, each in processes of its own; exits 1 where an asked figure is missed.
 
-`--cpu` compares the CPU time of a start, all limits on, above a table, both releases in turn, in
-processes whose kernels are compiled, with the same limits (`--margin 0`; the new release keeps
-10 mm to itself too). Exits 1 where the sum is above a third of that of 0.1, or the median condition
-number of the designs above its own.
+The first compares condition numbers of designs by the criterion cond. The new release keeps its
+defaults: a floor at the mounting plane, 10 mm between bodies, 5 % below every limit. The old one,
+which knows no floor, gets it as a scene, 10 mm lower: that much less clearance. Asked: the median
+over the seeds of an arm at most 15 % above that of 0.1.
+
+`--cpu` compares the CPU time of a start, all limits on, above a table, with the same limits
+(no margin; the new release keeps 10 mm to itself too). Asked: a third of that of 0.1 in sum, the
+median condition number not above its own.
+
+`--fit` compares the UR5 logs of examples/data (one identified, the other predicted) and, where they
+are, the halves of a Panda's recording. `dynid fit` imports, identifies, validates, exports and
+reports; release 0.1 gets the recordings imported and only does `identify --preset best` and
+`report`. Asked: 1.5 times the median CPU.
 """
 
 from __future__ import annotations
 
 import argparse
+import gzip
 import json
-import os
-import statistics
 import subprocess
-import sys
 import tempfile
+from collections import defaultdict
 from pathlib import Path
+from statistics import median
 
-MOST_PERCENT = 15.0
-CLEARANCE_M = 0.01
-"""The new release's, which the old one is spared at its floor."""
-SCENE = {"shapes": [{"type": "floor", "height": -CLEARANCE_M}]}
-TABLE = {"shapes": [{"type": "table", "size": [1.2, 0.8], "position": [0, 0, 0]},
-                    {"type": "floor", "height": -0.75}]}  # fmt: skip
-MOST_CPU = 1 / 3
-TIMED = """
+import numpy as np
+from shared.measuring import DATA, ROOT, SOURCE, child
+
+MOST, MOST_CPU, MOST_FIT = 1.15, 1 / 3, 1.5
+FLOOR = {"shapes": [{"type": "floor", "height": -0.01}]}
+"""The old release is spared the clearance of the new one."""
+TABLE = {
+    "shapes": [
+        {"type": "table", "size": [1.2, 0.8], "position": [0, 0, 0]},
+        {"type": "floor", "height": -0.75},
+    ]
+}
+DESIGN = """
 import importlib, json, sys, time
 from dynid import DesignSettings, design
 module = importlib.import_module("dynid.excitation.multistart")
@@ -46,107 +58,137 @@ def timed(*words, **more):
 module.one_start = timed
 robot, settings = json.loads(sys.argv[1])
 began = time.process_time()
-found = design(robot, DesignSettings(criterion="cond", jobs=1, **settings))
+found = design(robot, DesignSettings(jobs=1, **settings))
 whole = time.process_time() - began
 print(json.dumps([spent, whole, found.condition_number if found.feasible else float("inf")]))
 """
 """Run by both releases: CPU time of the starts and of the whole design [s], condition number."""
-OURS = Path(__file__).parents[1] / "src"
 
 
-def designed(source: Path, words: list[str], file: Path) -> float:
-    """Run a release's `dynid design`; the condition number that it tells."""
-    found = subprocess.run(
-        [sys.executable, "-m", "dynid", "design", *words, "-o", str(file), "--json"],
-        env=os.environ | {"PYTHONPATH": str(source)},
-        stdout=subprocess.PIPE,
-        check=True,
-    )
-    told = json.loads(found.stdout)
-    if not told["feasible"]:
-        raise SystemExit(f"{source}: no feasible motion for {' '.join(words)}")
-    return float(told["condition_number"])
-
-
-def timed(
-    source: Path, robot: str, settings: dict[str, object]
-) -> tuple[list[float], float, float]:
+def designed(source: Path, robot: str, **settings: object) -> tuple[list[float], float, float]:
     """A release's CPU times of the starts and of the design [s], and the condition number."""
-    found = subprocess.run(
-        [sys.executable, "-c", TIMED, json.dumps([robot, settings])],
-        env=os.environ | {"PYTHONPATH": str(source), "OPENBLAS_NUM_THREADS": "1"},
-        stdout=subprocess.PIPE,
-        check=True,
-    )
-    return json.loads(found.stdout)
+    words = ["-c", DESIGN, json.dumps([robot, settings])]
+    return json.loads(child(words, source=source, OPENBLAS_NUM_THREADS="1").said)
 
 
-def cpu(old: Path, robot: str, seeds: int, starts: int, scene: str) -> bool:
+def conditions(old: Path, robot: str, seeds: int, starts: int, folder: Path) -> bool:
+    """Compare condition numbers; whether they are as asked."""
+    scene = folder / "floor.json"
+    scene.write_text(json.dumps(FLOOR))
+    pairs = []
+    for seed in range(seeds):
+        same = {"seed": seed, "starts": starts}
+        before = designed(old, robot, criterion="cond", scene=str(scene), **same)[2]
+        pairs.append((before, designed(SOURCE, robot, purpose="cond", **same)[2]))
+        print(f"{robot:6s} seed {seed}: 0.1 {before:8.1f}, now {pairs[-1][1]:8.1f}", flush=True)
+    before, now = map(median, zip(*pairs, strict=True))
+    print(f"{robot:6s} median: 0.1 {before:.1f}, now {now:.1f}: {100 * (now / before - 1):+.0f} %")
+    return now <= MOST * before
+
+
+def cpu(old: Path, robot: str, seeds: int, starts: int, folder: Path) -> bool:
     """Compare the CPU time of starts; whether it is as asked."""
-    sides = {"0.1": (old, {}), "now": (OURS, {"margin_percent": 0.0})}
-    spent: dict[str, list[float]] = {name: [] for name in sides}
-    wholes, conds = ({name: [] for name in sides} for _ in range(2))
+    scene = folder / "table.json"
+    scene.write_text(json.dumps(TABLE))
+    same = {"criterion": "cond", "scene": str(scene), "starts": starts}
+    sides = {"0.1": (old, {}), "now": (SOURCE, {"margin_percent": 0.0})}
+    spent, wholes, conds = (defaultdict[str, list[float]](list) for _ in range(3))
     for seed in range(-1, seeds):
-        line = f"{robot:6s} seed {seed}:"
         for name, (source, more) in sides.items():
-            settings = {"scene": scene, "seed": max(seed, 0), "starts": starts, **more}
-            each, whole, cond = timed(source, robot, settings)
+            each, whole, cond = designed(source, robot, seed=max(seed, 0), **same, **more)
+            print(f"{robot:6s} seed {seed}: {name} {sum(each) / len(each):.2f} s a start, "
+                  f"{whole:.1f} s, cond {cond:.1f}", flush=True)  # fmt: skip
             # The first round compiles.
             if seed >= 0:
                 spent[name] += each
                 wholes[name].append(whole)
                 conds[name].append(cond)
-            line += (
-                f" {name} {sum(each) / len(each):.2f} s a start, {whole:.1f} s, cond {cond:.1f};"
-            )
-        print(line, flush=True)
-    for what, of, form in (("CPU of starts", spent, ".2f"), ("of designs", wholes, ".1f")):
-        before, after = of["0.1"], of["now"]
-        print(f"{robot:6s} {what}: sum {sum(before):{form}} and {sum(after):{form}} s, ratio "
-              f"{sum(after) / sum(before):.3f}; ratio of medians "
-              f"{statistics.median(after) / statistics.median(before):.3f}")  # fmt: skip
-    before, after = (statistics.median(conds[name]) for name in sides)
-    print(f"{robot:6s} condition number: median {before:.1f} and {after:.1f}")
-    return sum(spent["now"]) <= MOST_CPU * sum(spent["0.1"]) and after <= before
+    for what, of in (("CPU of starts", spent), ("CPU of designs", wholes)):
+        before, now = of["0.1"], of["now"]
+        print(f"{robot:6s} {what}: sum {sum(before):.2f} and {sum(now):.2f} s, ratio "
+              f"{sum(now) / sum(before):.3f}; ratio of medians "
+              f"{median(now) / median(before):.3f}")  # fmt: skip
+    before, now = (median(conds[name]) for name in sides)
+    print(f"{robot:6s} condition number: median {before:.1f} and {now:.1f}")
+    return sum(spent["now"]) <= MOST_CPU * sum(spent["0.1"]) and now <= before
+
+
+def fit_jobs(folder: Path) -> dict[str, tuple[str, Path, Path]]:
+    """A robot, a log to identify from and one to predict, as files that both releases read."""
+    logs = []
+    for name in ("ur5_no6", "ur5_no5"):
+        logs.append(folder / f"{name}.csv")
+        packed = ROOT / "examples" / "data" / f"{name}.csv.gz"
+        logs[-1].write_bytes(gzip.decompress(packed.read_bytes()))
+    jobs = {"UR5 no6, on no5": ("ur5", logs[0], logs[1])}
+    panda = DATA / "panda_gaz"
+    if panda.exists():
+        parts = ("time", "positions", "velocity", "torques")
+        texts = [(panda / f"exciting_traj_{part}.txt").read_text().split() for part in parts]
+        rows = np.column_stack([np.reshape(text, (len(texts[0]), -1)) for text in texts])
+        head = ["t [s]", *(f"{kind}{j}" for kind in ("q", "qd", "effort") for j in range(1, 8))]
+        halves = [folder / "panda_1.csv", folder / "panda_2.csv"]
+        for path, half in zip(halves, np.array_split(rows, [len(rows) // 2]), strict=True):
+            np.savetxt(path, half, "%s", delimiter=",", header=",".join(head), comments="")
+        robot = str(ROOT / "examples" / "robots" / "panda.toml")
+        jobs["Panda 1st half, on 2nd"] = (robot, *halves)
+    return jobs
+
+
+def fit(old: Path, runs: int, folder: Path) -> bool:
+    """Compare `dynid fit` with release 0.1's `identify` and `report`; whether it is as asked."""
+
+    def spent(source: Path, *words: object) -> float:
+        return child(["-m", "dynid", *words], source=source, stderr=subprocess.DEVNULL).cpu_s
+
+    good = True
+    for number, (name, (robot, log, other)) in enumerate(fit_jobs(folder).items()):
+        pairs = []
+        for turn in range(runs + 1):
+            here = folder / f"{number}-{turn}"
+            here.mkdir()
+            records = [here / "log.parquet", here / "validation.parquet"]
+            for path, record in zip((log, other), records, strict=True):
+                spent(old, "import", path, "--robot", robot, "-o", record)
+            words = ("--preset", "best", "--validate", records[1], "-o", here / "estimate.json")
+            before = spent(old, "identify", records[0], *words)
+            before += spent(old, "report", here, "-o", here / "report.html")
+            now = spent(SOURCE, "fit", robot, log, "--validate", other, "-o", here / "fit")
+            # The first turn fills the caches.
+            if turn:
+                pairs.append((before, now))
+                print(f"{name}: 0.1 {before:.1f} s, fit {now:.1f} s", flush=True)
+        before, now = map(median, zip(*pairs, strict=True))
+        print(f"{name}, median: 0.1 {before:.1f} s, fit {now:.1f} s: {now / before:.2f} times")
+        good &= now <= MOST_FIT * before
+    return good
 
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("old", type=Path, nargs="?", help="without it there is nothing to compare")
     parser.add_argument("--cpu", action="store_true")
+    parser.add_argument("--fit", action="store_true")
     parser.add_argument("--robots", nargs="+")
     parser.add_argument("--seeds", type=int)
     parser.add_argument("--starts", type=int)
+    parser.add_argument("--runs", type=int, default=3)
     asked = parser.parse_args()
-    robots = asked.robots or (["ur5"] if asked.cpu else ["ur3", "ur5", "ur10"])
-    seeds, starts = asked.seeds or (10 if asked.cpu else 3), asked.starts or (1 if asked.cpu else 4)
     if asked.old is None:
         print("nothing compared: name the source folder of a tree of v0.1.0")
         return
-    dear = 0
+    compare, robots, seeds, starts = conditions, ["ur3", "ur5", "ur10"], 3, 4
+    if asked.cpu:
+        compare, robots, seeds, starts = cpu, ["ur5"], 10, 1
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        (folder / "floor.json").write_text(json.dumps(SCENE))
-        if asked.cpu:
-            (folder / "table.json").write_text(json.dumps(TABLE))
-            scene = str(folder / "table.json")
-            good = [cpu(asked.old, robot, seeds, starts, scene) for robot in robots]
-            raise SystemExit(not all(good))
-        for robot in robots:
-            pairs: list[tuple[float, float]] = []
-            for seed in range(seeds):
-                words = [robot, "--starts", str(starts), "--seed", str(seed)]
-                old_words = [*words, "--criterion", "cond", "--scene", str(folder / "floor.json")]
-                old = designed(asked.old, old_words, folder / f"{robot}-{seed}-old.json")
-                new = designed(OURS, [*words, "--for", "cond"], folder / f"{robot}-{seed}-new.json")
-                pairs.append((old, new))
-                print(f"{robot:6s} seed {seed}: 0.1 {old:8.1f}, now {new:8.1f}", flush=True)
-            old, new = (statistics.median(values) for values in zip(*pairs, strict=True))
-            percent = 100 * (new / old - 1)
-            dear += percent > MOST_PERCENT
-            print(f"{robot:6s} median: 0.1 {old:.1f}, now {new:.1f}: {percent:+.0f} %", flush=True)
-    raise SystemExit(bool(dear))
+        if asked.fit:
+            good = [fit(asked.old, asked.runs, folder)]
+        else:
+            counts = asked.seeds or seeds, asked.starts or starts
+            good = [compare(asked.old, one, *counts, folder) for one in asked.robots or robots]
+    raise SystemExit(not all(good))
 
 
 if __name__ == "__main__":

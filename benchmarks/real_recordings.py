@@ -16,17 +16,57 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from shared.measuring import DATA, ROOT, print_head, print_row
 
 import dynid
 
-ROOT = Path(__file__).parents[1]
-ROBOTS = ROOT / "examples" / "robots"
 KUKA = "q=rec.act_pos_mot_deg,qd=rec.act_vel_mot_deg_per_s,effort=rec.act_torque_abs_nm"
-
+PANDA = ("time", "positions", "velocity", "torques")
 UR5_GAINS = (11.5, 10.1, 10.6, 10.0, 10.2, 8.8)
 """Regressed from `no6`: target current on target moment [N.m/A]."""
 
 Window = tuple[float | None, float | None]
+
+
+@dataclass(frozen=True)
+class Source:
+    """Files of one recording, and how they are read."""
+
+    robot: str
+    files: tuple[str, ...]
+    columns: str | None = None
+    rate_hz: float | None = None
+    degrees: bool = False
+
+    def load_robot(self) -> dynid.RobotModel:
+        """From examples/robots."""
+        return dynid.load_robot(ROOT / "examples" / "robots" / f"{self.robot}.toml")
+
+    def read(self, data: Path) -> dynid.ExperimentRecord:
+        """The recording, from the folder of all."""
+        return dynid.read_recording(
+            [data / file for file in self.files],
+            robot=self.load_robot(),
+            columns=self.columns,
+            rate_hz=self.rate_hz,
+            degrees=self.degrees,
+        )
+
+
+SOURCES = {
+    "UR10": Source("ur10_unisa", ("ur10_unisa/ur10_exciting_trajectory.db3",)),
+    "KR300 A": Source("kr300", ("kr300_weigand/A/data.mat",), KUKA, 250.0, degrees=True),
+    "KR300 B": Source("kr300", ("kr300_weigand/B/data.mat",), KUKA, 250.0, degrees=True),
+    "TX40": Source(
+        "tx40", ("tx40/pos_read_data.csv", "tx40/curr_data.csv"), "q=0:6,effort=6:12", 5000.0
+    ),
+    "Panda": Source(
+        "panda",
+        tuple(f"panda_gaz/exciting_traj_{part}.txt" for part in PANDA),
+        "t=0,q=1:8,qd=8:15,effort=15:22",
+    ),
+}
+"""The recordings that `dynid.read_recording` reads as they are."""
 
 
 @dataclass(frozen=True)
@@ -43,42 +83,16 @@ class Case:
 
 def cases(data: Path) -> list[Case]:
     """The recordings, in the order of the README."""
-    robot = {name: dynid.load_robot(ROBOTS / f"{name}.toml") for name in _robots()}
-    bag = data / "ur10_unisa" / "ur10_exciting_trajectory.db3"
-    ur10 = dynid.read_recording(bag, robot=robot["ur10_unisa"])
-    kuka = [
-        dynid.read_recording(
-            data / "kr300_weigand" / part / "data.mat",
-            robot=robot["kr300"],
-            degrees=True,
-            rate_hz=250,
-            columns=KUKA,
-        )
-        for part in "AB"
-    ]
-    tx40 = dynid.read_recording(
-        [data / "tx40" / "pos_read_data.csv", data / "tx40" / "curr_data.csv"],
-        robot=robot["tx40"],
-        rate_hz=5000,
-        columns="q=0:6,effort=6:12",
-    )
-    panda = dynid.read_recording(
-        [
-            data / "panda_gaz" / f"exciting_traj_{part}.txt"
-            for part in ("time", "positions", "velocity", "torques")
-        ],
-        robot=robot["panda"],
-        columns="t=0,q=1:8,qd=8:15,effort=15:22",
-    )
     ur5 = {name: _ur5(data / "ur5_kufieta" / name) for name in ("no5", "no6", "no7")}
-    ur5_robot = dynid.load_robot("ur5")
+    arm = dynid.load_robot("ur5")
+    kuka = {part: SOURCES[f"KR300 {part}"].read(data) for part in "AB"}
+    kr300 = SOURCES["KR300 A"].load_robot()
     return [
-        *(Case(f"UR5 {a}, on {b}", ur5[a], ur5_robot, ur5[b]) for a in ur5 for b in ur5 if a != b),
-        *_halves("UR10", ur10, robot["ur10_unisa"], 13.75),
-        Case("KR300 A, on B", kuka[0], robot["kr300"], kuka[1]),
-        Case("KR300 B, on A", kuka[1], robot["kr300"], kuka[0]),
-        *_halves("TX40", tx40, robot["tx40"], 4.5),
-        *_halves("Panda", panda, robot["panda"], 10.5),
+        *(Case(f"UR5 {a}, on {b}", ur5[a], arm, ur5[b]) for a in ur5 for b in ur5 if a != b),
+        *_halves("UR10", data, 13.75),
+        *(Case(f"KR300 {a}, on {b}", kuka[a], kr300, kuka[b]) for a, b in ("AB", "BA")),
+        *_halves("TX40", data, 4.5),
+        *_halves("Panda", data, 10.5),
     ]
 
 
@@ -88,7 +102,8 @@ def _ur5(folder: Path) -> dynid.ExperimentRecord:
     for name in ("q_actual", "qd_actual", "i_actual"):
         lines = (folder / f"log_{name}.csv").read_text().splitlines()
         # The last line is cut.
-        tables.append({round(1000 * row[0]): row[1:] for row in map(_numbers, lines[:-1])})
+        rows = ([float(word) for word in line.split(",")] for line in lines[:-1])
+        tables.append({round(1000 * row[0]): row[1:] for row in rows})
     stamps = sorted(set.intersection(*map(set, tables)))
     q, qd, current = (np.array([table[k] for k in stamps]) for table in tables)
     return dynid.ExperimentRecord(
@@ -97,17 +112,8 @@ def _ur5(folder: Path) -> dynid.ExperimentRecord:
     )
 
 
-def _numbers(line: str) -> list[float]:
-    return [float(word) for word in line.split(",")]
-
-
-def _robots() -> tuple[str, ...]:
-    return ("ur10_unisa", "kr300", "tx40", "panda")
-
-
-def _halves(
-    name: str, record: dynid.ExperimentRecord, robot: dynid.RobotModel, middle: float
-) -> list[Case]:
+def _halves(name: str, data: Path, middle: float) -> list[Case]:
+    record, robot = SOURCES[name].read(data), SOURCES[name].load_robot()
     first, second = (None, middle), (middle, None)
     return [
         Case(f"{name} 1st half, on 2nd", record, robot, record, first, second),
@@ -133,7 +139,7 @@ def plain(value: float) -> str:
     return f"{value:.0f}" if 1000 <= value < 10_000 else f"{value:.3g}"
 
 
-def row(case: Case, preset: str, purpose: str) -> str:
+def cells(case: Case, preset: str, purpose: str) -> tuple[str, ...]:
     """Identify, check, and give a row of the table."""
     started = time.process_time()
     result = identified(case, dynid.IdentifySettings(preset=preset, purpose=purpose))
@@ -143,7 +149,7 @@ def row(case: Case, preset: str, purpose: str) -> str:
     assert told is not None
     metrics, covered = result.validation.metrics, result.validation.covered
     assert covered is not None
-    cells = (
+    return (
         case.name,
         preset if preset == "paper" else purpose,
         plain(float(np.linalg.norm(metrics.rmse))),
@@ -155,12 +161,11 @@ def row(case: Case, preset: str, purpose: str) -> str:
         dynid.verdict(result).level.replace("_", " "),
         f"{cpu:.0f}",
     )
-    return "| " + " | ".join(cells) + " |"
 
 
 def main(words: list[str]) -> int:
     """Print the table."""
-    data = Path(words[0]) if words else ROOT.parent / "shared" / "data"
+    data = Path(words[0]) if words else DATA
     if not data.exists():
         print(f"no recordings at {data}: nothing to measure")
         return 0
@@ -176,17 +181,12 @@ def main(words: list[str]) -> int:
         "verdict",
         "CPU s",
     )
-    print("| " + " | ".join(columns) + " |")
-    print("|" + "---|" * len(columns))
+    print_head(columns)
     for case in cases(data):
-        if words[1:] and not any(case.name.startswith(word) for word in words[1:]):
+        if words[1:] and not case.name.startswith(tuple(words[1:])):
             continue
-        for preset, purpose in (
-            ("paper", "anywhere"),
-            ("best", "anywhere"),
-            ("best", "this-motion"),
-        ):
-            print(row(case, preset, purpose), flush=True)
+        for words_of in (("paper", "anywhere"), ("best", "anywhere"), ("best", "this-motion")):
+            print_row(cells(case, *words_of))
     return 0
 
 

@@ -8,74 +8,35 @@ asked figure is six times pinocchio's throughput. Needs pinocchio: pip install '
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Callable, Collection
 
 import numpy as np
-import pinocchio as pin
+from shared.measuring import fastest
+from shared.pinocchio_arm import PinocchioArm
 
 from dynid.regressor import InverseDynamicModel
 from dynid.regressor.inertial import inertial_columns
-from dynid.robot import RobotModel, load_robot
+from dynid.robot import load_robot
 
-SAMPLES = 1248
-ROUNDS = 60
-ASKED = 6.0
-SAME_TORQUE = 1e-9
-"""The two regressors must predict the same torques, to this share of the largest."""
-
-
-def pinocchio_model(robot: RobotModel, frames: str) -> tuple[pin.Model, np.ndarray]:
-    """The chain, with an ellipsoid of 1 kg for each link, and their parameters (10 n), ours."""
-    model, parent = pin.Model(), 0
-    body = pin.Inertia(1.0, np.array([0.02, 0.03, -0.05]), np.diag([0.02, 0.03, 0.015]))
-    order = [0, 1, 2, 3, 4, 6, 9, 8, 7, 5]
-    for k in range(robot.joints):
-        joint = pin.JointModelRevoluteUnaligned(robot.axes[k])
-        parent = model.addJoint(parent, joint, pin.SE3(robot.placements[k]), f"j{k}")
-        model.appendBodyToJoint(parent, body, pin.SE3(robot.parameter_frames[frames][k]))
-    model.gravity.linear = np.array(robot.gravity)
-    return model, np.tile(np.array(body.toDynamicParameters())[order], robot.joints)
-
-
-def fastest(
-    works: dict[str, Callable[[], object]], rounds: int, rare: Collection[str] = ()
-) -> dict[str, float]:
-    """The shortest time of each [s]; the first round warms the caches, rare ones run every 8th."""
-    times = dict.fromkeys(works, np.inf)
-    for number in range(rounds + 1):
-        for name, work in works.items():
-            if name in rare and number % 8:
-                continue
-            start = time.perf_counter()
-            work()
-            if number:
-                times[name] = min(times[name], time.perf_counter() - start)
-    return times
+SAMPLES, ROUNDS, ASKED = 1248, 60, 6.0
+SAME_COLUMNS = 1e-9
+"""The two regressors must agree, to this share of the largest number."""
 
 
 def main() -> int:
     """Print the table; 1 if the asked figure is missed."""
     model = InverseDynamicModel(robot=load_robot("ur5"))
-    robot, constants, n = model.robot, model.constants, model.robot.joints
-    theirs, parameters = pinocchio_model(robot, model.frames)
-    data = theirs.createData()
-    random = np.random.default_rng(0)
-    q, dq, ddq = random.uniform(-3, 3, (3, SAMPLES, n))
+    constants, n = model.constants, model.robot.joints
+    theirs = PinocchioArm(model.robot, model.frames)
+    q, dq, ddq = np.random.default_rng(0).uniform(-3, 3, (3, SAMPLES, n))
     by_joint = [np.ascontiguousarray(x.T) for x in (q, dq, ddq)]
     loop_out = np.empty((SAMPLES, n, 10 * n))
     columns_out = np.zeros((10 * n, n, SAMPLES))
     stack_out = np.zeros((len(model.columns), n, SAMPLES))
-
-    def loop() -> None:
-        for k in range(SAMPLES):
-            loop_out[k] = pin.computeJointTorqueRegressor(theirs, data, q[k], dq[k], ddq[k])
-
     reference = "pinocchio, loop over computeJointTorqueRegressor, 60 columns"
     asked = "dynid, inertial_columns, 60 columns"
     times = fastest(
         {
-            reference: loop,
+            reference: lambda: theirs.loop(q, dq, ddq, loop_out),
             asked: lambda: inertial_columns(constants, *by_joint, out=columns_out),
             f"{asked}, memory new each time": lambda: inertial_columns(constants, *by_joint),
             "dynid, stack, 78 columns": lambda: model.stack(q, dq, ddq, out=stack_out),
@@ -83,9 +44,8 @@ def main() -> int:
         },
         ROUNDS,
     )
-    ours = np.tensordot(parameters, columns_out, axes=1).T
-    truth = np.array([pin.rnea(theirs, data, *state) for state in zip(q, dq, ddq, strict=True)])
-    if np.abs(ours - truth).max() > SAME_TORQUE * np.abs(truth).max():
+    truth = theirs.rows(q, dq, ddq)[:, :, : 10 * n]
+    if np.abs(columns_out.transpose(2, 1, 0) - truth).max() > SAME_COLUMNS * np.abs(truth).max():
         print("the two regressors disagree", file=sys.stderr)
         return 1
     print(f"UR5, {SAMPLES} samples, one thread, fastest of {ROUNDS} rounds")

@@ -17,7 +17,6 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.core import provenance
 from dynid.drivers import SimulatedDriver, UrDriver, inspect
 from dynid.experiment import ExperimentPlan
 from dynid.recording import ExperimentRecord, RecordMetadata, RecordWriter, read_record
@@ -27,25 +26,14 @@ from dynid.trajectory import rest_series
 from urtwin import controller_process
 
 HOST = "127.0.1.77"
-
-
-def motion():
-    free = 0.05 * np.random.default_rng(0).normal(size=(6, 8))
-    return rest_series(10.0, np.array([0.1, -1.4, 0.3, -2.1, 0.2, 0.1]), free)
+POSE = np.array([0.1, -1.4, 0.3, -2.1, 0.2, 0.1])
 
 
 def record(driver, plan: ExperimentPlan, path: Path) -> ExperimentRecord:
     source = driver.source
-    execution = plan.passes()[-1].execution
-    with RecordWriter(
-        path,
-        plan.robot.joint_names,
-        source.quantities,
-        RecordMetadata(robot="ur5"),
-        channels=source.channels,
-        force=True,
-    ) as recorder:
-        outcome = driver.execute(execution, recorder)
+    words = (path, plan.robot.joint_names, source.quantities, RecordMetadata(robot="ur5"))
+    with RecordWriter(*words, channels=source.channels, force=True) as recorder:
+        outcome = driver.execute(plan.passes()[-1].execution, recorder)
     if outcome.abort is not None:
         raise SystemExit(f"stopped: {outcome.abort}")
     return read_record(path)
@@ -56,9 +44,9 @@ def main() -> None:
     parser.add_argument("--seconds", type=int, default=30)
     periods = max(parser.parse_args().seconds // 10, 1)
     robot = load_robot("ur5")
-    plan = ExperimentPlan(robot=robot, trajectory=motion(), periods=periods)
-    made = provenance(settings={"periods": periods})
-    print(f"UR5, {10 * periods} s at 125 Hz, {made.versions}")
+    motion = rest_series(10.0, POSE, 0.05 * np.random.default_rng(0).normal(size=(6, 8)))
+    plan = ExperimentPlan(robot=robot, trajectory=motion, periods=periods)
+    print(f"UR5, {10 * periods} s at 125 Hz")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.parquet"
         record(SimulatedDriver(simulated_arm(robot)), plan, path)  # compiles
@@ -73,9 +61,8 @@ def main() -> None:
                 runs.append(record(UrDriver(inspect(running.host)), plan, path))
                 wall, cpu = time.perf_counter() - begin, cpu_of(running.process.pid) - cpu
             if virtual:
-                print(
-                    f"virtual time, wall clock:  {10 * periods / wall:6.1f} x real time (asked 5)"
-                )
+                speed = 10 * periods / wall
+                print(f"virtual time, wall clock:  {speed:6.1f} x real time (asked 5)")
                 print(f"virtual time, CPU of both: {10 * periods / cpu:6.1f} x real time")
         compare(*runs)
 

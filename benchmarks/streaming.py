@@ -16,17 +16,17 @@ from __future__ import annotations
 
 import json
 import resource
-import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pyarrow as pa
 import pyarrow.parquet as pq
+from shared.measuring import child, fastest
+from shared.pinocchio_arm import PinocchioArm
 from threadpoolctl import threadpool_limits
 
 import dynid
@@ -36,12 +36,11 @@ from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import load_robot
 from dynid.signals import Samples
-from regressor import fastest, pinocchio_model
 
 RATE_HZ = 500.0
 NOISE = np.array([2.0, 2.5, 1.5, 0.4, 0.4, 0.3])
 COLUMNS = ("q", "qd", "effort")
-SAMPLES = 20_000
+SAMPLES, SHORT = 20_000, 89_000
 ROUNDS = 12
 CHUNK_V01 = 2000
 
@@ -88,32 +87,26 @@ def write(path: Path, hours: float) -> int:
     return round(60 * hours) * rows
 
 
+def peak_mb() -> float:
+    """Most memory of this process so far [MB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
 def identify(path: str, preset: str) -> None:
-    """In a process of its own: peak memory [MB] and CPU [s] of three minutes, then of a file."""
-    told: dict[str, object] = {}
+    """In a process of its own: memory [MB] and CPU [s] of a file, or of three minutes of it."""
+    settings = dynid.IdentifySettings(preset=preset)
     with tempfile.TemporaryDirectory() as folder:
         short = Path(folder) / "short.parquet"
         write(short, 0.05)
-        # Three minutes of it, in memory; a window that is no whole number of periods.
-        settings = dynid.IdentifySettings(preset=preset)
-        part = dynid.recording.open_stored(short).part(0, 89_000, COLUMNS)
-        light = dynid.recording.open_stored(short).part(0, 8_000, COLUMNS)
-        dynid.identify(light, "ur5", settings)
-        told["compiled_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        if "short" in sys.argv:
-            begun = time.process_time()
-            dynid.identify(part, "ur5", settings)
-            told["short_us"] = 1e6 * (time.process_time() - begun) / part.samples
-            print(json.dumps(told))
-            return
-    begun = time.process_time()
-    found = dynid.identify(path, "ur5", settings)
-    told["cpu_s"] = time.process_time() - begun
-    told["peak_mb"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    told["rows"] = found.estimate.samples
-    told["condition"] = found.estimate.scaled_condition_number
-    told["choices"] = found.estimate.choices[-1]
-    print(json.dumps(told))
+        # In memory; a window that is no whole number of periods.
+        stored = dynid.recording.open_stored(short)
+        part, light = stored.part(0, SHORT, COLUMNS), stored.part(0, 8_000, COLUMNS)
+    dynid.identify(light, "ur5", settings)
+    compiled, begun = peak_mb(), time.process_time()
+    estimate = dynid.identify(path or part, "ur5", settings).estimate
+    cpu = time.process_time() - begun
+    told = {"compiled_mb": compiled, "peak_mb": peak_mb(), "cpu_s": cpu}
+    print(json.dumps(told | {"choices": " ".join(estimate.choices[-1:])}))
 
 
 def hours(number: float, preset: str) -> None:
@@ -121,19 +114,15 @@ def hours(number: float, preset: str) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "long.parquet"
         samples = write(path, number)
-
-        def run(*words: str) -> dict[str, float]:
-            script = [sys.executable, __file__, "identify", str(path), preset, *words]
-            return json.loads(subprocess.run(script, check=True, stdout=subprocess.PIPE).stdout)
-
-        long, short = run(), run("short")
-    each = 1e6 * long["cpu_s"] / samples
+        long, short = (
+            json.loads(child([__file__, "identify", what, preset]).said) for what in (path, "")
+        )
+    compiled, each, usual = long["compiled_mb"], long["cpu_s"] / samples, short["cpu_s"] / SHORT
     print(f"{number:g} h at 500 Hz, {samples} samples, preset {preset}: {long['choices']}")
-    compiled = long["compiled_mb"]
     print(
         f"memory {long['peak_mb'] - compiled:.0f} MB above {compiled:.0f} MB; "
-        f"CPU {each:.2f} us a sample, three minutes {short['short_us']:.2f} us "
-        f"({each / short['short_us']:.2f} times)"
+        f"CPU {1e6 * each:.2f} us a sample, three minutes {1e6 * usual:.2f} us "
+        f"({each / usual:.2f} times)"
     )
 
 
@@ -156,8 +145,7 @@ def throughput() -> None:
         factors=False,
     )
     panels, independent = PanelRows(base), list(base.independent)
-    theirs, _ = pinocchio_model(model.robot, model.frames)
-    data = theirs.createData()
+    theirs = PinocchioArm(model.robot)
     inertial = [k for k in independent if k < 10 * n]
     few = 1000
 
@@ -172,7 +160,9 @@ def throughput() -> None:
     def by_pinocchio() -> np.ndarray:
         # What a patient user writes: rows in a loop, products of a thousand samples at a time.
         for k in range(few):
-            columns = pin.computeJointTorqueRegressor(theirs, data, q[k], dq[k], ddq[k])
+            columns = pin.computeJointTorqueRegressor(
+                theirs.model, theirs.data, q[k], dq[k], ddq[k]
+            )
             rows[k, :, : len(inertial)] = columns[:, inertial]
         rows[:, :, -1] = torque[:few]
         by_joint = rows.transpose(1, 2, 0)
@@ -188,7 +178,7 @@ def throughput() -> None:
                 total[j] += rows[:, j] @ rows[:, j].T
         return total
 
-    works: dict[str, Callable[[], object]] = {
+    works = {
         "pinocchio": by_pinocchio,
         "0.1": by_v01,
         "pass": products_alone,
@@ -208,7 +198,7 @@ def throughput() -> None:
 
 if __name__ == "__main__":
     match sys.argv[1:]:
-        case ["identify", path, preset, *_]:
+        case ["identify", path, preset]:
             identify(path, preset)
         case ["hours", count, preset]:
             hours(float(count), preset)

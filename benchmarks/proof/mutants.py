@@ -20,6 +20,7 @@ import tempfile
 import time
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,91 +30,69 @@ LONGEST_TEST_S = 1.0
 """Slower tests are left out."""
 PATIENCE, START_S = 4.0, 60.0
 """A mutant may take so many times as long as the source, and longer by what compiling takes."""
-_SWAPS: dict[type[ast.AST], str] = {
-    ast.Add: "-",
-    ast.Sub: "+",
-    ast.Mult: "/",
-    ast.Div: "*",
-    ast.MatMult: "*",
-    ast.Lt: "<=",
-    ast.LtE: "<",
-    ast.Gt: ">=",
-    ast.GtE: ">",
-    ast.Eq: "!=",
-    ast.NotEq: "==",
-    ast.And: "or",
-    ast.Or: "and",
+_SWAPS: dict[type[ast.AST], type[ast.AST]] = {
+    ast.Add: ast.Sub,
+    ast.Sub: ast.Add,
+    ast.Mult: ast.Div,
+    ast.Div: ast.Mult,
+    ast.MatMult: ast.Mult,
+    ast.Lt: ast.LtE,
+    ast.LtE: ast.Lt,
+    ast.Gt: ast.GtE,
+    ast.GtE: ast.Gt,
+    ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq,
+    ast.And: ast.Or,
+    ast.Or: ast.And,
 }
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change of one file."""
+    """One field of one node of a file's syntax tree that gets another value."""
 
     path: Path
     """Relative to the checkout."""
-    line: int
-    start: int
-    stop: int
-    """Bytes of the file that are replaced."""
-    before: str
-    after: str
+    tree: ast.AST
+    node: ast.expr | ast.stmt
+    field: str
+    value: object
+
+    @contextmanager
+    def planted(self) -> Iterator[None]:
+        """Change the tree for a while."""
+        before = getattr(self.node, self.field)
+        setattr(self.node, self.field, self.value)
+        try:
+            yield
+        finally:
+            setattr(self.node, self.field, before)
 
     def __str__(self) -> str:
-        return f"{self.path}:{self.line}: {self.before} -> {self.after}"
+        before = ast.unparse(self.node).partition("\n")[0]
+        with self.planted():
+            after = ast.unparse(self.node).partition("\n")[0]
+        return f"{self.path}:{self.node.lineno}: {before} -> {after}"
 
 
 def sites(root: Path, path: Path) -> Iterator[Mutant]:
     """Every mutant of one file; annotations, messages and docstrings are left alone."""
-    source = (root / path).read_bytes()
-    starts = [0]
-    for line in source.splitlines(keepends=True):
-        starts.append(starts[-1] + len(line))
-
-    def place(line: int, column: int) -> int:
-        return starts[line - 1] + column
-
-    def between(left: ast.expr, right: ast.expr, kind: ast.AST) -> Iterator[Mutant]:
-        start = place(left.end_lineno or 0, left.end_col_offset or 0)
-        stop = place(right.lineno, right.col_offset)
-        text, new = source[start:stop].decode(), _SWAPS.get(type(kind))
-        old = text.strip("() \n\t\\")
-        if new and old and "#" not in text:
-            begin = start + text.index(old)
-            yield Mutant(path, left.end_lineno or 0, begin, begin + len(old), old, new)
-
-    def whole(node: ast.expr, new: str) -> Iterator[Mutant]:
-        start = place(node.lineno, node.col_offset)
-        stop = place(node.end_lineno or 0, node.end_col_offset or 0)
-        old = source[start:stop].decode()
-        yield Mutant(path, node.lineno, start, stop, old, new)
+    tree = ast.parse((root / path).read_bytes())
 
     def walk(node: ast.AST) -> Iterator[Mutant]:
         match node:
             case ast.Raise() | ast.Import() | ast.ImportFrom():
                 return
-            case ast.BinOp():
-                yield from between(node.left, node.right, node.op)
-            case ast.Compare(ops=[op], comparators=[right]):
-                yield from between(node.left, right, op)
-            case ast.BoolOp():
-                for left, right in zip(node.values, node.values[1:], strict=False):
-                    yield from between(left, right, node.op)
+            case ast.BinOp(op=op) | ast.BoolOp(op=op) if type(op) in _SWAPS:
+                yield Mutant(path, tree, node, "op", _SWAPS[type(op)]())
+            case ast.Compare(ops=[op]) if type(op) in _SWAPS:
+                yield Mutant(path, tree, node, "ops", [_SWAPS[type(op)]()])
             case ast.Constant(value=bool() as value):
-                yield from whole(node, str(not value))
+                yield Mutant(path, tree, node, "value", not value)
             case ast.Constant(value=int() | float() as value):
-                yield from whole(node, repr(value + 1 if value in (0, 1) else value * 2))
-            case ast.If() | ast.IfExp():
-                for found in whole(node.test, ""):
-                    if "\n" not in found.before:
-                        yield Mutant(
-                            path,
-                            found.line,
-                            found.start,
-                            found.stop,
-                            found.before,
-                            f"not ({found.before})",
-                        )
+                yield Mutant(path, tree, node, "value", value + 1 if value in (0, 1) else 2 * value)
+            case ast.If(test=test) | ast.IfExp(test=test):
+                yield Mutant(path, tree, node, "test", ast.UnaryOp(ast.Not(), test))
             case _:
                 pass
         for name, value in ast.iter_fields(node):
@@ -123,7 +102,7 @@ def sites(root: Path, path: Path) -> Iterator[Mutant]:
                 if isinstance(child, ast.AST):
                     yield from walk(child)
 
-    yield from walk(ast.parse(source))
+    yield from walk(tree)
 
 
 def chosen(root: Path, package: str, count: int, seed: int) -> list[Mutant]:
@@ -175,10 +154,10 @@ class Tests:
         """Whether a test fails, or nothing comes to an end, with a mutant in the source."""
         path = self.work / "checkout" / mutant.path
         source = path.read_bytes()
-        changed = source[: mutant.start] + mutant.after.encode() + source[mutant.stop :]
         compiled = b"njit" in source
         try:
-            path.write_bytes(changed)
+            with mutant.planted():
+                path.write_text(ast.unparse(mutant.tree), encoding="utf-8")
             if compiled:
                 # Numba's cache does not see changes in functions of other files.
                 shutil.rmtree(self.cache, ignore_errors=True)

@@ -13,15 +13,15 @@ import datetime
 import json
 import os
 import platform
-import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from shared.measuring import ROOT, processor
+
 PAGE = ROOT / "docs" / "proof.md"
 LAST_LINES = 3
 """Lines of a step's output that are quoted."""
@@ -29,19 +29,19 @@ LAST_LINES = 3
 
 @dataclass(frozen=True)
 class Step:
-    """One command."""
+    """One command of Python."""
 
     name: str
     words: tuple[str, ...]
     variables: dict[str, str] = field(default_factory=dict[str, str])
-    obstacle: Callable[[], str | None] = lambda: None
-    """Why it cannot run here, or None."""
+    obstacle: str | None = None
+    """Why it cannot run here."""
 
     @property
     def shown(self) -> str:
         """The command as one types it."""
         before = "".join(f"{name}={value} " for name, value in self.variables.items())
-        return before + " ".join(word.replace(sys.executable, "python") for word in self.words)
+        return f"{before}python {' '.join(self.words)}"
 
 
 @dataclass(frozen=True)
@@ -54,83 +54,54 @@ class Result:
     last: tuple[str, ...]
 
 
-def flag_missing(flag: str) -> Callable[[], str | None]:
-    """Whether the processor lacks a feature."""
-
-    def obstacle() -> str | None:
-        path = Path("/proc/cpuinfo")
-        flags = path.read_text().split() if path.exists() else []
-        return None if flag in flags else f"this processor has no {flag}"
-
-    return obstacle
-
-
-def absent(path: Path, what: str) -> Callable[[], str | None]:
-    """Whether something that a step needs is not there."""
-    return lambda: None if path.exists() else f"{what} is not at {path.name}"
+def absent(*paths: Path) -> str | None:
+    """What a step needs and does not find."""
+    missing = [path.name for path in paths if not path.exists()]
+    return f"not there: {', '.join(missing)}" if missing else None
 
 
 def steps() -> list[Step]:
     """Everything that `make proof` runs."""
-    python = sys.executable
-    suite = (python, "-m", "pytest", "-q", "-n", "2", "--dist", "loadfile", "-m", "not realtime")
-    data = ROOT.parent / "shared" / "data"
-    kernels = [
-        ("Haswell", {}, flag_missing("avx2")),
-        ("SkylakeX", {}, flag_missing("avx512f")),
-        ("Nehalem", {"NUMBA_CPU_NAME": "generic"}, flag_missing("sse4_2")),
+    suite = ("-m", "pytest", "-q", "-n", "2", "--dist", "loadfile", "-m", "not realtime")
+    cpu = Path("/proc/cpuinfo")
+    flags = cpu.read_text().split() if cpu.exists() else []
+    found = []
+    for kernel, flag in (("Haswell", "avx2"), ("SkylakeX", "avx512f"), ("Nehalem", "sse4_2")):
+        variables = {"OPENBLAS_CORETYPE": kernel}
+        if kernel == "Nehalem":
+            variables["NUMBA_CPU_NAME"] = "generic"
+        obstacle = None if flag in flags else f"this processor has no {flag}"
+        found.append(Step(f"suite, kernel {kernel}", suite, variables, obstacle))
+    answers, clients = "tests/frozen/answers.py", "urtwin/tests/real_clients.py"
+    shared = ROOT.parent / "shared"
+    needed = absent(shared / "data")
+    found.append(Step("answers of release 0.1", (answers, "compare"), obstacle=needed))
+    sources = shared / "clients"
+    needed = absent(ROOT / clients, sources)
+    found.append(Step("real clients of urtwin", (clients, str(sources)), obstacle=needed))
+    for rate in ("125", "500"):
+        words = ("urtwin/tests/fuzzing.py", "--lines", "20000", "--rate", rate)
+        found.append(Step(f"20 000 hostile lines at {rate} Hz", words))
+    for kind in ("benchmark", "example"):
+        for path in sorted((ROOT / f"{kind}s").glob("*.py")):
+            if path.stem != "own_urdf":
+                found.append(Step(f"{kind} {path.stem}", (str(path.relative_to(ROOT)),)))
+    return [
+        *found,
+        Step("site and notebooks", ("benchmarks/proof/build_site.py",)),
+        Step("wheels with each extra", ("benchmarks/proof/wheels.py",)),
+        Step("demo, seeds 1 to 20", ("benchmarks/proof/demo_seeds.py",)),
+        Step("mutants, 3 a package", ("benchmarks/proof/mutants.py", "-n", "3")),
     ]
-    clients = ROOT.parent / "shared" / "clients"
-    found = [
-        Step(f"suite, kernel {name}", suite, {"OPENBLAS_CORETYPE": name, **more}, obstacle)
-        for name, more, obstacle in kernels
-    ]
-    found.append(
-        Step(
-            "answers of release 0.1",
-            (python, "tests/frozen/answers.py", "compare"),
-            obstacle=absent(data, "the folder of recordings"),
-        )
-    )
-    hook = ROOT / "urtwin" / "tests" / "real_clients.py"
-    found.append(
-        Step(
-            "real clients of urtwin",
-            (python, str(hook.relative_to(ROOT)), str(clients)),
-            obstacle=lambda: absent(hook, "the script")() or absent(clients, "their source")(),
-        )
-    )
-    found += [
-        Step(
-            f"20 000 hostile lines at {rate} Hz",
-            (python, "urtwin/tests/fuzzing.py", "--lines", "20000", "--rate", rate),
-        )
-        for rate in ("125", "500")
-    ]
-    found += [
-        Step(f"benchmark {path.stem}", (python, str(path.relative_to(ROOT))))
-        for path in sorted((ROOT / "benchmarks").glob("*.py"))
-    ]
-    found += [
-        Step(f"example {path.stem}", (python, str(path.relative_to(ROOT))))
-        for path in sorted((ROOT / "examples").glob("*.py"))
-        if path.stem != "own_urdf"
-    ]
-    found.append(Step("site and notebooks", (python, "benchmarks/proof/build_site.py")))
-    found.append(Step("wheels with each extra", (python, "benchmarks/proof/wheels.py")))
-    found.append(Step("demo, seeds 1 to 20", (python, "benchmarks/proof/demo_seeds.py")))
-    found.append(Step("mutants, 3 a package", (python, "benchmarks/proof/mutants.py", "-n", "3")))
-    return found
 
 
 def run(step: Step) -> Result:
     """Run one step; its output goes to the terminal, too."""
-    reason = step.obstacle()
-    if reason:
-        return Result(None, 0.0, (reason,))
+    if step.obstacle:
+        return Result(None, 0.0, (step.obstacle,))
     started = time.perf_counter()
     process = subprocess.Popen(
-        step.words,
+        [sys.executable, *step.words],
         cwd=ROOT,
         env={**os.environ, **step.variables},
         stdout=subprocess.PIPE,
@@ -152,13 +123,10 @@ def machine() -> str:
     import numpy as np
     import threadpoolctl
 
-    path = Path("/proc/cpuinfo")
-    model = re.search(r"model name\s*: (.+)", path.read_text()) if path.exists() else None
     blas = [info for info in threadpoolctl.threadpool_info() if info["user_api"] == "blas"]
     kernel = ", ".join(f"{b['internal_api']} {b['version']} ({b['architecture']})" for b in blas)
-    processor = model.group(1) if model else platform.processor()
     return (
-        f"{processor}, {os.cpu_count()} cores; {platform.system()} {platform.release()}; "
+        f"{processor()}, {os.cpu_count()} cores; {platform.system()} {platform.release()}; "
         f"Python {platform.python_version()}, NumPy {np.__version__}, {kernel}"
     )
 

@@ -50,16 +50,17 @@ def interpreter(version: str) -> str | None:
     return None
 
 
-def pip(python: Path, *words: str) -> None:
+def run(python: Path, *words: str | Path, cwd: Path | None = None) -> None:
+    """Run Python, which has to succeed; by default outside the repository."""
+    place = python.parents[1] if cwd is None else cwd
+    command = [str(python), *map(str, words)]
+    subprocess.run(command, check=True, cwd=place, stdout=subprocess.DEVNULL)
+
+
+def pip(python: Path, *words: str | Path) -> None:
     """Install quietly, wheels only."""
-    run = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    subprocess.run([*run, "--only-binary", ":all:", *words], check=True)
-
-
-def environment(python: str, folder: Path) -> Path:
-    """The interpreter of a new, empty environment."""
-    subprocess.run([python, "-m", "venv", str(folder)], check=True)
-    return folder / "bin" / "python"
+    quiet = ("--quiet", "--disable-pip-version-check", "--only-binary", ":all:")
+    run(python, "-m", "pip", "install", *quiet, *words)
 
 
 def build(folder: Path) -> Path:
@@ -69,46 +70,32 @@ def build(folder: Path) -> Path:
     python = folder / "build" / "bin" / "python"
     pip(python, "hatchling>=1.25")
     for source in (ROOT, ROOT / "urtwin"):
-        run = [str(python), "-m", "hatchling", "build", "-d", str(target)]
-        subprocess.run(run, check=True, cwd=source, stdout=subprocess.DEVNULL)
+        run(python, "-m", "hatchling", "build", "-d", target, cwd=source)
     return target
 
 
-def check(python: Path, modules: str) -> None:
-    """The commands that have to work, outside the repository."""
-    here = python.parents[1]
-    code = f"import dynid, {modules}" if modules else "import dynid"
-    for words in (
-        ["-c", code],
-        ["-m", "dynid", "--version"],
-        ["-m", "dynid", "analyze", "ur5", "--json"],
-    ):
-        subprocess.run([str(python), *words], check=True, cwd=here, stdout=subprocess.DEVNULL)
-
-
 def install(case: str, python: Path, dist: Path) -> None:
-    """One installation, and its check."""
-    (wheel,) = dist.glob("dynid-*.whl")
-    (twin,) = dist.glob("urtwin-*.whl")
-    (source,) = dist.glob("dynid-*.tar.gz")
+    """One installation, and what has to work in it."""
+    (wheel,), (twin,) = dist.glob("dynid-*.whl"), dist.glob("urtwin-*.whl")
+    modules = ""
     match case:
         case "bare":
-            pip(python, str(wheel))
+            pip(python, wheel)
             log = ROOT / "examples" / "data" / "ur5_no6.csv.gz"
-            run = [str(python), "-m", "dynid", "import", str(log), "--robot", "ur5", "-o"]
-            target = python.parents[1] / "log.parquet"
-            subprocess.run([*run, str(target)], check=True, stdout=subprocess.DEVNULL)
-            check(python, "")
+            run(python, "-m", "dynid", "import", log, "--robot", "ur5", "-o", "log.parquet")
         case "sdist":
-            pip(python, "--no-deps", "--force-reinstall", "--no-binary", "dynid", str(source))
-            check(python, "")
+            (source,) = dist.glob("dynid-*.tar.gz")
+            pip(python, "--no-deps", "--force-reinstall", "--no-binary", "dynid", source)
         case "urtwin":
-            pip(python, f"{wheel}[sim]", str(twin))
-            check(python, "urtwin")
+            pip(python, f"{wheel}[sim]", twin)
+            modules = ", urtwin"
         case _:
             pip(python, f"{wheel}[{case}]")
             missing = case == "ur" and python.resolve().name.endswith("3.13")
-            check(python, "" if missing else MODULES[case])
+            modules = "" if missing else f", {MODULES[case]}"
+    run(python, "-c", f"import dynid{modules}")
+    run(python, "-m", "dynid", "--version")
+    run(python, "-m", "dynid", "analyze", "ur5", "--json")
 
 
 def megabytes(folder: Path) -> float:
@@ -139,7 +126,7 @@ def main() -> int:
                 print(f"| {version} | - | | | no such interpreter here |", flush=True)
                 continue
             bare = Path(place) / version
-            environment(own, bare)
+            subprocess.run([own, "-m", "venv", str(bare)], check=True)
             for case in ["bare", *(name for name in asked.only if name != "bare")]:
                 folder = bare if case == "bare" else Path(place) / f"{version}-{case}"
                 if case != "bare":

@@ -9,6 +9,7 @@ identifies the same parts of the original recordings.
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,11 +17,12 @@ import numpy as np
 
 import dynid
 from dynid.bench import motion, plant
+from dynid.export.robot_xml import roll_pitch_yaw
+from dynid.robot import tensor
 from dynid.signals import ProcessingSettings, uniform_signals
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "benchmarks"))
-import real_recordings  # noqa: E402
+sys.path.insert(0, str(Path(__file__).parents[1]))
+import real_recordings
 
 DENSITY = 1000.0
 """Of a ball in the place of a link whose inertia nobody published [kg/m^3]."""
@@ -96,58 +98,49 @@ def write(case: Case, place: Path) -> Path:
 def urdf(robot: dynid.RobotModel) -> str:
     """A URDF of the chain; a ball of 5 kg where no inertia is published."""
     parts = [f'<robot name="{robot.name}"><link name="base"/>']
+    limit = robot.limits
     for k in range(robot.joints):
-        place, row = robot.placements[k], robot.inertias[k]
-        mass = row[0] if np.isfinite(row[0]) and row[0] > 0 else MASS
-        com = row[1:4] / mass if np.isfinite(row[1:4]).all() else np.zeros(3)
-        radius = (3 * mass / (4 * np.pi * DENSITY)) ** (1 / 3)
-        tensor = 0.4 * mass * radius**2 * np.eye(3)
-        if np.isfinite(row).all():
-            xx, yy, zz, yz, xz, xy = row[4:]
-            origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-            found = origin - mass * (com @ com * np.eye(3) - np.outer(com, com))
-            size = np.linalg.eigvalsh(found)
-            if size[0] > 0 and size[0] + size[1] > size[2]:
-                tensor = found
-        limit = robot.limits
-        lower, upper, effort, speed = (
-            float(value) if np.isfinite(value) else other
-            for value, other in (
-                (limit.lower[k], -6.28),
-                (limit.upper[k], 6.28),
-                (limit.torque[k], 1e4),
-                (limit.velocity[k], 10.0),
-            )
-        )
-        inertia = " ".join(
-            f'i{n}="{tensor[i, j]:.12g}"'
-            for n, i, j in zip(
-                ("xx", "yy", "zz", "xy", "xz", "yz"),
-                (0, 1, 2, 0, 0, 1),
-                (0, 1, 2, 1, 2, 2),
-                strict=True,
+        place, (mass, com, inertia) = robot.placements[k], _body(robot.inertias[k])
+        bounds = " ".join(
+            f'{name}="{values[k] if np.isfinite(values[k]) else other:.9g}"'
+            for name, values, other in (
+                ("lower", limit.lower, -6.28),
+                ("upper", limit.upper, 6.28),
+                ("effort", limit.torque, 1e4),
+                ("velocity", limit.velocity, 10.0),
             )
         )
         kind = "prismatic" if robot.prismatic[k] else "revolute"
+        turn = _text(roll_pitch_yaw(place[:3, :3]))
         parts.append(
             f'<link name="link{k + 1}"><inertial><origin xyz="{_text(com)}"/>'
-            f'<mass value="{mass:.12g}"/><inertia {inertia}/></inertial></link>'
+            f'<mass value="{mass:.12g}"/><inertia {_inertia(inertia)}/></inertial></link>'
             f'<joint name="joint{k + 1}" type="{kind}">'
             f'<parent link="{f"link{k}" if k else "base"}"/><child link="link{k + 1}"/>'
-            f'<origin xyz="{_text(place[:3, 3])}" rpy="{_text(_angles(place[:3, :3]))}"/>'
-            f'<axis xyz="{_text(robot.axes[k])}"/><limit lower="{lower:.9g}" upper="{upper:.9g}" '
-            f'effort="{effort:.9g}" velocity="{speed:.9g}"/></joint>'
+            f'<origin xyz="{_text(place[:3, 3])}" rpy="{turn}"/>'
+            f'<axis xyz="{_text(robot.axes[k])}"/><limit {bounds}/></joint>'
         )
     return "".join([*parts, "</robot>"])
 
 
-def _text(values: np.ndarray) -> str:
+def _body(row: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Mass, centre and central tensor of a link, where they can be those of a body."""
+    mass = float(row[0]) if row[0] > 0 else MASS
+    com = row[1:4] / mass if np.isfinite(row[1:4]).all() else np.zeros(3)
+    central = tensor(row) - mass * (com @ com * np.eye(3) - np.outer(com, com))
+    if np.isfinite(central).all():
+        size = np.linalg.eigvalsh(central)
+        if size[0] > 0 and size[0] + size[1] > size[2]:
+            return mass, com, central
+    radius = (3 * mass / (4 * np.pi * DENSITY)) ** (1 / 3)
+    return mass, com, 0.4 * mass * radius**2 * np.eye(3)
+
+
+def _inertia(central: np.ndarray) -> str:
+    names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+    values = central[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    return " ".join(f'{name}="{value:.12g}"' for name, value in zip(names, values, strict=True))
+
+
+def _text(values: Iterable[float]) -> str:
     return " ".join(f"{value:.12g}" for value in values)
-
-
-def _angles(turn: np.ndarray) -> np.ndarray:
-    """Roll, pitch and yaw of a rotation."""
-    pitch = np.arctan2(-turn[2, 0], np.hypot(turn[0, 0], turn[1, 0]))
-    if np.hypot(turn[0, 0], turn[1, 0]) < 1e-9:
-        return np.array([0.0, pitch, np.arctan2(-turn[0, 1], turn[1, 1])])
-    return np.array([np.arctan2(turn[2, 1], turn[2, 2]), pitch, np.arctan2(turn[1, 0], turn[0, 0])])

@@ -27,13 +27,12 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 import cases
 from run_one import CPU_LIMIT_S, peak_mb
+from shared.measuring import DATA, ROOT, processor
 
 import dynid
 from dynid.figures import Axis, Figure, Level, Panel, Points, category_axis, write_figure
 
 HERE = Path(__file__).parent
-ROOT = HERE.parents[1]
-DATA = ROOT.parent / "shared" / "data"
 RUNS = ROOT / "runs" / "rivals"
 PYTHON = ROOT / ".venv-rivals" / "bin" / "python"
 DYNID = {"dynid": "anywhere", "dynid --for this-motion": "this-motion"}
@@ -43,6 +42,7 @@ RIVALS = {
     "mujoco.sysid": "with_mujoco",
     "mujoco-sysid 0.2.1": "with_mujoco_regressor",
 }
+TOOLS = (*DYNID, *RIVALS)
 PACKAGES = ("figaroh", "pin", "mujoco", "mujoco-sysid", "scipy", "numpy")
 ROLES = ("predicted", "joint2", "joint1", "joint3", "joint4", "measured")
 SAME_MOTION = (
@@ -132,76 +132,67 @@ def versions() -> str:
     """Versions of the rivals' packages."""
     words = f"import importlib.metadata as m; print([m.version(p) for p in {PACKAGES!r}])"
     told = subprocess.run([str(PYTHON), "-c", words], capture_output=True, text=True, check=True)
-    return ", ".join(
-        f"{name} {found}"
-        for name, found in zip(PACKAGES, ast.literal_eval(told.stdout), strict=True)
-    )
+    found = ast.literal_eval(told.stdout)
+    return ", ".join(f"{name} {version}" for name, version in zip(PACKAGES, found, strict=True))
 
 
-def processor() -> str:
-    """What the processor calls itself."""
-    lines = Path("/proc/cpuinfo").read_text().splitlines()
-    return next((x.split(": ", 1)[1] for x in lines if x.startswith("model name")), "unknown")
+def error_cells(row: dict[str, dict]) -> list[str]:
+    """Errors of the tools on one recording, the best in bold."""
+    errors = {tool: error_of(row.get(tool)) for tool in TOOLS}
+    best, cells = np.nanmin(list(errors.values())), []
+    for tool, error in errors.items():
+        if np.isnan(error):
+            cells.append("x" if tool in row else "-")
+        else:
+            cells.append(f"**{error:.3g}**" if error == best else f"{error:.4g}")
+    return cells
+
+
+def costs(table: dict[str, dict[str, dict]]) -> dict[str, list[str]]:
+    """CPU, memory and lines of each tool."""
+    known = [[row[tool] for row in table.values() if "rms" in row.get(tool, {})] for tool in TOOLS]
+    cpu = [[r["cpu_s"] for r in rows] for rows in known]
+    memory = [[r["peak_mb"] - r["before_mb"] for r in rows] for rows in known]
+    return {
+        "CPU, median [s]": [f"{np.median(x):.1f}" if x else "-" for x in cpu],
+        "memory beyond imports, largest [MB]": [f"{max(x):.0f}" if x else "-" for x in memory],
+        "lines a user writes": [str(written(tool)) for tool in TOOLS],
+    }
+
+
+def table_of(head: str, rows: dict[str, list[str]]) -> list[str]:
+    """A table of numbers in Markdown, a column a tool."""
+    lines = [f"| {name} | {' | '.join(cells)} |" for name, cells in rows.items()]
+    return [f"| {head} | {' | '.join(TOOLS)} |", "|---|" + "---:|" * len(TOOLS), *lines]
 
 
 def document(table: dict[str, dict[str, dict]]) -> str:
     """The page of results."""
-    tools = [*DYNID, *RIVALS]
     lines = [
         "# dynid beside other tools",
         "",
         f"Made by `benchmarks/rivals/rivals.py` (`make rivals`) on {datetime.now(UTC).date()}: "
-        f"{processor()}, "
-        f"{os.cpu_count()} cores, "
-        f"Python {platform.python_version()}, dynid {dynid.__version__}, {versions()}.",
+        f"{processor()}, {os.cpu_count()} cores, Python {platform.python_version()}, "
+        f"dynid {dynid.__version__}, {versions()}.",
         "",
         "Error on the part that was not identified: root of the summed squares of the joints' "
         "RMS errors [N.m], best in bold. `-`: not run; `x`: failed, see below.",
         "",
-        "| recording | " + " | ".join(tools) + " |",
-        "|---|" + "---:|" * len(tools),
+        *table_of("recording", {name: error_cells(row) for name, row in table.items()}),
+        "",
+        *table_of("", costs(table)),
     ]
-    for name, row in table.items():
-        errors = {tool: error_of(row.get(tool)) for tool in tools}
-        best = np.nanmin(list(errors.values()))
-        cells = [
-            ("-" if tool not in row else "x")
-            if np.isnan(errors[tool])
-            else f"**{errors[tool]:.3g}**"
-            if errors[tool] == best
-            else f"{errors[tool]:.4g}"
-            for tool in tools
-        ]
-        lines.append(f"| {name} | " + " | ".join(cells) + " |")
-    lines += ["", "| | " + " | ".join(tools) + " |", "|---|" + "---:|" * len(tools)]
-    for label, of in (
-        ("CPU, median [s]", lambda rows: f"{np.median([r['cpu_s'] for r in rows]):.1f}"),
-        (
-            "memory beyond imports, largest [MB]",
-            lambda rows: f"{max(r['peak_mb'] - r['before_mb'] for r in rows):.0f}",
-        ),
-    ):
-        cells = []
-        for tool in tools:
-            known = [row[tool] for row in table.values() if tool in row]
-            rows = [found for found in known if "rms" in found and "cpu_s" in found]
-            cells.append(of(rows) if rows else "-")
-        lines.append(f"| {label} | " + " | ".join(cells) + " |")
-    lines.append("| lines a user writes | " + " | ".join(str(written(t)) for t in tools) + " |")
-    behind = [
-        _bullet(f"{name}: {told}") for name, row in table.items() if (told := why_behind(name, row))
-    ]
-    if behind:
-        lines += ["", "## Where dynid is not first", "", *behind]
+    told = ((name, why_behind(name, row)) for name, row in table.items())
+    behind = [_bullet(f"{name}: {why}") for name, why in told if why]
     failed = [
         _bullet(f"{tool}, {name}: {found['error']}")
         for name, row in table.items()
         for tool, found in row.items()
         if "error" in found
     ]
-    if failed:
-        lines += ["", "## What failed", "", *failed]
-    absent = {tool: sum(tool not in row for row in table.values()) for tool in tools}
+    for title, part in (("Where dynid is not first", behind), ("What failed", failed)):
+        lines += ["", f"## {title}", "", *part] if part else []
+    absent = {tool: sum(tool not in row for row in table.values()) for tool in TOOLS}
     told = "; ".join(f"{tool} on {count} cases" for tool, count in absent.items() if count)
     if told:
         again = "`make rivals` runs what is missing"
@@ -248,7 +239,7 @@ def fill_readme(page: str) -> None:
 
 def draw(table: dict[str, dict[str, dict]], path: Path) -> None:
     """Error of each tool over dynid's, recording by recording."""
-    tools, names = [t for t in (*DYNID, *RIVALS) if t != "dynid"], list(table)
+    tools, names = TOOLS[1:], list(table)
     marks: list = [Level(1.0, "predicted", "dynid", upright=True, dash="")]
     for tool, role in zip(tools, ROLES[1:], strict=True):
         points = [

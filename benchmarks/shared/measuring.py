@@ -1,0 +1,105 @@
+"""What the benchmarks share: times in turn, processes that are measured, tables."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).parents[2]
+SOURCE = ROOT / "src"
+DATA = ROOT.parent / "shared" / "data"
+
+
+def fastest(
+    works: dict[str, Callable[[], object]], rounds: int, rare: Collection[str] = ()
+) -> dict[str, float]:
+    """The shortest CPU time of each [s], one after the other in every round.
+
+    The first round warms the caches; rare ones run every 8th.
+    """
+    times = dict.fromkeys(works, np.inf)
+    for number in range(rounds + 1):
+        for name, work in works.items():
+            if name in rare and number % 8:
+                continue
+            start = time.process_time()
+            work()
+            if number:
+                times[name] = min(times[name], time.process_time() - start)
+    return times
+
+
+@dataclass(frozen=True)
+class Child:
+    """What a process came to, its children counted."""
+
+    code: int
+    said: str
+    cpu_s: float
+    peak_mb: float
+
+
+def child(
+    words: Sequence[object],
+    *,
+    source: Path | None = None,
+    stderr: int | None = None,
+    check: bool = True,
+    **variables: str,
+) -> Child:
+    """Run Python with these words.
+
+    Args:
+        words: Options, script and its arguments.
+        source: Folder `src` of another release; an environment `.venv` beside it is taken.
+        stderr: As of `subprocess`.
+        check: Whether a failure ends this script.
+        variables: Of the environment.
+    """
+    python = sys.executable
+    if source is not None:
+        own = source.parent / ".venv" / "bin" / "python"
+        python = str(own) if own.exists() else python
+        variables["PYTHONPATH"] = str(source)
+    process = subprocess.Popen(
+        [python, *map(str, words)],
+        env=os.environ | variables,
+        stdout=subprocess.PIPE,
+        stderr=stderr,
+        text=True,
+    )
+    assert process.stdout is not None
+    said = process.stdout.read().strip()
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    if check and process.returncode:
+        raise SystemExit(f"exit code {process.returncode}: {' '.join(map(str, words))[:200]}")
+    cpu = usage.ru_utime + usage.ru_stime
+    return Child(process.returncode, said, cpu, usage.ru_maxrss / 1024)
+
+
+def processor() -> str:
+    """What the processor calls itself."""
+    path = Path("/proc/cpuinfo")
+    lines = path.read_text().splitlines() if path.exists() else []
+    named = (line.partition(": ")[2] for line in lines if line.startswith("model name"))
+    return next(named, platform.processor())
+
+
+def print_row(cells: Iterable[object]) -> None:
+    """A row of a table in Markdown."""
+    print("| " + " | ".join(map(str, cells)) + " |", flush=True)
+
+
+def print_head(columns: Collection[str]) -> None:
+    """The head of a table in Markdown."""
+    print_row(columns)
+    print("|" + "---|" * len(columns), flush=True)
