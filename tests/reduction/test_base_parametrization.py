@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from structure_oracles import classify, first_come, found, names, observation, reduce, reduced
 
 from dynid.core import InputError
-from dynid.reduction import fill_beside, gram_layout, random_states, reduce_model
+from dynid.reduction import gram_layout, random_states, reduce_model
 from dynid.reduction.base import acting_joints, rank_and_classes, regrouping
 from dynid.regressor import FrictionTerms, Gear, InverseDynamicModel, LoadFriction, TorqueRipple
 from dynid.robot import RobotModel, load_robot, robot_from_chain
@@ -285,7 +285,7 @@ def test_columns_beside_the_links_act_where_the_regressor_says(robot: str) -> No
     beside = model.stack(q, dq, ddq)[10 * n :]
     np.testing.assert_array_equal(acting_joints(model), np.abs(beside).max(axis=2) > 0)
     filled = np.zeros_like(beside)
-    fill_beside(model, dq.T, ddq.T, filled)
+    model.fill_beside(dq.T, ddq.T, filled)
     own = sum(model.counts)
     np.testing.assert_array_equal(filled[:own], beside[:own])
     assert not filled[own:].any()
