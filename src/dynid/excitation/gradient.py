@@ -77,18 +77,14 @@ def descend(
     total = value + weight * region.barrier_value(slack)
     idle = 0
     for _ in range(iterations):
-        barrier = region.barrier(slack)
+        pull, bend = region.barrier_slopes(slack)
         if state.curvature is None:
             state.curvature = np.eye(x.size)
-        slope = gradient + weight * barrier.gradient
+        slope = gradient + weight * pull
         if region.pose is not None:
             slope[:, 0] = 0.0
-        direction = _newton(
-            state.curvature,
-            weight * barrier.curvature,
-            slope.ravel(),
-            fixed=region.pose is not None,
-        )
+        fixed = region.pose is not None
+        direction = _newton(state.curvature, weight * bend, slope.ravel(), fixed=fixed)
         step = direction.reshape(shape)
         promised = float(slope.ravel() @ direction)
         length = region.longest_step(slack, step)
