@@ -40,7 +40,6 @@ class Descent:
     """(D, D) of the objective, without the barrier."""
     first: bool = True
     """Whether the curvature has no scale yet."""
-    evaluations: int = 0
 
 
 def descend(
@@ -72,7 +71,6 @@ def descend(
     x, shape = state.x, state.x.shape
     value, slope_of = objective(x)
     gradient = slope_of()
-    state.evaluations += 1
     slack = region.slack(x)
     total = value + weight * region.barrier_value(slack)
     idle = 0
@@ -94,7 +92,6 @@ def descend(
             trial = x + length * step
             trial_slack = region.slack(trial)
             trial_value, slope_of = objective(trial)
-            state.evaluations += 1
             reached = trial_value + weight * region.barrier_value(trial_slack)
             if math.isfinite(reached) and reached <= total + SUFFICIENT * length * promised:
                 break

@@ -93,7 +93,7 @@ class GramKernel:
         if len(q) != self._samples:
             self._allocate(len(q), state.shape)
         turn = self._turn = turns(state[0])
-        inertial_rows(*self._model.constants.arrays, turn, state, self._rows, self._layout.places)
+        inertial_rows(*self._model.constants, turn, state, self._rows, self._layout.places)
         self._model.fill_beside(state[1], state[2], self._beside)
         for j, panel in enumerate(self._layout.panels):
             rows = self._rows[panel.rows, : self._samples]
@@ -116,11 +116,13 @@ class GramKernel:
         samples = self._samples
         for j, panel in enumerate(self._layout.panels):
             rows, bars = (a[panel.rows, :samples] for a in (self._rows, self._bars))
-            np.matmul(2.0 * self._weights[j] * panel.block(s), rows, out=bars)
+            np.matmul(
+                2.0 * self._weights[j] * s[np.ix_(panel.columns, panel.columns)], rows, out=bars
+            )
             for bar, column in zip(bars, panel.beside, strict=False):
                 self._beside_bars[column, j, :samples] = bar
         regressor_pullback(
-            *self._model.constants.arrays, self._turn, self._state, self._bars,
+            *self._model.constants, self._turn, self._state, self._bars,
             self._layout.places, self._out,
         )  # fmt: skip
         self._model.pull_beside(self._state, self._beside_bars, self._out)

@@ -160,7 +160,7 @@ class PanelRows:
 
     def __init__(self, base: BaseParametrization) -> None:
         self.base, model = base, base.model
-        self.layout: GramLayout = gram_layout(model, base, spare=1)
+        self.layout: GramLayout = gram_layout(model, base)
         self.columns: list[Indices] = [panel.columns for panel in self.layout.panels]
         friction = model.friction
         self._plain = (
@@ -211,7 +211,7 @@ class PanelRows:
         rows, beside = self._memory[length]
         state = in_lanes(model.motion(*motion))
         turn = turns(state[0])
-        inertial_rows(*model.constants.arrays, turn, state, rows, self.layout.places)
+        inertial_rows(*model.constants, turn, state, rows, self.layout.places)
         model.fill_beside(state[1], state[2], beside)
         torque = samples.tau[part].T + model.known_torque(motion[0]).T
         found: list[Array] = []

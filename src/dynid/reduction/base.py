@@ -165,11 +165,6 @@ class BaseParametrization:
         return len(self.independent)
 
     @property
-    def gap(self) -> tuple[float, float]:
-        """The singular values, columns normalised, on both sides of the rank; see `Rank.gap`."""
-        return self.classes.gap
-
-    @property
     def names(self) -> tuple[str, ...]:
         """Names of the base parameters: those of their first standard parameter."""
         return tuple(self.model.columns[i].name for i in self.independent)
@@ -338,10 +333,6 @@ class ColumnPanel:
     beside: Indices
     """The columns beside the inertial ones, counted from the first of those in the model."""
 
-    def block(self, matrix: Array) -> Array:
-        """Their rows and columns (k, k) of a (b, b) matrix."""
-        return matrix[self.columns[:, None], self.columns]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GramLayout:
@@ -356,16 +347,8 @@ class GramLayout:
     """b, base columns."""
 
 
-def gram_layout(
-    model: InverseDynamicModel, base: BaseParametrization, spare: int = 0
-) -> GramLayout:
-    """The layout of the base columns of a model.
-
-    Args:
-        model: The model.
-        base: Its base parameters.
-        spare: Rows of memory that are left free before each panel.
-    """
+def gram_layout(model: InverseDynamicModel, base: BaseParametrization) -> GramLayout:
+    """The layout of the base columns of a model; a row of memory before each panel is free."""
     n = model.robot.joints
     inertial = 10 * n
     links = [c for c in base.independent if c < inertial]
@@ -375,7 +358,7 @@ def gram_layout(
         [c - inertial for c in base.independent if c >= inertial and acting[c - inertial, j]]
         for j in range(n)
     ]
-    width = max(map(len, beside)) + first + spare
+    width = max(map(len, beside)) + first + 1
     places = np.full((n, n, 10), -1, dtype=np.int64)
     panels: list[ColumnPanel] = []
     position = {column: k for k, column in enumerate(base.independent)}

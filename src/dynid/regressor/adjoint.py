@@ -236,7 +236,7 @@ def regressor_adjoint(
     padded = in_lanes(weights)
     rows = padded[: 10 * n].reshape(10 * n * n, -1)
     out = np.zeros(state.shape)
-    regressor_pullback(*model.constants.arrays, turns(state[0]), state, rows, every_row(n), out)
+    regressor_pullback(*model.constants, turns(state[0]), state, rows, every_row(n), out)
     model.pull_beside(state, padded[10 * n :], out)
     return by_sample(out, samples)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -130,9 +130,8 @@ def torque_kernel(
                 write(carried, x, to_parent(pose[i], x, wrench))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChainConstants:
-    """What the kernel needs of a robot, for one choice of parameter frames."""
+class ChainConstants(NamedTuple):
+    """What kernels need of a robot, for one choice of parameter frames, in their order."""
 
     geometry: Array
     """(n, 39) R0, R1, R2 (row-major), p0, p1, p2, p3: parameter frame i in frame i - 1 is
@@ -141,11 +140,6 @@ class ChainConstants:
     """(n, 6) joint axis in its own parameter frame: angular, then linear part."""
     gravity: Array
     """(3) [m/s^2] in the base frame."""
-
-    @property
-    def arrays(self) -> tuple[Array, Array, Array]:
-        """All of them, in the order in which kernels take them."""
-        return self.geometry, self.screws, self.gravity
 
 
 def chain_constants(robot: RobotModel, frames: str) -> ChainConstants:
@@ -191,7 +185,7 @@ def inertial_columns(constants: ChainConstants, state: Array, out: Array) -> Non
         out[:] = whole[:, :, :samples]
         return
     rows = out.reshape(10 * n * n, samples)
-    inertial_rows(*constants.arrays, turns(state[0]), state, rows, every_row(n))
+    inertial_rows(*constants, turns(state[0]), state, rows, every_row(n))
 
 
 def in_lanes(state: Array) -> Array:

@@ -231,7 +231,7 @@ class InverseDynamicModel:
         out, first = np.empty(state.shape[1:]), 10 * self.robot.joints
         values = np.array(parameters, dtype=np.float64)
         links = values[:first].reshape(-1, 10)
-        torque_kernel(*self.constants.arrays, links, turns(state[0]), state, out)
+        torque_kernel(*self.constants, links, turns(state[0]), state, out)
         for block, count in zip(self.blocks, self.counts, strict=True):
             part = values[first : first + count]
             block.add_torque(self.robot, state[1], state[2], part, out)
