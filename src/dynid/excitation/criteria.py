@@ -369,12 +369,7 @@ def parse_criterion(
 
 
 def all_criteria(gram: Array, *, scale: Array | None = None) -> dict[str, float]:
-    """Every criterion of a Gram matrix by name.
-
-    Args:
-        gram: (b, b).
-        scale: (b) of the A-optimal one; None for SI units.
-    """
+    """Every criterion of a Gram matrix (b, b) by name, with the scale (b) of the A-optimal one."""
     return {
         name: parse_criterion(name, scale=scale if name == AOptimal.name else None).value(gram)
         for name in CRITERIA

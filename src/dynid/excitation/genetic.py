@@ -52,7 +52,7 @@ def evolve(
         region: Bounds of position, velocity and acceleration.
         population: Individuals of a generation.
         generations: Generations after the random one.
-        seed: Seed of all random numbers.
+        seed: Of all random numbers.
         full: Every joint uses all of its tightest limit.
         stop: Asked before each individual.
 

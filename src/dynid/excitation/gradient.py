@@ -57,16 +57,8 @@ def descend(
     The barrier's Hessian is exact and cheap (a small block a joint), so that only the objective's
     curvature has to be learnt from gradients (damped BFGS: Nocedal and Wright, procedure 18.2).
     Small weights let the motion closer to its bounds; the start lies strictly inside, every point
-    stays there.
-
-    Args:
-        objective: What to minimise.
-        region: The bounds.
-        state: Start, and where to go on.
-        weight: Weight of the barrier.
-        iterations: Most steps.
-        tolerance: Stop after two steps that bring less than this.
-        stop: Asked before each evaluation; True ends the descent at the best point so far.
+    stays there. The descent ends after so many iterations, after two steps that bring less than the
+    tolerance, or when `stop`, asked before each evaluation, says so.
     """
     x, shape = state.x, state.x.shape
     value, slope_of = objective(x)
@@ -74,14 +66,14 @@ def descend(
     slack = region.slack(x)
     total = value + weight * region.barrier_value(slack)
     idle = 0
+    fixed = region.pose is not None
     for _ in range(iterations):
         pull, bend = region.barrier_slopes(slack)
         if state.curvature is None:
             state.curvature = np.eye(x.size)
         slope = gradient + weight * pull
-        if region.pose is not None:
+        if fixed:
             slope[:, 0] = 0.0
-        fixed = region.pose is not None
         direction = _newton(state.curvature, weight * bend, slope.ravel(), fixed=fixed)
         step = direction.reshape(shape)
         promised = float(slope.ravel() @ direction)

@@ -79,12 +79,7 @@ class GramKernel:
         self._samples = -1
 
     def gram(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """G (b, b) of a motion.
-
-        Args:
-            q: (N, n) positions [rad or m].
-            dq: (N, n) velocities.
-            ddq: (N, n) accelerations.
+        """G (b, b) of a motion q, dq, ddq, each (N, n).
 
         Raises:
             InputError: Shapes that do not fit the robot or each other.
@@ -116,9 +111,8 @@ class GramKernel:
         samples = self._samples
         for j, panel in enumerate(self._layout.panels):
             rows, bars = (a[panel.rows, :samples] for a in (self._rows, self._bars))
-            np.matmul(
-                2.0 * self._weights[j] * s[np.ix_(panel.columns, panel.columns)], rows, out=bars
-            )
+            part = s[np.ix_(panel.columns, panel.columns)]
+            np.matmul(2.0 * self._weights[j] * part, rows, out=bars)
             for bar, column in zip(bars, panel.beside, strict=False):
                 self._beside_bars[column, j, :samples] = bar
         regressor_pullback(

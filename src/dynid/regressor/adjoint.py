@@ -200,16 +200,7 @@ def torque_adjoint(
 ) -> Gradient:
     """The gradient of sum(multipliers * inverse_dynamics(q, dq, ddq, parameters)).
 
-    Args:
-        model: The inverse dynamic model.
-        q: (N, n) positions [rad or m].
-        dq: (N, n) velocities.
-        ddq: (N, n) accelerations.
-        parameters: (p) standard parameters.
-        multipliers: (N, n) weight of each torque.
-
-    Returns:
-        Derivatives by q, dq and ddq, each (N, n).
+    The multipliers, one for each torque, are (N, n) as the motion is.
 
     Raises:
         InputError: Shapes that do not fit the model or each other, columns without a derivative.

@@ -207,12 +207,7 @@ class InverseDynamicModel:
     ) -> Array:
         """Torques (N, n) [N.m or N] for standard parameters (p), known torques not included.
 
-        Args:
-            q: (N, n) positions [rad or m].
-            dq: (N, n) velocities.
-            ddq: (N, n) accelerations.
-            parameters: (p) standard parameters.
-            state: (n, N) see `stack`.
+        The motion and the state of friction are those of `stack`.
         """
         torque = np.empty(q.shape)
         for first in range(0, len(q), CHUNK):

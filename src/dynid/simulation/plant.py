@@ -55,12 +55,9 @@ class SimulatedPlant:
         self.reset(np.zeros(arm.robot.joints))
 
     def reset(self, q: ArrayLike) -> None:
-        """Stand still at a pose, servo on, until the joints have settled under their load.
+        """Stand still at a pose (n) [rad or m], servo on, until joints settled under their load.
 
         Temperatures stay; the time starts at zero.
-
-        Args:
-            q: (n) pose [rad or m].
 
         Raises:
             InputError: Another number of joints, or a pose that is not finite.
@@ -79,10 +76,7 @@ class SimulatedPlant:
         self._cycles = 0
 
     def tick(self, setpoint: ArrayLike) -> PlantState:
-        """The state now; then one control cycle with a new set point.
-
-        Args:
-            setpoint: (n) commanded positions [rad or m].
+        """The state now; then one control cycle with a new set point (n) [rad or m].
 
         Raises:
             InputError: Another number of joints, or a set point that is not finite.
@@ -230,13 +224,7 @@ def stacked(states: Sequence[PlantState]) -> PlantState:
 def recorded(
     truth: GroundTruth, state: PlantState, generator: np.random.Generator
 ) -> dict[str, Array]:
-    """What sensors and controller report of states (..., n), by the names of a recording.
-
-    Args:
-        truth: What the arm is made of.
-        state: The states.
-        generator: Where the noise comes from.
-    """
+    """What sensors and controller report of states (..., n), by the names of a recording."""
     gain, read, target = truth.gain, truth.sensors.read, state.target
     return {
         "q": read("position", state.q, generator),
