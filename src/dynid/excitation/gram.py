@@ -79,7 +79,7 @@ class GramKernel:
         self._samples = -1
 
     def gram(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """G (b, b) of a motion q, dq, ddq, each (N, n).
+        """G (b, b) of a motion: positions [rad or m], velocities, accelerations, each (N, n).
 
         Raises:
             InputError: Shapes that do not fit the robot or each other.

@@ -200,7 +200,8 @@ def torque_adjoint(
 ) -> Gradient:
     """The gradient of sum(multipliers * inverse_dynamics(q, dq, ddq, parameters)).
 
-    The multipliers, one for each torque, are (N, n) as the motion is.
+    Positions (N, n) are in rad or m; there is a multiplier (N, n) for each torque and a parameter
+    for each of the p columns.
 
     Raises:
         InputError: Shapes that do not fit the model or each other, columns without a derivative.
