@@ -138,7 +138,7 @@ class Along(Criterion):
     name: ClassVar[str] = "along"
     slope: Array
 
-    def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
+    def evaluate(self, matrix: Array) -> tuple[float, Array] | None:
         """See `Criterion`."""
         value = float((self.slope * matrix).sum())
         return 1.0 / value, -self.slope / value**2

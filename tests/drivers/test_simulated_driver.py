@@ -46,7 +46,7 @@ def test_it_records_what_the_simulation_does(tmp_path: Path) -> None:
     np.testing.assert_array_equal(record.channels["index"], np.arange(2 * CYCLES))
     for name in ("target_q", "target_qd", "target_qdd", "target_moment", "target_current"):
         np.testing.assert_allclose(
-            record.signals[name], getattr(reference, name), rtol=1e-9, atol=1e-9
+            record.signals[name], reference.signals[name], rtol=1e-9, atol=1e-9
         )
     true = np.stack([state.q for state in one.states])
     np.testing.assert_allclose(true, reference.truth.q, rtol=0, atol=1e-9)

@@ -120,17 +120,6 @@ def test_inputs_stay_and_results_are_not_shared() -> None:
     np.testing.assert_array_equal(kernel.gram(*(np.asfortranarray(x) for x in one)), kept)
 
 
-def test_a_pullback_is_used_before_the_next_motion() -> None:
-    base = reduced(chain(33, 3))
-    kernel = GramKernel(base.model, base)
-    _, pullback = kernel.gram_and_pullback(*motion(coefficients(9, 3), 20))
-    with pytest.raises(InputError, match="S does not fit"):
-        pullback(np.eye(base.rank - 1))
-    kernel.gram(*motion(coefficients(10, 3), 20))
-    with pytest.raises(InputError, match="later motion"):
-        pullback(np.eye(base.rank))
-
-
 @pytest.mark.parametrize("noise", [[1.0, 2.0], [1.0, 0.0, 1.0], [1.0, np.nan, 1.0]])
 def test_noise_is_positive_and_a_joint(noise: list[float]) -> None:
     base = reduced(chain(34, 3))

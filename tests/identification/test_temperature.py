@@ -54,7 +54,7 @@ def unseen() -> SimulatedRun:
 def test_friction_of_an_unseen_temperature(
     found: TemperatureIdentification, unseen: SimulatedRun
 ) -> None:
-    warm = unseen.temperature.mean(axis=0)
+    warm = unseen.signals["temperature"].mean(axis=0)
     estimate = found.estimate_at(warm)
     model, truth = estimate.model, unseen.truth
     friction = estimate.standard_parameters().copy()
@@ -87,7 +87,9 @@ def test_the_record_s_own_temperature_predicts_best(
     found: TemperatureIdentification, unseen: SimulatedRun
 ) -> None:
     record = record_of(unseen)
-    warm = validate(found.estimate_at(unseen.temperature.mean(axis=0)), record).metrics.rmse
+    warm = validate(
+        found.estimate_at(unseen.signals["temperature"].mean(axis=0)), record
+    ).metrics.rmse
     cold = validate(found.shared.estimates[0], record).metrics.rmse
     assert (warm < 0.5 * cold).all()
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from structure_oracles import classify, first_come, found, names, observation, reduce, reduced
 
 from dynid.core import InputError
-from dynid.reduction import fill_beside, gram_layout, random_states, reduce_model
+from dynid.reduction import gram_layout, random_states, reduce_model
 from dynid.reduction.base import acting_joints, rank_and_classes, regrouping
 from dynid.regressor import FrictionTerms, Gear, InverseDynamicModel, LoadFriction, TorqueRipple
 from dynid.robot import RobotModel, load_robot, robot_from_chain
@@ -248,8 +248,7 @@ def test_random_states_reach_every_joint_in_its_own_unit() -> None:
 def test_panels_hold_the_columns_that_load_their_joint(robot: str, frames: str) -> None:
     base = reduce(load_robot(robot), frames, "fc,fv,im,fo")
     model = base.model
-    n, spare = model.robot.joints, 3
-    layout = gram_layout(model, base, spare)
+    n, layout = model.robot.joints, gram_layout(model, base)
     states = np.random.default_rng(1).uniform(-1.0, 1.0, (3, 20, n))
     stack = model.stack(*states)[list(base.independent)]
     ends = [0]
@@ -262,7 +261,7 @@ def test_panels_hold_the_columns_that_load_their_joint(robot: str, frames: str) 
         assert links == sorted(links, reverse=True)
         assert all(c // 10 >= j for c in links)
         assert panel.rows.stop - panel.rows.start == len(columns)
-        assert panel.rows.start - ends[-1] >= spare
+        assert panel.rows.start - ends[-1] >= 1
         ends.append(panel.rows.stop)
         for row, c in enumerate(columns, start=panel.rows.start):
             assert c >= 10 * n or layout.places[c // 10, j, c % 10] == row
@@ -285,7 +284,7 @@ def test_columns_beside_the_links_act_where_the_regressor_says(robot: str) -> No
     beside = model.stack(q, dq, ddq)[10 * n :]
     np.testing.assert_array_equal(acting_joints(model), np.abs(beside).max(axis=2) > 0)
     filled = np.zeros_like(beside)
-    fill_beside(model, dq.T, ddq.T, filled)
+    model.fill_beside(dq.T, ddq.T, filled)
     own = sum(model.counts)
     np.testing.assert_array_equal(filled[:own], beside[:own])
     assert not filled[own:].any()

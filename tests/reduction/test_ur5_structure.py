@@ -57,7 +57,7 @@ def test_the_78_are_36_inertial_12_friction_and_4_motors() -> None:
     assert names(base, base.classes.unidentifiable) == {
         f"{symbol}1" for symbol in ("m", "mx", "my", "mz", "Jxx", "Jzz", "Jyz", "Jxz", "Jxy")
     }
-    before, after = base.gap
+    before, after = base.classes.gap
     assert before > 0.05
     assert after < 1e-14
 

@@ -103,7 +103,7 @@ def test_layout_and_ownership_of_the_inputs_do_not_matter() -> None:
     model = InverseDynamicModel(robot=random_chain(seed=11, joints=4))
     state = random_states(seed=3, samples=33, joints=4)
     expected = model.stack(*state)
-    compiled = len(inertial_kernel.column_kernel.signatures)
+    compiled = len(inertial_kernel.inertial_rows.signatures)
     fortran = [np.asfortranarray(x) for x in state]
     for x in fortran:
         x.setflags(write=False)
@@ -112,16 +112,17 @@ def test_layout_and_ownership_of_the_inputs_do_not_matter() -> None:
         model.stack(*(np.repeat(x, 2, axis=0)[::2] for x in state)), expected
     )
     # Compiling the kernel anew takes seconds.
-    assert len(inertial_kernel.column_kernel.signatures) == compiled
+    assert len(inertial_kernel.inertial_rows.signatures) == compiled
 
 
 def test_the_kernel_writes_into_views() -> None:
     robot = random_chain(seed=12, joints=2)
     constants = chain_constants(robot, "dh")
-    state = [np.ascontiguousarray(x.T) for x in random_states(seed=1, samples=20, joints=2)]
-    expected = inertial_columns(constants, *state)
+    state = np.stack([x.T for x in random_states(seed=1, samples=20, joints=2)])
+    expected = np.zeros((20, 2, 20))
+    inertial_columns(constants, state, expected)
     whole = np.zeros((40, 2, 20))
-    inertial_columns(constants, *state, out=whole[::2])
+    inertial_columns(constants, state, whole[::2])
     np.testing.assert_allclose(whole[::2], expected, rtol=0, atol=SAME_ARITHMETIC * 100)
     assert not whole[1::2].any()
 

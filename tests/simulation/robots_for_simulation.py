@@ -12,7 +12,7 @@ from dynid.simulation import (
     JointFriction,
     JointSensors,
     JointThermal,
-    RunTruth,
+    PlantState,
     SimulatedArm,
     point_masses,
 )
@@ -222,7 +222,7 @@ def pinocchio_model(robot: RobotModel, parameters: Array) -> pin.Model:
     return model
 
 
-def regressor(model: pin.Model, motion: JointMotion | RunTruth, width: float) -> Array:
+def regressor(model: pin.Model, motion: JointMotion | PlantState, width: float) -> Array:
     """(N n, n 13) pinocchio's inertial columns in our order, then tanh(dq / width), dq, ddq."""
     data, n, eye = model.createData(), model.nq, np.eye(model.nq)
     ours = [0, 1, 2, 3, 4, 6, 9, 8, 7, 5]

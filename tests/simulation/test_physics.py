@@ -9,7 +9,7 @@ from robots_for_simulation import build_chain, build_ur5, ideal_arm, pinocchio_m
 from dynid.core import Array
 from dynid.robot import RobotModel
 from dynid.simulation import (
-    RunTruth,
+    PlantState,
     SimulatedArm,
     SimulatedRun,
     mujoco_model,
@@ -57,7 +57,7 @@ def test_mass_matrix_is_packed_as_the_kernel_reads_it(robot: RobotModel) -> None
     np.testing.assert_allclose(data.M, mass[columns, rows], rtol=0, atol=1e-12)
 
 
-def residual(arm: SimulatedArm, truth: RunTruth) -> Array:
+def residual(arm: SimulatedArm, truth: PlantState) -> Array:
     oracle = pinocchio_model(arm.robot, arm.truth.standard_parameters)
     data = oracle.createData()
     moving = [

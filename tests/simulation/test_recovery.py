@@ -29,7 +29,7 @@ FRICTION_AND_ROTORS = [13 * j + k for j in range(6) for k in (10, 11)] + [
 def fitted(robot: RobotModel, run: SimulatedRun, parameters: Array, width: float) -> Array:
     model = pinocchio_model(robot, parameters)
     rows = regressor(model, run.truth, width)
-    torque = (run.current * run.gain).ravel()
+    torque = (run.signals["current"] * robot.drives.gain).ravel()
     return np.linalg.lstsq(rows, torque, rcond=1e-9)[0]
 
 
@@ -61,8 +61,8 @@ def test_with_current_noise_within_three_sigma(ur5: RobotModel, motion: FourierS
     arm = ideal_arm(ur5, true, sensors=chosen_sensors(6, current=noise))
     run = simulate(arm, motion, seed=3)
     rows = regressor(pinocchio_model(ur5, true), run.truth, 1e-3)
-    weight = np.tile(1.0 / (noise * run.gain), len(run.t))
-    torque = (run.current * run.gain).ravel()
+    weight = np.tile(1.0 / (noise * arm.truth.gain), len(run.t))
+    torque = (run.signals["current"] * arm.truth.gain).ravel()
     whitened = rows * weight[:, None]
     found = np.linalg.lstsq(whitened, torque * weight, rcond=1e-9)[0]
     covariance = np.linalg.pinv(whitened.T @ whitened, rcond=1e-14, hermitian=True)
@@ -77,7 +77,7 @@ def test_the_realistic_arm_is_nearly_but_not_quite_the_model(
 ) -> None:
     true = arm.truth.standard_parameters
     rows = regressor(pinocchio_model(arm.robot, true), run.truth, 1e-2)
-    torque = (run.current * run.gain).ravel()
+    torque = (run.signals["current"] * arm.truth.gain).ravel()
     found = np.linalg.lstsq(rows, torque, rcond=1e-9)[0]
     left, size = (torque - rows @ found).reshape(-1, 6), torque.reshape(-1, 6)
     moving = np.abs(run.truth.dq) > 0.02

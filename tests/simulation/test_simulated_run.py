@@ -8,7 +8,7 @@ from dynid.core import InputError, JobError, MissingExtraError
 from dynid.robot import Counterbalance, Drives, RobotModel
 from dynid.simulation import (
     JointSensors,
-    RunTruth,
+    PlantState,
     Servo,
     SimulatedArm,
     SimulatedPlant,
@@ -21,60 +21,57 @@ from dynid.simulation import (
 )
 from dynid.trajectory import FourierSeries, Quintic, random_excitation
 
-ARRAYS = [item.name for item in fields(SimulatedRun) if item.type in ("Array", "NDArray[np.bool_]")]
-
 
 def test_shapes_and_clock(run: SimulatedRun) -> None:
     assert run.t.shape == (1250,)
     np.testing.assert_allclose(np.diff(run.t), 0.008, rtol=0, atol=1e-12)
-    for name in ARRAYS:
-        expected = {"t": (1250,), "gain": (6,)}.get(name, (1250, 6))
-        assert getattr(run, name).shape == expected, name
-        assert not getattr(run, name).flags.writeable, name
-    for item in fields(RunTruth):
-        assert getattr(run.truth, item.name).shape == (1250, 6)
-    assert not run.saturated.any()
+    names = {item.name for item in fields(PlantState)} - {"t", "target"}
+    arrays = [*run.signals.values(), *(getattr(run.truth, name) for name in names)]
+    for array in (run.command_q, *arrays):
+        assert array.shape == (1250, 6)
+        assert not array.flags.writeable
+    assert not run.truth.saturated.any()
 
 
 def test_a_seed_gives_the_same_run_again(
     arm: SimulatedArm, run: SimulatedRun, motion: FourierSeries
 ) -> None:
     same, other = simulate(arm, motion, seed=1), simulate(arm, motion, seed=2)
-    for name in ARRAYS:
-        np.testing.assert_array_equal(getattr(run, name), getattr(same, name), err_msg=name)
+    for name, values in run.signals.items():
+        np.testing.assert_array_equal(values, same.signals[name], err_msg=name)
     np.testing.assert_array_equal(run.truth.torque, other.truth.torque)
-    assert not np.array_equal(run.current, other.current)
+    assert not np.array_equal(run.signals["current"], other.signals["current"])
 
 
 def test_measurements_have_the_noise_and_the_steps_they_claim(
     arm: SimulatedArm, run: SimulatedRun
 ) -> None:
     sensors = arm.truth.sensors
-    error = run.current - run.truth.torque / run.gain
+    error = run.signals["current"] - run.truth.torque / arm.truth.gain
     np.testing.assert_allclose(error.std(axis=0), sensors.current_noise, rtol=0.1)
     np.testing.assert_allclose(error.mean(axis=0), 0.0, atol=3e-3)
-    steps = run.current / sensors.current_step
+    steps = run.signals["current"] / sensors.current_step
     np.testing.assert_allclose(steps, np.round(steps), rtol=0, atol=1e-6)
-    assert np.abs(run.q_measured - run.truth.q).max() <= 0.5 * 5e-6 + 1e-12
-    noise = (run.qd_measured - run.truth.dq).std(axis=0)
+    assert np.abs(run.signals["q"] - run.truth.q).max() <= 0.5 * 5e-6 + 1e-12
+    noise = (run.signals["qd"] - run.truth.dq).std(axis=0)
     np.testing.assert_allclose(noise, sensors.velocity_noise, rtol=0.1)
 
 
 def test_the_arm_follows_the_command_a_lookahead_later(
     arm: SimulatedArm, run: SimulatedRun, motion: FourierSeries
 ) -> None:
-    assert np.abs(run.truth.q - run.target_q).max() < 2e-3
+    assert np.abs(run.truth.q - run.signals["target_q"]).max() < 2e-3
     late = motion.evaluate(run.t - arm.servo.lookahead).q
-    assert np.abs(run.target_q - late)[20:].max() < 3e-3
-    assert np.abs(run.target_q - run.command_q).max() > 5e-2
+    assert np.abs(run.signals["target_q"] - late)[20:].max() < 3e-3
+    assert np.abs(run.signals["target_q"] - run.command_q).max() > 5e-2
 
 
 def test_targets_are_derivatives_of_each_other(run: SimulatedRun) -> None:
     step = 0.008
-    dq = (run.target_q[2:] - run.target_q[:-2]) / (2 * step)
-    ddq = (run.target_qd[2:] - run.target_qd[:-2]) / (2 * step)
-    np.testing.assert_allclose(run.target_qd[1:-1], dq, rtol=0, atol=5e-3)
-    np.testing.assert_allclose(run.target_qdd[1:-1], ddq, rtol=0, atol=0.3)
+    dq = (run.signals["target_q"][2:] - run.signals["target_q"][:-2]) / (2 * step)
+    ddq = (run.signals["target_qd"][2:] - run.signals["target_qd"][:-2]) / (2 * step)
+    np.testing.assert_allclose(run.signals["target_qd"][1:-1], dq, rtol=0, atol=5e-3)
+    np.testing.assert_allclose(run.signals["target_qdd"][1:-1], ddq, rtol=0, atol=0.3)
 
 
 def test_periods_repeat_after_the_first(arm: SimulatedArm, motion: FourierSeries) -> None:
@@ -91,9 +88,9 @@ def test_periods_repeat_after_the_first(arm: SimulatedArm, motion: FourierSeries
 def test_longer_lookahead_and_softer_gain(ur5: RobotModel, motion: FourierSeries) -> None:
     soft = simulate(simulated_arm(ur5, servo=Servo(lookahead=0.1, gain=100.0)), motion)
     firm = simulate(simulated_arm(ur5, servo=Servo(lookahead=0.1, gain=2000.0)), motion)
-    delay = np.abs(firm.target_q - motion.evaluate(firm.t - 0.1).q)[50:]
+    delay = np.abs(firm.signals["target_q"] - motion.evaluate(firm.t - 0.1).q)[50:]
     assert delay.max() < 3e-2
-    errors = [np.abs(run.truth.q - run.target_q).max() for run in (soft, firm)]
+    errors = [np.abs(run.truth.q - run.signals["target_q"]).max() for run in (soft, firm)]
     assert errors[0] > 5 * errors[1]
 
 
@@ -109,7 +106,7 @@ def test_torque_limits_saturate_and_say_so(ur5: RobotModel, motion: FourierSerie
     run = simulate(simulated_arm(replace(ur5, limits=limits)), motion)
     assert np.abs(run.truth.torque).max(axis=0)[1] <= 75.0
     np.testing.assert_array_equal(
-        run.saturated.any(axis=0), [False, True, False, False, False, False]
+        run.truth.saturated.any(axis=0), [False, True, False, False, False, False]
     )
 
 
@@ -117,8 +114,8 @@ def test_any_robot_with_inertias_can_be_simulated() -> None:
     robot = build_chain(2, joints=4)
     arm = simulated_arm(robot)
     run = simulate(arm, random_excitation(robot.limits, seed=0, acceleration=10.0))
-    np.testing.assert_array_equal(run.gain, 1.0)
-    assert np.abs(run.truth.q - run.target_q).max() < 0.05
+    np.testing.assert_array_equal(arm.truth.gain, 1.0)
+    assert np.abs(run.truth.q - run.signals["target_q"]).max() < 0.05
 
 
 def test_unknown_tensors_become_balls(ur5: RobotModel) -> None:

@@ -100,21 +100,9 @@ class Watchdog:
         self._last = total - 1
         self._slack = slack
         self._before: Cycle | None = None
-        self._lower = np.where(np.isnan(limits.lower), -np.inf, limits.lower)
-        self._upper = np.where(np.isnan(limits.upper), np.inf, limits.upper)
         self._fastest = np.where(np.isnan(limits.velocity), np.inf, limits.velocity)
         self.gaps = 0
         """Control cycles that never arrived."""
-
-    @property
-    def index(self) -> int:
-        """The set point seen last; -1 before the first."""
-        return -1 if self._before is None else self._before.index
-
-    @property
-    def started(self) -> bool:
-        """Whether the first set point was seen."""
-        return self._before is not None
 
     @property
     def finished(self) -> bool:
@@ -161,7 +149,8 @@ class Watchdog:
 
     def _place(self, cycle: Cycle) -> Abort | None:
         q, limits = cycle.q, self._limits
-        outside = (q < self._lower) | (q > self._upper)
+        # Where a limit is unknown (NaN), no comparison holds.
+        outside = (q < limits.lower) | (q > limits.upper)
         if outside.any():
             j = int(np.argmax(outside))
             return Abort(

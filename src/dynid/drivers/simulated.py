@@ -18,7 +18,14 @@ from dynid.drivers.driver import (
     Source,
     Watchdog,
 )
-from dynid.simulation import PlantState, SimulatedArm, SimulatedPlant, Thermal
+from dynid.simulation import (
+    PlantState,
+    SimulatedArm,
+    SimulatedPlant,
+    Thermal,
+    recorded,
+    stacked,
+)
 
 _BLOCK = 8
 """Cycles that are measured and recorded together: less than the 0.1 s in which a stop is due."""
@@ -113,38 +120,16 @@ class SimulatedDriver(Driver):
         """Measure and record some states; how many there are now, and whether it failed."""
         if not block:
             return samples, None
-        gain, read = self.arm.truth.gain, self.arm.truth.sensors.read
-        true = {
-            "q": ("position", [state.q for state in block]),
-            "qd": ("velocity", [state.dq for state in block]),
-            "current": ("current", [state.torque / gain for state in block]),
-            "temperature": ("temperature", [state.temperature for state in block]),
-        }
-        seen = {
-            name: read(quantity, np.stack(values), self._noise)
-            for name, (quantity, values) in true.items()
-        }
+        signals = recorded(self.arm.truth, stacked(block), self._noise)
         try:
             for k, state in enumerate(block):
-                signals = {name: values[k] for name, values in seen.items()}
-                signals |= _targets(state, gain)
-                recorder.append(samples / rate_hz, signals, {"index": float(samples)})
+                row = {name: values[k] for name, values in signals.items()}
+                recorder.append(samples / rate_hz, row, {"index": float(samples)})
                 self.states.append(state)
                 samples += 1
         except DynidError as error:
             return samples, Abort("recording", str(error))
         return samples, None
-
-
-def _targets(state: PlantState, gain: Array) -> dict[str, Array]:
-    target = state.target
-    return {
-        "target_q": target.q,
-        "target_qd": target.dq,
-        "target_qdd": target.ddq,
-        "target_moment": target.moment,
-        "target_current": target.feedforward / gain,
-    }
 
 
 def _cycle(k: int, state: PlantState) -> Cycle:

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from dynid.core import Array, InputError, freeze, read_only
+from dynid.core import Array, InputError, read_only
 from dynid.reduction import BaseParametrization
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import RobotModel
@@ -21,21 +21,6 @@ SPREAD = 1e-7
 """Below this ratio of the extreme eigenvalues, rounding shows in the smallest one."""
 SINGULAR = 1e-13
 """A column of which this share is independent of those before it is a combination of them."""
-
-
-def eigenvalues(matrix: Array) -> Array | None:
-    """(b) eigenvalues of a Gram matrix, smallest first; None if it is singular."""
-    if not _is_usable(matrix):
-        return None
-    values = np.asarray(np.linalg.eigvalsh(matrix), dtype=np.float64)
-    if values[0] > SPREAD * values[-1]:
-        return values
-    factor = _factor(matrix)
-    if factor is None:
-        return None
-    # Singular values of the triangle keep the digits that squaring loses.
-    singular = np.linalg.svd(factor, compute_uv=False)[::-1]
-    return np.asarray(np.square(singular), dtype=np.float64)
 
 
 def eigenvectors(matrix: Array) -> tuple[Array, Array] | None:
@@ -48,6 +33,7 @@ def eigenvectors(matrix: Array) -> tuple[Array, Array] | None:
     factor = _factor(matrix)
     if factor is None:
         return None
+    # Singular values of the triangle keep the digits that squaring loses.
     left, singular, _ = np.linalg.svd(factor)
     return np.square(singular[::-1]), left[:, ::-1]
 
@@ -154,11 +140,7 @@ GUARD_NORM = 8.0
 
 @dataclass(frozen=True, kw_only=True)
 class Criterion(ABC):
-    """A function of the Gram matrix. Infinite, with a gradient of zero, where G is singular.
-
-    Raises:
-        InputError: Scales that are not positive, or shapes that do not fit.
-    """
+    """A function of the Gram matrix. Infinite, with a gradient of zero, where G is singular."""
 
     name: ClassVar[str]
     """As `--criterion` takes it."""
@@ -169,54 +151,37 @@ class Criterion(ABC):
     previous: Array | None = None
     """(b, b) G_0, the Gram matrix of what is recorded already."""
 
-    def __post_init__(self) -> None:
-        if self.scale is not None:
-            freeze(self, "parameter", scale=(None,))
-            if not (self.scale > 0).all():
-                raise InputError("parameter scales must be positive", value=float(self.scale.min()))
-        if self.previous is not None:
-            freeze(self, "Gram matrix", previous=(None, None))
-
     @abstractmethod
-    def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
+    def evaluate(self, matrix: Array) -> tuple[float, Array] | None:
         """The criterion of a scaled matrix (b, b); None if that is singular.
 
         Returns:
-            The value, and S (b, b) with d value = tr(S d matrix), without meaning if not `slope`.
+            The value, and S (b, b) with d value = tr(S d matrix).
         """
 
     def value(self, gram: Array) -> float:
         """The criterion, in the unit in which it is reported."""
-        found = self.evaluate(self._scaled(gram), slope=False)
-        return math.inf if found is None else found[0]
+        return self.value_and_gradient(gram)[0]
 
     def value_and_gradient(self, gram: Array) -> tuple[float, Array]:
         """The criterion, and S (b, b), symmetric, with d value = tr(S dG)."""
-        found = self.evaluate(self._scaled(gram), slope=True)
+        scales = 1.0 if self.scale is None else np.outer(self.scale, self.scale)
+        matrix = gram if self.previous is None else gram + self.previous
+        found = self.evaluate(matrix * scales)
         if found is None or not np.isfinite(found[1]).all():
             return math.inf, np.zeros_like(gram)
-        value, slope = found
-        return value, slope if self.scale is None else slope * np.outer(self.scale, self.scale)
+        return found[0], found[1] * scales
 
     def objective(self, gram: Array) -> float:
         """What optimisers minimise: the logarithm of a positive criterion, else its value."""
-        return self.merit(self.value(gram))
+        return self.objective_and_gradient(gram)[0]
 
     def objective_and_gradient(self, gram: Array) -> tuple[float, Array]:
         """The objective, and S (b, b), symmetric, with d objective = tr(S dG)."""
         value, slope = self.value_and_gradient(gram)
-        return self.merit(value), slope / value if self.positive and value < math.inf else slope
-
-    def merit(self, value: float) -> float:
-        """The objective of a value."""
-        return math.log(value) if self.positive else value
-
-    def _scaled(self, gram: Array) -> Array:
-        for name, array in (("scales", self.scale), ("the earlier Gram matrix", self.previous)):
-            if array is not None and array.shape != gram.shape[: array.ndim]:
-                raise InputError(f"{name} do not fit", value=array.shape, limit=gram.shape)
-        matrix = gram if self.previous is None else gram + self.previous
-        return matrix if self.scale is None else matrix * np.outer(self.scale, self.scale)
+        if not self.positive:
+            return value, slope
+        return math.log(value), slope / value
 
 
 Extreme = tuple[float, Array]
@@ -241,14 +206,8 @@ class OfExtremes(Criterion):
     def combine(self, high: Extreme, low: Extreme) -> tuple[float, Array]:
         """The value, and its derivative (b) by the logarithms of the eigenvalues."""
 
-    def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
+    def evaluate(self, matrix: Array) -> tuple[float, Array] | None:
         """See `Criterion`."""
-        if not slope and math.isinf(self.sharpness):
-            values = eigenvalues(matrix)
-            if values is None:
-                return None
-            high, low = ((math.log(values[k]), np.zeros(0)) for k in (-1, 0))
-            return self.combine(high, low)[0], matrix
         found = eigenvectors(matrix)
         if found is None:
             return None
@@ -296,7 +255,7 @@ class DOptimal(Criterion):
     name: ClassVar[str] = "d-opt"
     positive: ClassVar[bool] = False
 
-    def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
+    def evaluate(self, matrix: Array) -> tuple[float, Array] | None:
         """See `Criterion`."""
         found = inverse(matrix)
         return None if found is None else (-found[1], -found[0])
@@ -308,13 +267,13 @@ class AOptimal(Criterion):
 
     name: ClassVar[str] = "a-opt"
 
-    def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
+    def evaluate(self, matrix: Array) -> tuple[float, Array] | None:
         """See `Criterion`."""
         found = inverse(matrix)
         if found is None:
             return None
         covariance = found[0]
-        return float(np.trace(covariance)), -covariance @ covariance if slope else covariance
+        return float(np.trace(covariance)), -covariance @ covariance
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -356,7 +315,7 @@ class Prediction(Criterion):
     moment: Array | None = None
     """(b, b) M; None for the identity, by which every parameter counts alike."""
 
-    def evaluate(self, matrix: Array, *, slope: bool) -> tuple[float, Array] | None:
+    def evaluate(self, matrix: Array) -> tuple[float, Array] | None:
         """See `Criterion`."""
         found = inverse(matrix)
         if found is None:
@@ -371,8 +330,6 @@ class Prediction(Criterion):
         shares = np.power(variances / variances.max(), GUARD_NORM)
         worst = float(variances.max() * shares.sum() ** (1 / GUARD_NORM))
         value = spread * worst**GUARD
-        if not slope:
-            return value, covariance
         pull = moment / spread
         pull += np.diag(GUARD * shares / shares.sum() / np.diag(covariance))
         return value, -value * (covariance @ pull @ covariance)
@@ -412,12 +369,7 @@ def parse_criterion(
 
 
 def all_criteria(gram: Array, *, scale: Array | None = None) -> dict[str, float]:
-    """Every criterion of a Gram matrix by name.
-
-    Args:
-        gram: (b, b).
-        scale: (b) of the A-optimal one; None for SI units.
-    """
+    """Every criterion of a Gram matrix (b, b) by name, with the scale (b) of the A-optimal one."""
     return {
         name: parse_criterion(name, scale=scale if name == AOptimal.name else None).value(gram)
         for name in CRITERIA

@@ -27,12 +27,7 @@ FINE_SHARE = 0.4
 
 
 class MotionGrid:
-    """Motions of a family at fixed times.
-
-    Args:
-        problem: Whose family.
-        times: (N) [s].
-    """
+    """Motions of a problem's family at fixed times (N) [s]."""
 
     def __init__(self, problem: ExcitationProblem, times: Array) -> None:
         self.basis = tuple(np.ascontiguousarray(b) for b in problem.family.basis(times))
@@ -54,9 +49,6 @@ class DesignEvaluation:
     """Judges motions of one problem; counts how many.
 
     One thread, one caller at a time: each worker makes its own.
-
-    Args:
-        problem: The problem.
     """
 
     def __init__(self, problem: ExcitationProblem) -> None:

@@ -40,10 +40,6 @@ _NEXT = {
 def check_room(constraints: MotionConstraints, region: MotionRegion) -> None:
     """Refuse limits and bodies that leave no pose free, before minutes are spent on a search.
 
-    Args:
-        constraints: The judge.
-        region: The bounds.
-
     Raises:
         InputError: No pose was found that keeps every clearance and that the joints can hold.
     """

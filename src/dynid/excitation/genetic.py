@@ -8,14 +8,11 @@ collisions) are handled feasibility first (Deb, 2000): of two individuals the fe
 of two infeasible ones the one that violates less, of two feasible ones the better criterion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
-from dynid.core import Array, Indices
+from dynid.core import Array
 from dynid.excitation.problem import Candidate, Stop
 from dynid.excitation.region import MotionRegion, shape_basis
 
@@ -34,29 +31,8 @@ MUTATION = 0.3
 LEAST_FILL = 0.3
 """Least share of the tightest limit, where other constraints can make smaller motions better."""
 
-
-@dataclass(slots=True)
-class Genes:
-    """A population."""
-
-    shape: Array
-    """(P, n, k) in coordinates with a spread of one."""
-    place: Array
-    """(P, n) within 0 and 1."""
-    fill: Array
-    """(P, n) within `LEAST_FILL` and 1."""
-
-    def taken(self, chosen: Indices) -> Genes:
-        """Some of the individuals, copied."""
-        return Genes(self.shape[chosen], self.place[chosen], self.fill[chosen])
-
-    def joined(self, others: Genes) -> Genes:
-        """These individuals and others."""
-        return Genes(
-            np.concatenate([self.shape, others.shape]),
-            np.concatenate([self.place, others.place]),
-            np.concatenate([self.fill, others.fill]),
-        )
+# Genes of a population are (P, n, k + 2): the shape in k coordinates with a spread of one, the
+# place within 0 and 1, the share of the tightest limit within `LEAST_FILL` and 1.
 
 
 def evolve(
@@ -76,7 +52,7 @@ def evolve(
         region: Bounds of position, velocity and acceleration.
         population: Individuals of a generation.
         generations: Generations after the random one.
-        seed: Seed of all random numbers.
+        seed: Of all random numbers.
         full: Every joint uses all of its tightest limit.
         stop: Asked before each individual.
 
@@ -85,12 +61,10 @@ def evolve(
     """
     random = np.random.default_rng(seed)
     basis = shape_basis(region).T
-    size = (population, len(region.middle))
-    genes = Genes(
-        random.standard_normal((*size, len(basis))),
-        random.uniform(size=size),
-        np.ones(size) if full else random.uniform(LEAST_FILL, 1.0, size=size),
-    )
+    size = (population, len(region.middle), 1)
+    shape, place = random.standard_normal((*size[:2], len(basis))), random.uniform(size=size)
+    fill = np.ones(size) if full else random.uniform(LEAST_FILL, 1.0, size=size)
+    genes = np.concatenate([shape, place, fill], axis=2)
     elite = elite_count(population)
     scores: list[Candidate] = []
     for generation in range(generations + 1):
@@ -101,10 +75,10 @@ def evolve(
                 return max(generation - 1, 0)
             fresh.append(judge(x))
         if generation > 0:
-            genes = genes.taken(np.arange(elite)).joined(new)
+            genes = np.concatenate([genes[:elite], new])
         scores = scores[:elite] + fresh
         order = sorted(range(population), key=lambda i: scores[i].key)
-        genes, scores = genes.taken(np.array(order)), [scores[i] for i in order]
+        genes, scores = genes[order], [scores[i] for i in order]
     return generations
 
 
@@ -113,41 +87,36 @@ def elite_count(population: int) -> int:
     return max(1, round(ELITE * population))
 
 
-def _decoded(genes: Genes, region: MotionRegion, basis: Array) -> Array:
-    numbers = region.onto_limits(genes.shape @ basis, genes.place)
-    if (genes.fill == 1.0).all():
+def _decoded(genes: Array, region: MotionRegion, basis: Array) -> Array:
+    fill = genes[..., -1]
+    numbers = region.onto_limits(genes[..., :-2] @ basis, genes[..., -2])
+    if (fill == 1.0).all():
         return numbers
     # Smaller about its own middle: it stays where it fits.
     swing = numbers[..., 1:] @ region.columns[0][:, 1:].T
     middle = (swing.max(axis=-1) + swing.min(axis=-1)) / 2
     if region.pose is None:
-        numbers[..., 0] += (1.0 - genes.fill) * middle
-    numbers[..., 1:] *= genes.fill[..., None]
+        numbers[..., 0] += (1.0 - fill) * middle
+    numbers[..., 1:] *= fill[..., None]
     return numbers
 
 
-def _children(genes: Genes, count: int, random: np.random.Generator, full: bool) -> Genes:
+def _children(genes: Array, count: int, random: np.random.Generator, full: bool) -> Array:
     """Children of a population sorted best first."""
-    population, joints, _ = genes.shape.shape
+    population, joints, width = genes.shape
     # The smallest rank of a few wins the tournament.
     parents = random.integers(population, size=(2, count, TOURNAMENT)).min(axis=2)
-    one, other = genes.taken(parents[0]), genes.taken(parents[1])
     swap = random.uniform(size=(count, 1)) < EXCHANGE
     from_other = (random.uniform(size=(count, joints)) < 0.5).astype(np.float64)
     blended = random.uniform(-BLEND, 1.0 + BLEND, size=(count, joints))
-    share = np.where(swap, from_other, blended)
-    mutated = random.uniform(size=(count, joints)) < MUTATED_JOINTS
-    spread = MUTATION * mutated
-
-    def mixed(first: Array, second: Array) -> Array:
-        weight = share if first.ndim == 2 else share[..., None]
-        noise = spread if first.ndim == 2 else spread[..., None]
-        child = (1.0 - weight) * first + weight * second
-        return child + noise * random.standard_normal(first.shape)
-
-    shape = mixed(one.shape, other.shape)
+    share = np.where(swap, from_other, blended)[..., None]
+    mutated = random.uniform(size=(count, joints, 1)) < MUTATED_JOINTS
+    kinds = [random.standard_normal((count, joints, k)) for k in (width - 2, 1, 1)]
+    noise = MUTATION * mutated * np.concatenate(kinds, axis=2)
+    children = (1.0 - share) * genes[parents[0]] + share * genes[parents[1]] + noise
     # Only directions count; unit spread keeps mutations of one size through the generations.
+    shape = children[..., :-2]
     shape /= np.sqrt(np.mean(np.square(shape), axis=-1, keepdims=True)) + 1e-300
-    place = np.clip(mixed(one.place, other.place), 0.0, 1.0)
-    fill = np.clip(mixed(one.fill, other.fill), LEAST_FILL, 1.0)
-    return Genes(shape, place, np.ones_like(fill) if full else fill)
+    children[..., -2] = np.clip(children[..., -2], 0.0, 1.0)
+    children[..., -1] = 1.0 if full else np.clip(children[..., -1], LEAST_FILL, 1.0)
+    return children

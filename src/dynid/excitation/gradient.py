@@ -40,7 +40,6 @@ class Descent:
     """(D, D) of the objective, without the barrier."""
     first: bool = True
     """Whether the curvature has no scale yet."""
-    evaluations: int = 0
 
 
 def descend(
@@ -58,37 +57,24 @@ def descend(
     The barrier's Hessian is exact and cheap (a small block a joint), so that only the objective's
     curvature has to be learnt from gradients (damped BFGS: Nocedal and Wright, procedure 18.2).
     Small weights let the motion closer to its bounds; the start lies strictly inside, every point
-    stays there.
-
-    Args:
-        objective: What to minimise.
-        region: The bounds.
-        state: Start, and where to go on.
-        weight: Weight of the barrier.
-        iterations: Most steps.
-        tolerance: Stop after two steps that bring less than this.
-        stop: Asked before each evaluation; True ends the descent at the best point so far.
+    stays there. The descent ends after so many iterations, after two steps that bring less than the
+    tolerance, or when `stop`, asked before each evaluation, says so.
     """
     x, shape = state.x, state.x.shape
     value, slope_of = objective(x)
     gradient = slope_of()
-    state.evaluations += 1
     slack = region.slack(x)
     total = value + weight * region.barrier_value(slack)
     idle = 0
+    fixed = region.pose is not None
     for _ in range(iterations):
-        barrier = region.barrier(slack)
+        pull, bend = region.barrier_slopes(slack)
         if state.curvature is None:
             state.curvature = np.eye(x.size)
-        slope = gradient + weight * barrier.gradient
-        if region.pose is not None:
+        slope = gradient + weight * pull
+        if fixed:
             slope[:, 0] = 0.0
-        direction = _newton(
-            state.curvature,
-            weight * barrier.curvature,
-            slope.ravel(),
-            fixed=region.pose is not None,
-        )
+        direction = _newton(state.curvature, weight * bend, slope.ravel(), fixed=fixed)
         step = direction.reshape(shape)
         promised = float(slope.ravel() @ direction)
         length = region.longest_step(slack, step)
@@ -98,7 +84,6 @@ def descend(
             trial = x + length * step
             trial_slack = region.slack(trial)
             trial_value, slope_of = objective(trial)
-            state.evaluations += 1
             reached = trial_value + weight * region.barrier_value(trial_slack)
             if math.isfinite(reached) and reached <= total + SUFFICIENT * length * promised:
                 break

@@ -10,14 +10,14 @@ from collections.abc import Callable
 import numpy as np
 
 from dynid.core import Array, InputError
-from dynid.reduction import BaseParametrization, fill_beside, gram_layout
+from dynid.reduction import BaseParametrization, gram_layout
 from dynid.regressor import (
-    LANES,
     Gradient,
     InverseDynamicModel,
+    by_sample,
     check_differentiable,
+    in_lanes,
     inertial_rows,
-    pull_blocks,
     regressor_pullback,
     turns,
 )
@@ -77,99 +77,56 @@ class GramKernel:
             for part, size in zip(np.split(self._sums, ends), sizes, strict=True)
         ]
         self._samples = -1
-        self._calls = 0
-
-    @property
-    def rank(self) -> int:
-        """Number of base parameters b."""
-        return self._layout.rank
 
     def gram(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """G (b, b) of a motion.
-
-        Args:
-            q: (N, n) positions [rad or m].
-            dq: (N, n) velocities.
-            ddq: (N, n) accelerations.
+        """G (b, b) of a motion: positions [rad or m], velocities, accelerations, each (N, n).
 
         Raises:
             InputError: Shapes that do not fit the robot or each other.
         """
-        self._load(q, dq, ddq)
-        state = self._state
-        self._turn = turns(state[0])
-        q, dq, ddq = state
-        places = self._layout.places
-        inertial_rows(self._model.constants, self._turn, q, dq, ddq, self._rows, places)
-        fill_beside(self._model, state[1], state[2], self._beside)
+        state = self._state = in_lanes(self._model.motion(q, dq, ddq))
+        if len(q) != self._samples:
+            self._allocate(len(q), state.shape)
+        turn = self._turn = turns(state[0])
+        inertial_rows(*self._model.constants, turn, state, self._rows, self._layout.places)
+        self._model.fill_beside(state[1], state[2], self._beside)
         for j, panel in enumerate(self._layout.panels):
             rows = self._rows[panel.rows, : self._samples]
             for row, column in zip(rows, panel.beside, strict=False):
                 row[:] = self._beside[column, j, : self._samples]
             np.matmul(rows, rows.T, out=self._products[j])
             self._products[j] *= self._weights[j]
-        entries = np.bincount(self._entries, self._sums, minlength=self.rank**2)
-        return np.asarray(entries, dtype=np.float64).reshape(self.rank, self.rank)
+        rank = self._layout.rank
+        entries = np.bincount(self._entries, self._sums, minlength=rank**2)
+        return np.asarray(entries, dtype=np.float64).reshape(rank, rank)
 
     def gram_and_pullback(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Pullback]:
-        """G (b, b), and the function that differentiates tr(S G).
+        """G (b, b), as `gram`, and the function that differentiates tr(S G).
 
         The function works on the memory of this call: it must be used before the next one.
-
-        Args:
-            q: (N, n) positions [rad or m].
-            dq: (N, n) velocities.
-            ddq: (N, n) accelerations.
-
-        Raises:
-            InputError: Shapes that do not fit the robot or each other; from the function, S of
-                another shape, or a later motion in its memory.
         """
-        gram = self.gram(q, dq, ddq)
-        call = self._calls
-
-        def pullback(s: Array) -> Gradient:
-            if call != self._calls:
-                raise InputError("the kernel holds a later motion", next_step="Call it in order.")
-            return self._pull(s)
-
-        return gram, pullback
+        return self.gram(q, dq, ddq), self._pull
 
     def _pull(self, s: Array) -> Gradient:
-        if s.shape != (self.rank, self.rank):
-            raise InputError("S does not fit", value=s.shape, limit=(self.rank, self.rank))
         samples = self._samples
         for j, panel in enumerate(self._layout.panels):
             rows, bars = (a[panel.rows, :samples] for a in (self._rows, self._bars))
-            np.matmul(2.0 * self._weights[j] * panel.block(s), rows, out=bars)
+            part = s[np.ix_(panel.columns, panel.columns)]
+            np.matmul(2.0 * self._weights[j] * part, rows, out=bars)
             for bar, column in zip(bars, panel.beside, strict=False):
                 self._beside_bars[column, j, :samples] = bar
         regressor_pullback(
-            *self._model.constants.arrays, self._turn, self._state, self._bars,
+            *self._model.constants, self._turn, self._state, self._bars,
             self._layout.places, self._out,
         )  # fmt: skip
-        pull_blocks(self._model, self._state, self._beside_bars, self._out)
-        q_bar, dq_bar, ddq_bar = (part[:, :samples].T.copy() for part in self._out)
-        return q_bar, dq_bar, ddq_bar
+        self._model.pull_beside(self._state, self._beside_bars, self._out)
+        return by_sample(self._out, samples)
 
-    def _load(self, q: Array, dq: Array, ddq: Array) -> None:
-        n, samples = self._model.robot.joints, len(q)
-        for name, array in (("q", q), ("dq", dq), ("ddq", ddq)):
-            if array.shape != (samples, n):
-                raise InputError(f"{name} does not fit", value=array.shape, limit=(samples, n))
-        if samples != self._samples:
-            self._allocate(samples)
-        for part, array in zip(self._state, (q, dq, ddq), strict=True):
-            part[:, :samples] = array.T
-        self._calls += 1
-
-    def _allocate(self, samples: int) -> None:
-        n, length = self._model.robot.joints, max(samples, LANES)
+    def _allocate(self, samples: int, shape: tuple[int, ...]) -> None:
+        n, length = shape[1:]
         beside = (len(self._model.columns) - 10 * n, n, length)
         self._samples = samples
-        # At rest where samples are missing to fill the lanes; those are never summed.
-        self._state = np.zeros((3, n, length))
-        self._out = np.zeros((3, n, length))
+        self._out = np.zeros(shape)
         self._rows = np.zeros((self._layout.rows, length))
         self._bars = np.zeros((self._layout.rows, length))
         self._beside = np.zeros(beside)

@@ -83,7 +83,7 @@ def multistart(
     Args:
         problem: What to design.
         effort: How long.
-        seed: Seed of all random numbers.
+        seed: Of all random numbers.
         beside: Who runs further starts; None to run all of them here.
         tell: Told the search after every candidate, and how far it is.
     """

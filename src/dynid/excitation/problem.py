@@ -24,8 +24,8 @@ class ExcitationProblem:
     """The motion of a family, within constraints, that makes a criterion smallest.
 
     Raises:
-        InputError: Bounds for another number of joints, too few samples, noise that does not fit,
-            or a start pose for a family that cannot start at one.
+        InputError: Too few samples, noise that does not fit, or a start pose for a family that
+            cannot start at one.
     """
 
     base: BaseParametrization
@@ -45,9 +45,6 @@ class ExcitationProblem:
 
     def __post_init__(self) -> None:
         joints = self.base.model.robot.joints
-        held = self.constraints.robot.joints
-        if held != joints:
-            raise InputError("joints of the constraints", value=held, limit=joints)
         if not (math.isfinite(self.rate_hz) and self.rate_hz > 0):
             raise InputError("the sampling rate must be positive", value=self.rate_hz)
         if self.samples * joints < 2 * self.base.rank:

@@ -80,10 +80,7 @@ def assumed_noise(robot: RobotModel) -> Array:
 def purpose_of(base: BaseParametrization, motions: Sequence[JointMotion], source: str) -> Purpose:
     """The purpose that motions stand for; each counts alike, however long it is.
 
-    Args:
-        base: The base parameters.
-        motions: One or more.
-        source: Where they come from, in words.
+    Where they come from is given in words.
 
     Raises:
         InputError: No motions, or motions of another robot.
@@ -120,12 +117,7 @@ def whole_workspace(
 def safe_motions(
     base: BaseParametrization, constraints: MotionConstraints, *, seed: int = 0
 ) -> list[JointMotion]:
-    """Safe random motions about free poses of the whole workspace.
-
-    Args:
-        base: The base parameters.
-        constraints: What the motions keep.
-        seed: Of the random numbers.
+    """Random motions about free poses of the whole workspace that keep the constraints.
 
     Raises:
         InputError: No motion was found that keeps the limits.

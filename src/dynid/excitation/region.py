@@ -1,7 +1,6 @@
 """The free numbers whose motion stays within bounds: a polytope, its barrier, random starts."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,17 +14,6 @@ SHARE = math.cos(math.pi / 32) * math.cos(math.pi / 64)
 """Of the bounds, to be met on the grid. The first factor is what a trigonometric polynomial can
 rise between 32 points a harmonic (Ehlich and Zeller, 1964), the second what the certificate's
 own grid of 64 adds; for other families it is a margin, and the certificate decides."""
-
-
-@dataclass(frozen=True, slots=True)
-class Barrier:
-    """The barrier - sum log(slack) at a point, and its derivatives."""
-
-    value: float
-    gradient: Array
-    """(n, 1 + k)"""
-    curvature: Array
-    """(n, 1 + k, 1 + k): joints do not share bounds, so the Hessian has a block a joint."""
 
 
 class MotionRegion:
@@ -88,13 +76,16 @@ class MotionRegion:
         return np.stack(parts)
 
     def barrier_value(self, slack: Array) -> float:
-        """The barrier; infinite outside."""
+        """The barrier - sum log(slack); infinite outside."""
         if not (slack > 0).all():
             return math.inf
         return float(-np.log(slack[np.isfinite(slack)]).sum())
 
-    def barrier(self, slack: Array) -> Barrier:
-        """The barrier and its derivatives at the slack of a point inside."""
+    def barrier_slopes(self, slack: Array) -> tuple[Array, Array]:
+        """Gradient (n, 1 + k) and Hessian (n, 1 + k, 1 + k) of the barrier at a point inside.
+
+        Joints do not share bounds, so the Hessian has a block a joint.
+        """
         inverse = 1.0 / slack
         pull = inverse[0::2] - inverse[1::2]
         weight = np.square(inverse[0::2]) + np.square(inverse[1::2])
@@ -104,7 +95,7 @@ class MotionRegion:
         for k, columns in enumerate(self.columns):
             gradient += pull[k].T @ columns
             curvature += (columns.T[None] * weight[k].T[:, None, :]) @ columns
-        return Barrier(self.barrier_value(slack), gradient, curvature)
+        return gradient, curvature
 
     def longest_step(self, slack: Array, step: Array) -> float:
         """The largest factor on a step, at most 1, that keeps a hundredth of each slack."""

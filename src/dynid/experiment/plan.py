@@ -8,59 +8,27 @@ import signal
 import threading
 from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, is_dataclass, replace
 from threading import Event
 from types import FrameType
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from dynid.core import Array, DynidError, Finding, InputError, Progress, frozen
+from dynid.core import Array, DynidError, Finding, InputError, Progress
 from dynid.drivers import Abort, Driver, Execution, Outcome, Recorder, WatchLimits
 from dynid.robot import RobotModel
-from dynid.trajectory import JointMotion, MotionSequence, Repetition, Trajectory
+from dynid.trajectory import MotionSequence, Repetition, Trajectory
 
 _CLOCKS = ("period", "travel_time")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Slowed(Trajectory):
-    """q(share t) of another motion.
+def slowed(motion: Trajectory, share: float) -> Trajectory:
+    """The same path at a share of the speed, in (0, 1], as the same kind of motion.
+
+    Speeds fall by the share, accelerations by its square.
 
     Raises:
-        InputError: A share outside (0, 1].
-    """
-
-    motion: Trajectory
-    """The motion at full speed."""
-    share: float
-    """Its speed now as a share of that."""
-
-    def __post_init__(self) -> None:
-        check_share(self.share)
-
-    @property
-    def joints(self) -> int:
-        """Number of joints n."""
-        return self.motion.joints
-
-    @property
-    def duration(self) -> float:
-        """The motion's duration over the share [s]."""
-        return self.motion.duration / self.share
-
-    def evaluate(self, t: ArrayLike) -> JointMotion:
-        """The motion at any times (N) [s]."""
-        times = frozen(t, shape=(None,), name="t")
-        fast = self.motion.evaluate(times * self.share)
-        return JointMotion(t=times, q=fast.q, dq=self.share * fast.dq, ddq=self.share**2 * fast.ddq)
-
-
-def slowed(motion: Trajectory, share: float) -> Trajectory:
-    """The same path at a share of the speed, in (0, 1], as the same kind of motion where it can be.
-
-    Speeds fall by the share, accelerations by its square. Motions that carry their own time
-    stay what they are, so that a controller can evaluate them.
+        InputError: A share out of range, or a motion without a period or travel time.
     """
     check_share(share)
     if share == 1.0:
@@ -69,11 +37,10 @@ def slowed(motion: Trajectory, share: float) -> Trajectory:
         return replace(motion, parts=tuple(slowed(part, share) for part in motion.parts))
     if isinstance(motion, Repetition):
         return replace(motion, part=slowed(motion.part, share))
-    names = {item.name for item in fields(motion)} if is_dataclass(motion) else set[str]()
     for clock in _CLOCKS:
-        if clock in names and is_dataclass(motion):
+        if is_dataclass(motion) and hasattr(motion, clock):
             return replace(motion, **{clock: getattr(motion, clock) / share})
-    return Slowed(motion=motion, share=share)
+    raise InputError("this kind of motion cannot be slowed down", value=type(motion).__name__)
 
 
 def whole_cycles_share(duration: float, share: float, rate_hz: float) -> float:
@@ -109,8 +76,6 @@ class Pass:
     """`slow`, `warm-up` or `run`."""
     execution: Execution
     """What to execute."""
-    recorded: bool
-    """Whether its samples are the recording."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -205,12 +170,12 @@ class ExperimentPlan:
             share = whole_cycles_share(self.trajectory.duration, self.slow, self.rate_hz)
             slow = slowed(self.trajectory, share)
             once = replace(run, trajectory=slow, periods=1, settle=0)
-            found.append(Pass(name="slow", execution=once, recorded=False))
+            found.append(Pass(name="slow", execution=once))
         if self.warm_up_s > 0:
             periods = math.ceil(self.warm_up_s / self.trajectory.duration)
             warm = replace(run, periods=periods, settle=0)
-            found.append(Pass(name="warm-up", execution=warm, recorded=False))
-        first, *others = (*found, Pass(name="run", execution=run, recorded=True))
+            found.append(Pass(name="warm-up", execution=warm))
+        first, *others = (*found, Pass(name="run", execution=run))
         # Each pass ends where the next one starts: only the first one has a way to go.
         return (replace(first, execution=replace(first.execution, via=self.via)), *others)
 

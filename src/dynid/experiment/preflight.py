@@ -272,12 +272,7 @@ class PreflightCheck:
 def check_design(
     plan: ExperimentPlan, constraints: MotionConstraints, accepted: Collection[str] = ()
 ) -> Certificate:
-    """Certify the motion of a plan.
-
-    Args:
-        plan: What is to be executed.
-        constraints: What it is held to.
-        accepted: Kinds that need not be judged.
+    """Certify the motion of a plan; accepted kinds need not be judged.
 
     Raises:
         InputError: The motion breaks a limit or touches something, or that cannot be judged.
@@ -301,13 +296,7 @@ def check_design(
 def check_robot(
     plan: ExperimentPlan, state: ControllerState, approach: Approach
 ) -> tuple[PreflightCheck, ...]:
-    """Look at a controller before it gets a plan.
-
-    Args:
-        plan: What is to be executed.
-        state: The controller, as it says it is.
-        approach: The way from where it stands to the start.
-    """
+    """Look at a controller before it gets a plan, and at the way from where it stands."""
     mode = mode_name(RobotMode, state.robot_mode)
     safety = mode_name(SafetyMode, state.safety_mode)
     program = mode_name(RuntimeState, state.runtime_state)
@@ -329,11 +318,7 @@ def check_robot(
 
 
 def require_ready(checks: tuple[PreflightCheck, ...], where: str) -> None:
-    """Refuse a robot that is not ready.
-
-    Args:
-        checks: What was looked at.
-        where: The robot's address.
+    """Refuse a robot that is not ready; its address says which.
 
     Raises:
         JobError: Something was found; the message names all of it.

@@ -17,8 +17,8 @@ from numba import njit
 from dynid.core import Array, Indices, upper_triangle
 from dynid.identification.problem import block_mean, chunk_size, motion_state, recorded_rows
 from dynid.identification.selection import GramBlocks, Regions
-from dynid.reduction import BaseParametrization, GramLayout, fill_beside, gram_layout
-from dynid.regressor import LANES, inertial_rows, turns
+from dynid.reduction import BaseParametrization, GramLayout, gram_layout
+from dynid.regressor import LANES, in_lanes, inertial_rows, turns
 from dynid.signals import Samples
 
 WINDOWS_A_LAG = 16
@@ -157,7 +157,7 @@ class PanelRows:
 
     def __init__(self, base: BaseParametrization) -> None:
         self.base, model = base, base.model
-        self.layout: GramLayout = gram_layout(model, base, spare=1)
+        self.layout: GramLayout = gram_layout(model, base)
         self.columns: list[Indices] = [panel.columns for panel in self.layout.panels]
         friction = model.friction
         self._plain = (
@@ -203,12 +203,10 @@ class PanelRows:
                 np.zeros((beside, n, length)),
             )
         rows, beside = self._memory[length]
-        state = np.zeros((3, n, length))
-        for own, values in zip(state, motion, strict=True):
-            own[:, :count] = values.T
-        q, dq, ddq = state
-        inertial_rows(model.constants, turns(q), q, dq, ddq, rows, self.layout.places)
-        fill_beside(model, dq, ddq, beside)
+        state = in_lanes(model.motion(*motion))
+        turn = turns(state[0])
+        inertial_rows(*model.constants, turn, state, rows, self.layout.places)
+        model.fill_beside(state[1], state[2], beside)
         torque = samples.tau[part].T + model.known_torque(motion[0]).T
         found: list[Array] = []
         for j, panel in enumerate(self.layout.panels):

@@ -3,7 +3,6 @@
 from dynid.reduction.base import (
     BaseParametrization,
     GramLayout,
-    fill_beside,
     gram_layout,
     random_states,
     reduce_model,
@@ -12,7 +11,6 @@ from dynid.reduction.base import (
 __all__ = [
     "BaseParametrization",
     "GramLayout",
-    "fill_beside",
     "gram_layout",
     "random_states",
     "reduce_model",

@@ -28,19 +28,10 @@ ACCELERATION = 5.5 * np.pi
 """[rad/s^2 or m/s^2]"""
 
 
-def random_states(robot: RobotModel, samples: int, seed: int) -> tuple[Array, Array, Array]:
-    """Uniform random q, dq, ddq, each (samples, n); q spans +-pi rad or +-1 m."""
-    return _states(robot, samples, seed, SPEED)
-
-
-def slow_states(
-    robot: RobotModel, samples: int, seed: int, speed: float
+def random_states(
+    robot: RobotModel, samples: int, seed: int, speed: float = SPEED
 ) -> tuple[Array, Array, Array]:
-    """As `random_states`, no joint faster than `speed`: columns that die out above it show."""
-    return _states(robot, samples, seed, speed)
-
-
-def _states(robot: RobotModel, samples: int, seed: int, speed: float) -> tuple[Array, Array, Array]:
+    """Uniform random q, dq, ddq, each (samples, n); q spans +-pi rad or +-1 m, dq +-speed."""
     generator = np.random.default_rng(seed)
     shape = (samples, robot.joints)
     reach = np.where(robot.prismatic, 1.0, np.pi)
@@ -174,11 +165,6 @@ class BaseParametrization:
         return len(self.independent)
 
     @property
-    def gap(self) -> tuple[float, float]:
-        """The singular values, columns normalised, on both sides of the rank; see `Rank.gap`."""
-        return self.classes.gap
-
-    @property
     def names(self) -> tuple[str, ...]:
         """Names of the base parameters: those of their first standard parameter."""
         return tuple(self.model.columns[i].name for i in self.independent)
@@ -254,7 +240,8 @@ def reduce_model(
     w = structural.observation_matrix(*random_states(model.robot, rows, seed))
     if any(term == "fs" for term, _ in model.friction.terms):
         # Random speeds of pi rad/s rarely meet a Stribeck peak that ends near 0.1 rad/s.
-        slow = slow_states(model.robot, rows, seed + 1, 2 * model.friction.stribeck_velocity)
+        speed = 2 * model.friction.stribeck_velocity
+        slow = random_states(model.robot, rows, seed + 1, speed)
         w = np.vstack([w, structural.observation_matrix(*slow)])
     classes = rank_and_classes(w, tolerance)
     independent, dependent, k = regrouping(w, tolerance)
@@ -346,10 +333,6 @@ class ColumnPanel:
     beside: Indices
     """The columns beside the inertial ones, counted from the first of those in the model."""
 
-    def block(self, matrix: Array) -> Array:
-        """Their rows and columns (k, k) of a (b, b) matrix."""
-        return matrix[self.columns[:, None], self.columns]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GramLayout:
@@ -364,16 +347,8 @@ class GramLayout:
     """b, base columns."""
 
 
-def gram_layout(
-    model: InverseDynamicModel, base: BaseParametrization, spare: int = 0
-) -> GramLayout:
-    """The layout of the base columns of a model.
-
-    Args:
-        model: The model.
-        base: Its base parameters.
-        spare: Rows of memory that are left free before each panel.
-    """
+def gram_layout(model: InverseDynamicModel, base: BaseParametrization) -> GramLayout:
+    """The layout of the base columns of a model; a row of memory before each panel is free."""
     n = model.robot.joints
     inertial = 10 * n
     links = [c for c in base.independent if c < inertial]
@@ -383,7 +358,7 @@ def gram_layout(
         [c - inertial for c in base.independent if c >= inertial and acting[c - inertial, j]]
         for j in range(n)
     ]
-    width = max(map(len, beside)) + first + spare
+    width = max(map(len, beside)) + first + 1
     places = np.full((n, n, 10), -1, dtype=np.int64)
     panels: list[ColumnPanel] = []
     position = {column: k for k, column in enumerate(base.independent)}
@@ -411,17 +386,9 @@ def acting_joints(model: InverseDynamicModel) -> Array:
     # What is zero at two unrelated states of full speed is zero everywhere.
     speed = np.random.default_rng(0).uniform(0.5, 1.0, (2, robot.joints, 2))
     out = np.zeros((len(model.columns) - 10 * robot.joints, robot.joints, 2))
-    fill_beside(model, speed[0], speed[1], out)
+    model.fill_beside(speed[0], speed[1], out)
     # Load-dependent friction and ripple act on the joint that they are named after.
     first = sum(model.counts)
     for k, column in enumerate(model.columns[10 * robot.joints + first :], start=first):
         out[k, column.joint] = 1.0
     return np.asarray((out != 0).any(axis=2), dtype=np.float64)
-
-
-def fill_beside(model: InverseDynamicModel, dq: Array, ddq: Array, out: Array) -> None:
-    """Write the columns beside the inertial ones for dq, ddq (n, N) into out (p - 10 n, n, N)."""
-    first = 0
-    for block, count in zip(model.blocks, model.counts, strict=True):
-        block.fill(model.robot, dq, ddq, out[first : first + count])
-        first += count

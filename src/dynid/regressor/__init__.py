@@ -2,13 +2,13 @@
 
 from dynid.regressor.adjoint import (
     Gradient,
+    by_sample,
     check_differentiable,
-    pull_blocks,
     regressor_pullback,
     torque_adjoint,
 )
 from dynid.regressor.columns import JointColumns, coupled_motors, smooth_sign
-from dynid.regressor.inertial import Places, inertial_rows, turns
+from dynid.regressor.inertial import Places, in_lanes, inertial_rows, turns
 from dynid.regressor.model import CHUNK, INERTIAL, InverseDynamicModel
 from dynid.regressor.spatial import LANES
 from dynid.regressor.terms import (
@@ -36,12 +36,13 @@ __all__ = [
     "LoadFriction",
     "Places",
     "TorqueRipple",
+    "by_sample",
     "check_differentiable",
     "coupled_motors",
     "friction_state",
+    "in_lanes",
     "inertial_rows",
     "parse_terms",
-    "pull_blocks",
     "regressor_pullback",
     "ripples_from_json",
     "smooth_sign",

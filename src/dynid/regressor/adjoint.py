@@ -8,9 +8,7 @@ acceleration of the frame's origin and B = [dw]x + [w]x [w]x. The adjoints of al
 and accelerations go back from tip to base together; turning joint i by dq changes X m by -S_i x X m
 (Featherstone, Rigid Body Dynamics Algorithms, ch. 2).
 
-Weighted torques: with the multipliers taken for joint speeds, nu_i = sum_k S_k multiplier_k is the
-virtual velocity of link i, and their sum is the virtual power sum_i nu_i . f_i of the links'
-wrenches f = I a + v x* I v. One recursion carries v, a and nu to the tip, one their adjoints back.
+Weighted torques are the sum whose weights are the parameters times the multipliers.
 """
 
 from __future__ import annotations
@@ -19,15 +17,15 @@ import numpy as np
 from numba import njit
 
 from dynid.core import Array, InputError
-from dynid.regressor.inertial import Places, every_row, turns
-from dynid.regressor.model import InverseDynamicModel
+from dynid.regressor.inertial import Places, every_row, in_lanes, turns
+from dynid.regressor.model import CHUNK, InverseDynamicModel
 from dynid.regressor.spatial import (
     LANES,
     REPEATABLE,
     dot,
     force_cross,
-    momentum,
     motion_cross,
+    origin_motion,
     outward,
     plus,
     read,
@@ -73,35 +71,24 @@ def regressor_pullback(
         first = min(block * LANES, samples - LANES)
         outward(geom, screw, grav, turn, state, first, pose, vel, acc)
         for i in range(n):
-            s = (screw[i, 0], screw[i, 1], screw[i, 2], screw[i, 3], screw[i, 4], screw[i, 5])
-            for x in range(LANES):
-                write(screws[i, i], x, s)
+            for r in range(6):
+                screws[i, i, r] = screw[i, r]
+            here = pose[i]
             for k in range(i):
+                before, now = screws[i - 1, k], screws[i, k]
                 for x in range(LANES):
-                    write(screws[i, k], x, to_child(pose[i], x, read(screws[i - 1, k], x)))
+                    write(now, x, to_child(here, x, read(before, x)))
         bars[:] = 0.0
         v_bar[:] = 0.0
         a_bar[:] = 0.0
         for step in range(n):
             i = n - 1 - step
-            for x in range(LANES):
-                v, a = read(vel[i], x), read(acc[i], x)
-                w0, w1, w2 = v[0], v[1], v[2]
-                origin[0, x] = a[3] + w1 * v[5] - w2 * v[4]
-                origin[1, x] = a[4] + w2 * v[3] - w0 * v[5]
-                origin[2, x] = a[5] + w0 * v[4] - w1 * v[3]
-                b[0, x] = -w1 * w1 - w2 * w2
-                b[1, x] = w0 * w1 - a[2]
-                b[2, x] = w0 * w2 + a[1]
-                b[3, x] = w0 * w1 + a[2]
-                b[4, x] = -w0 * w0 - w2 * w2
-                b[5, x] = w1 * w2 - a[0]
-                b[6, x] = w0 * w2 - a[1]
-                b[7, x] = w1 * w2 + a[0]
-                b[8, x] = -w0 * w0 - w1 * w1
+            here, w, dw = pose[i], vel[i], acc[i]
+            origin_motion(w, dw, origin, b)
             b_bar[:] = 0.0
             twist[:] = 0.0
             for k in range(i + 1):
+                s_k, bar = screws[i, k], bars[k]
                 for c in range(10):
                     place = places[i, k, c]
                     if place >= 0:
@@ -111,10 +98,10 @@ def regressor_pullback(
                         for x in range(LANES):
                             o[c, x] = 0.0
                 for x in range(LANES):
-                    s0, s1, s2, f0, f1, f2 = read(screws[i, k], x)
+                    s0, s1, s2, f0, f1, f2 = read(s_k, x)
                     c0, c1, c2 = origin[0, x], origin[1, x], origin[2, x]
-                    w0, w1, w2 = vel[i, 0, x], vel[i, 1, x], vel[i, 2, x]
-                    d0, d1, d2 = acc[i, 0, x], acc[i, 1, x], acc[i, 2, x]
+                    w0, w1, w2 = w[0, x], w[1, x], w[2, x]
+                    d0, d1, d2 = dw[0, x], dw[1, x], dw[2, x]
                     m, o1, o2, o3 = o[0, x], o[1, x], o[2, x], o[3, x]
                     xx, yy, zz = o[4, x], o[5, x], o[6, x]
                     yz, xz, xy = o[7, x], o[8, x], o[9, x]
@@ -124,19 +111,19 @@ def regressor_pullback(
                     z0 = xx * w0 + xy * w1 + xz * w2
                     z1 = xy * w0 + yy * w1 + yz * w2
                     z2 = xz * w0 + yz * w1 + zz * w2
-                    t0, t1, t2, g0, g1, g2 = read(bars[k], x)
-                    bars[k, 0, x] = (
+                    t0, t1, t2, g0, g1, g2 = read(bar, x)
+                    bar[0, x] = (
                         t0 + o2 * c2 - o3 * c1 + xx * d0 + xy * d1 + xz * d2 + w1 * z2 - w2 * z1
                     )
-                    bars[k, 1, x] = (
+                    bar[1, x] = (
                         t1 + o3 * c0 - o1 * c2 + xy * d0 + yy * d1 + yz * d2 + w2 * z0 - w0 * z2
                     )
-                    bars[k, 2, x] = (
+                    bar[2, x] = (
                         t2 + o1 * c1 - o2 * c0 + xz * d0 + yz * d1 + zz * d2 + w0 * z1 - w1 * z0
                     )
-                    bars[k, 3, x] = g0 + m * c0 + b[0, x] * o1 + b[1, x] * o2 + b[2, x] * o3
-                    bars[k, 4, x] = g1 + m * c1 + b[3, x] * o1 + b[4, x] * o2 + b[5, x] * o3
-                    bars[k, 5, x] = g2 + m * c2 + b[6, x] * o1 + b[7, x] * o2 + b[8, x] * o3
+                    bar[3, x] = g0 + m * c0 + b[0, x] * o1 + b[1, x] * o2 + b[2, x] * o3
+                    bar[4, x] = g1 + m * c1 + b[3, x] * o1 + b[4, x] * o2 + b[5, x] * o3
+                    bar[5, x] = g2 + m * c2 + b[6, x] * o1 + b[7, x] * o2 + b[8, x] * o3
                     v_bar[0, x] += z1 * s2 - z2 * s1 + xx * u0 + xy * u1 + xz * u2
                     v_bar[1, x] += z2 * s0 - z0 * s2 + xy * u0 + yy * u1 + yz * u2
                     v_bar[2, x] += z0 * s1 - z1 * s0 + xz * u0 + yz * u1 + zz * u2
@@ -159,7 +146,7 @@ def regressor_pullback(
                     b_bar[6, x] += f2 * o1
                     b_bar[7, x] += f2 * o2
                     b_bar[8, x] += f2 * o3
-                    v0, v1, v2 = vel[i, 3, x], vel[i, 4, x], vel[i, 5, x]
+                    v0, v1, v2 = w[3, x], w[4, x], w[5, x]
                     v_bar[0, x] += v1 * e2 - v2 * e1
                     v_bar[1, x] += v2 * e0 - v0 * e2
                     v_bar[2, x] += v0 * e1 - v1 * e0
@@ -167,7 +154,7 @@ def regressor_pullback(
                     v_bar[4, x] += e2 * w0 - e0 * w2
                     v_bar[5, x] += e0 * w1 - e1 * w0
             for x in range(LANES):
-                w0, w1, w2 = vel[i, 0, x], vel[i, 1, x], vel[i, 2, x]
+                w0, w1, w2 = w[0, x], w[1, x], w[2, x]
                 trace = 2.0 * (b_bar[0, x] + b_bar[4, x] + b_bar[8, x])
                 xy = b_bar[1, x] + b_bar[3, x]
                 xz = b_bar[2, x] + b_bar[6, x]
@@ -179,19 +166,14 @@ def regressor_pullback(
                 a_bar[1, x] += b_bar[2, x] - b_bar[6, x]
                 a_bar[2, x] += b_bar[3, x] - b_bar[1, x]
             for k in range(i):
+                s_k, bar = screws[i, k], bars[k]
                 for x in range(LANES):
-                    bar = read(bars[k], x)
-                    turned = force_cross(read(screws[i, k], x), bar)
-                    write(twist, x, plus(read(twist, x), turned, 1.0))
-                    write(bars[k], x, to_parent(pose[i], x, bar))
+                    f = read(bar, x)
+                    write(twist, x, plus(read(twist, x), force_cross(read(s_k, x), f), 1.0))
+                    write(bar, x, to_parent(here, x, f))
             s = (screw[i, 0], screw[i, 1], screw[i, 2], screw[i, 3], screw[i, 4], screw[i, 5])
             for x in range(LANES):
-                v, a, v_adj, a_adj = (
-                    read(vel[i], x),
-                    read(acc[i], x),
-                    read(v_bar, x),
-                    read(a_bar, x),
-                )
+                v, a, v_adj, a_adj = read(w, x), read(dw, x), read(v_bar, x), read(a_bar, x)
                 speed = state[1, i, first + x]
                 v_adj = plus(v_adj, force_cross(s, a_adj), speed)
                 turning = motion_cross(v, s)
@@ -200,67 +182,8 @@ def regressor_pullback(
                 carried = plus(a, turning, -speed)
                 total = plus(force_cross(v, v_adj), force_cross(carried, a_adj), 1.0)
                 out[0, i, first + x] = -dot(s, plus(total, read(twist, x), 1.0))
-                write(v_bar, x, to_parent(pose[i], x, v_adj))
-                write(a_bar, x, to_parent(pose[i], x, a_adj))
-
-
-@njit(cache=True, fastmath=REPEATABLE, boundscheck=False, error_model="numpy")
-def torque_pullback(
-    geom: Array,
-    screw: Array,
-    grav: Array,
-    links: Array,
-    turn: Array,
-    state: Array,
-    multipliers: Array,
-    out: Array,
-) -> None:
-    """Write the gradient (3, n, N) by q, dq, ddq of the torques weighted by multipliers (n, N).
-
-    Arguments as of `regressor_pullback`; the inertial parameters of the links are (n, 10).
-    """
-    n, samples = multipliers.shape
-    pose = np.empty((n, 12, LANES))
-    vel = np.empty((n, 6, LANES))
-    acc = np.empty((n, 6, LANES))
-    vir = np.empty((n, 6, LANES))
-    adjoint = np.empty((3, 6, LANES))
-    for block in range((samples + LANES - 1) // LANES):
-        # The last lanes overlap the ones before: a few samples are written twice, alike.
-        first = min(block * LANES, samples - LANES)
-        outward(geom, screw, grav, turn, state, first, pose, vel, acc)
-        for i in range(n):
-            s = (screw[i, 0], screw[i, 1], screw[i, 2], screw[i, 3], screw[i, 4], screw[i, 5])
-            for x in range(LANES):
-                nu = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-                if i > 0:
-                    nu = read(vir[i - 1], x)
-                write(vir[i], x, plus(to_child(pose[i], x, nu), s, multipliers[i, first + x]))
-        adjoint[:] = 0.0
-        for k in range(n):
-            i = n - 1 - k
-            link = links[i]
-            s = (screw[i, 0], screw[i, 1], screw[i, 2], screw[i, 3], screw[i, 4], screw[i, 5])
-            for x in range(LANES):
-                v, a, nu = read(vel[i], x), read(acc[i], x), read(vir[i], x)
-                speed = state[1, i, first + x]
-                p = momentum(link, v)
-                wrench = plus(momentum(link, a), force_cross(v, p), 1.0)
-                nu_bar = plus(read(adjoint[2], x), wrench, 1.0)
-                a_bar = plus(read(adjoint[1], x), momentum(link, nu), 1.0)
-                v_bar = plus(read(adjoint[0], x), momentum(link, motion_cross(nu, v)), 1.0)
-                v_bar = plus(v_bar, force_cross(nu, p), -1.0)
-                v_bar = plus(v_bar, force_cross(s, a_bar), speed)
-                turning = motion_cross(v, s)
-                out[1, i, first + x] = dot(s, v_bar) + dot(turning, a_bar)
-                out[2, i, first + x] = dot(s, a_bar)
-                carried = plus(a, turning, -speed)
-                twist = plus(force_cross(v, v_bar), force_cross(carried, a_bar), 1.0)
-                twist = plus(twist, force_cross(nu, nu_bar), 1.0)
-                out[0, i, first + x] = -dot(s, twist)
-                write(adjoint[0], x, to_parent(pose[i], x, v_bar))
-                write(adjoint[1], x, to_parent(pose[i], x, a_bar))
-                write(adjoint[2], x, to_parent(pose[i], x, nu_bar))
+                write(v_bar, x, to_parent(here, x, v_adj))
+                write(a_bar, x, to_parent(here, x, a_adj))
 
 
 Gradient = tuple[Array, Array, Array]
@@ -277,52 +200,43 @@ def torque_adjoint(
 ) -> Gradient:
     """The gradient of sum(multipliers * inverse_dynamics(q, dq, ddq, parameters)).
 
-    Args:
-        model: The inverse dynamic model.
-        q: (N, n) positions [rad or m].
-        dq: (N, n) velocities.
-        ddq: (N, n) accelerations.
-        parameters: (p) standard parameters.
-        multipliers: (N, n) weight of each torque.
-
-    Returns:
-        Derivatives by q, dq and ddq, each (N, n).
+    Positions (N, n) are in rad or m; there is a multiplier (N, n) for each torque and a parameter
+    for each of the p columns.
 
     Raises:
         InputError: Shapes that do not fit the model or each other, columns without a derivative.
     """
-    n = model.robot.joints
-    samples = len(q)
     _check("parameters", parameters, (len(model.columns),))
-    _check("multipliers", multipliers, (samples, n))
-    state = _state(model, q, dq, ddq)
-    weights = np.zeros((n, state.shape[2]))
-    weights[:, :samples] = multipliers.T
-    out = np.zeros(state.shape)
-    links = np.array(parameters[: 10 * n], dtype=np.float64).reshape(n, 10)
-    torque_pullback(*model.constants.arrays, links, turns(state[0]), state, weights, out)
-    # One term of the weighted sum for each column: its parameter times the multipliers.
-    pull_blocks(model, state, parameters[10 * n :, None, None] * weights, out)
-    return _by_sample(out, samples)
+    _check("multipliers", multipliers, q.shape)
+    parts: list[Gradient] = []
+    for first in range(0, len(q), CHUNK):
+        part = slice(first, first + CHUNK)
+        weights = parameters[:, None, None] * multipliers[part].T
+        parts.append(regressor_adjoint(model, q[part], dq[part], ddq[part], weights))
+    q_bar, dq_bar, ddq_bar = (np.concatenate(bars) for bars in zip(*parts, strict=True))
+    return q_bar, dq_bar, ddq_bar
 
 
 def regressor_adjoint(
     model: InverseDynamicModel, q: Array, dq: Array, ddq: Array, weights: Array
 ) -> Gradient:
     """The gradient of sum(weights * stack(q, dq, ddq)), as `torque_adjoint`; weights (p, n, N)."""
-    n = model.robot.joints
-    samples = len(q)
+    check_differentiable(model)
+    n, samples = model.robot.joints, len(q)
     _check("weights", weights, (len(model.columns), n, samples))
-    state = _state(model, q, dq, ddq)
-    rows = np.zeros((10 * n, n, state.shape[2]))
-    rows[:, :, :samples] = weights[: 10 * n]
+    state = in_lanes(model.motion(q, dq, ddq))
+    padded = in_lanes(weights)
+    rows = padded[: 10 * n].reshape(10 * n * n, -1)
     out = np.zeros(state.shape)
-    entries = rows.reshape(10 * n * n, -1)
-    regressor_pullback(*model.constants.arrays, turns(state[0]), state, entries, every_row(n), out)
-    beside = np.zeros((len(weights) - 10 * n, n, state.shape[2]))
-    beside[:, :, :samples] = weights[10 * n :]
-    pull_blocks(model, state, beside, out)
-    return _by_sample(out, samples)
+    regressor_pullback(*model.constants, turns(state[0]), state, rows, every_row(n), out)
+    model.pull_beside(state, padded[10 * n :], out)
+    return by_sample(out, samples)
+
+
+def by_sample(out: Array, samples: int) -> Gradient:
+    """What a pullback wrote (3, n, N or more), each (N, n)."""
+    q_bar, dq_bar, ddq_bar = (np.array(part[:, :samples].T, order="C") for part in out)
+    return q_bar, dq_bar, ddq_bar
 
 
 def check_differentiable(model: InverseDynamicModel) -> None:
@@ -332,40 +246,13 @@ def check_differentiable(model: InverseDynamicModel) -> None:
         InputError: Columns that no block differentiates, as friction that grows with the load
             and torque ripple.
     """
-    n = 10 * model.robot.joints
-    known = n + sum(model.counts)
+    known = 10 * model.robot.joints + sum(model.counts)
     if known != len(model.columns):
         raise InputError(
             "columns without a derivative",
             value=model.names[known:],
             next_step="Use a model without load-dependent friction and torque ripple.",
         )
-
-
-def _state(model: InverseDynamicModel, q: Array, dq: Array, ddq: Array) -> Array:
-    """(3, n, N) q, dq, ddq, at rest where samples are missing to fill the lanes."""
-    check_differentiable(model)
-    n, samples = model.robot.joints, len(q)
-    for name, array in (("q", q), ("dq", dq), ("ddq", ddq)):
-        _check(name, array, (samples, n))
-    state = np.zeros((3, n, max(samples, LANES)))
-    for part, array in zip(state, (q, dq, ddq), strict=True):
-        part[:, :samples] = array.T
-    return state
-
-
-def pull_blocks(model: InverseDynamicModel, state: Array, weights: Array, out: Array) -> None:
-    """Add what the columns beside the inertial ones give; weights (p - 10 n, n, N)."""
-    first = 0
-    for block, count in zip(model.blocks, model.counts, strict=True):
-        part = weights[first : first + count]
-        block.pull(model.robot, state[1], state[2], part, out[1], out[2])
-        first += count
-
-
-def _by_sample(out: Array, samples: int) -> Gradient:
-    q_bar, dq_bar, ddq_bar = (np.array(part[:, :samples].T, order="C") for part in out)
-    return q_bar, dq_bar, ddq_bar
 
 
 def _check(name: str, array: Array, shape: tuple[int, ...]) -> None:

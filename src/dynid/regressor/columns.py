@@ -136,16 +136,18 @@ class JointColumns(ColumnBlock):
     def columns(self, robot: RobotModel) -> tuple[Column, ...]:
         """See `ColumnBlock`."""
         term, slides = JOINT_TERMS[self.term], robot.prismatic
-        rows = range(robot.joints) if self.joints is None else self.joints
-        return tuple(Column(f"{term.symbol}{j + 1}", unit(term.power, slides[j]), j) for j in rows)
+        return tuple(
+            Column(f"{term.symbol}{j + 1}", unit(term.power, slides[j]), j)
+            for j in self._rows(robot)
+        )
+
+    def _rows(self, robot: RobotModel) -> list[int]:
+        return list(range(robot.joints) if self.joints is None else self.joints)
 
     def fill(self, robot: RobotModel, dq: Array, ddq: Array, out: Array) -> None:
         """See `ColumnBlock`."""
-        values = self.values(dq, ddq)
-        if self.joints is None:
-            np.einsum("jjk->jk", out)[:] = values
-        else:
-            out[range(len(self.joints)), self.joints] = values[self.joints, :]
+        rows = self._rows(robot)
+        out[range(len(rows)), rows] = self.values(dq, ddq)[rows]
 
     def pull(
         self,
@@ -159,17 +161,14 @@ class JointColumns(ColumnBlock):
         """See `ColumnBlock`."""
         term = JOINT_TERMS[self.term]
         slope, target = term.slope(self.shape, dq), ddq_bar if term.power == 2 else dq_bar
-        if self.joints is None:
-            target += np.einsum("jjk->jk", weights) * slope
-            return
-        own = weights[range(len(self.joints)), self.joints]
-        target[self.joints, :] += own * np.broadcast_to(slope, dq.shape)[self.joints, :]
+        rows = self._rows(robot)
+        target[rows] += weights[range(len(rows)), rows] * np.broadcast_to(slope, dq.shape)[rows]
 
     def add_torque(
         self, robot: RobotModel, dq: Array, ddq: Array, parameters: Array, out: Array
     ) -> None:
         """See `ColumnBlock`."""
-        rows = slice(None) if self.joints is None else list(self.joints)
+        rows = self._rows(robot)
         out[rows] += parameters[:, None] * self.values(dq, ddq)[rows]
 
 

@@ -11,11 +11,11 @@ from dynid.regressor.columns import Column, ColumnBlock, column_blocks, coupled_
 from dynid.regressor.inertial import (
     ChainConstants,
     chain_constants,
+    in_lanes,
     inertial_columns,
     torque_kernel,
     turns,
 )
-from dynid.regressor.spatial import LANES
 from dynid.regressor.terms import FrictionTerms, friction_state
 from dynid.robot import RobotModel
 
@@ -133,15 +133,16 @@ class InverseDynamicModel:
         """
         robot = self.robot
         first = 10 * robot.joints
-        self._check_shapes(q, dq, ddq, out)
+        motion = self.motion(q, dq, ddq)
+        shape = (len(self.columns), robot.joints, len(q))
         if out is None:
-            out = np.zeros((len(self.columns), robot.joints, len(q)))
-        # Copies, never views: read-only arrays would make Numba compile the kernel once more.
-        position, velocity, acceleration = (np.array(x.T, order="C") for x in (q, dq, ddq))
-        inertial_columns(self.constants, position, velocity, acceleration, out[:first])
-        for block, count in zip(self.blocks, self.counts, strict=True):
-            block.fill(robot, velocity, acceleration, out[first : first + count])
-            first += count
+            out = np.zeros(shape)
+        elif out.shape != shape:
+            raise InputError("out does not fit", value=out.shape, limit=shape)
+        position, velocity, acceleration = motion
+        inertial_columns(self.constants, motion, out[:first])
+        self.fill_beside(velocity, acceleration, out[first:])
+        first += sum(self.counts)
         before = () if state is None else self._presliding()
         for j, name in ((j, f"Fc{j + 1}") for j in before):
             if state is not None and name in self.names:
@@ -160,15 +161,37 @@ class InverseDynamicModel:
             out[k, ripple.joint] = ripple.torque(position, velocity)
         return out
 
-    def _check_shapes(self, q: Array, dq: Array, ddq: Array, out: Array | None) -> None:
-        # The compiled kernel trusts its shapes: it would read beyond shorter arrays.
-        samples, joints = len(q), self.robot.joints
+    def motion(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """(3, n, N) of q, dq, ddq, each (N, n): what the kernels take.
+
+        Raises:
+            InputError: Shapes that do not fit the robot or each other.
+        """
+        # The compiled kernels trust their shapes: they would read beyond shorter arrays.
+        expected = (len(q), self.robot.joints)
         for name, array in (("q", q), ("dq", dq), ("ddq", ddq)):
-            if array.shape != (samples, joints):
-                raise InputError(f"{name} does not fit", value=array.shape, limit=(samples, joints))
-        expected = (len(self.columns), joints, samples)
-        if out is not None and out.shape != expected:
-            raise InputError("out does not fit", value=out.shape, limit=expected)
+            if array.shape != expected:
+                raise InputError(f"{name} does not fit", value=array.shape, limit=expected)
+        # A copy, never a view: read-only arrays would make Numba compile the kernels once more.
+        return np.stack([q.T, dq.T, ddq.T])
+
+    def fill_beside(self, dq: Array, ddq: Array, out: Array) -> None:
+        """Write the blocks' columns for dq, ddq (n, N) into out (p - 10 n, n, N)."""
+        first = 0
+        for block, count in zip(self.blocks, self.counts, strict=True):
+            block.fill(self.robot, dq, ddq, out[first : first + count])
+            first += count
+
+    def pull_beside(self, motion: Array, weights: Array, out: Array) -> None:
+        """Add to out (3, n, N) the derivative of sum(weights * blocks' columns) by the motion.
+
+        The motion is q, dq, ddq (3, n, N), the weights are (p - 10 n, n, N).
+        """
+        first = 0
+        for block, count in zip(self.blocks, self.counts, strict=True):
+            part = weights[first : first + count]
+            block.pull(self.robot, motion[1], motion[2], part, out[1], out[2])
+            first += count
 
     def observation_matrix(self, q: Array, dq: Array, ddq: Array) -> Array:
         """W (n N, p), rows joint-major: all samples of joint 1 first."""
@@ -184,12 +207,7 @@ class InverseDynamicModel:
     ) -> Array:
         """Torques (N, n) [N.m or N] for standard parameters (p), known torques not included.
 
-        Args:
-            q: (N, n) positions [rad or m].
-            dq: (N, n) velocities.
-            ddq: (N, n) accelerations.
-            parameters: (p) standard parameters.
-            state: (n, N) see `stack`.
+        The motion and the state of friction are those of `stack`.
         """
         torque = np.empty(q.shape)
         for first in range(0, len(q), CHUNK):
@@ -204,20 +222,16 @@ class InverseDynamicModel:
 
     def _recursive(self, q: Array, dq: Array, ddq: Array, parameters: Array) -> Array:
         """Torques (N, n) without the regressor, where every column is one of a block."""
-        self._check_shapes(q, dq, ddq, None)
-        n, samples = self.robot.joints, len(q)
-        state = np.zeros((3, n, max(samples, LANES)))
-        for part, array in zip(state, (q, dq, ddq), strict=True):
-            part[:, :samples] = array.T
-        out, first = np.empty(state.shape[1:]), 10 * n
+        state = in_lanes(self.motion(q, dq, ddq))
+        out, first = np.empty(state.shape[1:]), 10 * self.robot.joints
         values = np.array(parameters, dtype=np.float64)
-        links = values[:first].reshape(n, 10)
-        torque_kernel(*self.constants.arrays, links, turns(state[0]), state, out)
+        links = values[:first].reshape(-1, 10)
+        torque_kernel(*self.constants, links, turns(state[0]), state, out)
         for block, count in zip(self.blocks, self.counts, strict=True):
             part = values[first : first + count]
             block.add_torque(self.robot, state[1], state[2], part, out)
             first += count
-        return out[:, :samples].T
+        return out[:, : len(q)].T
 
     def known_torque(self, q: Array) -> Array:
         """Torques (N, n) of the counterbalances at positions q (N, n)."""

@@ -142,20 +142,44 @@ def outward(
     for i in range(len(geom)):
         g = geom[i]
         s = (screw[i, 0], screw[i, 1], screw[i, 2], screw[i, 3], screw[i, 4], screw[i, 5])
+        here, vel_here, acc_here = pose[i], vel[i], acc[i]
+        vel_before, acc_before = vel[max(i - 1, 0)], acc[max(i - 1, 0)]
         for x in range(LANES):
             c, sn, qx = turn[0, i, first + x], turn[1, i, first + x], state[0, i, first + x]
             for r in range(9):
-                pose[i, r, x] = g[r] + g[9 + r] * c + g[18 + r] * sn
+                here[r, x] = g[r] + g[9 + r] * c + g[18 + r] * sn
             for r in range(3):
-                pose[i, 9 + r, x] = g[27 + r] + g[30 + r] * c + g[33 + r] * sn + g[36 + r] * qx
+                here[9 + r, x] = g[27 + r] + g[30 + r] * c + g[33 + r] * sn + g[36 + r] * qx
         for x in range(LANES):
             v = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
             a = (0.0, 0.0, 0.0, -grav[0], -grav[1], -grav[2])
             if i > 0:
-                v = read(vel[i - 1], x)
-                a = read(acc[i - 1], x)
+                v, a = read(vel_before, x), read(acc_before, x)
             speed = state[1, i, first + x]
-            v = plus(to_child(pose[i], x, v), s, speed)
-            a = plus(to_child(pose[i], x, a), s, state[2, i, first + x])
-            write(vel[i], x, v)
-            write(acc[i], x, plus(a, motion_cross(v, s), speed))
+            v = plus(to_child(here, x, v), s, speed)
+            a = plus(to_child(here, x, a), s, state[2, i, first + x])
+            write(vel_here, x, v)
+            write(acc_here, x, plus(a, motion_cross(v, s), speed))
+
+
+@njit(fastmath=REPEATABLE, boundscheck=False, error_model="numpy")
+def origin_motion(vel: Array, acc: Array, origin: Array, b: Array) -> None:
+    """Classical acceleration (3, LANES) of a frame's origin and B = [dw]x + [w]x [w]x (9, LANES).
+
+    Of the frame's velocity and acceleration (6, LANES).
+    """
+    for x in range(LANES):
+        v, a = read(vel, x), read(acc, x)
+        w0, w1, w2 = v[0], v[1], v[2]
+        origin[0, x] = a[3] + w1 * v[5] - w2 * v[4]
+        origin[1, x] = a[4] + w2 * v[3] - w0 * v[5]
+        origin[2, x] = a[5] + w0 * v[4] - w1 * v[3]
+        b[0, x] = -w1 * w1 - w2 * w2
+        b[1, x] = w0 * w1 - a[2]
+        b[2, x] = w0 * w2 + a[1]
+        b[3, x] = w0 * w1 + a[2]
+        b[4, x] = -w0 * w0 - w2 * w2
+        b[5, x] = w1 * w2 - a[0]
+        b[6, x] = w0 * w2 - a[1]
+        b[7, x] = w1 * w2 + a[0]
+        b[8, x] = -w0 * w0 - w1 * w1

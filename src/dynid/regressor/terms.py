@@ -163,11 +163,8 @@ class Gear:
     def columns(self, q: Array, dq: Array) -> Array:
         """(size, N) what the coefficients multiply.
 
-        For each wave and each power of the speed from 0: the cosine, the sine.
-
-        Args:
-            q: (N) positions of the gear's joint [rad].
-            dq: (N) its velocities [rad/s].
+        For each wave and each power of the speed from 0: the cosine, the sine, at positions (N)
+        [rad] and velocities (N) [rad/s] of the gear's joint.
         """
         share = np.clip(dq / self.speed, -1.0, 1.0)
         scales = [share**power for power in range(self.powers)]
@@ -308,11 +305,9 @@ class FrictionTerms:
             raise InputError("torque ripple by joint, each once", value=joints)
 
     def without(self, names: Collection[str], joints: int) -> FrictionTerms:
-        """These terms without some parameters; a joint without Coulomb friction has no presliding.
+        """These terms of so many joints without named parameters, such as `Fv3`.
 
-        Args:
-            names: Parameters to drop, such as `Fv3`.
-            joints: Number of joints.
+        A joint without Coulomb friction has no presliding.
         """
         kept: list[tuple[str, tuple[int, ...] | None]] = []
         for term, given in self.terms:

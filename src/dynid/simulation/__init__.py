@@ -11,7 +11,14 @@ from dynid.simulation.joints import (
 )
 from dynid.simulation.kernel import mujoco_model
 from dynid.simulation.library import SERIAL, simulated_arm, ur5_truth
-from dynid.simulation.plant import RunTruth, SimulatedPlant, SimulatedRun, simulate, warm_up
+from dynid.simulation.plant import (
+    SimulatedPlant,
+    SimulatedRun,
+    recorded,
+    simulate,
+    stacked,
+    warm_up,
+)
 from dynid.simulation.truth import (
     GroundTruth,
     SimulatedArm,
@@ -29,7 +36,6 @@ __all__ = [
     "JointSensors",
     "JointThermal",
     "PlantState",
-    "RunTruth",
     "Servo",
     "SimulatedArm",
     "SimulatedPlant",
@@ -41,8 +47,10 @@ __all__ = [
     "link_parameters",
     "mujoco_model",
     "point_masses",
+    "recorded",
     "simulate",
     "simulated_arm",
+    "stacked",
     "ur5_truth",
     "warm_up",
     "with_payload",

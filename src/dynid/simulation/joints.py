@@ -111,9 +111,6 @@ class JointThermal:
     def start(self, state: Thermal) -> Array:
         """(n) the temperatures of a thermal state [degC].
 
-        Args:
-            state: `cold`, `warm`, one temperature or one a joint [degC].
-
         Raises:
             InputError: Another word, another number of joints, or temperatures outside -40 to
                 120 degC.
@@ -135,10 +132,7 @@ class JointThermal:
     def after(self, temperature_degC: Array, heat: Array, seconds: float) -> Array:
         """(n) the temperatures after a time of constant loss, exactly [degC].
 
-        Args:
-            temperature_degC: (n) now [degC].
-            heat: (n) loss over the whole time [J].
-            seconds: The time [s].
+        From those now (n) [degC], with the loss over the whole time (n) [J].
         """
         settled = self.ambient_degC + self.resistance * heat / seconds
         decay = -np.expm1(-seconds / (self.resistance * self.capacity))
@@ -251,12 +245,9 @@ class JointSensors:
                 raise InputError(f"sensor {item.name} must not be negative", value=value.tolist())
 
     def read(self, quantity: str, true: Array, generator: np.random.Generator) -> Array:
-        """Measured values.
+        """Measured values of true ones (..., n).
 
-        Args:
-            quantity: `position`, `velocity`, `current` or `temperature`.
-            true: (..., n) true values.
-            generator: Where the noise comes from.
+        The quantity is `position`, `velocity`, `current` or `temperature`.
         """
         return self.seen(quantity, true, generator.standard_normal(true.shape))
 

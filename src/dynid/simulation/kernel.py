@@ -18,15 +18,8 @@ def mujoco_model(robot: RobotModel, inertials: Array, armature: Array, step: flo
     """A compiled MuJoCo model: the chain alone, without contacts, limits or damping.
 
     Body i is joint frame i, so `qpos`, `qvel` and `qfrc_*` have the robot's joints in order.
-
-    Args:
-        robot: Kinematics and mounting.
-        inertials: (n, 10) the ten parameters of each link about its joint frame.
-        armature: (n) rotor inertias, joint side [kg.m^2].
-        step: Time step [s].
-
-    Returns:
-        A `mujoco.MjModel`; integrator `implicitfast`.
+    Of the ten parameters of each link about its joint frame (n, 10), rotor inertias on the joint
+    side (n) [kg.m^2] and a time step [s]; the integrator is `implicitfast`.
 
     Raises:
         InputError: An inertia that no rigid body has.
@@ -298,10 +291,8 @@ class Tracker:
     def believe(self, mass: float, com: Array, gravity: Array) -> None:
         """Count on a payload and a mounting in the controller's own model.
 
-        Args:
-            mass: Mass of the payload [kg].
-            com: (3) its centre of mass in the last joint frame [m].
-            gravity: (3) in the base frame [m/s^2].
+        The mass [kg] has its centre (3) in the last joint frame [m]; gravity (3) is in the base
+        frame [m/s^2].
         """
         own, own_com = self._bare
         total = own + mass

@@ -51,9 +51,6 @@ _BIG, _SMALL = 3, 3  # joints of size 3 and of size 1
 def ur5_truth(robot: RobotModel) -> GroundTruth:
     """The documented truth of the simulated UR5.
 
-    Args:
-        robot: The UR5, with its `dh` parameter frames.
-
     Raises:
         RobotError: Another number of joints, or no `dh` frames.
     """
@@ -186,11 +183,8 @@ def as_built(inertials: Array, serial: int) -> Array:
     """(n, 10) links that differ from published ones as those of real arms do.
 
     Masses by up to 10 %, centres by up to 10 mm along each axis, second moments about the centre
-    by up to 30 % along their principal axes, which keeps every body physically consistent.
-
-    Args:
-        inertials: (n, 10) published parameters about the joint frames.
-        serial: Seed of the differences.
+    by up to 30 % along their principal axes, which keeps every body physically consistent. The
+    serial number is the seed of the differences.
     """
     draw = np.random.default_rng(serial)
     rows: list[Array] = []

@@ -1,15 +1,17 @@
 """The simulated arm in motion: one control cycle, a whole run, half an hour of warming up."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dynid.core import Array, InputError, JobError, frozen, read_only, require
-from dynid.simulation.joints import PlantState, Servo, Thermal
+from dynid.simulation.joints import PlantState, Servo, Target, Thermal
 from dynid.simulation.kernel import Tracker, drive, mujoco_model, predict
-from dynid.simulation.truth import SimulatedArm
+from dynid.simulation.truth import GroundTruth, SimulatedArm
 from dynid.trajectory import Trajectory
 
 PHYSICS_STEP = 5e-4
@@ -53,12 +55,9 @@ class SimulatedPlant:
         self.reset(np.zeros(arm.robot.joints))
 
     def reset(self, q: ArrayLike) -> None:
-        """Stand still at a pose, servo on, until the joints have settled under their load.
+        """Stand still at a pose (n) [rad or m], servo on, until joints settled under their load.
 
         Temperatures stay; the time starts at zero.
-
-        Args:
-            q: (n) pose [rad or m].
 
         Raises:
             InputError: Another number of joints, or a pose that is not finite.
@@ -77,10 +76,7 @@ class SimulatedPlant:
         self._cycles = 0
 
     def tick(self, setpoint: ArrayLike) -> PlantState:
-        """The state now; then one control cycle with a new set point.
-
-        Args:
-            setpoint: (n) commanded positions [rad or m].
+        """The state now; then one control cycle with a new set point (n) [rad or m].
 
         Raises:
             InputError: Another number of joints, or a set point that is not finite.
@@ -187,26 +183,8 @@ class SimulatedPlant:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunTruth:
-    """What really happened; all arrays (N, n)."""
-
-    q: Array
-    """Positions [rad or m]."""
-    dq: Array
-    """Velocities [rad/s or m/s]."""
-    ddq: Array
-    """Accelerations [rad/s^2 or m/s^2]."""
-    torque: Array
-    """Motor torques, joint side [N.m]."""
-    friction: Array
-    """Friction torques [N.m]."""
-    temperature: Array
-    """Joint temperatures [degC]."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedRun:
-    """A recording of the simulated arm, all arrays (N, n) unless said otherwise."""
+    """A recording of the simulated arm."""
 
     robot: str
     """Name of the robot."""
@@ -216,34 +194,49 @@ class SimulatedRun:
     """Seed of the noise."""
     thermal: tuple[float, ...]
     """(n) temperatures at the start [degC]."""
-    gain: Array
-    """(n) joint torque per motor current [N.m/A]."""
     t: Array
     """(N) time [s]."""
     command_q: Array
-    """Positions that the trajectory asked for [rad or m]."""
-    target_q: Array
-    """Positions that the servo aimed at: the command, delayed and smoothed [rad or m]."""
-    target_qd: Array
-    """Velocities that it aimed at [rad/s or m/s]."""
-    target_qdd: Array
-    """Accelerations that it aimed at [rad/s^2 or m/s^2]."""
-    target_moment: Array
-    """Torques of the controller's own point-mass model at the target [N.m]."""
-    target_current: Array
-    """Currents of that model and its friction [A]."""
-    q_measured: Array
-    """Positions by the encoders [rad or m]."""
-    qd_measured: Array
-    """Velocities by the controller [rad/s or m/s]."""
-    current: Array
-    """Motor currents [A]."""
-    temperature: Array
-    """Joint temperatures by their sensors [degC]."""
-    saturated: NDArray[np.bool_]
-    """Whether a joint hit its torque limit in that cycle."""
-    truth: RunTruth
-    """The same without noise."""
+    """(N, n) positions that the trajectory asked for [rad or m]."""
+    signals: dict[str, Array]
+    """What was recorded, (N, n) each; see `recorded`."""
+    truth: PlantState
+    """The same without noise, (N, n)."""
+
+
+def stacked(states: Sequence[PlantState]) -> PlantState:
+    """Several states as one with arrays (N, n); the time is that of the first."""
+
+    def stack(items: Sequence[object], name: str) -> NDArray[Any]:
+        values = np.stack([getattr(item, name) for item in items])
+        values.setflags(write=False)
+        return values
+
+    targets = [state.target for state in states]
+    names = {item.name for item in fields(PlantState)} - {"t", "target"}
+    return PlantState(
+        t=states[0].t,
+        target=Target(**{item.name: stack(targets, item.name) for item in fields(Target)}),
+        **{name: stack(states, name) for name in names},
+    )
+
+
+def recorded(
+    truth: GroundTruth, state: PlantState, generator: np.random.Generator
+) -> dict[str, Array]:
+    """What sensors and controller report of states (..., n), by the names of a recording."""
+    gain, read, target = truth.gain, truth.sensors.read, state.target
+    return {
+        "q": read("position", state.q, generator),
+        "qd": read("velocity", state.dq, generator),
+        "current": read("current", state.torque / gain, generator),
+        "target_q": target.q,
+        "target_qd": target.dq,
+        "target_qdd": target.ddq,
+        "target_current": target.feedforward / gain,
+        "target_moment": target.moment,
+        "temperature": read("temperature", state.temperature, generator),
+    }
 
 
 def simulate(
@@ -286,41 +279,16 @@ def simulate(
         )
     start = plant.temperature
     plant.reset(command.q[0])
-    states = [plant.tick(setpoint) for setpoint in command.q]
-
-    def stack(name: str) -> Array:
-        return read_only(np.stack([getattr(state, name) for state in states]))
-
-    def aimed(name: str) -> Array:
-        return read_only(np.stack([getattr(state.target, name) for state in states]))
-
-    truth = RunTruth(**{item.name: stack(item.name) for item in fields(RunTruth)})
-    gain, generator = arm.truth.gain, np.random.default_rng(seed)
-
-    saturated = np.stack([state.saturated for state in states])
-    saturated.setflags(write=False)
-
-    def measured(quantity: str, true: Array) -> Array:
-        return read_only(arm.truth.sensors.read(quantity, true, generator))
-
+    truth = stacked([plant.tick(setpoint) for setpoint in command.q])
+    signals = recorded(arm.truth, truth, np.random.default_rng(seed))
     return SimulatedRun(
         robot=arm.robot.name,
         rate_hz=rate_hz,
         seed=seed,
         thermal=tuple(float(value) for value in start),
-        gain=gain,
         t=command.t,
         command_q=command.q,
-        target_q=aimed("q"),
-        target_qd=aimed("dq"),
-        target_qdd=aimed("ddq"),
-        target_moment=aimed("moment"),
-        target_current=read_only(aimed("feedforward") / gain),
-        q_measured=measured("position", truth.q),
-        qd_measured=measured("velocity", truth.dq),
-        current=measured("current", truth.torque / gain),
-        temperature=measured("temperature", truth.temperature),
-        saturated=saturated,
+        signals={name: read_only(values) for name, values in signals.items()},
         truth=truth,
     )
 

@@ -38,11 +38,7 @@ def link_parameters(mass: float, com: Array, tensor: Array) -> Array:
 
 
 def link_body(parameters: Array) -> tuple[float, Array, Array]:
-    """The mass [kg], centre of mass (3) [m] and tensor about it (3, 3) [kg.m^2].
-
-    Args:
-        parameters: (10) as `link_parameters` gives them, mass not zero.
-    """
+    """Mass [kg], centre of mass (3) [m] and tensor about it (3, 3) [kg.m^2] of parameters (10)."""
     mass = float(parameters[0])
     com = parameters[1:4] / mass
     tensor = np.empty((3, 3))
@@ -62,13 +58,9 @@ def in_parent_frame(parameters: Array, placement: Array) -> Array:
 
 
 def cylinder(mass: float, radius: float, length: float, axis: int) -> Array:
-    """(3, 3) the tensor of a solid cylinder about its middle [kg.m^2].
+    """(3, 3) the tensor of a solid cylinder about its middle [kg.m^2], in kg and m.
 
-    Args:
-        mass: Mass [kg].
-        radius: Radius [m].
-        length: Length [m].
-        axis: 0, 1 or 2: the frame axis along the cylinder.
+    The axis, 0, 1 or 2, is the frame axis along the cylinder.
     """
     diagonal = np.full(3, mass * (3 * radius**2 + length**2) / 12)
     diagonal[axis] = mass * radius**2 / 2
@@ -131,11 +123,7 @@ class GroundTruth:
         return self.standard_parameters_at(self.friction.reference_degC)
 
     def standard_parameters_at(self, temperature_degC: float | Array) -> Array:
-        """(n, 13) as `standard_parameters`, with Fc and Fv at another temperature.
-
-        Args:
-            temperature_degC: One temperature, or (n) one a joint [degC].
-        """
+        """(n, 13) as `standard_parameters`, with Fc and Fv at one temperature or (n) [degC]."""
         n = len(self.motor_inertia)
         temperature = np.broadcast_to(np.asarray(temperature_degC, dtype=np.float64), (n,))
         return read_only(
@@ -182,10 +170,7 @@ class SimulatedArm:
             )
 
     def standard_parameters_in(self, frames: str) -> Array:
-        """(n, 13) `truth.standard_parameters` about the frames of a convention.
-
-        Args:
-            frames: A key of `robot.parameter_frames`.
+        """(n, 13) `truth.standard_parameters` about frames of `robot.parameter_frames`.
 
         Raises:
             InputError: The robot has no such frames.
@@ -202,12 +187,9 @@ class SimulatedArm:
 
 
 def point_masses(inertials: Array, coulomb: Array, viscous: Array) -> ControllerModel:
-    """A controller model with the right masses and centres of mass, and no tensors.
+    """A controller model with the masses and centres of links (n, 10), and no tensors.
 
-    Args:
-        inertials: (n, 10) the ten parameters of each link about its joint frame.
-        coulomb: (n) dry friction that it compensates [N.m].
-        viscous: (n) viscous friction that it compensates [N.m.s/rad].
+    It compensates dry friction (n) [N.m] and viscous friction (n) [N.m.s/rad].
     """
     bodies = [link_body(row) for row in inertials]
     return ControllerModel(

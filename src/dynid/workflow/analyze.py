@@ -75,7 +75,7 @@ class Analysis:
             "frames": base.model.frames,
             "mount": base.model.robot.mount,
             "tolerance": base.tolerance,
-            "gap": list(base.gap),
+            "gap": list(base.classes.gap),
             "samples": base.samples,
             "seed": base.seed,
             "terms": base.model.friction.describe(),

@@ -83,17 +83,7 @@ def record_of(run: SimulatedRun) -> ExperimentRecord:
     """What a recorder would have seen of a simulated run: no truth in it."""
     return ExperimentRecord(
         t=run.t,
-        signals={
-            "q": run.q_measured,
-            "qd": run.qd_measured,
-            "current": run.current,
-            "target_q": run.target_q,
-            "target_qd": run.target_qd,
-            "target_qdd": run.target_qdd,
-            "target_current": run.target_current,
-            "target_moment": run.target_moment,
-            "temperature": run.temperature,
-        },
+        signals=run.signals,
         metadata=RecordMetadata(
             robot=run.robot,
             origin=f"simulated {run.robot}, seed {run.seed}",

@@ -197,9 +197,6 @@ _LOOK_S = 0.01
 class ServojDriver(RtdeDriver):
     """Streams set points with ur_rtde; records and watches every cycle as the other way does.
 
-    Args:
-        state: The controller, as `inspect` found it.
-
     Raises:
         MissingExtraError: ur_rtde is not installed.
     """

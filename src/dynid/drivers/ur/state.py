@@ -167,10 +167,7 @@ class ControllerState:
 
 
 def inspect(host: str) -> ControllerState:
-    """Ask a controller for its state.
-
-    Args:
-        host: Name or address of the controller.
+    """Ask a controller, by its name or address, for its state.
 
     Raises:
         JobError: Nobody answers there, or what answers is no UR controller.
