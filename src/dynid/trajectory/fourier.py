@@ -196,16 +196,6 @@ class FourierFamily(SeriesFamily):
         """2H - 2 free numbers of each joint."""
         return self._coefficients().shape[1]
 
-    def basis(self, t: Array) -> tuple[Array, Array, Array]:
-        """The harmonics' columns in the coordinates of `rest_basis`.
-
-        Args:
-            t: (N) times [s].
-        """
-        free = self._coefficients()
-        q, dq, ddq = harmonic_basis(np.mod(t, self.period), self.period, self.harmonics)
-        return q @ free, dq @ free, ddq @ free
-
     def member(self, pose: Array, free: Array) -> FourierSeries:
         """The series about the pose."""
         numbers = free @ self._coefficients().T

@@ -229,24 +229,6 @@ class PointsFamily(PoseFamily):
 
     name: ClassVar[str] = "points"
 
-    def basis(self, t: Array) -> tuple[Array, Array, Array]:
-        """A column rises to one towards its point and falls back to zero towards the next.
-
-        Args:
-            t: (N) times within the travel time [s].
-        """
-        leg = self.travel_time / (self.points + 1)
-        number = np.clip(np.floor(t / leg).astype(np.intp), 0, self.points)
-        place, speed, push = _trapezoid(np.clip(t / leg - number, 0.0, 1.0))
-        columns = np.arange(self.points)
-        rising, falling = columns == number[:, None], columns == number[:, None] - 1
-        sign = rising * 1.0 - falling * 1.0
-        return (
-            sign * place[:, None] + falling,
-            sign * (speed / leg)[:, None],
-            sign * (push / leg**2)[:, None],
-        )
-
     def member(self, pose: Array, free: Array) -> Trajectory:
         """The points are the free numbers, relative to the pose."""
         leg = self.travel_time / (self.points + 1)

@@ -229,14 +229,6 @@ class FourierQuinticFamily(SeriesFamily):
         """2H free numbers of each joint: a, then b."""
         return 2 * self.harmonics
 
-    def basis(self, t: Array) -> tuple[Array, Array, Array]:
-        """The harmonics' columns, each with the polynomial that holds its ends.
-
-        Args:
-            t: (N) times within the period [s].
-        """
-        return _held_harmonics(t, self.period, self.harmonics)
-
     def member(self, pose: Array, free: Array) -> FourierQuintic:
         """The motion from the pose back to it."""
         a, b = free[:, : self.harmonics], free[:, self.harmonics :]

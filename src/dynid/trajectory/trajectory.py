@@ -121,17 +121,6 @@ class MotionFamily(ABC):
         """Free numbers k of each joint."""
 
     @abstractmethod
-    def basis(self, t: Array) -> tuple[Array, Array, Array]:
-        """The columns of the motion and their first two time derivatives.
-
-        Args:
-            t: (N) times within the duration [s].
-
-        Returns:
-            Three (N, k) matrices B0 [1], B1 [1/s] and B2 [1/s^2].
-        """
-
-    @abstractmethod
     def member(self, pose: Array, free: Array) -> Trajectory:
         """The member with a pose (n) and free numbers (n, k), both checked; see `trajectory`."""
 
@@ -148,6 +137,20 @@ class MotionFamily(ABC):
         pose = frozen(offset, shape=(None,), name="offset")
         numbers = frozen(free, shape=(len(pose), self.free_count), name="free numbers")
         return self.member(pose, numbers)
+
+    def basis(self, t: Array) -> tuple[Array, Array, Array]:
+        """The columns of the motion and their first two time derivatives.
+
+        They are the motion of an arm with a joint for each free number, which is one there.
+
+        Args:
+            t: (N) times within the duration [s].
+
+        Returns:
+            Three (N, k) matrices B0 [1], B1 [1/s] and B2 [1/s^2].
+        """
+        motion = self.member(np.zeros(self.free_count), np.eye(self.free_count)).evaluate(t)
+        return motion.q, motion.dq, motion.ddq
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
