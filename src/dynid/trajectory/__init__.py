@@ -40,7 +40,7 @@ from dynid.trajectory.points import (
 )
 from dynid.trajectory.quintic import FourierQuintic, Quintic, rest_to_rest
 from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory
-from dynid.trajectory.urscript import Piece, UrProgramOptions, pieces, ur_program
+from dynid.trajectory.urscript import Piece, pieces, ur_program
 
 __all__ = [
     "FAMILY_NAMES",
@@ -62,7 +62,6 @@ __all__ = [
     "Repetition",
     "StoredTrajectory",
     "Trajectory",
-    "UrProgramOptions",
     "copied_bounds",
     "csv_text",
     "harmonic_basis",

@@ -385,7 +385,7 @@ def export_motion(design: ExcitationDesign, kind: str, path: str | Path) -> None
         case "ros":
             text = joint_trajectory_yaml(design.trajectory, robot.joint_names)
         case "urscript":
-            text = ur_program(design.trajectory, comment=f"dynid design for {robot.name}").text
+            text = ur_program(design.trajectory, comment=f"dynid design for {robot.name}")
         case _ if kind in LANGUAGES:
             text = points_text(design.trajectory, kind, design.limits)
         case _:
