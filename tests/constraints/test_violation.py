@@ -106,20 +106,21 @@ def test_known_distances_spare_work_and_change_nothing(rows: int) -> None:
     around = judge.surroundings
     assert around is not None
     q = 0.4 * random_states(5, 40, 2)[0]
-    known = around.bodies.proximity(rows, np.full(5, np.pi))
+    pairs, wide = around.all_pairs, np.full(len(around.all_pairs), 0.02)
+    known = around.bodies.proximity(pairs, rows, np.full(5, np.pi))
     random, looked = np.random.default_rng(0), []
     for _ in range(12):
         q = q + 0.01 * random.standard_normal(q.shape)
         before = known.axes.copy()
-        found = around.bodies.violation(q, (0.02, 0.0), 0.02, known=known)
-        fresh = around.bodies.violation(q, (0.02, 0.0), 0.02)
+        found = around.bodies.violation(q, pairs, wide, known=known)
+        fresh = around.bodies.violation(q, pairs, wide)
         assert found[0] == pytest.approx(fresh[0], rel=1e-9)
         np.testing.assert_allclose(found[1], fresh[1], atol=1e-6 * np.abs(fresh[1]).max())
         looked.append(float((known.axes != before).any(axis=2).mean()))
     assert found[0] > 0
     if rows > 1:
         assert max(looked[1:]) < 0.7 * looked[0]
-    capped = around.bodies.violation(q, (0.02, 0.0), 0.02, most=found[0] / 4)[0]
+    capped = around.bodies.violation(q, pairs, wide, most=found[0] / 4)[0]
     assert found[0] / 4 < capped < found[0]
 
 

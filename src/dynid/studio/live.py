@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.constraints import DISTANCES, CollisionBodies, MotionConstraints, Worst
+from dynid.constraints import CollisionBodies, JudgedPairs, MotionConstraints, Worst
 from dynid.core import Array, RecordError
 from dynid.recording import ExperimentRecord, partial_path, recover
 from dynid.robot import joint_poses
@@ -51,29 +51,22 @@ def instant(constraints: MotionConstraints, q: Array, dq: Array, ddq: Array) -> 
     around = constraints.surroundings
     near: list[Near] = []
     if around is not None:
-        for kind in DISTANCES:
-            if names := around.names.get(kind):
-                near.append(_near(constraints, around.bodies, kind, names, rows[0]))
+        near = [_near(around.bodies, kind, pairs, rows[0]) for kind, pairs in around.pairs.items()]
     worst = constraints.usage(*rows).worst
     return Instant(poses=joint_poses(constraints.robot, q), worst=worst, near=tuple(near))
 
 
-def _near(
-    constraints: MotionConstraints, bodies: CollisionBodies, kind: str, names: list[str], q: Array
-) -> Near:
-    around = kind == "environment"
-    found = bodies.nearest(q, around=around)
-    row = int(found.pair[0])
-    first, second = (bodies.around if around else bodies.own)[row]
-    nearer = 0.0 if around else float(bodies.nearer[row])
+def _near(bodies: CollisionBodies, kind: str, pairs: JudgedPairs, q: Array) -> Near:
+    row = int(bodies.nearest(q, pairs).pair[0])
+    first, second = pairs.bodies[row]
     distance, ends = bodies.closest(q[0], int(first), int(second))
     # The arm first: names stand so.
-    start, end = ends[::-1] if around else ends
+    start, end = ends[::-1] if kind == "environment" else ends
     return Near(
         kind=kind,
-        names=names[row],
+        names=pairs.names[row],
         distance=distance,
-        clearance=constraints.settings.clearances[kind] - nearer,
+        clearance=float(pairs.required[row]),
         start=start,
         end=end,
     )
