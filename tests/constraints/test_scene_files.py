@@ -15,9 +15,9 @@ from dynid.constraints import (
     safe_constraints,
     scene_from_json,
 )
-from dynid.core import InputError, JsonFields
+from dynid.core import InputError, JsonFields, MotionBounds
 from dynid.robot import Body, load_robot
-from dynid.trajectory import MotionBounds, usable_bounds
+from dynid.trajectory import usable_bounds
 
 BALL = {"type": "sphere", "radius": 0.1, "position": [1, 0, 0]}
 

@@ -3,15 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dynid.core import Array, InputError
-from dynid.trajectory import (
-    FourierSeries,
-    MotionBounds,
-    largest_scale,
-    peaks,
-    random_excitation,
-    usable_bounds,
-)
+from dynid.core import Array, InputError, MotionBounds
+from dynid.trajectory import FourierSeries, largest_scale, peaks, random_excitation, usable_bounds
 
 NAN = np.nan
 UR5 = MotionBounds(

@@ -148,32 +148,33 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
         worst[kind] = _settled(item, found.t, value, seen, sure)
         proven += [kind] if ends.proven else []
     around = constraints.surroundings
-    for kind, pairs in {} if around is None else around.pairs.items():
-        found = least_value(
-            lambda t, half, b=around.bodies, p=pairs: _apart(
-                b, p, trajectory, ends, travel, t, half
-            ),
-            trajectory.duration,
-            first=first,
-            threshold=0.0,
-            tolerance=_DISTANCE_WITHIN,
-        )
-        item = worst[kind]
-        if found.value < item.room:
-            at = trajectory.evaluate(np.array([found.t])).q
-            pair = int(around.bodies.nearest(at, pairs).pair[0])
-            required = float(pairs.required[pair])
-            item = replace(
-                item,
-                what=pairs.names[pair],
-                margin=item.room + required,
-                limit=required,
-                required=required,
+    if around is not None:
+        for kind, pairs in around.pairs.items():
+            found = least_value(
+                lambda t, half, b=around.bodies, p=pairs: _apart(
+                    b, p, trajectory, ends, travel, t, half
+                ),
+                trajectory.duration,
+                first=first,
+                threshold=0.0,
+                tolerance=_DISTANCE_WITHIN,
             )
-        # What is sought is the distance less what is required.
-        seen, sure = found.value + item.required, found.bound + item.required
-        worst[kind] = _settled(item, found.t, seen, seen, sure)
-        proven += [kind] if ends.proven and around.complete[kind] else []
+            item = worst[kind]
+            if found.value < item.room:
+                at = trajectory.evaluate(np.array([found.t])).q
+                pair = int(around.bodies.nearest(at, pairs).pair[0])
+                required = float(pairs.required[pair])
+                item = replace(
+                    item,
+                    what=pairs.names[pair],
+                    margin=item.room + required,
+                    limit=required,
+                    required=required,
+                )
+            # What is sought is the distance less what is required.
+            seen, sure = found.value + item.required, found.bound + item.required
+            worst[kind] = _settled(item, found.t, seen, seen, sure)
+            proven += [kind] if ends.proven and around.complete[kind] else []
     return Certificate(
         worst=worst,
         proven=tuple(kind for kind in proven if math.isfinite(worst[kind].margin)),

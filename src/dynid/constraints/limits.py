@@ -12,9 +12,8 @@ from numba import njit
 
 from dynid.constraints.arm import ArmGeometry, arm_geometry, place_joints, place_point, samples_of
 from dynid.constraints.scene import ConstraintSettings
-from dynid.core import Array, Indices, Mask, plain, read_only
+from dynid.core import Array, Indices, Mask, MotionBounds, plain, read_only
 from dynid.robot import RobotModel
-from dynid.trajectory import MotionBounds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,9 +8,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from dynid.core import Array, InputError, JsonFields, freeze, load_object
+from dynid.core import Array, InputError, JsonFields, MotionBounds, freeze, load_object
 from dynid.robot import Body, Tool, box_points, cylinder_points, from_axes, from_xyz_rpy
-from dynid.trajectory import MotionBounds
 
 HALF_SPACE, BOX, CYLINDER, SPHERE = 0, 1, 2, 3
 KINDS = ("half-space", "box", "cylinder", "sphere")

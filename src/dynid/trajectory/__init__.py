@@ -1,13 +1,6 @@
 """Joint motions as functions of time: Fourier series, polynomials, files."""
 
-from dynid.trajectory.bounds import (
-    MotionBounds,
-    copied_bounds,
-    largest_scale,
-    peaks,
-    random_excitation,
-    usable_bounds,
-)
+from dynid.trajectory.bounds import largest_scale, peaks, random_excitation, usable_bounds
 from dynid.trajectory.bspline import BSpline, BSplineFamily
 from dynid.trajectory.files import (
     FAMILY_NAMES,
@@ -52,7 +45,6 @@ __all__ = [
     "FourierSeries",
     "JointMotion",
     "ModifiedFourierFamily",
-    "MotionBounds",
     "MotionFamily",
     "MotionSequence",
     "Piece",
@@ -62,7 +54,6 @@ __all__ = [
     "Repetition",
     "StoredTrajectory",
     "Trajectory",
-    "copied_bounds",
     "csv_text",
     "harmonic_basis",
     "joint_trajectory_yaml",

@@ -22,7 +22,6 @@ from dynid.trajectory import (
     JointMotion,
     StoredTrajectory,
     Trajectory,
-    copied_bounds,
     csv_text,
     joint_trajectory_yaml,
     points_text,
@@ -161,7 +160,7 @@ def write_design(
     stored = StoredTrajectory(
         trajectory=design.trajectory,
         robot=design.robot,
-        limits=copied_bounds(design.limits),
+        limits=design.limits,
         provenance=design.provenance,
     )
     if not isinstance(robot, RobotModel):
