@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from robot_oracles import DATA, EXAMPLES, SHARED, needs_models
-from urdf_samples import ARM, chain, joint
+from urdf_samples import ARM, chain, joint, load_urdf
 
 from dynid.core import RobotError
 from dynid.robot import (
@@ -13,7 +13,6 @@ from dynid.robot import (
     from_pinocchio,
     joint_poses,
     load_robot,
-    load_urdf,
     robot_from_urdf,
 )
 

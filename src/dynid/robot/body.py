@@ -34,6 +34,8 @@ _SAMPLED = 2000
 _WIDER = 1e-4
 """Added to the radius for the rounding of points to 0.1 mm and for that of the proof [m]."""
 _MOST_TRIANGLES = 200_000
+_LARGEST_MESH = 64 << 20
+"""Bytes of a file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,9 +121,11 @@ def read_mesh(file: Path, scale: Array) -> Array:
 
     Raises:
         MissingExtraError: The extra `collision` is not installed.
-        RobotError: The file is no mesh.
+        RobotError: The file is no mesh, or too large.
     """
     coal: Any = require("coal", "collision")
+    if file.stat().st_size > _LARGEST_MESH:
+        raise RobotError(f"the mesh {printable(file.name)} is too large")
     try:
         mesh = coal.MeshLoader().load(str(file), scale)
         corners = np.asarray(mesh.vertices(), dtype=np.float64).reshape(-1, 3)

@@ -17,19 +17,13 @@ from dynid.core import Array, RobotError, frozen, read_only
 PARAMETERS = ("m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy")
 """The paper's order."""
 
-# Position of each of our parameters in pinocchio's order m, mx, my, mz, xx, xy, yy, xz, yz, zz.
-_IN_PINOCCHIO = np.array([0, 1, 2, 3, 4, 6, 9, 8, 7, 5])
-_FROM_PINOCCHIO = np.argsort(_IN_PINOCCHIO)
-
-
-def to_pinocchio(parameters: Array) -> Array:
-    """Parameters (..., 10) in the order of pinocchio's `toDynamicParameters`."""
-    return parameters[..., _FROM_PINOCCHIO]
-
 
 def from_pinocchio(parameters: Array) -> Array:
-    """Parameters (..., 10) from the order of pinocchio's `toDynamicParameters`."""
-    return parameters[..., _IN_PINOCCHIO]
+    """Parameters (..., 10) from the order of pinocchio's `toDynamicParameters`.
+
+    That is m, mx, my, mz, xx, xy, yy, xz, yz, zz.
+    """
+    return parameters[..., [0, 1, 2, 3, 4, 6, 9, 8, 7, 5]]
 
 
 def tensor(parameters: Array) -> Array:
