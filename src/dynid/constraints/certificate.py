@@ -114,10 +114,6 @@ class Certificate:
 def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certificate:
     """Judge a motion from its start to its end.
 
-    Args:
-        trajectory: The motion.
-        constraints: What it is held to.
-
     Raises:
         InputError: A motion of another number of joints.
     """

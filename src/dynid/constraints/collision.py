@@ -118,12 +118,10 @@ class CollisionBodies:
         return Nearest(room=found[0], pair=pair, bound=found[1])
 
     def proximity(self, pairs: Indices, samples: int, travel: Array) -> Proximity:
-        """An empty memory for motions of so many samples.
+        """An empty memory of pairs (P, 2) for motions of so many samples.
 
-        Args:
-            pairs: (P, 2) whom to judge.
-            samples: Number of samples; 1 to compare each sample with the one before.
-            travel: (n) largest |q| of each joint anywhere [rad or m].
+        With one sample, each is compared with the one before. `travel` (n) is the largest |q| of
+        each joint anywhere [rad or m].
         """
         known = Proximity(
             rates=self.rates(pairs, travel),

@@ -72,9 +72,7 @@ def prior_dynamics(robot: RobotModel) -> PriorDynamics | None:
 def prior_link(robot: RobotModel, k: int) -> Array:
     """The ten parameters of link k + 1 about its joint frame, its tensor guessed if unknown.
 
-    Args:
-        robot: A robot whose masses and centres of mass are known.
-        k: Index of the joint that moves the link.
+    Masses and centres of mass of the robot must be known.
     """
     row = robot.inertias[k]
     if not np.isnan(row).any():

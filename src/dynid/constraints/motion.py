@@ -38,10 +38,6 @@ from dynid.trajectory import usable_bounds
 class MotionConstraints:
     """Limits and collisions of one robot, for designs and for runs.
 
-    Args:
-        robot: The robot.
-        settings: What to hold.
-
     Raises:
         InputError: Bounds for another number of joints, or a scene in which the robot cannot
             stand.
@@ -328,9 +324,6 @@ no more under its shoulder: the UR5 keeps 13 mm there whatever it does."""
 
 def paper_constraints(robot: RobotModel) -> MotionConstraints:
     """The paper's problem alone: bounds of position, velocity and acceleration.
-
-    Args:
-        robot: The robot.
 
     Raises:
         InputError: Bounds that leave no room.

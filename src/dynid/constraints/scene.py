@@ -44,12 +44,9 @@ class Shape:
 
 
 def body_of(shape: Shape, link: int = 0, frame: Array | None = None) -> Body:
-    """A solid that is no half-space as a collision body.
+    """A solid that is no half-space as a collision body, fixed in a link.
 
-    Args:
-        shape: The solid.
-        link: The link that it is fixed in.
-        frame: (4, 4) the frame of its pose in the joint frame of that link; the same if None.
+    The frame (4, 4) of its pose is given in the joint frame of that link; None for the same.
     """
     pose = shape.pose if frame is None else frame @ shape.pose
     points, radius = np.zeros((1, 3)), float(shape.size[0])
@@ -107,11 +104,7 @@ def read_scene(path: Path) -> Scene:
 
 
 def scene_from_json(fields: JsonFields, where: str = "scene") -> Scene:
-    """A scene from its JSON object.
-
-    Args:
-        fields: The object.
-        where: The file's name, for errors.
+    """A scene from its JSON object; `where` is the file's name.
 
     Raises:
         InputError: An unknown key or shape, a missing or wrong value.

@@ -113,11 +113,9 @@ def cylinder_points(radius: float, half: float) -> Array:
 
 
 def read_mesh(file: Path, scale: Array) -> Array:
-    """(T, 3, 3) the triangles of a mesh file [m].
+    """(T, 3, 3) the triangles of a mesh file (STL, Collada, OBJ and what else coal reads) [m].
 
-    Args:
-        file: STL, Collada, OBJ and what else coal reads.
-        scale: (3) factors.
+    The corners are multiplied by the scale (3).
 
     Raises:
         MissingExtraError: The extra `collision` is not installed.

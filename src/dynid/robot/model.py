@@ -167,13 +167,10 @@ class Counterbalance:
             )
 
     def torque(self, q: Array) -> Array:
-        """The torque of the cylinder on the joint [N.m], positive in the joint's sense.
+        """The torque of the cylinder on the joint [N.m] at its positions q (...) [rad].
 
         It relieves the motor: the measured torque is Y p - torque(q). It is minus the slope
         of the gas's energy over q, so it draws the arm to where the cylinder is shortest.
-
-        Args:
-            q: (...) positions of the joint [rad].
         """
         delta = q + self.offset
         length = np.sqrt(

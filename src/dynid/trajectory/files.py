@@ -55,9 +55,6 @@ _MATRICES = frozenset({"a", "b", "control"})
 def trajectory_to_json(trajectory: Trajectory) -> dict[str, Any]:
     """A JSON object, `type` first, from which the trajectory can be read back exactly.
 
-    Args:
-        trajectory: Any trajectory of this package.
-
     Raises:
         InputError: A trajectory of another kind.
     """
@@ -77,11 +74,7 @@ def _plain(value: object) -> object:
 
 
 def trajectory_from_json(stored: JsonFields, *, depth: int = 0) -> Trajectory:
-    """The trajectory of a JSON object that `trajectory_to_json` made.
-
-    Args:
-        stored: The object.
-        depth: How many sequences it stands in.
+    """The trajectory of a JSON object that `trajectory_to_json` made, within so many sequences.
 
     Raises:
         InputError: An unknown type, or numbers that are not a trajectory of it.
@@ -186,9 +179,6 @@ def write_trajectory(
 def read_trajectory(path: str | Path) -> StoredTrajectory:
     """Read what `write_trajectory` wrote, now or in an earlier version, checking every number.
 
-    Args:
-        path: File to read.
-
     Raises:
         InputError: A file that is missing, is not JSON, is something else, or whose numbers
             are not a trajectory.
@@ -289,11 +279,7 @@ _LATE = 1e-9
 
 
 def sampled(trajectory: Trajectory, rate_hz: float) -> JointMotion:
-    """The motion on a regular grid from zero, and at its end.
-
-    Args:
-        trajectory: The motion.
-        rate_hz: Samples a second; the last step is shorter where the duration asks for it.
+    """The motion on a regular grid from zero, and at its end: the last step may be shorter.
 
     Raises:
         InputError: A rate that is not positive, or too many samples.

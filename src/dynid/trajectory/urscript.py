@@ -41,13 +41,10 @@ class Piece:
 
 
 def pieces(trajectory: Trajectory) -> tuple[Piece, ...]:
-    """The formulas of a trajectory, in their order.
-
-    Args:
-        trajectory: Any trajectory of this package; a Fourier series counts as one period.
+    """The formulas of a trajectory, in their order; a Fourier series counts as one period.
 
     Raises:
-        InputError: A trajectory of another kind.
+        InputError: A trajectory of a kind that is not of this package.
     """
     match trajectory:
         case FourierSeries(period=period, offset=offset, a=a, b=b):
