@@ -98,7 +98,7 @@ def test_a_box_above_a_floor_is_as_high_as_its_lowest_corner() -> None:
         usage = judge.usage(q[None], still, still)
         if "payload" in usage.worst["environment"].what:
             seen += 1
-            assert abs(usage.distance("environment") - corners[:, 2].min() - 3.0) < 1e-6
+            assert abs(usage.worst["environment"].margin - corners[:, 2].min() - 3.0) < 1e-6
     assert seen > 5
 
 

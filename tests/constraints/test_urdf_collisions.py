@@ -41,7 +41,7 @@ def test_no_pose_of_a_panda_with_touching_meshes_passes() -> None:
     touching = passed = 0
     limits = robot.limits
     for q in np.random.default_rng(3).uniform(limits.lower, limits.upper, (150, 7)):
-        passes = judge.usage(q[None], rest, rest).distance("self_collision") >= 0.001
+        passes = judge.usage(q[None], rest, rest).worst["self_collision"].margin >= 0.001
         hit = pin.computeCollisions(model, data, shapes, placed, np.r_[q, 0, 0], True)
         touching += hit
         passed += passes

@@ -149,16 +149,16 @@ def test_what_is_unknown_does_not_bind_and_is_null() -> None:
     )
     settings = ConstraintSettings(bounds=usable_bounds(bare.limits), self_clearance=0.01)
     judge = MotionConstraints(bare, settings)
-    margins = judge.usage(*random_states(3, 5, 0)).margins
-    assert {kind for kind, value in margins.items() if value is None} == {
+    worst = judge.usage(*random_states(3, 5, 0)).worst
+    assert {kind for kind, item in worst.items() if np.isnan(item.margin)} == {
         "acceleration",
         "torque",
         "tcp_speed",
         "elbow_speed",
         "momentum",
         "power",
-        "self_collision_m",
-        "environment_m",
+        "self_collision",
+        "environment",
     }
     kinds = {item.kind for item in judge.unjudged}
     assert kinds == {"velocity", "acceleration", "torque", "self_collision"}

@@ -17,15 +17,15 @@ import numpy as np
 from dynid.constraints.collision import CollisionBodies, JudgedPairs
 from dynid.constraints.extremes import Extremes, dense_times, extremes, least_value
 from dynid.constraints.limits import (
+    DISTANCES,
     MovingPoints,
     Unjudged,
     Worst,
     bound_ratios,
     left_over,
-    margins_of,
 )
 from dynid.constraints.motion import MotionConstraints
-from dynid.core import Array, InputError
+from dynid.core import Array, InputError, plain
 from dynid.trajectory import Trajectory
 
 ROUNDING = 1e-9
@@ -86,7 +86,10 @@ class Certificate:
     @property
     def margins(self) -> dict[str, float | None]:
         """Kind to margin: share of the limit left, or distance [m]; None where not judged."""
-        return margins_of(self.worst)
+        return {
+            f"{kind}_m" if kind in DISTANCES else kind: plain(item.margin)
+            for kind, item in self.worst.items()
+        }
 
     @property
     def broken(self) -> tuple[str, ...]:

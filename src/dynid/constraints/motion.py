@@ -283,9 +283,7 @@ def _torque_judge(
         unjudged += [unknown_masses(kind) for kind, is_known in known.items() if is_known]
         return None
     notes.extend(prior.notes)
-    return TorqueJudge(
-        prior=prior, limits=limits, power=power, uncertainty=settings.torque_uncertainty
-    )
+    return TorqueJudge(prior=prior, limits=limits, power=power)
 
 
 def _largest(

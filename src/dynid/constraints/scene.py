@@ -239,8 +239,6 @@ class ConstraintSettings:
     unless the scene brings a floor, or `none`; walls and ceilings that the robot hangs on too."""
     margin: float = 0.0
     """Share of the limits in `MARGIN_KINDS` that is kept free; `bounds` is less it already."""
-    torque_uncertainty: float = 0.15
-    """Share by which the prior model may underestimate a torque."""
 
     def __post_init__(self) -> None:
         for name in ("lower", "upper", "velocity", "acceleration"):
@@ -264,8 +262,6 @@ class ConstraintSettings:
             value = getattr(self, name)
             if not (math.isfinite(value) and 0 <= value < 1):
                 raise InputError(name, value=value, limit="0 to 1 m")
-        if not (math.isfinite(self.torque_uncertainty) and 0 <= self.torque_uncertainty < 10):
-            raise InputError("share of uncertain torque", value=self.torque_uncertainty)
 
     @property
     def clearances(self) -> dict[str, float]:

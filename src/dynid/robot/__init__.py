@@ -6,7 +6,6 @@ Start with `dynid.robot.load.load_robot`.
 from dynid.robot.body import Body, box_points, cylinder_points
 from dynid.robot.dh import robot_from_chain, robot_from_dh
 from dynid.robot.kinematics import (
-    flange_pose,
     joint_poses,
     nominal_geometry,
     structural_gravity,
@@ -68,7 +67,6 @@ __all__ = [
     "builtin_names",
     "cylinder_points",
     "direct_drives",
-    "flange_pose",
     "frame_map",
     "from_axes",
     "from_body",

@@ -44,15 +44,6 @@ def joint_poses(robot: RobotModel, q: ArrayLike) -> Array:
     return poses
 
 
-def flange_pose(robot: RobotModel, q: ArrayLike) -> Array:
-    """The flange in the base frame (..., 4, 4) at q (..., n).
-
-    Raises:
-        RobotError: The last axis of `q` is not n long.
-    """
-    return joint_poses(robot, q)[..., -1, :, :] @ robot.flange
-
-
 MOUNTS = ("floor", "wall", "ceiling", "tilt:DEG")
 """The words that `--mount` takes; DEG is a number of degrees about the base's x axis."""
 

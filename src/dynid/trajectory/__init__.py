@@ -1,6 +1,12 @@
 """Joint motions as functions of time: Fourier series, polynomials, files."""
 
-from dynid.trajectory.bounds import largest_scale, peaks, random_excitation, usable_bounds
+from dynid.trajectory.bounds import (
+    Extremes,
+    largest_scale,
+    peaks,
+    random_excitation,
+    usable_bounds,
+)
 from dynid.trajectory.bspline import BSpline, BSplineFamily
 from dynid.trajectory.files import (
     FAMILY_NAMES,
@@ -40,6 +46,7 @@ __all__ = [
     "LANGUAGES",
     "BSpline",
     "BSplineFamily",
+    "Extremes",
     "FourierFamily",
     "FourierQuintic",
     "FourierSeries",

@@ -48,20 +48,22 @@ _POINTS_PER_HARMONIC = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Peaks:
-    """Guaranteed extremes of a periodic motion over all time."""
+class Extremes:
+    """Nothing of a motion is beyond these."""
 
-    below: Array
-    """(n) lowest position relative to the offset [rad or m], not above the true one."""
-    above: Array
-    """(n) highest position relative to the offset [rad or m], not below the true one."""
+    lower: Array
+    """(n) positions [rad or m]"""
+    upper: Array
+    """(n) positions [rad or m]"""
     velocity: Array
-    """(n) largest speed [rad/s or m/s], not below the true one."""
+    """(n) speeds [rad/s or m/s]"""
     acceleration: Array
-    """(n) largest acceleration [rad/s^2 or m/s^2], not below the true one."""
+    """(n) accelerations [rad/s^2 or m/s^2]"""
+    proven: bool = True
+    """Whether they follow from the motion's formula."""
 
 
-def peaks(series: FourierSeries) -> Peaks:
+def peaks(series: FourierSeries) -> Extremes:
     """Extremes that hold between the samples too.
 
     A trigonometric polynomial of degree H seen at N > 2H regular points is nowhere larger than
@@ -76,9 +78,9 @@ def peaks(series: FourierSeries) -> Peaks:
     )
     excess = 1.0 / math.cos(math.pi / _POINTS_PER_HARMONIC)
     slack = (excess - 1.0) * np.abs(swing).max(axis=0)
-    return Peaks(
-        below=swing.min(axis=0) - slack,
-        above=swing.max(axis=0) + slack,
+    return Extremes(
+        lower=series.offset + (swing.min(axis=0) - slack),
+        upper=series.offset + (swing.max(axis=0) + slack),
         velocity=excess * np.abs(dq).max(axis=0),
         acceleration=excess * np.abs(ddq).max(axis=0),
     )
@@ -103,7 +105,8 @@ def largest_scale(series: FourierSeries, bounds: MotionBounds, *, margin: float 
     require_inside("mean position", series.offset, lower, upper)
     peak = peaks(series)
     position = np.minimum(
-        _ratio(upper - series.offset, peak.above), _ratio(series.offset - lower, -peak.below)
+        _ratio(upper - series.offset, peak.upper - series.offset),
+        _ratio(series.offset - lower, series.offset - peak.lower),
     )
     return np.minimum(position, _derivative_scale(peak, bounds, margin))
 
@@ -124,7 +127,7 @@ def require_inside(what: str, pose: Array, lower: Array, upper: Array) -> None:
         )
 
 
-def _derivative_scale(peak: Peaks, bounds: MotionBounds, margin: float) -> Array:
+def _derivative_scale(peak: Extremes, bounds: MotionBounds, margin: float) -> Array:
     """(n) the largest factors that velocity and acceleration allow."""
     return np.minimum(
         _ratio(margin * bounds.velocity, peak.velocity),
@@ -201,9 +204,9 @@ def random_excitation(
         lower, upper = inner_range(bounds, margin)
         peak = peaks(series)
         scale = np.minimum(
-            (upper - lower) / (peak.above - peak.below), _derivative_scale(peak, bounds, margin)
+            (upper - lower) / (peak.upper - peak.lower), _derivative_scale(peak, bounds, margin)
         )
-        first, last = lower - scale * peak.below, upper - scale * peak.above
+        first, last = lower - scale * peak.lower, upper - scale * peak.upper
         place = generator.uniform(size=bounds.joints)
         middle = first + place * np.maximum(last - first, 0.0)
     else:

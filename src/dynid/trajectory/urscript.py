@@ -1,14 +1,16 @@
 """A URScript program that evaluates a motion on the controller of the robot."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dynid.core import Array, InputError, frozen
 from dynid.trajectory.bspline import BSpline
-from dynid.trajectory.fourier import FourierSeries
+from dynid.trajectory.fourier import FourierSeries, harmonic_basis
 from dynid.trajectory.points import MotionSequence, PointToPoint, Repetition
 from dynid.trajectory.quintic import STEP, FourierQuintic, Quintic
 from dynid.trajectory.trajectory import Trajectory, require_positive
@@ -38,6 +40,19 @@ class Piece:
     def harmonics(self) -> int:
         """Number of harmonics H."""
         return self.a.shape[1]
+
+    def values(self, s: Array) -> Array:
+        """(N, n) q at (N) s [rad or m]."""
+        powers: Array = np.power(s[:, None], np.arange(float(self.polynomial.shape[1])))
+        waves = harmonic_basis(s, 1.0, self.harmonics)[0]
+        return powers @ self.polynomial.T + waves @ np.hstack([self.a, self.b]).T
+
+    def slope(self) -> Piece:
+        """The derivative by s, which is again of this form."""
+        orders = np.arange(1.0, self.polynomial.shape[1])
+        turns = 2.0 * np.pi * np.arange(1, self.harmonics + 1)
+        polynomial = self.polynomial[:, 1:] * orders
+        return replace(self, polynomial=polynomial, a=self.b * turns, b=-self.a * turns)
 
 
 def pieces(trajectory: Trajectory) -> tuple[Piece, ...]:
