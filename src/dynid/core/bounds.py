@@ -1,5 +1,7 @@
 """Bounds of motions, which robots, trajectories and judges share."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -45,3 +47,9 @@ class MotionBounds:
     def joints(self) -> int:
         """Number of joints n."""
         return len(self.lower)
+
+    @property
+    def motion(self) -> MotionBounds:
+        """These four bounds alone, without what limits that extend them know besides."""
+        names = (item.name for item in fields(MotionBounds))
+        return MotionBounds(**{name: getattr(self, name) for name in names})

@@ -160,7 +160,7 @@ def write_design(
     stored = StoredTrajectory(
         trajectory=design.trajectory,
         robot=design.robot,
-        limits=design.limits,
+        limits=design.limits.motion,
         provenance=design.provenance,
     )
     if not isinstance(robot, RobotModel):

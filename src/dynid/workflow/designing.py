@@ -287,7 +287,7 @@ class _DesignJob:
             mount=robot.mount,
             frames=base.model.frames,
             terms=base.model.friction.describe(),
-            limits=robot.limits,
+            limits=robot.limits.motion,
             purpose=asked.goal,
             purpose_motions=self.purpose.source,
             criterion=asked.minimised,
