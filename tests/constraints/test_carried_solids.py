@@ -10,6 +10,7 @@ from chains_for_constraints import CYLINDER_WITHIN, coal_distance, hull_in_coal,
 from dynid.constraints import (
     CollisionBodies,
     ConstraintSettings,
+    JudgedPairs,
     MotionConstraints,
     body_of,
     certify,
@@ -47,12 +48,12 @@ def judge_with(kind: str, joints: int = 5, seed: int = 3, **settings: object) ->
     return MotionConstraints(robot, held)
 
 
-def bodies_of(judge: MotionConstraints) -> CollisionBodies:
+def judged(judge: MotionConstraints) -> tuple[CollisionBodies, JudgedPairs]:
     """The pairs with what is carried alone."""
     assert judge.surroundings is not None
-    bodies = judge.surroundings.bodies
-    held = bodies.own[:, 1] == len(judge.robot.bodies)
-    return replace(bodies, own=bodies.own[held], nearer=np.zeros(int(held.sum())))
+    own = judge.surroundings.pairs["self_collision"]
+    held = own.bodies[own.bodies[:, 1] == len(judge.robot.bodies)]
+    return judge.surroundings.bodies, replace(own, bodies=held, required=np.zeros(len(held)))
 
 
 @pytest.mark.parametrize("kind", CARRIED)
@@ -60,16 +61,16 @@ def test_distances_from_the_arm_to_what_it_carries_are_those_of_coal(kind: str) 
     judge = judge_with(kind)
     robot, scene = judge.robot, judge.settings.scene
     assert scene is not None
-    bodies = bodies_of(judge)
+    bodies, pairs = judged(judge)
     local, solid = robot.flange @ scene.payload[0].pose, CARRIED[kind][1]
     round_by = {"cylinder": 0.12, "disc": 0.2}.get(kind, 0.0) * CYLINDER_WITHIN
     arm = sorted(robot.bodies, key=lambda body: body.link)
     hulls = [hull_in_coal(body) for body in arm]
     apart = links = 0
     for q in np.random.default_rng(0).uniform(-2, 2, (20, robot.joints)):
-        own, _ = bodies.distances(q[None])
+        own = bodies.distances(q[None], pairs.bodies)
         poses = np.concatenate([np.eye(4)[None], joint_poses(robot, q)])
-        for (a, _), ours in zip(bodies.own, own[0], strict=True):
+        for (a, _), ours in zip(pairs.bodies, own[0], strict=True):
             theirs = coal_distance(hulls[a], poses[arm[a].link], solid, poses[-1] @ local)
             if theirs > 1e-3:
                 apart += 1
@@ -97,7 +98,7 @@ def test_a_box_above_a_floor_is_as_high_as_its_lowest_corner() -> None:
         usage = judge.usage(q[None], still, still)
         if "payload" in usage.worst["environment"].what:
             seen += 1
-            assert abs(usage.distance("environment") - corners[:, 2].min() - 3.0) < 1e-6
+            assert abs(usage.worst["environment"].margin - corners[:, 2].min() - 3.0) < 1e-6
     assert seen > 5
 
 
@@ -108,7 +109,8 @@ def test_pushing_a_payload_away_from_the_arm_has_exact_derivatives(kind: str) ->
     random = np.random.default_rng(5)
     q = random.uniform(bounds.lower, bounds.upper, (80, judge.robot.joints)) * 0.9
     still, way = np.zeros(q.shape), random.standard_normal(q.shape)
-    held = bodies_of(judge).distances(q)[0]
+    bodies, pairs = judged(judge)
+    held = bodies.distances(q, pairs.bodies)
     assert ((held > 0) & (held < 0.08)).sum() > 10
     slope = judge.violation(q, still, still)[1]
     up, down = (judge.violation(q + h * way, still, still)[0] for h in (STEP, -STEP))
@@ -127,7 +129,8 @@ def test_between_samples_a_payload_is_never_nearer_than_certified(seed: int) -> 
     found = certify(motion, judge).worst["self_collision"]
     assert judge.surroundings is not None
     dense = motion.evaluate(np.linspace(0, 6, 60001)).q
-    least = float(judge.surroundings.bodies.nearest(dense, around=False).distance.min())
+    around = judge.surroundings
+    least = float(around.bodies.nearest(dense, around.pairs["self_collision"]).room.min())
     if found.margin >= 0:
         assert found.margin <= least + 1e-9
         assert found.margin > least - 1e-3 - 0.11 * least
@@ -138,16 +141,16 @@ def test_between_samples_a_payload_is_never_nearer_than_certified(seed: int) -> 
 @pytest.mark.parametrize("kind", CARRIED)
 def test_no_step_brings_a_payload_nearer_than_its_bound(kind: str) -> None:
     judge = judge_with(kind)
-    bodies = bodies_of(judge)
+    bodies, pairs = judged(judge)
     random = np.random.default_rng(4)
     travel, most = np.full(judge.robot.joints, 3.0), 0.0
     for q in random.uniform(-2, 2, (20, judge.robot.joints)):
         way = random.uniform(0, 0.1, q.shape)
-        at = bodies.nearest(q[None], around=False, travel=travel, way=way[None])
+        at = bodies.nearest(q[None], pairs, travel=travel, way=way[None])
         steps = q + way * random.choice([-1.0, 1.0], (200, len(q)))
-        least = float(bodies.nearest(steps, around=False).distance.min())
+        least = float(bodies.nearest(steps, pairs).room.min())
         assert least >= at.bound[0] - 1e-12
-        most = max(most, (at.distance[0] - least) / (at.distance[0] - at.bound[0]))
+        most = max(most, (at.room[0] - least) / (at.room[0] - at.bound[0]))
     assert most > 0.2  # of what the bound allows for
 
 

@@ -16,12 +16,11 @@ from dynid.constraints import (
     safe_constraints,
     scene_from_json,
 )
-from dynid.core import InputError, JsonFields
+from dynid.core import InputError, JsonFields, MotionBounds
 from dynid.robot import Body, RobotModel, load_robot
 from dynid.trajectory import (
     FourierSeries,
     JointMotion,
-    MotionBounds,
     Quintic,
     Trajectory,
     random_excitation,

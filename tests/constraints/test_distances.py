@@ -8,6 +8,7 @@ from chains_for_constraints import CYLINDER_WITHIN, coal_distance, hull_in_coal,
 from dynid.constraints import (
     CollisionBodies,
     ConstraintSettings,
+    JudgedPairs,
     MotionConstraints,
     least_distance,
     scene_from_json,
@@ -21,11 +22,11 @@ SHAPES_WITHIN = 2e-6
 """coal walks to the nearest point of a box or cylinder in steps."""
 
 
-def bodies_of(robot: RobotModel, **settings: object) -> CollisionBodies:
+def judged(robot: RobotModel, **settings: object) -> tuple[CollisionBodies, dict[str, JudgedPairs]]:
     held = ConstraintSettings(bounds=usable_bounds(robot.limits), self_clearance=0.0, **settings)
     found = MotionConstraints(robot, held).surroundings
     assert found is not None
-    return found.bodies
+    return found.bodies, found.pairs
 
 
 @pytest.mark.parametrize(("seed", "size"), [(0, 1), (1, 1), (2, 3), (3, 3)])
@@ -33,13 +34,14 @@ def test_distances_and_depths_are_those_of_coal(seed: int, size: int) -> None:
     robot = random_arm(5, seed)
     wide = (replace(body, points=size * body.points) for body in robot.bodies)
     robot = replace(robot, bodies=tuple(wide))
-    bodies = bodies_of(robot)
+    bodies, kinds = judged(robot)
+    pairs = kinds["self_collision"].bodies
     hulls = [hull_in_coal(body) for body in robot.bodies]
     apart = deep = 0
     for q in np.random.default_rng(seed).uniform(-2, 2, (10, 5)):
-        own, _ = bodies.distances(q[None])
+        own = bodies.distances(q[None], pairs)
         poses = np.concatenate([np.eye(4)[None], joint_poses(robot, q)])
-        for (a, b), ours in zip(bodies.own, own[0] - bodies.nearer, strict=True):
+        for (a, b), ours in zip(pairs, own[0], strict=True):
             first, second = robot.bodies[a], robot.bodies[b]
             theirs = coal_distance(hulls[a], poses[first.link], hulls[b], poses[second.link])
             assert abs(ours - theirs + first.radius + second.radius) < WITHIN
@@ -63,10 +65,9 @@ def test_parallel_crossing_and_degenerate_bodies() -> None:
         body([0, 0, 0], [3, 3, 3], link=2, radius=0.1),
     )
     robot = random_arm(2, 0, slides=False)
-    bodies = bodies_of(replace(robot, bodies=shapes))
+    bodies, _ = judged(replace(robot, bodies=shapes))
     pairs = np.array([[0, k] for k in range(1, 6)] + [[4, 4]])
-    bodies = replace(bodies, own=pairs, nearer=np.zeros(len(pairs)))
-    own, _ = bodies.distances(np.zeros((1, 2)))
+    own = bodies.distances(np.zeros((1, 2)), pairs)
     np.testing.assert_allclose(own[0], [0.3, 0.8, -0.2, 0.8, 0.9, -0.2], atol=1e-9)
 
 
@@ -103,14 +104,15 @@ def test_distances_to_shapes_are_those_of_coal(kind: str) -> None:
     robot = random_arm(4, 7)
     fields, theirs_shape = SHAPES[kind]
     scene = scene_from_json(JsonFields({"shapes": [fields]}))
-    bodies = bodies_of(robot, scene=scene)
+    bodies, kinds = judged(robot, scene=scene)
+    pairs = kinds["environment"].bodies
     round_by = CYLINDER_WITHIN * 0.12 if kind == "cylinder" else 0.0
     hulls = [hull_in_coal(body) for body in robot.bodies]
     apart = 0
     for q in np.random.default_rng(0).uniform(-2, 2, (20, 4)):
-        _, around = bodies.distances(q[None])
+        around = bodies.distances(q[None], pairs)
         poses = np.concatenate([np.eye(4)[None], joint_poses(robot, q)])
-        for (_, b), ours in zip(bodies.around, around[0], strict=True):
+        for (_, b), ours in zip(pairs, around[0], strict=True):
             item = robot.bodies[b]
             theirs = coal_distance(hulls[b], poses[item.link], theirs_shape, scene.shapes[0].pose)
             if theirs > 1e-3:
@@ -125,26 +127,26 @@ def test_distances_to_shapes_are_those_of_coal(kind: str) -> None:
 def test_closest_points_are_as_far_apart_as_their_bodies(seed: int) -> None:
     robot = random_arm(4, seed)
     scene = scene_from_json(JsonFields({"shapes": [SHAPES["wall"][0], SHAPES["box"][0]]}))
-    bodies = bodies_of(robot, scene=scene)
+    bodies, kinds = judged(robot, scene=scene)
     for q in np.random.default_rng(seed).uniform(-2, 2, (10, 4)):
-        own, around = bodies.distances(q[None])
-        for pairs, far in ((bodies.own, own[0] - bodies.nearer), (bodies.around, around[0])):
-            for (a, b), distance in zip(pairs, far, strict=True):
+        for pairs in kinds.values():
+            far = bodies.distances(q[None], pairs.bodies)[0]
+            for (a, b), distance in zip(pairs.bodies, far, strict=True):
                 found, ends = bodies.closest(q, int(a), int(b))
                 assert found == pytest.approx(distance, abs=WITHIN)
                 assert np.linalg.norm(ends[1] - ends[0]) == pytest.approx(abs(found), abs=WITHIN)
 
 
 def test_what_is_proven_of_two_joints_holds_and_what_is_not_so_is_not_proven() -> None:
-    bodies = bodies_of(random_arm(4, 5, slides=False))
+    bodies, kinds = judged(random_arm(4, 5, slides=False))
     lower, upper = np.full(4, -1.0), np.full(4, 1.0)
     random = np.random.default_rng(0)
     proven = 0
-    for a, b in bodies.own:
+    for a, b in kinds["self_collision"].bodies:
         if bodies.link[b] - bodies.link[a] != 2:
             continue
-        seen = replace(bodies, own=np.array([[a, b]]), nearer=np.zeros(1))
-        least = float(seen.distances(random.uniform(-1, 1, (3000, 4)))[0].min())
+        q = random.uniform(-1, 1, (3000, 4))
+        least = float(bodies.distances(q, np.array([[a, b]])).min())
         for sure in (least - 0.01, least + 0.001):
             found = least_distance(bodies, int(a), int(b), lower, upper, sure)
             if sure > least:

@@ -155,6 +155,6 @@ def test_a_robot_file_brings_its_tool(tmp_path: Path) -> None:
     assert robot.tool.tcp.tolist() == [0.0, 0.0, 0.12]
     names = safe_constraints(robot).surroundings
     assert names is not None
-    assert any("payload tool" in name for name in names.names["environment"])
+    assert any("payload tool" in name for name in names.pairs["environment"].names)
     with pytest.raises(InputError, match="mass"):
         with_tool(robot, payload=[-1, 0, 0, 0])

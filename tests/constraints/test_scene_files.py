@@ -15,9 +15,9 @@ from dynid.constraints import (
     safe_constraints,
     scene_from_json,
 )
-from dynid.core import InputError, JsonFields
+from dynid.core import InputError, JsonFields, MotionBounds
 from dynid.robot import Body, load_robot
-from dynid.trajectory import MotionBounds, usable_bounds
+from dynid.trajectory import usable_bounds
 
 BALL = {"type": "sphere", "radius": 0.1, "position": [1, 0, 0]}
 
@@ -109,7 +109,7 @@ def test_a_payload_is_carried_along() -> None:
     loaded = safe_constraints(robot, scene(floor, payload=[ball]))
     rest = np.zeros((1, 6))
     before, after = (
-        judge.usage(home[None], rest, rest).distance("environment") for judge in (free, loaded)
+        judge.usage(home[None], rest, rest).worst["environment"].margin for judge in (free, loaded)
     )
     assert after < before - 0.1
 
@@ -171,5 +171,5 @@ def test_what_hardly_reaches_a_wall_is_still_judged_against_it() -> None:
     judge = safe_constraints(arm, scene(wall), acceleration=10.0, floor="none")
     usage = judge.usage(pointing, still, still)
     assert not usage.feasible
-    assert usage.distance("environment") < 0.01
+    assert usage.worst["environment"].margin < 0.01
     assert judge.usage(pointing + 0.5, still, still).feasible

@@ -41,7 +41,7 @@ def test_no_pose_of_a_panda_with_touching_meshes_passes() -> None:
     touching = passed = 0
     limits = robot.limits
     for q in np.random.default_rng(3).uniform(limits.lower, limits.upper, (150, 7)):
-        passes = judge.usage(q[None], rest, rest).distance("self_collision") >= 0.001
+        passes = judge.usage(q[None], rest, rest).worst["self_collision"].margin >= 0.001
         hit = pin.computeCollisions(model, data, shapes, placed, np.r_[q, 0, 0], True)
         touching += hit
         passed += passes
@@ -69,8 +69,8 @@ def test_bodies_of_near_links_that_are_too_wide_are_named_and_nothing_is_called_
     assert any("wide are not judged" in note for note in judge.notes)
     assert judge.surroundings is not None
     assert not judge.surroundings.complete["self_collision"]
-    assert "shoulder 1 - wide" in judge.surroundings.names["self_collision"]
-    assert "forearm 1 - wide" not in judge.surroundings.names["self_collision"]
+    assert "shoulder 1 - wide" in judge.surroundings.pairs["self_collision"].names
+    assert "forearm 1 - wide" not in judge.surroundings.pairs["self_collision"].names
 
 
 def test_what_a_robot_says_of_its_bodies_is_passed_on() -> None:

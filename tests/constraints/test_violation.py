@@ -106,20 +106,21 @@ def test_known_distances_spare_work_and_change_nothing(rows: int) -> None:
     around = judge.surroundings
     assert around is not None
     q = 0.4 * random_states(5, 40, 2)[0]
-    known = around.bodies.proximity(rows, np.full(5, np.pi))
+    pairs, wide = around.all_pairs, np.full(len(around.all_pairs), 0.02)
+    known = around.bodies.proximity(pairs, rows, np.full(5, np.pi))
     random, looked = np.random.default_rng(0), []
     for _ in range(12):
         q = q + 0.01 * random.standard_normal(q.shape)
         before = known.axes.copy()
-        found = around.bodies.violation(q, (0.02, 0.0), 0.02, known=known)
-        fresh = around.bodies.violation(q, (0.02, 0.0), 0.02)
+        found = around.bodies.violation(q, pairs, wide, known=known)
+        fresh = around.bodies.violation(q, pairs, wide)
         assert found[0] == pytest.approx(fresh[0], rel=1e-9)
         np.testing.assert_allclose(found[1], fresh[1], atol=1e-6 * np.abs(fresh[1]).max())
         looked.append(float((known.axes != before).any(axis=2).mean()))
     assert found[0] > 0
     if rows > 1:
         assert max(looked[1:]) < 0.7 * looked[0]
-    capped = around.bodies.violation(q, (0.02, 0.0), 0.02, most=found[0] / 4)[0]
+    capped = around.bodies.violation(q, pairs, wide, most=found[0] / 4)[0]
     assert found[0] / 4 < capped < found[0]
 
 
@@ -148,16 +149,16 @@ def test_what_is_unknown_does_not_bind_and_is_null() -> None:
     )
     settings = ConstraintSettings(bounds=usable_bounds(bare.limits), self_clearance=0.01)
     judge = MotionConstraints(bare, settings)
-    margins = judge.usage(*random_states(3, 5, 0)).margins
-    assert {kind for kind, value in margins.items() if value is None} == {
+    worst = judge.usage(*random_states(3, 5, 0)).worst
+    assert {kind for kind, item in worst.items() if np.isnan(item.margin)} == {
         "acceleration",
         "torque",
         "tcp_speed",
         "elbow_speed",
         "momentum",
         "power",
-        "self_collision_m",
-        "environment_m",
+        "self_collision",
+        "environment",
     }
     kinds = {item.kind for item in judge.unjudged}
     assert kinds == {"velocity", "acceleration", "torque", "self_collision"}

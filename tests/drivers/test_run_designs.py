@@ -65,8 +65,8 @@ def test_a_design_runs_from_where_a_new_controller_stands(tmp_path: Path, seed: 
     assert state[begun - 1] == APPROACHING
     # Whatever way it took, every target on it keeps the clearance.
     assert JUDGE.surroundings is not None
-    apart = JUDGE.surroundings.bodies.nearest(way, around=False).distance
-    assert apart.min() >= JUDGE.settings.self_clearance - 1e-6
+    pairs = JUDGE.surroundings.pairs["self_collision"]
+    assert JUDGE.surroundings.bodies.nearest(way, pairs).room.min() >= -1e-6
 
 
 def test_who_is_asked_agrees_to_a_robot_that_stands_still(tmp_path: Path) -> None:

@@ -5,9 +5,9 @@ import pytest
 from design_arms import Floats, arm, problem
 from scipy.optimize import approx_fprime
 
-from dynid.core import InputError
+from dynid.core import InputError, MotionBounds
 from dynid.excitation import MotionRegion, random_numbers, region_of
-from dynid.trajectory import FAMILY_NAMES, MotionBounds, motion_family
+from dynid.trajectory import FAMILY_NAMES, motion_family
 
 DENSE = 4001
 SLOPE = 1e-5

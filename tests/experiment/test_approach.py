@@ -40,7 +40,9 @@ def dense(poses: Array) -> Array:
 def nearest(q: Array) -> float:
     """Smallest distance between bodies of the arm [m]."""
     assert JUDGE.surroundings is not None
-    return float(JUDGE.surroundings.bodies.nearest(q, around=False).distance.min())
+    pairs = JUDGE.surroundings.pairs["self_collision"]
+    room = JUDGE.surroundings.bodies.nearest(q, pairs).room.min()
+    return float(room) + JUDGE.settings.self_clearance
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
-from dynid.robot import RobotModel, frame_map, from_pinocchio
+from dynid.robot import RobotModel, frame_map, from_pinocchio, joint_poses
 
 PROJECT = Path(__file__).parents[2]
 EXAMPLES = PROJECT / "examples" / "robots"
@@ -71,3 +71,7 @@ def classes(robot: RobotModel, frames: str) -> tuple[int, int, int, int]:
     alone = np.linalg.norm(null, axis=1) < 1e-7
     unseen = (row**2).sum(axis=0) < 1e-12
     return rank, int(alone.sum()), int((~alone & ~unseen).sum()), int(unseen.sum())
+
+
+def flange_pose(robot: RobotModel, q: Any) -> NDArray[np.float64]:
+    return joint_poses(robot, q)[..., -1, :, :] @ robot.flange

@@ -3,10 +3,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot_oracles import UR5_DH, classes, pinocchio_model
+from robot_oracles import UR5_DH, classes, flange_pose, pinocchio_model
 
 from dynid.core import InputError, RobotError
-from dynid.robot import flange_pose, from_xyz_rpy, joint_poses, robot_from_dh
+from dynid.robot import from_xyz_rpy, joint_poses, robot_from_dh
 
 EXACT = {0.0, 1.0, -1.0}
 

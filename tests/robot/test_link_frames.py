@@ -3,13 +3,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from robot_oracles import DATA, classes, needs_models
-from urdf_samples import URS
+from urdf_samples import URS, load_urdf
 
 from dynid.robot import (
     from_xyz_rpy,
     inverse,
     load_robot,
-    load_urdf,
     parameter_frames,
     poses_at_zero,
     robot_from_chain,

@@ -1,14 +1,13 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot_oracles import EXAMPLES, SHARED, pinocchio_model
+from robot_oracles import EXAMPLES, SHARED, flange_pose, pinocchio_model
+from urdf_samples import load_urdf
 
 from dynid.robot import (
     Counterbalance,
-    flange_pose,
     joint_poses,
     load_robot,
-    load_urdf,
     nominal_geometry,
 )
 

@@ -4,13 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from robot_oracles import EXAMPLES, classes
+from robot_oracles import EXAMPLES, classes, flange_pose
 from urdf_samples import ARM, URS
 
 from dynid.core import RobotError
 from dynid.robot import (
     RobotModel,
-    flange_pose,
     is_physical,
     joint_poses,
     load_robot,

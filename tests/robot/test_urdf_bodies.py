@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from robot_oracles import DATA, needs_models
+from urdf_samples import load_urdf
 
-from dynid.robot import Body, load_robot, load_urdf
+from dynid.robot import Body, load_robot
 from dynid.robot.body import around_triangles, beyond
 from dynid.robot.urdf_bodies import with_collision_geometry
 

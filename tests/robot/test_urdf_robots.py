@@ -3,17 +3,15 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot_oracles import DATA, EXAMPLES, SHARED, needs_models
-from urdf_samples import ARM, chain, joint
+from robot_oracles import DATA, EXAMPLES, SHARED, flange_pose, needs_models
+from urdf_samples import ARM, chain, joint, load_urdf
 
 from dynid.core import RobotError
 from dynid.robot import (
     RobotModel,
-    flange_pose,
     from_pinocchio,
     joint_poses,
     load_robot,
-    load_urdf,
     robot_from_urdf,
 )
 

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
+from dynid.robot import RobotModel, robot_from_urdf
+
 LINK = (
     '<link name="{name}"><visual><geometry><mesh filename="package://x/y.dae"/></geometry></visual>'
     '<inertial><origin xyz="0.1 0 0.2" rpy="0 0.3 0"/><mass value="{mass}"/>'
@@ -108,3 +113,7 @@ URS = {
     "ur5": ur(0.13585, 0.01615, 0.425, 0.39225, [0.089159, 0.10915, 0.09465, 0.0823]),
     "ur10": ur(0.220941, 0.049041, 0.612, 0.5723, [0.1273, 0.163941, 0.1157, 0.0922]),
 }
+
+
+def load_urdf(path: Path, **words: Any) -> RobotModel:
+    return robot_from_urdf(path.read_bytes(), where=path.name, stem=path.stem, **words)

@@ -55,7 +55,7 @@ def test_the_drawn_ways_are_as_long_as_the_distances_that_are_judged(seed: int) 
             # It starts on the arm and ends on the shape, as a sweep over all bodies sees it.
             shape = item.names.partition(" - ")[2]
             assert constraints.surroundings is not None
-            pairs = constraints.surroundings.names["environment"]
+            pairs = constraints.surroundings.pairs["environment"].names
             # What keeps its distance whatever the arm does, as the shoulder does, is not judged.
             judged = {pair.partition(" - ")[0] for pair in pairs if pair.endswith(f" - {shape}")}
             assert len(judged) > 3

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynid.constraints import BOX, CYLINDER, HALF_SPACE, SPHERE, Shape
-from dynid.robot import Body, joint_poses, load_robot, mesh_places
+from dynid.robot import Body, joint_poses, load_robot
 from dynid.robot.body import beyond
 from dynid.studio.solids import arm_meshes, arm_skins, reach, robot_meshes, shaded, shape_mesh
 
@@ -117,11 +117,11 @@ def test_visual_meshes_stand_where_the_urdf_says(tmp_path) -> None:
 def test_broken_meshes_are_said_and_bodies_drawn(tmp_path) -> None:
     (tmp_path / "bad.stl").write_bytes(b"solid <script>\x00" + bytes(200))
     path = tmp_path / "two.urdf"
-    for geometry in ('<mesh filename="bad.stl"/>', '<mesh filename="none.dae"/>'):
+    for name in ("bad.stl", "none.dae", "package://x/../../etc/none"):
+        geometry = f'<mesh filename="{name}"/>'
         path.write_text(URDF.format(geometry=geometry))
         notes: list[str] = []
         robot = load_robot(path)
         meshes = robot_meshes(robot, str(path), notes)
         assert len(notes) == 1
         assert len(meshes) == len(arm_meshes(robot)) > 0
-    assert not any(one.is_file() for one in mesh_places("package://x/../../etc/none", [tmp_path]))

@@ -67,7 +67,7 @@ def test_family_formulas_and_file_say_the_same_motion() -> None:
         theirs = motion.evaluate(np.minimum(begin + s * piece.duration, PERIOD)).q
         np.testing.assert_allclose(ours, theirs, atol=1e-12)
         begin += piece.duration
-    assert "servoj" in ur_program(motion).text
+    assert "servoj" in ur_program(motion)
 
 
 def _numbers(text: str) -> list[float]:

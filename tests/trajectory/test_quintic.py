@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dynid.core import InputError
-from dynid.trajectory import MotionBounds, Quintic, rest_to_rest
+from dynid.core import InputError, MotionBounds
+from dynid.trajectory import Quintic, rest_to_rest
 
 LIMITS = MotionBounds(
     lower=[-3.0, -3.0], upper=[3.0, 3.0], velocity=[1.0, 2.0], acceleration=[4.0, np.nan]

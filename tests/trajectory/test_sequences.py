@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 
-from dynid.core import InputError
+from dynid.core import InputError, MotionBounds
 from dynid.trajectory import (
     FourierSeries,
-    MotionBounds,
     MotionSequence,
     Quintic,
     Repetition,

@@ -9,14 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from dynid.core import InputError, JsonFields, provenance
+from dynid.core import InputError, JsonFields, MotionBounds, provenance
 from dynid.trajectory import (
     FAMILY_NAMES,
     BSpline,
     FourierQuintic,
     FourierSeries,
     JointMotion,
-    MotionBounds,
     MotionSequence,
     Quintic,
     Repetition,

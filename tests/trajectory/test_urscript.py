@@ -12,7 +12,6 @@ from dynid.trajectory import (
     Quintic,
     Repetition,
     Trajectory,
-    UrProgramOptions,
     motion_family,
     pieces,
     rest_series,
@@ -55,21 +54,19 @@ RETURNING = {name: EVERY[name] for name in (*FAMILY_NAMES, "sequence")}
 
 @pytest.mark.parametrize("name", EVERY)
 def test_targets_are_the_trajectory(name: str) -> None:
-    program = ur_program(EVERY[name])
-    index, targets = play(program.text).motion()
-    np.testing.assert_array_equal(index, np.arange(program.total))
-    expected = EVERY[name].evaluate(np.arange(program.total) / 125.0)
+    index, targets = play(ur_program(EVERY[name])).motion()
+    total = round(125.0 * EVERY[name].duration)
+    np.testing.assert_array_equal(index, np.arange(total))
+    expected = EVERY[name].evaluate(np.arange(total) / 125.0)
     np.testing.assert_allclose(targets, expected.q, rtol=0, atol=SAME)
-    np.testing.assert_allclose(program.start, expected.q[0], rtol=0, atol=SAME)
 
 
 @pytest.mark.parametrize("name", RETURNING)
 @pytest.mark.parametrize("rate", [125.0, 500.0])
 def test_periods_have_exactly_the_same_targets(name: str, rate: float) -> None:
-    program = ur_program(RETURNING[name], UrProgramOptions(repeats=3, settle=1, rate_hz=rate))
-    index, targets = play(program.text).motion()
+    program = ur_program(RETURNING[name], repeats=3, settle=1, rate_hz=rate)
+    index, targets = play(program).motion()
     cycles = round(RETURNING[name].duration * rate)
-    assert (program.cycles, program.first_recorded, program.total) == (cycles, cycles, 4 * cycles)
     np.testing.assert_array_equal(index, np.arange(4 * cycles))
     periods = targets.reshape(4, cycles, 6)
     for period in periods[1:]:
@@ -78,9 +75,8 @@ def test_periods_have_exactly_the_same_targets(name: str, rate: float) -> None:
 
 def test_the_papers_ten_seconds() -> None:
     series = rest_series(10.0, np.zeros(6), np.random.default_rng(5).normal(size=(6, 8)) / 5)
-    program = ur_program(series, UrProgramOptions(repeats=3))
-    _, targets = play(program.text).motion()
-    assert program.total == 3750
+    index, targets = play(ur_program(series, repeats=3)).motion()
+    assert len(index) == 3750
     np.testing.assert_allclose(targets, series.sample(125.0, periods=3).q, rtol=0, atol=SAME)
 
 
@@ -100,73 +96,50 @@ def test_pieces_are_the_trajectory(name: str) -> None:
 
 def test_it_rests_at_the_way_points_before_the_start() -> None:
     points = [np.full(6, 0.1), np.linspace(-1.0, 1.0, 6)]
-    made = ur_program(member("fourier"), UrProgramOptions(approach_speed=0.3), via=points)
-    played = play(made.text)
+    motion = member("fourier")
+    played = play(ur_program(motion, via=points))
     ways = [call for call in played.calls if call[0] == "movej"]
     assert len(ways) == 3
-    for way, pose in zip(ways, [*points, made.start], strict=True):
-        np.testing.assert_array_equal(way[1][0], pose)  # type: ignore[call-overload]
+    for way, pose in zip(ways, [*points, motion.evaluate([0.0]).q[0]], strict=True):
+        np.testing.assert_allclose(way[1][0], pose, rtol=0, atol=SAME)  # type: ignore[call-overload]
         # No blend radius: the certified ways are straight to the end.
-        assert way[2] == {"a": 0.5, "v": 0.3}
-    index, _ = play(ur_program(member("fourier")).text).motion()
+        assert way[2] == {"a": 0.5, "v": 0.5}
+    index, _ = play(ur_program(motion)).motion()
     np.testing.assert_array_equal(played.motion()[0], index)
     with pytest.raises(InputError, match="way point"):
-        ur_program(member("fourier"), via=[np.zeros(5)])
+        ur_program(motion, via=[np.zeros(5)])
 
 
 @pytest.mark.parametrize("name", EVERY)
 def test_the_simulated_controller_takes_it(name: str) -> None:
     program = ur_program(EVERY[name], comment="robot: ur5")
-    assert compile_script(program.text, BUILTINS).name == "dynid_excitation"
+    assert compile_script(program, BUILTINS).name == "dynid_excitation"
 
 
 def test_what_the_program_does_besides() -> None:
     series = member("fourier")
-    made = ur_program(
-        series,
-        UrProgramOptions(
-            dwell=2.5, approach_speed=0.3, approach_acceleration=0.4, watchdog_hz=8.0, repeats=2
-        ),
-        comment="robot: ur5\n\x00 Größe",
-    )
-    played = play(made.text)
-    assert made.text.isascii()
-    assert "# robot: ur5\n" in made.text
+    made = ur_program(series, repeats=2, comment="robot: ur5\n\x00 Größe")
+    played, total = play(made), 500
+    assert made.isascii()
+    assert "# robot: ur5\n" in made
     calls = [call for call in played.calls if call[0] != "servoj"]
     assert [name for name, *_ in calls] == ["rtde_set_watchdog", "movej", "sleep", "stopj"]
-    assert calls[0][1] == ("input_int_register_24", 8.0, "stop")
-    assert calls[1][2] == {"a": 0.4, "v": 0.3}
-    np.testing.assert_array_equal(calls[1][1][0], made.start)  # type: ignore[call-overload]
-    assert calls[2][1] == (2.5,)
+    assert calls[0][1] == ("input_int_register_24", 10.0, "stop")
+    assert calls[1][2] == {"a": 0.5, "v": 0.5}
+    start = series.evaluate([0.0]).q[0]
+    np.testing.assert_allclose(calls[1][1][0], start, atol=SAME)  # type: ignore[call-overload]
+    assert calls[2][1] == (1.0,)
     servo = next(call for call in played.calls if call[0] == "servoj")
     assert servo[1:] == ((0, 0), {"t": 0.008, "lookahead_time": 0.03, "gain": 500.0})
     # On the way, in motion, done: and the index waits at -1, ends at the total.
     assert [value for register, value in played.registers if register == 25] == [0, 1, 2]
     indices = [value for register, value in played.registers if register == 24]
-    assert indices == [-1, *range(made.total), made.total]
+    assert indices == [-1, *range(total), total]
     # Held for 0.2 s at the end, so that the arm catches up with its targets.
-    held = np.array(played.targets[made.total :])
+    held = np.array(played.targets[total:])
     assert len(held) == 25
     np.testing.assert_array_equal(held, np.tile(held[0], (25, 1)))
     np.testing.assert_allclose(held[0], series.evaluate([series.duration]).q[0], atol=SAME)
-
-
-def test_without_watchdog_and_rest_and_with_other_registers() -> None:
-    options = UrProgramOptions(watchdog_hz=None, dwell=0.0, index_register=30, state_register=31)
-    played = play(ur_program(member("bspline"), options).text)
-    assert {name for name, *_ in played.calls} == {"movej", "servoj", "stopj"}
-    assert {register for register, _ in played.registers} == {30, 31}
-    assert len(played.motion(30)[0]) == 250
-
-
-def test_a_slow_pass_takes_the_same_path() -> None:
-    series = member("fourier-quintic")
-    slow = ur_program(series, UrProgramOptions(speed=0.25))
-    _, targets = play(slow.text).motion()
-    assert slow.cycles == 1000
-    np.testing.assert_allclose(
-        targets, series.evaluate(np.arange(1000) * 0.002).q, rtol=0, atol=SAME
-    )
 
 
 def test_awkward_numbers_survive() -> None:
@@ -176,7 +149,7 @@ def test_awkward_numbers_survive() -> None:
         a=np.zeros((6, 1)),
         b=np.zeros((6, 1)),
     )
-    np.testing.assert_array_equal(play(ur_program(series).text).targets[7], series.offset)
+    np.testing.assert_array_equal(play(ur_program(series)).targets[7], series.offset)
 
 
 class Wobble(Trajectory):
@@ -197,33 +170,12 @@ def test_refuses_what_the_controller_cannot_do() -> None:
     with pytest.raises(InputError, match="whole number of control cycles"):
         ur_program(member("fourier", duration=2.003))
     with pytest.raises(InputError, match="position jumps"):
-        ur_program(EVERY["quintic"], UrProgramOptions(settle=1))
+        ur_program(EVERY["quintic"], settle=1)
     with pytest.raises(InputError, match="no formula"):
         ur_program(Wobble())
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"rate_hz": 0.0},
-        {"repeats": 0},
-        {"settle": -1},
-        {"speed": 1.5},
-        {"speed": 0.0},
-        {"speed": float("nan")},
-        {"lookahead_time": 0.01},
-        {"gain": 5000.0},
-        {"dwell": -1.0},
-        {"approach_speed": 0.0},
-        {"approach_acceleration": float("inf")},
-        {"watchdog_hz": 0.0},
-        {"index_register": 48},
-        {"state_register": -1},
-        {"state_register": 24},
-        {"name": "no name"},
-        {"name": "schön"},
-    ],
-)
-def test_options_are_checked(change: dict[str, object]) -> None:
-    with pytest.raises(InputError):
-        UrProgramOptions(**change)  # type: ignore[arg-type]
+@pytest.mark.parametrize("change", [{"rate_hz": 0.0}, {"repeats": 0}, {"settle": -1}])
+def test_options_are_checked(change: dict[str, float]) -> None:
+    with pytest.raises(InputError, match="must be positive"):
+        ur_program(member("fourier"), **change)  # type: ignore[arg-type]

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from dynid.core import Array
 from dynid.robot import RobotModel
 from dynid.simulation import SimulatedArm
-from dynid.trajectory import UrProgramOptions, random_excitation, ur_program
+from dynid.trajectory import random_excitation, ur_program
 from scripts import HOME, finish, said, ticks
 from urtwin import ControllerMachine
 from urtwin.arm import trapezoid
@@ -161,9 +161,9 @@ def test_the_program_of_a_fourier_series_runs_sample_by_sample(
     motion = random_excitation(
         arm.robot.limits, seed=4, margin=0.8, acceleration=5.5 * np.pi, offset=HOME
     )
-    program = ur_program(motion, UrProgramOptions(repeats=2, dwell=0.1))
+    program = ur_program(motion, repeats=2)
     machine = ControllerMachine(arm, pose=START, safety=UNBOUND)
-    machine.run_script(program.text)
+    machine.run_script(program)
     index, setpoints, targets = [], [], []
     while machine.program_running or not index:
         machine.set_input("input_int_register_24", len(index))
@@ -174,7 +174,7 @@ def test_the_program_of_a_fourier_series_runs_sample_by_sample(
     assert machine.output("safety_mode") == 1, said(machine)
     assert machine.output("output_int_register_25") == 2
     first = index.index(0)
-    n = program.cycles
+    n = round(motion.duration / machine.cycle)
     assert index[first : first + 2 * n] == list(range(2 * n)), "every sample once, in order"
     commanded = np.array(setpoints[first : first + n])
     expected = motion.evaluate(np.arange(n) * machine.cycle).q

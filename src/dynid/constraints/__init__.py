@@ -2,7 +2,7 @@
 
 from dynid.constraints.bodies import least_distance
 from dynid.constraints.certificate import Certificate, certify
-from dynid.constraints.collision import CollisionBodies, Proximity
+from dynid.constraints.collision import CollisionBodies, JudgedPairs, Proximity
 from dynid.constraints.dynamic import prior_dynamics, prior_link
 from dynid.constraints.limits import DISTANCES, RATIOS, Unjudged, Worst
 from dynid.constraints.motion import (
@@ -41,6 +41,7 @@ __all__ = [
     "Certificate",
     "CollisionBodies",
     "ConstraintSettings",
+    "JudgedPairs",
     "MotionConstraints",
     "Proximity",
     "Scene",

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from dynid.constraints.arm import arm_geometry
-from dynid.constraints.collision import CollisionBodies, gap_of, place_bodies
+from dynid.constraints.collision import CollisionBodies, JudgedPairs, gap_of, place_bodies
 from dynid.constraints.distance import WORK
 from dynid.constraints.scene import HALF_SPACE, ConstraintSettings, Scene, body_of
 from dynid.core import Array, Indices, InputError, read_only
@@ -113,11 +113,16 @@ class Surroundings:
     """The bodies to judge."""
 
     bodies: CollisionBodies
-    names: dict[str, list[str]]
-    """Kind of distance to the names of its pairs."""
+    pairs: dict[str, JudgedPairs]
+    """Kind of distance to its pairs, where there are any."""
     complete: dict[str, bool]
     """Kind of distance to whether the bodies are known to hold every link that it is about, and
     no pair was left out that can meet."""
+
+    @property
+    def all_pairs(self) -> Indices:
+        """(P, 2) the pairs of all kinds, one kind after the other."""
+        return np.concatenate([pairs.bodies for pairs in self.pairs.values()])
 
 
 def surroundings_of(
@@ -164,31 +169,37 @@ def surroundings_of(
         planes=read_only(
             np.array([[*pose[:3, 2], pose[:3, 2] @ pose[:3, 3]] for pose in planes]).reshape(-1, 4)
         ),
-        own=_numbers(_own_pairs(moving, len(carried)) if settings.self_collision else []),
-        around=_numbers(
-            [
-                (len(moving) + s, j)
-                for s in range(len(shapes))
-                for j, body in enumerate(moving)
-                if body.link
-            ]
-        ),
-        nearer=np.zeros(0),
     )
     names = [body.name for body in moving] + [shape.name for shape in shapes]
     poses = _poses(settings)
     arm = len(moving) - len(carried)
-    own, nearer, free = _free_pairs(bodies, poses, settings, names, arm, notes)
-    bodies = replace(bodies, own=own, nearer=read_only(nearer))
-    bodies = replace(bodies, around=_reachable(bodies, poses, settings, names, notes))
-    if not len(bodies.own) and not len(bodies.around):
+    own = _numbers(_own_pairs(moving, arm) if settings.self_collision else [])
+    own, clearances, free = _free_pairs(bodies, own, poses, settings, names, arm, notes)
+    around = [
+        (len(moving) + s, j)
+        for s in range(len(shapes))
+        for j, body in enumerate(moving)
+        if body.link
+    ]
+    around = _reachable(bodies, _numbers(around), poses, settings, names, notes)
+    pairs = {
+        "self_collision": JudgedPairs(
+            bodies=own,
+            required=read_only(clearances),
+            names=tuple(f"{names[a]} - {names[b]}" for a, b in own),
+        ),
+        "environment": JudgedPairs(
+            bodies=around,
+            required=read_only(np.full(len(around), settings.clearance)),
+            names=tuple(f"{names[b]} - {names[a]}" for a, b in around),
+        ),
+    }
+    pairs = {kind: found for kind, found in pairs.items() if found.names}
+    if not pairs:
         return None
     return Surroundings(
         bodies=bodies,
-        names={
-            "self_collision": [f"{names[a]} - {names[b]}" for a, b in bodies.own],
-            "environment": [f"{names[b]} - {names[a]}" for a, b in bodies.around],
-        },
+        pairs=pairs,
         complete={"self_collision": complete and free, "environment": complete},
     )
 
@@ -198,8 +209,7 @@ def _numbers(values: object) -> Indices:
     return found if found.size else found.reshape(0, 2)
 
 
-def _own_pairs(moving: tuple[Body, ...], carried: int) -> list[tuple[int, int]]:
-    arm = len(moving) - carried
+def _own_pairs(moving: tuple[Body, ...], arm: int) -> list[tuple[int, int]]:
     return [
         (a, b)
         for a, inner in enumerate(moving[:arm])
@@ -227,32 +237,32 @@ def _note_bodies(robot: RobotModel, settings: ConstraintSettings, notes: list[st
 
 def _free_pairs(
     bodies: CollisionBodies,
+    own: Indices,
     poses: Array,
     settings: ConstraintSettings,
     names: list[str],
     arm: int,
     notes: list[str],
 ) -> tuple[Indices, Array, bool]:
-    """The own pairs that are judged, of all candidates in `bodies`.
+    """The pairs that are judged of all own pairs (P, 2).
 
     Bodies that can never be twice the clearance apart must keep half of the largest distance seen
     at the poses (N, n). Bodies from number `arm` on are carried; `notes` is told what is left out.
 
     Returns:
-        The pairs (P, 2), how much nearer than the clearance each may be (P) [m], and whether every
-            other pair is proven not to meet.
+        The pairs, the clearance that each must keep [m], and whether every other pair is proven
+            not to meet.
 
     Raises:
         InputError: What is carried meets a link in every pose, beside the neighbour of the last.
     """
-    inner, outer = bodies.own.T
+    inner, outer = own.T
     gap = bodies.link[outer] - bodies.link[inner]
     near = (gap <= _NEAR) | (outer >= arm)
-    some = replace(bodies, own=bodies.own[near], nearer=np.zeros(int(near.sum())))
-    far = some.distances(poses)[0].T
-    kept, free, nearer = ~near, True, np.zeros(len(near))
+    far = bodies.distances(poses, own[near]).T
+    kept, free, clearances = ~near, True, np.full(len(near), settings.self_clearance)
     for row, k in zip(far, np.flatnonzero(near), strict=True):
-        a, b = (int(x) for x in bodies.own[k])
+        a, b = (int(x) for x in own[k])
         what = f"{names[a]} and {names[b]}"
         most = float(row.max())
         clearance = min(settings.self_clearance, max(most, 0.0) / 2)
@@ -268,8 +278,8 @@ def _free_pairs(
                 next_step="Sizes are in metres, places in the flange's frame.",
             )
         kept[k] = not (share == 1.0 or (b < arm and share > _MOSTLY))
-        nearer[k] = settings.self_clearance - clearance
-        if kept[k] and nearer[k]:
+        clearances[k] = clearance
+        if kept[k] and clearance < settings.self_clearance:
             notes.append(
                 f"{what} are never farther than {most:.4f} m apart: the limit is half of that"
             )
@@ -278,17 +288,18 @@ def _free_pairs(
             notes.append(
                 f"{what} are not judged: their bodies are too close in {share:.0%} of poses"
             )
-    return bodies.own[kept], nearer[kept], free
+    return own[kept], clearances[kept], free
 
 
 def _reachable(
     bodies: CollisionBodies,
+    around: Indices,
     poses: Array,
     settings: ConstraintSettings,
     names: list[str],
     notes: list[str],
 ) -> Indices:
-    """The pairs (E, 2) with the scene that are judged; arguments as in `_free_pairs`.
+    """The pairs that are judged of all with the scene (P, 2); arguments as in `_free_pairs`.
 
     Bodies beside the base that are near a shape and cannot touch it, such as the shoulder of an
     arm that stands on the floor, are left out.
@@ -296,9 +307,9 @@ def _reachable(
     Raises:
         InputError: A body of a moving link is in a shape in every pose.
     """
-    kept = np.ones(len(bodies.around), dtype=bool)
-    for k, row in enumerate(bodies.distances(poses)[1].T):
-        a, b = (int(x) for x in bodies.around[k])
+    kept = np.ones(len(around), dtype=bool)
+    for k, row in enumerate(bodies.distances(poses, around).T):
+        a, b = (int(x) for x in around[k])
         if row.max() <= 0:
             raise InputError(
                 f"the scene leaves the robot no room: {names[b]} is in '{names[a]}' in every pose",
@@ -317,7 +328,7 @@ def _reachable(
             notes.append(
                 f"{names[b]} is {float(row.min()):.3f} m from '{names[a]}' whatever the arm does"
             )
-    return bodies.around[kept]
+    return around[kept]
 
 
 def _proven(

@@ -14,18 +14,18 @@ from typing import Any
 
 import numpy as np
 
-from dynid.constraints.collision import CollisionBodies
-from dynid.constraints.extremes import Extremes, Least, dense_times, extremes, least_value
+from dynid.constraints.collision import CollisionBodies, JudgedPairs
+from dynid.constraints.extremes import Extremes, dense_times, extremes, least_value
 from dynid.constraints.limits import (
+    DISTANCES,
     MovingPoints,
     Unjudged,
     Worst,
     bound_ratios,
     left_over,
-    margins_of,
 )
 from dynid.constraints.motion import MotionConstraints
-from dynid.core import Array, InputError
+from dynid.core import Array, InputError, plain
 from dynid.trajectory import Trajectory
 
 ROUNDING = 1e-9
@@ -86,7 +86,10 @@ class Certificate:
     @property
     def margins(self) -> dict[str, float | None]:
         """Kind to margin: share of the limit left, or distance [m]; None where not judged."""
-        return margins_of(self.worst)
+        return {
+            f"{kind}_m" if kind in DISTANCES else kind: plain(item.margin)
+            for kind, item in self.worst.items()
+        }
 
     @property
     def broken(self) -> tuple[str, ...]:
@@ -114,10 +117,6 @@ class Certificate:
 def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certificate:
     """Judge a motion from its start to its end.
 
-    Args:
-        trajectory: The motion.
-        constraints: What it is held to.
-
     Raises:
         InputError: A motion of another number of joints.
     """
@@ -142,40 +141,39 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
             threshold=0.0,
             tolerance=_RATIO_WITHIN,
         )
-        worst[kind] = _settled(worst[kind], found, limit * (1.0 - found.value))
+        item, value = worst[kind], limit * (1.0 - found.value)
+        # Shares are sought of what the limit is less its margin.
+        seen, sure = (left_over(1.0 - x, item.required) for x in (found.value, found.bound))
+        worst[kind] = _settled(item, found.t, value, seen, sure)
         proven += [kind] if ends.proven else []
     around = constraints.surroundings
-    for kind, names in ({} if around is None else around.names).items():
-        if around is None or not names:
-            continue
-        bodies = around.bodies
-        found = least_value(
-            lambda t, half, b=bodies, e=kind == "environment": _apart(
-                b, e, trajectory, ends, travel, t, half
-            ),
-            trajectory.duration,
-            first=first,
-            threshold=constraints.settings.clearances[kind],
-            tolerance=_DISTANCE_WITHIN,
-        )
-        item, asked = worst[kind], constraints.settings.clearances[kind]
-        # What a pair may be nearer than the clearance is in the distance that is searched.
-        off = asked - item.required
-        if found.value < item.value + off:
-            at = trajectory.evaluate(np.array([found.t])).q
-            pair = int(bodies.nearest(at, around=kind == "environment").pair[0])
-            less = bodies.allowance(pair, around=kind == "environment")
-            item = replace(
-                item,
-                what=names[pair],
-                margin=item.margin + off - less,
-                limit=asked - less,
-                required=asked - less,
+    if around is not None:
+        for kind, pairs in around.pairs.items():
+            found = least_value(
+                lambda t, half, b=around.bodies, p=pairs: _apart(
+                    b, p, trajectory, ends, travel, t, half
+                ),
+                trajectory.duration,
+                first=first,
+                threshold=0.0,
+                tolerance=_DISTANCE_WITHIN,
             )
-            off = less
-        found = replace(found, value=found.value - off, bound=found.bound - off)
-        worst[kind] = _settled(item, found, found.value)
-        proven += [kind] if ends.proven and around.complete[kind] else []
+            item = worst[kind]
+            if found.value < item.room:
+                at = trajectory.evaluate(np.array([found.t])).q
+                pair = int(around.bodies.nearest(at, pairs).pair[0])
+                required = float(pairs.required[pair])
+                item = replace(
+                    item,
+                    what=pairs.names[pair],
+                    margin=item.room + required,
+                    limit=required,
+                    required=required,
+                )
+            # What is sought is the distance less what is required.
+            seen, sure = found.value + item.required, found.bound + item.required
+            worst[kind] = _settled(item, found.t, seen, seen, sure)
+            proven += [kind] if ends.proven and around.complete[kind] else []
     return Certificate(
         worst=worst,
         proven=tuple(kind for kind in proven if math.isfinite(worst[kind].margin)),
@@ -184,13 +182,11 @@ def certify(trajectory: Trajectory, constraints: MotionConstraints) -> Certifica
     )
 
 
-def _settled(before: Worst, found: Least, value: float) -> Worst:
-    """The worst of samples and search, with the search's bound for its margin."""
-    # Shares are sought of what the limit is less its margin.
-    free = 0.0 if before.distance else before.required
-    if left_over(1.0 - found.value, free) < before.margin:
-        before = replace(before, t=found.t, value=value)
-    return replace(before, margin=min(left_over(1.0 - found.bound, free), before.margin))
+def _settled(before: Worst, t: float, value: float, seen: float, sure: float) -> Worst:
+    """The worst of samples and of a search, which saw a margin and is sure of another."""
+    if seen < before.margin:
+        before = replace(before, t=t, value=value)
+    return replace(before, margin=min(sure, before.margin))
 
 
 def _between_samples(
@@ -251,15 +247,15 @@ def _left(
 
 def _apart(
     bodies: CollisionBodies,
-    around: bool,
+    pairs: JudgedPairs,
     trajectory: Trajectory,
     ends: Extremes,
     travel: Array,
     t: Array,
     half: float,
 ) -> tuple[Array, Array]:
-    """The least distance, and what it cannot fall below: no body moves faster than its reach."""
+    """The least room, and what it cannot fall below: no body moves faster than its reach."""
     motion = trajectory.evaluate(t)
     way = half * np.minimum(np.abs(motion.dq) + half * ends.acceleration, ends.velocity)
-    found = bodies.nearest(motion.q, around=around, travel=travel, way=way)
-    return found.distance, found.bound
+    found = bodies.nearest(motion.q, pairs, travel=travel, way=way)
+    return found.room, found.bound

@@ -18,15 +18,30 @@ LENGTH = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Nearest:
-    """The nearest pair at each sample."""
+class JudgedPairs:
+    """Pairs of bodies that must keep apart.
 
-    distance: Array
-    """(N) its signed distance and what it may be nearer than the clearance [m]."""
+    The body of the inner link stands first; a first number of B + h stands for half-space h.
+    """
+
+    bodies: Indices
+    """(P, 2) numbers of bodies."""
+    required: Array
+    """(P) smallest allowed distances [m]."""
+    names: tuple[str, ...]
+    """(P) both bodies in words."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nearest:
+    """The pair with the least room at each sample."""
+
+    room: Array
+    """(N) its signed distance less what is required of it [m]."""
     pair: Indices
     """(N) its row in the list of pairs."""
     bound: Array
-    """(N) what no pair is below while the joints move on; see `Bodies.nearest`."""
+    """(N) what no pair's room is below while the joints move on; see `CollisionBodies.nearest`."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -37,8 +52,6 @@ class Proximity:
     do not depend on what was known, except by rounding; `forget` removes that, too.
     """
 
-    pairs: Indices
-    """(P, 2) as in `CollisionBodies`: own pairs first."""
     rates: Array
     """(P, n) how fast each joint can change each distance [m/rad or 1]."""
     last: Array
@@ -57,10 +70,9 @@ class Proximity:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CollisionBodies:
-    """Convex bodies fixed in links or in the base frame, half-spaces, and the judged pairs.
+    """Convex bodies fixed in links or in the base frame, and half-spaces.
 
-    A body is the hull of points, inflated by a radius. In a pair the body of the inner link
-    stands first; a first number of B + h stands for half-space h.
+    A body is the hull of points, inflated by a radius.
     """
 
     arm: ArmGeometry
@@ -76,60 +88,42 @@ class CollisionBodies:
     """(B, 4) centre and radius of a sphere around each body [m]."""
     planes: Array
     """(H, 4) outward unit normal of each half-space, and its height along that [m]."""
-    own: Indices
-    """(P, 2) pairs of bodies of the arm and of what it carries."""
-    around: Indices
-    """(E, 2) pairs with the scene."""
-    nearer: Array
-    """(P) how much nearer than the clearance an own pair may be, as it can never be far apart:
-    what is added to its distance [m]."""
 
-    def distances(self, q: Array) -> tuple[Array, Array]:
-        """Signed distances (N, P) of the own pairs and (N, E) to the scene at q (N, n) [m].
+    def distances(self, q: Array, pairs: Indices) -> Array:
+        """Signed distances (N, P) of pairs (P, 2) at q (N, n) [m].
 
         Negative where bodies overlap: the least way that parts them.
         """
-        found: list[Array] = []
-        for pairs in (self.own, self.around):
-            rows = np.empty((len(q), len(pairs)))
-            _distances(self.arm.joints, self.parts, pairs, samples_of(q), rows)
-            found.append(rows)
-        return found[0] + self.nearer, found[1]
+        found = np.empty((len(q), len(pairs)))
+        _distances(self.arm.joints, self.parts, pairs, samples_of(q), found)
+        return found
 
     def nearest(
-        self, q: Array, *, around: bool, travel: Array | None = None, way: Array | None = None
+        self, q: Array, pairs: JudgedPairs, *, travel: Array | None = None, way: Array | None = None
     ) -> Nearest:
-        """The nearest pair at each sample, and a bound nearby.
+        """The pair with the least room at each sample, and a bound nearby.
 
         Args:
             q: (N, n) positions [rad or m].
-            around: Judge the scene instead of the arm's own bodies.
+            pairs: Whom to judge.
             travel: (n) largest |q| of each joint anywhere [rad or m].
             way: (N, n) how far each joint may move from q [rad or m]; None for not at all.
         """
-        pairs = self.around if around else self.own
-        nearer = np.zeros(len(pairs)) if around else np.array(self.nearer)
-        slack = np.zeros((len(q), len(pairs)))
+        slack = np.zeros((len(q), len(pairs.bodies)))
         if way is not None and travel is not None:
-            slack = np.ascontiguousarray(way @ self.rates(pairs, travel).T)
+            slack = np.ascontiguousarray(way @ self.rates(pairs.bodies, travel).T)
         found, pair = np.empty((2, len(q))), np.empty(len(q), dtype=np.intp)
-        _nearest(self.arm.joints, self.parts, pairs, samples_of(q), nearer, slack, found, pair)
-        return Nearest(distance=found[0], pair=pair, bound=found[1])
+        joints, required = self.arm.joints, np.array(pairs.required)
+        _nearest(joints, self.parts, pairs.bodies, samples_of(q), required, slack, found, pair)
+        return Nearest(room=found[0], pair=pair, bound=found[1])
 
-    def allowance(self, pair: int, *, around: bool) -> float:
-        """How much nearer than the clearance a pair may be [m]."""
-        return 0.0 if around else float(self.nearer[pair])
+    def proximity(self, pairs: Indices, samples: int, travel: Array) -> Proximity:
+        """An empty memory of pairs (P, 2) for motions of so many samples.
 
-    def proximity(self, samples: int, travel: Array) -> Proximity:
-        """An empty memory for motions of so many samples.
-
-        Args:
-            samples: Number of samples; 1 to compare each sample with the one before.
-            travel: (n) largest |q| of each joint anywhere [rad or m].
+        With one sample, each is compared with the one before. `travel` (n) is the largest |q| of
+        each joint anywhere [rad or m].
         """
-        pairs = np.concatenate([self.own, self.around])
         known = Proximity(
-            pairs=pairs,
             rates=self.rates(pairs, travel),
             last=np.zeros((samples, self.arm.count)),
             room=np.empty((samples, len(pairs))),
@@ -141,8 +135,8 @@ class CollisionBodies:
     def violation(
         self,
         q: Array,
-        own: tuple[float, float],
-        around: float,
+        pairs: Indices,
+        clearance: Array,
         *,
         known: Proximity | None = None,
         most: float = np.inf,
@@ -151,10 +145,9 @@ class CollisionBodies:
 
         Args:
             q: (N, n) positions [rad or m].
-            own: Smallest allowed distance between the arm's bodies, and what is wanted beyond
-                it of pairs that can be far enough apart [m].
-            around: Smallest allowed distance to the scene [m].
-            known: From `proximity`, for the same samples; it is brought up to date.
+            pairs: (P, 2) whom to judge.
+            clearance: (P) smallest allowed distances [m].
+            known: From `proximity`, for the same pairs and samples; it is brought up to date.
             most: Where the sum is beyond this, later samples are left out.
 
         Returns:
@@ -162,16 +155,10 @@ class CollisionBodies:
         """
         slope = np.zeros(q.shape)
         if known is None:
-            known = self.proximity(1, np.abs(q).max(axis=0))
-        clearance = np.concatenate(
-            [
-                own[0] - self.nearer + np.where(self.nearer > 0, 0.0, own[1]),
-                np.full(len(self.around), around),
-            ]
-        )
+            known = self.proximity(pairs, 1, np.abs(q).max(axis=0))
         arm = self.arm
         total = _violation(
-            arm.joints, arm.prismatic, self.parts, known.pairs, clearance, samples_of(q),
+            arm.joints, arm.prismatic, self.parts, pairs, clearance, samples_of(q),
             known.rates, known.last, known.room, known.axes, most, slope,
         )  # fmt: skip
         return float(total), slope
@@ -332,12 +319,12 @@ def _nearest(
     parts: Any,
     pairs: Indices,
     q: Array,
-    nearer: Array,
+    required: Array,
     slack: Array,
     found: Array,
     pair: Indices,
 ) -> None:
-    """Write the least distance and the least of distance less slack (2, N), and the pair (N)."""
+    """Write the least room and the least of room less slack (2, N), and the pair (N)."""
     n = q.shape[1]
     turn, origin, axis = np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((n, 3))
     centres, work, touch = np.empty((len(parts[0]), 3)), np.empty((WORK, 6)), np.empty(3)
@@ -351,10 +338,10 @@ def _nearest(
         for turned in range(len(pairs)):
             p = (last + turned) % len(pairs)
             off = slack[k, p]
-            enough = max(least, low + off) - nearer[p]
+            enough = max(least, low + off) + required[p]
             a, b = pairs[p, 0], pairs[p, 1]
             far = gap_of(parts, a, b, turn, origin, centres, enough, axes[p], touch, frame, work)
-            far += nearer[p]
+            far -= required[p]
             if far < least:
                 least, index = far, p
             low = min(low, far - off)

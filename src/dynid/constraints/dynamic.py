@@ -72,9 +72,7 @@ def prior_dynamics(robot: RobotModel) -> PriorDynamics | None:
 def prior_link(robot: RobotModel, k: int) -> Array:
     """The ten parameters of link k + 1 about its joint frame, its tensor guessed if unknown.
 
-    Args:
-        robot: A robot whose masses and centres of mass are known.
-        k: Index of the joint that moves the link.
+    Masses and centres of mass of the robot must be known.
     """
     row = robot.inertias[k]
     if not np.isnan(row).any():
@@ -106,6 +104,8 @@ def _uniform(body: Body) -> Array:
 
 
 _STEP = 1e-5
+_UNCERTAINTY = 0.15
+"""Share by which the prior model may underestimate a torque."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,12 +117,10 @@ class TorqueJudge:
     """(n) torque limits, NaN where unknown or not held [N.m or N]."""
     power: float
     """Power limit, NaN where unknown or not held [W]."""
-    uncertainty: float
-    """The share u."""
 
     def largest(self, q: Array, dq: Array, ddq: Array) -> tuple[Array, Array]:
         """The largest torques (N, n) [N.m or N] and powers (N) [W] that the prior allows for."""
-        worst = (1.0 + self.uncertainty) * np.abs(self._torque(q, dq, ddq)) + self.prior.coulomb
+        worst = (1.0 + _UNCERTAINTY) * np.abs(self._torque(q, dq, ddq)) + self.prior.coulomb
         return worst, np.sum(worst * np.abs(dq), axis=1)
 
     def violation(
@@ -130,7 +128,7 @@ class TorqueJudge:
     ) -> tuple[float, Array, Array, Array]:
         """Sum of squared excesses over `share` of the limits, and its derivatives (N, n)."""
         torque = self._torque(q, dq, ddq)
-        grows = (1.0 + self.uncertainty) * np.sign(torque)
+        grows = (1.0 + _UNCERTAINTY) * np.sign(torque)
         worst = grows * torque + self.prior.coulomb
         limits = share * np.where(np.isnan(self.limits), np.inf, self.limits)
         over = np.maximum(worst / limits - 1.0, 0.0)

@@ -8,13 +8,13 @@ import numpy as np
 from dynid.core import Array, InputError
 from dynid.trajectory import (
     BSpline,
+    Extremes,
     FourierQuintic,
     FourierSeries,
     MotionSequence,
     Piece,
     Repetition,
     Trajectory,
-    harmonic_basis,
     peaks,
     pieces,
 )
@@ -27,23 +27,6 @@ _STEPS, _WAVE_STEPS = 256, 128
 """Intervals of a polynomial, and of a harmonic, whose derivatives are bounded."""
 _DOUBT = 2.0
 """Jerk between samples over the largest jerk seen across one sample."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Extremes:
-    """Nothing of the motion is beyond these."""
-
-    lower: Array
-    """(n) [rad or m]"""
-    upper: Array
-    """(n) [rad or m]"""
-    velocity: Array
-    """(n) [rad/s or m/s]"""
-    acceleration: Array
-    """(n) [rad/s^2 or m/s^2]"""
-    proven: bool
-    """Whether they follow from the motion's formula; else from its samples, with the jerk
-    between samples taken as twice what neighbouring samples show."""
 
 
 def dense_times(trajectory: Trajectory) -> Array:
@@ -98,14 +81,7 @@ def extremes(trajectory: Trajectory) -> Extremes:
 
 def _of_leaf(trajectory: Trajectory) -> Extremes:
     if isinstance(trajectory, FourierSeries):
-        peak = peaks(trajectory)
-        return Extremes(
-            lower=trajectory.offset + peak.below,
-            upper=trajectory.offset + peak.above,
-            velocity=peak.velocity,
-            acceleration=peak.acceleration,
-            proven=True,
-        )
+        return peaks(trajectory)
     try:
         parts = pieces(trajectory)
     except InputError:
@@ -113,9 +89,7 @@ def _of_leaf(trajectory: Trajectory) -> Extremes:
     bounds = np.array([_of_piece(piece) for piece in parts])
     lower, upper = bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)
     most = np.maximum(np.abs(lower), np.abs(upper))
-    return Extremes(
-        lower=lower[0], upper=upper[0], velocity=most[1], acceleration=most[2], proven=True
-    )
+    return Extremes(lower=lower[0], upper=upper[0], velocity=most[1], acceleration=most[2])
 
 
 def _of_piece(piece: Piece) -> Array:
@@ -125,27 +99,17 @@ def _of_piece(piece: Piece) -> Array:
     derivative, and that one its own samples by h^2 / 8 of the fourth, which is at most the sum of
     its coefficients' sizes.
     """
-    waves = piece.harmonics
-    count = max(_STEPS, _WAVE_STEPS * waves)
+    count = max(_STEPS, _WAVE_STEPS * piece.harmonics)
     s: Array = np.linspace(0.0, 1.0, count + 1)
     eighth = 1.0 / (8.0 * count**2)
-    turns = 2.0 * np.pi * np.arange(1, waves + 1)
-    sizes = np.abs(piece.a) + np.abs(piece.b)
-    sine, cosine = piece.a, piece.b
-    polynomial = piece.polynomial
     values: list[Array] = []
     steepest: list[Array] = []
-    for order in range(7):
-        steepest.append(np.abs(polynomial).sum(axis=1) + sizes @ turns**order)
-        if order < 5:
-            exponents = np.arange(polynomial.shape[1], dtype=np.float64)
-            value: Array = np.power(s[:, None], exponents) @ polynomial.T
-            if waves:
-                value = value + harmonic_basis(s, 1.0, waves)[0] @ np.hstack([sine, cosine]).T
-            values.append(value)
-        polynomial = polynomial[:, 1:] * np.arange(1.0, polynomial.shape[1])
-        # Of a sin - b cos: w a cos + w b sin, again of that form.
-        sine, cosine = cosine * turns, -sine * turns
+    slope = piece
+    for _ in range(7):
+        values.append(slope.values(s))
+        waves = np.abs(slope.a) + np.abs(slope.b)
+        steepest.append(np.abs(slope.polynomial).sum(axis=1) + waves.sum(axis=1))
+        slope = slope.slope()
     bounds = np.empty((2, 3, len(piece.polynomial)))
     for order in range(3):
         value, bend = values[order], np.abs(values[order + 2])
@@ -157,6 +121,7 @@ def _of_piece(piece: Piece) -> Array:
 
 
 def _from_samples(trajectory: Trajectory) -> Extremes:
+    """Of samples, with the jerk between them taken as twice what neighbouring ones show."""
     times = dense_times(trajectory)
     motion = trajectory.evaluate(times)
     step = trajectory.duration / (len(times) - 1)

@@ -12,9 +12,8 @@ from numba import njit
 
 from dynid.constraints.arm import ArmGeometry, arm_geometry, place_joints, place_point, samples_of
 from dynid.constraints.scene import ConstraintSettings
-from dynid.core import Array, Indices, Mask, plain, read_only
+from dynid.core import Array, Indices, Mask, MotionBounds, plain, read_only
 from dynid.robot import RobotModel
-from dynid.trajectory import MotionBounds
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -276,31 +275,10 @@ class Usage:
         """Whether no judged limit is broken at any sample."""
         return all(item.room >= 0 for item in self.worst.values())
 
-    def ratio(self, kind: str) -> float:
-        """Value over limit of one of `RATIOS`; NaN where not judged."""
-        return 1.0 - self.worst[kind].margin
-
-    def distance(self, kind: str) -> float:
-        """Smallest signed distance of one of `DISTANCES` [m]; NaN where not judged."""
-        return self.worst[kind].margin
-
-    @property
-    def margins(self) -> dict[str, float | None]:
-        """The margins as `--json` prints them; null where not judged."""
-        return margins_of(self.worst)
-
 
 def left_over(ratio: float, free: float) -> float:
     """The share left of a limit of which `free` is kept free, where `ratio` of the rest is used."""
     return 1.0 - (1.0 - free) * ratio
-
-
-def margins_of(worst: dict[str, Worst]) -> dict[str, float | None]:
-    """Kind, with its unit where it is a distance, to margin; None where not judged."""
-    return {
-        f"{kind}_m" if kind in DISTANCES else kind: plain(item.margin)
-        for kind, item in worst.items()
-    }
 
 
 def bound_ratios(bounds: MotionBounds, q: Array, dq: Array, ddq: Array) -> tuple[Array, ...]:

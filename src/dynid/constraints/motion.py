@@ -38,10 +38,6 @@ from dynid.trajectory import usable_bounds
 class MotionConstraints:
     """Limits and collisions of one robot, for designs and for runs.
 
-    Args:
-        robot: The robot.
-        settings: What to hold.
-
     Raises:
         InputError: Bounds for another number of joints, or a scene in which the robot cannot
             stand.
@@ -103,32 +99,30 @@ class MotionConstraints:
         for kind, (points, limit) in self.points.items():
             worst[kind] = _over(points.norms(q, dq), limit, times, free(kind))
         if self.surroundings is not None:
-            for kind, names in self.surroundings.names.items():
-                if names:
-                    bodies, around = self.surroundings.bodies, kind == "environment"
-                    found = bodies.nearest(q, around=around)
-                    k = int(np.argmin(found.distance))
-                    pair = int(found.pair[k])
-                    off = bodies.allowance(pair, around=around)
-                    least = float(found.distance[k]) - off
-                    worst[kind] = Worst(
-                        margin=least,
-                        t=float(times[k]),
-                        what=names[pair],
-                        value=least,
-                        limit=free(kind) - off,
-                        required=free(kind) - off,
-                        distance=True,
-                    )
+            for kind, pairs in self.surroundings.pairs.items():
+                found = self.surroundings.bodies.nearest(q, pairs)
+                k = int(np.argmin(found.room))
+                pair = int(found.pair[k])
+                required = float(pairs.required[pair])
+                least = float(found.room[k]) + required
+                worst[kind] = Worst(
+                    margin=least,
+                    t=float(times[k]),
+                    what=pairs.names[pair],
+                    value=least,
+                    limit=required,
+                    required=required,
+                    distance=True,
+                )
         return Usage(worst=worst)
 
     def proximity(self, samples: int) -> Proximity | None:
         """A memory of distances for motions of so many samples; see `CollisionBodies`."""
-        if self.surroundings is None:
+        around, bounds = self.surroundings, self.settings.bounds
+        if around is None:
             return None
-        bounds = self.settings.bounds
         travel = np.maximum(np.abs(bounds.lower), np.abs(bounds.upper))
-        return self.surroundings.bodies.proximity(samples, travel)
+        return around.bodies.proximity(around.all_pairs, samples, travel)
 
     def violation(
         self,
@@ -170,15 +164,16 @@ class MotionConstraints:
             more, a, b = speed_violation(list(self.points.values()), q, dq, share)
             total += more
             q_bar, dq_bar = q_bar + a, dq_bar + b
-        if self.surroundings is not None and total <= most:
-            settings = self.settings
-            own, around = settings.self_clearance, (1.0 + tighten) * (settings.clearance + caution)
-            more, a = self.surroundings.bodies.violation(
-                q,
-                (own, tighten * own + (1.0 + tighten) * caution),
-                around,
-                known=known,
-                most=most - total,
+        around = self.surroundings
+        if around is not None and total <= most:
+            clearances: list[Array] = []
+            for kind, pairs in around.pairs.items():
+                # Pairs that can never be far apart have no room to be cautious with.
+                roomy = pairs.required == self.settings.clearances[kind]
+                wide = (1.0 + tighten) * (pairs.required + caution)
+                clearances.append(np.where(roomy, wide, pairs.required))
+            more, a = around.bodies.violation(
+                q, around.all_pairs, np.concatenate(clearances), known=known, most=most - total
             )
             total += more
             q_bar = q_bar + a
@@ -288,9 +283,7 @@ def _torque_judge(
         unjudged += [unknown_masses(kind) for kind, is_known in known.items() if is_known]
         return None
     notes.extend(prior.notes)
-    return TorqueJudge(
-        prior=prior, limits=limits, power=power, uncertainty=settings.torque_uncertainty
-    )
+    return TorqueJudge(prior=prior, limits=limits, power=power)
 
 
 def _largest(
@@ -329,9 +322,6 @@ no more under its shoulder: the UR5 keeps 13 mm there whatever it does."""
 
 def paper_constraints(robot: RobotModel) -> MotionConstraints:
     """The paper's problem alone: bounds of position, velocity and acceleration.
-
-    Args:
-        robot: The robot.
 
     Raises:
         InputError: Bounds that leave no room.

@@ -8,9 +8,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from dynid.core import Array, InputError, JsonFields, freeze, load_object
+from dynid.core import Array, InputError, JsonFields, MotionBounds, freeze, load_object
 from dynid.robot import Body, Tool, box_points, cylinder_points, from_axes, from_xyz_rpy
-from dynid.trajectory import MotionBounds
 
 HALF_SPACE, BOX, CYLINDER, SPHERE = 0, 1, 2, 3
 KINDS = ("half-space", "box", "cylinder", "sphere")
@@ -45,12 +44,9 @@ class Shape:
 
 
 def body_of(shape: Shape, link: int = 0, frame: Array | None = None) -> Body:
-    """A solid that is no half-space as a collision body.
+    """A solid that is no half-space as a collision body, fixed in a link.
 
-    Args:
-        shape: The solid.
-        link: The link that it is fixed in.
-        frame: (4, 4) the frame of its pose in the joint frame of that link; the same if None.
+    The frame (4, 4) of its pose is given in the joint frame of that link; None for the same.
     """
     pose = shape.pose if frame is None else frame @ shape.pose
     points, radius = np.zeros((1, 3)), float(shape.size[0])
@@ -108,11 +104,7 @@ def read_scene(path: Path) -> Scene:
 
 
 def scene_from_json(fields: JsonFields, where: str = "scene") -> Scene:
-    """A scene from its JSON object.
-
-    Args:
-        fields: The object.
-        where: The file's name, for errors.
+    """A scene from its JSON object; `where` is the file's name.
 
     Raises:
         InputError: An unknown key or shape, a missing or wrong value.
@@ -247,8 +239,6 @@ class ConstraintSettings:
     unless the scene brings a floor, or `none`; walls and ceilings that the robot hangs on too."""
     margin: float = 0.0
     """Share of the limits in `MARGIN_KINDS` that is kept free; `bounds` is less it already."""
-    torque_uncertainty: float = 0.15
-    """Share by which the prior model may underestimate a torque."""
 
     def __post_init__(self) -> None:
         for name in ("lower", "upper", "velocity", "acceleration"):
@@ -272,8 +262,6 @@ class ConstraintSettings:
             value = getattr(self, name)
             if not (math.isfinite(value) and 0 <= value < 1):
                 raise InputError(name, value=value, limit="0 to 1 m")
-        if not (math.isfinite(self.torque_uncertainty) and 0 <= self.torque_uncertainty < 10):
-            raise InputError("share of uncertain torque", value=self.torque_uncertainty)
 
     @property
     def clearances(self) -> dict[str, float]:

@@ -48,6 +48,7 @@ if TYPE_CHECKING:
         solve_upper,
         upper_triangle,
     )
+    from dynid.core.bounds import MotionBounds
     from dynid.core.json_fields import (
         JsonFields,
         load_object,
@@ -69,6 +70,7 @@ __all__ = [
     "JsonFields",
     "Mask",
     "MissingExtraError",
+    "MotionBounds",
     "Progress",
     "Provenance",
     "RecordError",
@@ -111,20 +113,13 @@ __all__ = [
     "write_text",
 ]
 
-_LATER = {
-    "arrays": (
-        "Array", "Indices", "Mask", "freeze", "frozen", "inverse_upper", "read_only", "scipy_part",
-        "solve_upper", "upper_triangle",
-    ),
-    "json_fields": ("JsonFields", "load_object", "parse_json", "plain", "provenance_from_json"),
-    "parallel": ("WorkerLost", "Workers", "each", "result_of", "told_to_stop", "workers"),
-}  # fmt: skip
+_LATER = ("arrays", "bounds", "json_fields", "parallel")
 
 
 def __getattr__(name: str) -> Any:
-    module = next((module for module, names in _LATER.items() if name in names), None)
-    if module is None:
-        raise AttributeError(f"module 'dynid.core' has no attribute {name!r}")
-    value = getattr(import_module(f"dynid.core.{module}"), name)
-    globals()[name] = value
-    return value
+    for module in _LATER if name in __all__ else ():
+        found = vars(import_module(f"dynid.core.{module}"))
+        if name in found:
+            globals()[name] = found[name]
+            return found[name]
+    raise AttributeError(f"module 'dynid.core' has no attribute {name!r}")

@@ -77,15 +77,10 @@ class MissingExtraError(InputError):
 
 
 def check_word(value: str, words: Iterable[str], where: str | None = None) -> None:
-    """Refuse a word that is not known.
-
-    Args:
-        value: The word.
-        words: Those that are known; an empty one stands for a default.
-        where: The option.
+    """Refuse a word that is none of those known, of which an empty one stands for a default.
 
     Raises:
-        InputError: It is none of them.
+        InputError: It is none of them; `where` names the option.
     """
     known = tuple(words)
     if value not in known:
@@ -110,12 +105,7 @@ def _suggestion(value: object, limit: object) -> str | None:
 
 
 def like_named(path: Path, *words: str) -> str | None:
-    """The file or folder beside a missing one with the closest name, as a next step.
-
-    Args:
-        path: What is not there.
-        words: What else could be meant.
-    """
+    """The file or folder beside a missing one, or word, with the closest name, as a next step."""
     import difflib
 
     files: list[str] = []
@@ -129,9 +119,7 @@ def like_named(path: Path, *words: str) -> str | None:
 def printable(value: object, longest: int | None = 60) -> str:
     """Any text, of a file or a person, as one printable line.
 
-    Args:
-        value: The text, or a value in words.
-        longest: Characters to keep, three dots included; None for all.
+    It has at most `longest` characters, three dots included; all where that is None.
     """
     text = "".join(c if c.isprintable() else "?" for c in str(value))
     return text if longest is None or len(text) <= longest else text[: longest - 3] + "..."
@@ -147,14 +135,10 @@ def installed(module: str) -> bool:
 
 
 def require(module: str, extra: str) -> ModuleType:
-    """Import an optional module.
-
-    Args:
-        module: Dotted name of the module.
-        extra: The dynid extra that installs it.
+    """Import an optional module by its dotted name.
 
     Raises:
-        MissingExtraError: The module is not installed; the message names the command.
+        MissingExtraError: It is not installed; the message names the dynid extra to install.
     """
     try:
         return importlib.import_module(module)

@@ -33,9 +33,7 @@ _NO_SUCH_PLACE = frozenset(
 def cannot_write(path: Path, error: OSError | ValueError) -> DynidError:
     """The error to raise where a file cannot be written: the caller's fault or the disk's.
 
-    Args:
-        path: The file.
-        error: What the system said; a ValueError where the name is none for a file.
+    It follows from what the system said; a ValueError where the name is none for a file.
     """
     if isinstance(error, ValueError) or error.errno in _NO_SUCH_PLACE:
         return InputError(
@@ -51,9 +49,6 @@ def cannot_write(path: Path, error: OSError | ValueError) -> DynidError:
 
 def file_behind(path: Path) -> Path:
     """The file that a name stands for: a link stays a link, what it points to is written.
-
-    Args:
-        path: File to write.
 
     Raises:
         InputError: A device or a pipe: a rename would put a file in its place. Or the root folder.
@@ -72,11 +67,7 @@ def file_behind(path: Path) -> Path:
 
 
 def require_absent(*paths: Path, force: bool) -> None:
-    """Refuse to write where a file stands, unless told to.
-
-    Args:
-        *paths: The files to write.
-        force: Whether they may replace what stands there.
+    """Refuse to write where a file stands, unless `force` says that it may be replaced.
 
     Raises:
         InputError: A file stands there.
@@ -94,9 +85,6 @@ def require_absent(*paths: Path, force: bool) -> None:
 def make_folder(path: str | Path) -> Path:
     """A folder, made where it is missing.
 
-    Args:
-        path: The folder.
-
     Raises:
         InputError: A place where no folder can be.
         JobError: The disk does not take it.
@@ -112,9 +100,6 @@ def make_folder(path: str | Path) -> Path:
 @contextmanager
 def in_one_piece(path: Path) -> Generator[Path]:
     """Write a file whole or not at all: an interrupt leaves the old file.
-
-    Args:
-        path: File to write.
 
     Yields:
         The draft to write, which is renamed to the file at the end.
@@ -139,10 +124,6 @@ def in_one_piece(path: Path) -> Generator[Path]:
 def write_text(path: Path, text: str) -> None:
     """Write a file in one piece.
 
-    Args:
-        path: File to write.
-        text: Its content.
-
     Raises:
         InputError: A place where no such file can be.
         JobError: The disk does not take it.
@@ -154,12 +135,8 @@ def write_text(path: Path, text: str) -> None:
 def write_json(path: Path, data: Mapping[str, Any]) -> None:
     """Write a JSON object in one piece.
 
-    Args:
-        path: File to write.
-        data: JSON values; NaN and infinity are none.
-
     Raises:
-        InputError: Something that JSON cannot hold, or a place where no such file can be.
+        InputError: Something that JSON cannot hold, as NaN, or a place where no such file can be.
         JobError: The disk does not take it.
     """
     try:

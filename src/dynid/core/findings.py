@@ -141,10 +141,5 @@ Progress = Callable[[str, float], None]
 
 
 def silent(what: str, share: float) -> None:
-    """Progress that nobody watches.
-
-    Args:
-        what: What is being done.
-        share: How far the job is (0 to 1).
-    """
+    """Progress that nobody watches."""
     del what, share

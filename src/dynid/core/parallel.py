@@ -72,12 +72,7 @@ class Workers:
     reopened: int = 0
 
     def submit(self, task: Callable[..., Result], *words: Any) -> Future[Result] | None:
-        """Hand a task to the workers; None where there are none left.
-
-        Args:
-            task: A function that other processes can import.
-            words: Its arguments.
-        """
+        """Hand a task, which other processes can import, to the workers; None if there are none."""
         while self.executor is not None:
             # A process that is being born inherits the mask: Ctrl-C is for the caller alone.
             mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
@@ -94,12 +89,7 @@ class Workers:
     def finished(
         self, pending: Collection[Future[Result]], wait_s: float | None
     ) -> set[Future[Result]]:
-        """Tasks that are done or lost, waiting for the first so long.
-
-        Args:
-            pending: The tasks.
-            wait_s: How long to wait [s]; None for as long as it takes.
-        """
+        """Tasks that are done or lost, waiting for the first so long [s]; None for no limit."""
         until = None if wait_s is None else time.monotonic() + wait_s
         without = 0.0
         while pending:
@@ -120,9 +110,6 @@ class Workers:
 
 def result_of(future: Future[Result]) -> Result:
     """The result of a task that `Workers.finished` gave.
-
-    Args:
-        future: The task.
 
     Raises:
         WorkerLost: Its worker died. What the task itself raises is raised as it is.

@@ -134,13 +134,10 @@ def _roomiest(
 def _room(constraints: MotionConstraints, poses: Array) -> Array:
     """(N) the least of what is left of clearances and of torques at rest; negative if missed."""
     room = np.full(len(poses), 1.0)
-    around, settings = constraints.surroundings, constraints.settings
+    around = constraints.surroundings
     if around is not None:
-        for kind, names in around.names.items():
-            if names:
-                found = around.bodies.nearest(poses, around=kind == "environment")
-                missing = found.distance - settings.clearances[kind]
-                room = np.minimum(room, missing / _FAR)
+        for pairs in around.pairs.values():
+            room = np.minimum(room, around.bodies.nearest(poses, pairs).room / _FAR)
     if constraints.torque is not None:
         still = np.zeros(poses.shape)
         torque, _ = constraints.torque.largest(poses, still, still)

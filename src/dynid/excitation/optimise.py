@@ -9,7 +9,16 @@ from typing import Any
 import numpy as np
 
 from dynid.constraints import Certificate, certify
-from dynid.core import Array, Finding, InputError, JobError, Provenance, Workers, plain
+from dynid.core import (
+    Array,
+    Finding,
+    InputError,
+    JobError,
+    MotionBounds,
+    Provenance,
+    Workers,
+    plain,
+)
 from dynid.excitation.evaluation import DesignEvaluation
 from dynid.excitation.genetic import elite_count, evolve
 from dynid.excitation.gradient import STAGES, TIGHTEN, improve
@@ -24,7 +33,7 @@ from dynid.excitation.problem import (
 )
 from dynid.excitation.purpose import Expected
 from dynid.excitation.region import MotionRegion, region_of
-from dynid.trajectory import MotionBounds, Trajectory
+from dynid.trajectory import Trajectory
 
 TIGHTER = (0.05, 0.1)
 """Shares by which limits shrink when the search's own did not pass the certificate."""

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from dynid.core import Array, InputError
+from dynid.core import Array, InputError, MotionBounds
 from dynid.excitation.problem import ExcitationProblem
-from dynid.trajectory import MotionBounds, MotionFamily
+from dynid.trajectory import MotionFamily
 
 POINTS_PER_NUMBER = 16
 """Grid points for each free number of a joint; for the Fourier series, 32 a harmonic."""

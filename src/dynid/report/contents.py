@@ -3,12 +3,12 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dynid.core import Array, Finding, printable
+from dynid.core import Array, Finding, MotionBounds, printable
 from dynid.diagnosis import Verdict
 from dynid.identification import Estimate, StandardParameters
 from dynid.reduction import BaseParametrization
 from dynid.robot import RobotModel
-from dynid.trajectory import MotionBounds, Trajectory
+from dynid.trajectory import Trajectory
 from dynid.validation import ParameterComparison, ValidationResult
 
 

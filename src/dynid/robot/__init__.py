@@ -3,10 +3,9 @@
 Start with `dynid.robot.load.load_robot`.
 """
 
-from dynid.robot.body import Body, box_points, cylinder_points, read_mesh
+from dynid.robot.body import Body, box_points, cylinder_points
 from dynid.robot.dh import robot_from_chain, robot_from_dh
 from dynid.robot.kinematics import (
-    flange_pose,
     joint_poses,
     nominal_geometry,
     structural_gravity,
@@ -32,7 +31,6 @@ from dynid.robot.model import (
     unknown_limits,
     with_tool,
 )
-from dynid.robot.tables import read_limited, shown_path
 from dynid.robot.transforms import (
     PARAMETERS,
     frame_map,
@@ -48,16 +46,13 @@ from dynid.robot.transforms import (
     poses_at_zero,
     rotation_z,
     tensor,
-    to_pinocchio,
     to_pseudo_inertia,
     translation,
 )
-from dynid.robot.urdf import MAX_BYTES, find_trunk, load_urdf, place_links, robot_from_urdf
-from dynid.robot.urdf_bodies import mesh_places
-from dynid.robot.urdf_xml import parse_root, parse_urdf, read_number, read_origin, read_vector
+from dynid.robot.urdf import robot_from_urdf
+from dynid.robot.urdf_bodies import urdf_shapes
 
 __all__ = [
-    "MAX_BYTES",
     "PARAMETERS",
     "Body",
     "BuiltinRobot",
@@ -72,8 +67,6 @@ __all__ = [
     "builtin_names",
     "cylinder_points",
     "direct_drives",
-    "find_trunk",
-    "flange_pose",
     "frame_map",
     "from_axes",
     "from_body",
@@ -84,20 +77,10 @@ __all__ = [
     "is_physical",
     "joint_poses",
     "load_robot",
-    "load_urdf",
-    "mesh_places",
     "move",
     "nominal_geometry",
     "parameter_frames",
-    "parse_root",
-    "parse_urdf",
-    "place_links",
     "poses_at_zero",
-    "read_limited",
-    "read_mesh",
-    "read_number",
-    "read_origin",
-    "read_vector",
     "robot_from_chain",
     "robot_from_dh",
     "robot_from_json",
@@ -105,13 +88,12 @@ __all__ = [
     "robot_to_json",
     "robots",
     "rotation_z",
-    "shown_path",
     "structural_gravity",
     "tensor",
-    "to_pinocchio",
     "to_pseudo_inertia",
     "translation",
     "unknown_limits",
+    "urdf_shapes",
     "with_mount",
     "with_tool",
 ]

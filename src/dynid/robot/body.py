@@ -34,6 +34,8 @@ _SAMPLED = 2000
 _WIDER = 1e-4
 """Added to the radius for the rounding of points to 0.1 mm and for that of the proof [m]."""
 _MOST_TRIANGLES = 200_000
+_LARGEST_MESH = 64 << 20
+"""Bytes of a file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,17 +113,17 @@ def cylinder_points(radius: float, half: float) -> Array:
 
 
 def read_mesh(file: Path, scale: Array) -> Array:
-    """(T, 3, 3) the triangles of a mesh file [m].
+    """(T, 3, 3) the triangles of a mesh file (STL, Collada, OBJ and what else coal reads) [m].
 
-    Args:
-        file: STL, Collada, OBJ and what else coal reads.
-        scale: (3) factors.
+    The corners are multiplied by the scale (3).
 
     Raises:
         MissingExtraError: The extra `collision` is not installed.
-        RobotError: The file is no mesh.
+        RobotError: The file is no mesh, or too large.
     """
     coal: Any = require("coal", "collision")
+    if file.stat().st_size > _LARGEST_MESH:
+        raise RobotError(f"the mesh {printable(file.name)} is too large")
     try:
         mesh = coal.MeshLoader().load(str(file), scale)
         corners = np.asarray(mesh.vertices(), dtype=np.float64).reshape(-1, 3)

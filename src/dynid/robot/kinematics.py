@@ -25,14 +25,7 @@ from dynid.robot.transforms import (
 
 
 def joint_poses(robot: RobotModel, q: ArrayLike) -> Array:
-    """The joint frames in the base frame.
-
-    Args:
-        robot: The robot.
-        q: (..., n) joint positions [rad or m].
-
-    Returns:
-        (..., n, 4, 4) poses [m].
+    """The joint frames (..., n, 4, 4) in the base frame [m] at positions q (..., n) [rad or m].
 
     Raises:
         RobotError: The last axis of `q` is not n long.
@@ -51,27 +44,15 @@ def joint_poses(robot: RobotModel, q: ArrayLike) -> Array:
     return poses
 
 
-def flange_pose(robot: RobotModel, q: ArrayLike) -> Array:
-    """The flange in the base frame (..., 4, 4) at q (..., n).
-
-    Raises:
-        RobotError: The last axis of `q` is not n long.
-    """
-    return joint_poses(robot, q)[..., -1, :, :] @ robot.flange
-
-
 MOUNTS = ("floor", "wall", "ceiling", "tilt:DEG")
 """The words that `--mount` takes; DEG is a number of degrees about the base's x axis."""
 
 
 def mount_gravity(mount: str) -> Array:
-    """Gravity in the base frame (3) [m/s^2] for a mounting.
+    """Gravity in the base frame (3) [m/s^2] for `floor`, `wall`, `ceiling` or `tilt:DEG`.
 
     `tilt:DEG` turns the floor's gravity about the base's x axis: 0 is the floor, 90 the wall,
     180 the ceiling.
-
-    Args:
-        mount: `floor`, `wall`, `ceiling` or `tilt:DEG`.
 
     Raises:
         RobotError: None of these, or DEG is not a number within -360 and 360.

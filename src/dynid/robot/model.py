@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, RobotError, freeze, frozen
+from dynid.core import Array, MotionBounds, RobotError, freeze, frozen
 from dynid.robot.body import Body
 
 
@@ -76,38 +76,11 @@ def direct_drives(joints: int) -> Drives:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointLimits:
-    """Bounds of each joint, joint side.
+class JointLimits(MotionBounds):
+    """Bounds of each joint, joint side; see `MotionBounds`."""
 
-    Raises:
-        RobotError: A lower bound above its upper bound, or a bound that is not positive.
-    """
-
-    lower: Array
-    """(n) smallest position [rad or m], NaN if unknown."""
-    upper: Array
-    """(n) largest position [rad or m], NaN if unknown."""
-    velocity: Array
-    """(n) largest speed [rad/s or m/s], NaN if unknown."""
-    acceleration: Array
-    """(n) largest acceleration [rad/s^2 or m/s^2], NaN if unknown."""
     torque: Array
     """(n) largest torque or force [N.m or N], NaN if unknown."""
-
-    def __post_init__(self) -> None:
-        n = len(np.atleast_1d(self.lower))
-        freeze(self, "limit", finite=False, **{item.name: (n,) for item in fields(self)})
-        for name in ("velocity", "acceleration", "torque"):
-            value = getattr(self, name)
-            if (value <= 0).any():
-                raise RobotError(f"the {name} limits must be positive", value=value.tolist())
-        if (self.lower > self.upper).any():
-            joint = int(np.argmax(self.lower > self.upper))
-            raise RobotError(
-                f"joint {joint + 1}: lower position limit above the upper one",
-                value=float(self.lower[joint]),
-                limit=float(self.upper[joint]),
-            )
 
 
 def unknown_limits(joints: int) -> JointLimits:
@@ -194,13 +167,10 @@ class Counterbalance:
             )
 
     def torque(self, q: Array) -> Array:
-        """The torque of the cylinder on the joint [N.m], positive in the joint's sense.
+        """The torque of the cylinder on the joint [N.m] at its positions q (...) [rad].
 
         It relieves the motor: the measured torque is Y p - torque(q). It is minus the slope
         of the gas's energy over q, so it draws the arm to where the cylinder is shortest.
-
-        Args:
-            q: (...) positions of the joint [rad].
         """
         delta = q + self.offset
         length = np.sqrt(

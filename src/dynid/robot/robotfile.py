@@ -19,11 +19,13 @@ from dynid.robot.tables import (
     located,
     locked_joints,
     parse_toml,
+    read_limited,
     shown_path,
     tables,
 )
 from dynid.robot.transforms import from_body, from_xyz_rpy, move
-from dynid.robot.urdf import load_urdf
+from dynid.robot.urdf import MAX_BYTES as MAX_URDF
+from dynid.robot.urdf import robot_from_urdf
 from dynid.robot.urdf_bodies import with_collision_geometry
 
 _SIDES = ("joint", "motor")
@@ -268,7 +270,13 @@ def _from_urdf(top: TomlTable, path: Path) -> RobotModel:
         )
     tip = top.text("tip") if "tip" in top else None
     locked = locked_joints(top.raw("locked")) if "locked" in top else None
-    return load_urdf(file, tip=tip, locked=locked)
+    return robot_from_urdf(
+        read_limited(file, MAX_URDF),
+        where=shown_path(file),
+        stem=file.stem,
+        tip=tip,
+        locked=locked,
+    )
 
 
 def _from_dh(top: TomlTable, path: Path) -> RobotModel:

@@ -15,11 +15,7 @@ from dynid.core import Array, InputError, RobotError, printable
 
 
 def read_limited(path: Path, limit: int) -> bytes:
-    """The bytes of a regular file.
-
-    Args:
-        path: The file.
-        limit: Most bytes accepted.
+    """The bytes of a regular file that has at most so many.
 
     Raises:
         RobotError: The file is missing, is not a file, cannot be read or is too large.

@@ -17,19 +17,13 @@ from dynid.core import Array, RobotError, frozen, read_only
 PARAMETERS = ("m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy")
 """The paper's order."""
 
-# Position of each of our parameters in pinocchio's order m, mx, my, mz, xx, xy, yy, xz, yz, zz.
-_IN_PINOCCHIO = np.array([0, 1, 2, 3, 4, 6, 9, 8, 7, 5])
-_FROM_PINOCCHIO = np.argsort(_IN_PINOCCHIO)
-
-
-def to_pinocchio(parameters: Array) -> Array:
-    """Parameters (..., 10) in the order of pinocchio's `toDynamicParameters`."""
-    return parameters[..., _FROM_PINOCCHIO]
-
 
 def from_pinocchio(parameters: Array) -> Array:
-    """Parameters (..., 10) from the order of pinocchio's `toDynamicParameters`."""
-    return parameters[..., _IN_PINOCCHIO]
+    """Parameters (..., 10) from the order of pinocchio's `toDynamicParameters`.
+
+    That is m, mx, my, mz, xx, xy, yy, xz, yz, zz.
+    """
+    return parameters[..., [0, 1, 2, 3, 4, 6, 9, 8, 7, 5]]
 
 
 def tensor(parameters: Array) -> Array:
@@ -73,8 +67,7 @@ def _basis() -> Array:
 def frame_map(frame: ArrayLike) -> Array:
     """The matrix A (10, 10) with parameters_outer = A parameters_inner.
 
-    Args:
-        frame: (4, 4) inner frame in the outer frame, rotation and translation [m].
+    The frame (4, 4) is the inner one in the outer one, rotation and translation [m].
 
     Raises:
         InputError: `frame` is not a finite (4, 4) array.
@@ -84,13 +77,9 @@ def frame_map(frame: ArrayLike) -> Array:
 
 
 def move(parameters: Array, frame: ArrayLike) -> Array:
-    """Parameters (10) given in `frame`, expressed in the frame around it.
+    """Parameters (10) given in a frame (4, 4), expressed in the frame around it.
 
     What is unknown (NaN) stays unknown; a known mass and known first moments stay known.
-
-    Args:
-        parameters: (10) parameters in the inner frame.
-        frame: (4, 4) inner frame in the outer frame.
 
     Raises:
         InputError: `frame` is not a finite (4, 4) array.
@@ -174,11 +163,9 @@ def rotation_z(angle: float) -> Array:
 
 
 def from_xyz_rpy(xyz: Sequence[float], rpy: Sequence[float]) -> Array:
-    """The transform of a URDF `origin`.
+    """The transform of a URDF `origin`: three coordinates [m], then roll, pitch and yaw [rad].
 
-    Args:
-        xyz: Three coordinates [m].
-        rpy: Roll, pitch and yaw about the fixed axes x, y, z, in that order [rad].
+    These turn about the fixed axes x, y, z, in that order.
     """
     return (
         translation(xyz[0], xyz[1], xyz[2])
@@ -272,17 +259,10 @@ def link_frames(poses: Array, axes: Array, flange: Array) -> tuple[Array, Array]
 
 
 def parameter_frames(placements: Array, axes: Array, flange: Array) -> dict[str, Array]:
-    """The `dh`, `mdh` and `urdf` frames of every link, in its joint frame.
+    """The `dh`, `mdh` and `urdf` frames (n, 4, 4) of every link, in its joint frame.
 
-    The `urdf` frames are the joint frames themselves.
-
-    Args:
-        placements: (n, 4, 4) joint frames in the previous ones at q = 0 [m].
-        axes: (n, 3) unit axes in the joint frames.
-        flange: (4, 4) the chain's end in the last joint frame [m].
-
-    Returns:
-        Convention to (n, 4, 4).
+    The `urdf` frames are the joint frames themselves. Of joint frames (n, 4, 4) in the previous
+    ones at q = 0 [m], unit axes (n, 3) in them, and the chain's end (4, 4) in the last.
     """
     poses = poses_at_zero(placements)
     near, far = link_frames(poses, axes, flange)

@@ -5,14 +5,13 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from dynid.core import Array, RobotError, printable
 from dynid.robot.dh import robot_from_chain
 from dynid.robot.model import JointLimits, RobotModel
-from dynid.robot.tables import located, read_limited, shown_path
+from dynid.robot.tables import located
 from dynid.robot.transforms import is_physical, joint_motion, move
 from dynid.robot.urdf_xml import MOVING, UrdfJoint, UrdfTree, parse_urdf
 
@@ -234,33 +233,6 @@ MAX_BYTES = 20_000_000
 """The largest URDF file that is read."""
 
 
-def load_urdf(
-    path: str | Path, *, tip: str | None = None, locked: Mapping[str, float] | None = None
-) -> RobotModel:
-    """A robot from a URDF file, standing on the floor with its root link as the base.
-
-    Fixed and frozen joints are merged into the links. Meshes, Gazebo and transmission tags are
-    not looked at. Links without an `inertial` leave their inertia unknown only if nothing
-    else in the same moving body has one.
-
-    Args:
-        path: The file.
-        tip: The link to which the arm leads; None to follow the trunk of the tree.
-        locked: Joints to freeze, and where [rad or m].
-
-    Raises:
-        RobotError: The file cannot be read, is not a sound URDF, or has no arm in it.
-    """
-    file = Path(path)
-    return robot_from_urdf(
-        read_limited(file, MAX_BYTES),
-        where=shown_path(file),
-        stem=file.stem,
-        tip=tip,
-        locked=locked,
-    )
-
-
 def robot_from_urdf(
     data: bytes,
     *,
@@ -269,13 +241,17 @@ def robot_from_urdf(
     tip: str | None = None,
     locked: Mapping[str, float] | None = None,
 ) -> RobotModel:
-    """A robot from URDF text; see `load_urdf`.
+    """A robot from URDF text, standing on the floor with its root link as the base.
+
+    Fixed and frozen joints are merged into the links. Meshes, Gazebo and transmission tags are
+    not looked at. Links without an `inertial` leave their inertia unknown only if nothing
+    else in the same moving body has one.
 
     Args:
         data: The text's bytes.
         where: The file's name, for errors.
         stem: The robot's name if the text gives none.
-        tip: The link to which the arm leads.
+        tip: The link to which the arm leads; None to follow the trunk of the tree.
         locked: Joints to freeze, and where [rad or m].
 
     Raises:

@@ -1,4 +1,4 @@
-"""Bodies from the collision geometry of a URDF, for robots that have none of their own.
+"""The `collision` and `visual` elements of a URDF: bodies to judge, triangles to draw.
 
 Boxes, cylinders, spheres and meshes (with the extra `collision`). What cannot be read becomes a
 note, never an error: a verdict on collisions then says what it did not see.
@@ -7,25 +7,100 @@ note, never an error: a verdict on collisions then says what it did not see.
 import math
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
-from dataclasses import replace
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from dynid.core import Array, MissingExtraError, RobotError, printable
+from dynid.core import Array, Indices, MissingExtraError, RobotError, printable
 from dynid.robot.body import Body, around_triangles, box_points, cylinder_points, read_mesh
 from dynid.robot.model import RobotModel
 from dynid.robot.tables import read_limited, shown_path
 from dynid.robot.urdf import MAX_BYTES, find_trunk, place_links
 from dynid.robot.urdf_xml import parse_root, parse_urdf, read_number, read_origin, read_vector
 
-Solid = tuple[Array, float]
-"""Points (K, 3) and radius [m] of a body."""
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UrdfShape:
+    """One element of a URDF with a geometry."""
+
+    name: str
+    """That of its link."""
+    link: int
+    """0 for the base, i for what joint i moves."""
+    frame: Array
+    """(4, 4) the frame of the URDF's link in the joint frame [m]."""
+    element: ET.Element
+    shape: ET.Element
+    """The geometry in the element."""
+    where: str
+    """The element in words."""
+    folders: tuple[Path, ...]
+    """Where meshes are looked for, that of the URDF first."""
+
+    def solids(self) -> list[tuple[Array, float]]:
+        """Points (K, 3) in the joint frame and radius [m] of convex bodies that hold it.
+
+        Raises:
+            RobotError: A geometry that is not known or not sound, or a mesh that is not found.
+            MissingExtraError: A mesh without the extra `collision`.
+        """
+        shape, where = self.shape, self.where
+        if shape.tag == "mesh":
+            found = around_triangles(self._mesh())
+        elif shape.tag == "sphere":
+            found = [(np.zeros((1, 3)), _size(read_number(shape, "radius", where), where))]
+        elif shape.tag == "cylinder":
+            sizes = [read_number(shape, key, where) for key in ("radius", "length")]
+            radius, length = (_size(value, where) for value in sizes)
+            found = [(cylinder_points(radius, length / 2), 0.0)]
+        elif shape.tag == "box":
+            sides = [_size(value, where) for value in read_vector(shape, "size", where)]
+            found = [(box_points(np.array(sides) / 2), 0.0)]
+        else:
+            raise RobotError(f"no body for a {printable(shape.tag, 40)}")
+        return [(self._placed(points), radius) for points, radius in found]
+
+    def surface(self) -> tuple[Array, Indices]:
+        """Its triangles: vertices (V, 3) in the joint frame [m] and faces (F, 3).
+
+        Raises:
+            RobotError: As `solids`.
+            MissingExtraError: As `solids`.
+        """
+        if self.shape.tag == "mesh":
+            corners = self._placed(self._mesh().reshape(-1, 3))
+            return corners, np.arange(len(corners)).reshape(-1, 3)
+        ((points, radius),) = self.solids()
+        return Body(name=self.name, link=self.link, points=points, radius=radius).surface()
+
+    def _placed(self, points: Array) -> Array:
+        pose = self.frame @ read_origin(self.element, self.where)
+        return points @ pose[:3, :3].T + pose[:3, 3]
+
+    def _mesh(self) -> Array:
+        """(T, 3, 3) triangles."""
+        name = (self.shape.get("filename") or "").strip()
+        tries = _mesh_places(name, self.folders)
+        file = next((one for one in tries if one.is_file()), None)
+        if file is None:
+            looked = ", ".join(dict.fromkeys(shown_path(one) for one in tries[:_NAMED]))
+            unset = [key for key in _SEARCHED if not os.environ.get(key)]
+            raise RobotError(
+                f"the mesh {printable(name)} was not found; looked for {looked}"
+                f"{' ...' if len(tries) > _NAMED else ''}"
+                f"{f' ({chr(32).join(unset)} not set)' if unset else ''}"
+            )
+        scale = np.ones(3)
+        if self.shape.get("scale"):
+            scale = np.array(read_vector(self.shape, "scale", self.where))
+        return read_mesh(file, scale)
 
 
 def with_collision_geometry(
-    robot: RobotModel, path: str | Path, *, tip: str | None = None, mesh_dirs: Sequence[Path] = ()
+    robot: RobotModel, path: Path, *, tip: str | None = None, mesh_dirs: Sequence[Path] = ()
 ) -> RobotModel:
     """The robot with bodies that hold the `collision` elements of its URDF.
 
@@ -37,66 +112,64 @@ def with_collision_geometry(
     """
     if robot.bodies:
         return robot
-    file = Path(path)
-    where = shown_path(file)
-    data = read_limited(file, MAX_BYTES)
-    tree = parse_urdf(data, where)
-    trunk = find_trunk(tree, where, tip=tip, locked=dict(robot.locked))
-    poses, carriers = place_links(tree, trunk)
-    folders = (file.parent, *mesh_dirs)
     found: list[Body] = []
     notes: list[str] = []
     unread: list[str] = []
-    for link in parse_root(data, where).iterfind("link"):
-        name = (link.get("name") or "").strip()
-        shapes: list[Solid] = []
-        for k, element in enumerate(link.iterfind("collision")):
-            at = f"link {printable(name, 40)}: collision {k + 1}"
-            try:
-                placed = poses[name] @ read_origin(element, at)
-                shapes += [
-                    (points @ placed[:3, :3].T + placed[:3, 3], radius)
-                    for points, radius in _shapes(element, at, folders, notes)
-                ]
-            except MissingExtraError:
-                unread.append(printable(name, 40))
-            except RobotError as error:
-                notes.append(f"{at} is not judged: {error.what}")
-        found += [
-            Body(
-                name=f"{printable(name, 40)} {k + 1}",
-                link=carriers[name],
-                points=points,
-                radius=radius,
-            )
-            for k, (points, radius) in enumerate(shapes)
-        ]
+    count = Counter[str]()
+    for item in urdf_shapes(robot, path, "collision", tip=tip, mesh_dirs=mesh_dirs):
+        try:
+            for points, radius in item.solids():
+                count[item.name] += 1
+                name = f"{item.name} {count[item.name]}"
+                found.append(Body(name=name, link=item.link, points=points, radius=radius))
+        except MissingExtraError:
+            unread.append(item.name)
+        except RobotError as error:
+            notes.append(f"{item.where} is not judged: {error.what}")
     if unread:
         named = ", ".join(dict.fromkeys(unread))
         notes.append(f"meshes of {named} are not judged: pip install 'dynid[collision]' reads them")
     return replace(robot, bodies=tuple(found), body_notes=(*robot.body_notes, *notes))
 
 
-def _shapes(
-    element: ET.Element, where: str, folders: Sequence[Path], notes: list[str]
-) -> list[Solid]:
-    geometry = element.find("geometry")
-    if geometry is None or len(geometry) == 0:
-        return []
-    shape = geometry[0]
-    if shape.tag == "sphere":
-        return [(np.zeros((1, 3)), _size(read_number(shape, "radius", where), where))]
-    if shape.tag == "cylinder":
-        sizes = [read_number(shape, key, where) for key in ("radius", "length")]
-        radius, length = (_size(value, where) for value in sizes)
-        return [(cylinder_points(radius, length / 2), 0.0)]
-    if shape.tag == "box":
-        sides = [_size(value, where) for value in read_vector(shape, "size", where)]
-        return [(box_points(np.array(sides) / 2), 0.0)]
-    if shape.tag == "mesh":
-        return _mesh(shape, where, folders, notes)
-    notes.append(f"{where} is not judged: no body for a {printable(shape.tag, 40)}")
-    return []
+def urdf_shapes(
+    robot: RobotModel,
+    path: Path,
+    kind: str,
+    *,
+    tip: str | None = None,
+    mesh_dirs: Sequence[Path] = (),
+) -> Iterator[UrdfShape]:
+    """The elements `collision` or `visual` of a robot's URDF that have a geometry.
+
+    Args:
+        robot: The robot.
+        path: Its URDF.
+        kind: The name of the elements.
+        tip: The link to which the arm leads; None to find it.
+        mesh_dirs: Further folders where meshes are looked for.
+
+    Raises:
+        RobotError: The file is not the robot's.
+    """
+    where = shown_path(path)
+    data = read_limited(path, MAX_BYTES)
+    tree = parse_urdf(data, where)
+    poses, carriers = place_links(tree, find_trunk(tree, where, tip=tip, locked=robot.locked))
+    for link in parse_root(data, where).iterfind("link"):
+        name = (link.get("name") or "").strip()
+        for k, element in enumerate(link.iterfind(kind), start=1):
+            geometry = element.find("geometry")
+            if geometry is not None and len(geometry):
+                yield UrdfShape(
+                    name=printable(name, 40),
+                    link=carriers[name],
+                    frame=poses[name],
+                    element=element,
+                    shape=geometry[0],
+                    where=f"link {printable(name, 40)}: {kind} {k}",
+                    folders=(path.parent, *mesh_dirs),
+                )
 
 
 def _size(value: float, where: str) -> float:
@@ -105,35 +178,13 @@ def _size(value: float, where: str) -> float:
     return value
 
 
-def _mesh(shape: ET.Element, where: str, folders: Sequence[Path], notes: list[str]) -> list[Solid]:
-    name = (shape.get("filename") or "").strip()
-    tries = mesh_places(name, folders)
-    file = next((one for one in tries if one.is_file()), None)
-    if file is None:
-        looked = ", ".join(dict.fromkeys(shown_path(one) for one in tries[:_NAMED]))
-        unset = [key for key in _SEARCHED if not os.environ.get(key)]
-        notes.append(
-            f"{where} is not judged: the mesh {printable(name)} was not found; looked for {looked}"
-            f"{' ...' if len(tries) > _NAMED else ''}"
-            f"{f' ({chr(32).join(unset)} not set)' if unset else ''}"
-        )
-        return []
-    scale = np.array(read_vector(shape, "scale", where)) if shape.get("scale") else np.ones(3)
-    return around_triangles(read_mesh(file, scale))
-
-
 _SEARCHED = ("AMENT_PREFIX_PATH", "ROS_PACKAGE_PATH")
 _NAMED = 8
 """Places named where a mesh was not found."""
 
 
-def mesh_places(name: str, folders: Sequence[Path]) -> list[Path]:
-    """Where a mesh may be: as ROS 2 and ROS find packages, in the folders given, by the file.
-
-    Args:
-        name: As the URDF has it: a path, or `package://PACKAGE/PATH`.
-        folders: That of the URDF, then those given.
-    """
+def _mesh_places(name: str, folders: Sequence[Path]) -> list[Path]:
+    """Where a mesh may be: as ROS 2 and ROS find packages, in the folders given, by the file."""
     plain = name.removeprefix("file://")
     near, *given = folders
     package, _, inner = plain.partition("://")

@@ -150,11 +150,7 @@ _MAX_DEPTH = 100
 
 
 def parse_urdf(data: bytes, where: str) -> UrdfTree:
-    """Check URDF text and take its kinematics and inertias.
-
-    Args:
-        data: The file's bytes.
-        where: The file's name, for errors.
+    """Check URDF text and take its kinematics and inertias; `where` is the file's name.
 
     Raises:
         RobotError: Anything that is not a URDF of one tree with sane numbers; the message

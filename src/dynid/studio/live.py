@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynid.constraints import DISTANCES, CollisionBodies, MotionConstraints, Worst
+from dynid.constraints import CollisionBodies, JudgedPairs, MotionConstraints, Worst
 from dynid.core import Array, RecordError
 from dynid.recording import ExperimentRecord, partial_path, recover
 
@@ -40,26 +40,21 @@ def instant(
     around = constraints.surroundings
     near: list[Near] = []
     if around is not None:
-        kinds = [kind for kind in DISTANCES if around.names.get(kind)]
-        near = [_near(constraints, around.bodies, k, around.names[k], rows[0]) for k in kinds]
+        near = [_near(around.bodies, kind, pairs, rows[0]) for kind, pairs in around.pairs.items()]
     return constraints.usage(*rows).worst, near
 
 
-def _near(
-    constraints: MotionConstraints, bodies: CollisionBodies, kind: str, names: list[str], q: Array
-) -> Near:
-    around = kind == "environment"
-    row = int(bodies.nearest(q, around=around).pair[0])
-    first, second = (bodies.around if around else bodies.own)[row]
-    nearer = 0.0 if around else float(bodies.nearer[row])
+def _near(bodies: CollisionBodies, kind: str, pairs: JudgedPairs, q: Array) -> Near:
+    row = int(bodies.nearest(q, pairs).pair[0])
+    first, second = pairs.bodies[row]
     distance, ends = bodies.closest(q[0], int(first), int(second))
     # The arm first: names stand so.
-    start, end = ends[::-1] if around else ends
+    start, end = ends[::-1] if kind == "environment" else ends
     return Near(
         kind=kind,
-        names=names[row],
+        names=pairs.names[row],
         distance=distance,
-        clearance=constraints.settings.clearances[kind] - nearer,
+        clearance=float(pairs.required[row]),
         start=start,
         end=end,
     )

@@ -1,33 +1,15 @@
 """Triangles of the arm's bodies, of the shapes of a scene, and of the meshes of a URDF."""
 
 import math
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from dynid.constraints import BOX, CYLINDER, HALF_SPACE, SPHERE, Shape, body_of
-from dynid.core import Array, DynidError, Indices, printable, scipy_part
-from dynid.robot import (
-    MAX_BYTES,
-    Body,
-    RobotModel,
-    box_points,
-    find_trunk,
-    mesh_places,
-    parse_root,
-    parse_urdf,
-    place_links,
-    read_limited,
-    read_mesh,
-    read_number,
-    read_origin,
-    read_vector,
-    shown_path,
-)
+from dynid.constraints import HALF_SPACE, Shape, body_of
+from dynid.core import Array, DynidError, Indices, scipy_part
+from dynid.robot import Body, RobotModel, box_points, urdf_shapes
 
 STICK = 0.035
 """Radius of the arm's bodies where none are known, as a share of its reach."""
@@ -159,11 +141,6 @@ def shape_mesh(shape: Shape) -> tuple[Array, Indices]:
     return body_of(replace(shape, pose=np.eye(4))).surface()
 
 
-MAX_MESH = 40_000_000
-"""The largest mesh file that is read [bytes]."""
-Triangles = tuple[Array, Any]
-
-
 def robot_meshes(robot: RobotModel, reference: str, notes: list[str]) -> tuple[LinkMesh, ...]:
     """What to draw of a robot: a URDF's `visual` elements where they can be read, else its bodies.
 
@@ -184,52 +161,10 @@ def robot_meshes(robot: RobotModel, reference: str, notes: list[str]) -> tuple[L
 
 def _visual_meshes(robot: RobotModel, path: Path, notes: list[str]) -> Iterator[LinkMesh]:
     """The `visual` elements of a URDF, in the joint frames of the robot's links."""
-    where = shown_path(path)
-    data = read_limited(path, MAX_BYTES)
-    tree = parse_urdf(data, where)
-    trunk = find_trunk(tree, where, locked=dict(robot.locked))
-    poses, carriers = place_links(tree, trunk)
-    for link in parse_root(data, where).iterfind("link"):
-        name = (link.get("name") or "").strip()
-        for element in link.iterfind("visual"):
-            triangles = _triangles(element, where, path.parent, notes)
-            if triangles is not None:
-                pose = poses[name] @ read_origin(element, where)
-                yield LinkMesh(
-                    name=printable(name, 40),
-                    link=carriers[name],
-                    vertices=triangles[0] @ pose[:3, :3].T + pose[:3, 3],
-                    faces=triangles[1],
-                )
-
-
-def _triangles(element: ET.Element, where: str, folder: Path, notes: list[str]) -> Triangles | None:
-    geometry = element.find("geometry")
-    if geometry is None or len(geometry) == 0:
-        return None
-    shape = geometry[0]
-    if shape.tag == "box":
-        return _solid(BOX, np.array(read_vector(shape, "size", where)) / 2)
-    if shape.tag == "cylinder":
-        radius, length = (read_number(shape, key, where) for key in ("radius", "length"))
-        return _solid(CYLINDER, np.array([radius, length / 2, 0.0]))
-    if shape.tag == "sphere":
-        return _solid(SPHERE, np.array([read_number(shape, "radius", where), 0.0, 0.0]))
-    if shape.tag != "mesh":
-        return None
-    name = (shape.get("filename") or "").strip()
-    file = next((one for one in mesh_places(name, (folder,)) if one.is_file()), None)
-    if file is None or file.stat().st_size > MAX_MESH:
-        notes.append(f"the mesh {printable(name)} was not found, or is too large: not drawn")
-        return None
-    scale = np.array(read_vector(shape, "scale", where)) if shape.get("scale") else np.ones(3)
-    try:
-        corners = read_mesh(file, scale)
-    except DynidError as error:
-        notes.append(f"not drawn: {error}")
-        return None
-    return corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
-
-
-def _solid(kind: int, size: Array) -> Triangles:
-    return shape_mesh(Shape(name="visual", kind=kind, pose=np.eye(4), size=size))
+    for item in urdf_shapes(robot, path, "visual"):
+        try:
+            vertices, faces = item.surface()
+        except DynidError as error:
+            notes.append(f"not drawn: {item.where}: {error}")
+            continue
+        yield LinkMesh(name=item.name, link=item.link, vertices=vertices, faces=faces)

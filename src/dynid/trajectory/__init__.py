@@ -1,8 +1,7 @@
 """Joint motions as functions of time: Fourier series, polynomials, files."""
 
 from dynid.trajectory.bounds import (
-    MotionBounds,
-    copied_bounds,
+    Extremes,
     largest_scale,
     peaks,
     random_excitation,
@@ -40,19 +39,19 @@ from dynid.trajectory.points import (
 )
 from dynid.trajectory.quintic import FourierQuintic, Quintic, rest_to_rest
 from dynid.trajectory.trajectory import JointMotion, MotionFamily, Trajectory
-from dynid.trajectory.urscript import Piece, UrProgramOptions, pieces, ur_program
+from dynid.trajectory.urscript import Piece, pieces, ur_program
 
 __all__ = [
     "FAMILY_NAMES",
     "LANGUAGES",
     "BSpline",
     "BSplineFamily",
+    "Extremes",
     "FourierFamily",
     "FourierQuintic",
     "FourierSeries",
     "JointMotion",
     "ModifiedFourierFamily",
-    "MotionBounds",
     "MotionFamily",
     "MotionSequence",
     "Piece",
@@ -62,8 +61,6 @@ __all__ = [
     "Repetition",
     "StoredTrajectory",
     "Trajectory",
-    "UrProgramOptions",
-    "copied_bounds",
     "csv_text",
     "harmonic_basis",
     "joint_trajectory_yaml",

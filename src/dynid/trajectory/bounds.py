@@ -3,88 +3,15 @@
 import math
 import warnings
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, frozen
+from dynid.core import Array, InputError, MotionBounds, frozen
 from dynid.trajectory.fourier import FourierSeries, harmonic_basis, rest_basis, rest_series
 
-BOUNDS = ("lower", "upper", "velocity", "acceleration")
 
-
-class MotionLimits(Protocol):
-    """Anything with joint limits, such as `RobotModel.limits`; NaN where unknown."""
-
-    @property
-    def lower(self) -> Array:
-        """(n) smallest positions [rad or m]."""
-        ...
-
-    @property
-    def upper(self) -> Array:
-        """(n) largest positions [rad or m]."""
-        ...
-
-    @property
-    def velocity(self) -> Array:
-        """(n) largest speeds [rad/s or m/s]."""
-        ...
-
-    @property
-    def acceleration(self) -> Array:
-        """(n) largest accelerations [rad/s^2 or m/s^2]."""
-        ...
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MotionBounds:
-    """Bounds of position, velocity and acceleration, one number a joint.
-
-    Raises:
-        InputError: Shapes that disagree, a lower bound above its upper one, or a bound of
-            velocity or acceleration that is not positive.
-    """
-
-    lower: Array
-    """(n) smallest positions [rad or m], NaN if unknown."""
-    upper: Array
-    """(n) largest positions [rad or m], NaN if unknown."""
-    velocity: Array
-    """(n) largest speeds [rad/s or m/s], NaN if unknown."""
-    acceleration: Array
-    """(n) largest accelerations [rad/s^2 or m/s^2], NaN if unknown."""
-
-    def __post_init__(self) -> None:
-        n = np.size(self.lower)
-        for name in BOUNDS:
-            value = frozen(getattr(self, name), shape=(n,), name=f"{name} bounds", finite=False)
-            object.__setattr__(self, name, value)
-        for name in ("velocity", "acceleration"):
-            value = getattr(self, name)
-            if (value <= 0).any():
-                raise InputError(f"the {name} bounds must be positive", value=value.tolist())
-        if (self.lower > self.upper).any():
-            joint = int(np.argmax(self.lower > self.upper))
-            raise InputError(
-                f"joint {joint + 1}: lower position bound above the upper one",
-                value=float(self.lower[joint]),
-                limit=float(self.upper[joint]),
-            )
-
-    @property
-    def joints(self) -> int:
-        """Number of joints n."""
-        return len(self.lower)
-
-
-def copied_bounds(limits: MotionLimits) -> MotionBounds:
-    """The motion part of any limits, NaN kept."""
-    return MotionBounds(**{name: getattr(limits, name) for name in BOUNDS})
-
-
-def usable_bounds(limits: MotionLimits, acceleration: ArrayLike | None = None) -> MotionBounds:
+def usable_bounds(limits: MotionBounds, acceleration: ArrayLike | None = None) -> MotionBounds:
     """Bounds without NaN, for a search or a scaling.
 
     An unknown position bound becomes -pi or pi (2 pi from the known one if that is beyond); an
@@ -95,27 +22,25 @@ def usable_bounds(limits: MotionLimits, acceleration: ArrayLike | None = None) -
         acceleration: (n) or one number: acceleration bounds where the limits know none
             [rad/s^2 or m/s^2].
     """
-    known = copied_bounds(limits)
-    lower = np.where(np.isnan(known.lower), -np.pi, known.lower)
-    upper = np.where(np.isnan(known.upper), np.pi, known.upper)
+    lower = np.where(np.isnan(limits.lower), -np.pi, limits.lower)
+    upper = np.where(np.isnan(limits.upper), np.pi, limits.upper)
     crossed = lower > upper
-    lower = np.where(crossed & np.isnan(known.lower), upper - 2 * np.pi, lower)
-    upper = np.where(crossed & np.isnan(known.upper), lower + 2 * np.pi, upper)
-    velocity = np.where(np.isnan(known.velocity), np.inf, known.velocity)
+    lower = np.where(crossed & np.isnan(limits.lower), upper - 2 * np.pi, lower)
+    upper = np.where(crossed & np.isnan(limits.upper), lower + 2 * np.pi, upper)
     given = np.inf if acceleration is None else acceleration
     try:
-        spare = np.broadcast_to(np.asarray(given, dtype=np.float64), known.acceleration.shape)
+        spare = np.broadcast_to(np.asarray(given, dtype=np.float64), lower.shape)
     except (TypeError, ValueError) as error:
         raise InputError(
             "acceleration must be one number, or one a joint",
             value=acceleration,
-            limit=known.joints,
+            limit=limits.joints,
         ) from error
     return MotionBounds(
         lower=lower,
         upper=upper,
-        velocity=velocity,
-        acceleration=np.where(np.isnan(known.acceleration), spare, known.acceleration),
+        velocity=np.where(np.isnan(limits.velocity), np.inf, limits.velocity),
+        acceleration=np.where(np.isnan(limits.acceleration), spare, limits.acceleration),
     )
 
 
@@ -123,20 +48,22 @@ _POINTS_PER_HARMONIC = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Peaks:
-    """Guaranteed extremes of a periodic motion over all time."""
+class Extremes:
+    """Nothing of a motion is beyond these."""
 
-    below: Array
-    """(n) lowest position relative to the offset [rad or m], not above the true one."""
-    above: Array
-    """(n) highest position relative to the offset [rad or m], not below the true one."""
+    lower: Array
+    """(n) positions [rad or m]"""
+    upper: Array
+    """(n) positions [rad or m]"""
     velocity: Array
-    """(n) largest speed [rad/s or m/s], not below the true one."""
+    """(n) speeds [rad/s or m/s]"""
     acceleration: Array
-    """(n) largest acceleration [rad/s^2 or m/s^2], not below the true one."""
+    """(n) accelerations [rad/s^2 or m/s^2]"""
+    proven: bool = True
+    """Whether they follow from the motion's formula."""
 
 
-def peaks(series: FourierSeries) -> Peaks:
+def peaks(series: FourierSeries) -> Extremes:
     """Extremes that hold between the samples too.
 
     A trigonometric polynomial of degree H seen at N > 2H regular points is nowhere larger than
@@ -151,9 +78,9 @@ def peaks(series: FourierSeries) -> Peaks:
     )
     excess = 1.0 / math.cos(math.pi / _POINTS_PER_HARMONIC)
     slack = (excess - 1.0) * np.abs(swing).max(axis=0)
-    return Peaks(
-        below=swing.min(axis=0) - slack,
-        above=swing.max(axis=0) + slack,
+    return Extremes(
+        lower=series.offset + (swing.min(axis=0) - slack),
+        upper=series.offset + (swing.max(axis=0) + slack),
         velocity=excess * np.abs(dq).max(axis=0),
         acceleration=excess * np.abs(ddq).max(axis=0),
     )
@@ -178,7 +105,8 @@ def largest_scale(series: FourierSeries, bounds: MotionBounds, *, margin: float 
     require_inside("mean position", series.offset, lower, upper)
     peak = peaks(series)
     position = np.minimum(
-        _ratio(upper - series.offset, peak.above), _ratio(series.offset - lower, -peak.below)
+        _ratio(upper - series.offset, peak.upper - series.offset),
+        _ratio(series.offset - lower, series.offset - peak.lower),
     )
     return np.minimum(position, _derivative_scale(peak, bounds, margin))
 
@@ -199,7 +127,7 @@ def require_inside(what: str, pose: Array, lower: Array, upper: Array) -> None:
         )
 
 
-def _derivative_scale(peak: Peaks, bounds: MotionBounds, margin: float) -> Array:
+def _derivative_scale(peak: Extremes, bounds: MotionBounds, margin: float) -> Array:
     """(n) the largest factors that velocity and acceleration allow."""
     return np.minimum(
         _ratio(margin * bounds.velocity, peak.velocity),
@@ -225,7 +153,7 @@ def _ratio(room: Array, use: Array) -> Array:
 
 
 def random_excitation(
-    limits: MotionLimits,
+    limits: MotionBounds,
     *,
     harmonics: int = 5,
     period_s: float = 10.0,
@@ -276,9 +204,9 @@ def random_excitation(
         lower, upper = inner_range(bounds, margin)
         peak = peaks(series)
         scale = np.minimum(
-            (upper - lower) / (peak.above - peak.below), _derivative_scale(peak, bounds, margin)
+            (upper - lower) / (peak.upper - peak.lower), _derivative_scale(peak, bounds, margin)
         )
-        first, last = lower - scale * peak.below, upper - scale * peak.above
+        first, last = lower - scale * peak.lower, upper - scale * peak.upper
         place = generator.uniform(size=bounds.joints)
         middle = first + place * np.maximum(last - first, 0.0)
     else:

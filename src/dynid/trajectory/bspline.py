@@ -17,12 +17,6 @@ def _spline(control: Array, duration: float, degree: int) -> Any:
     return scipy_part("interpolate").BSpline(knots, control, degree)
 
 
-def _values(curve: Any, t: Array) -> tuple[Array, Array, Array]:
-    """(N, n) values of a spline and their first two derivatives."""
-    q, dq, ddq = (np.asarray(curve(t, order), dtype=np.float64) for order in range(3))
-    return q, dq, ddq
-
-
 _REST = 3
 """Equal control points at an end that leave it without velocity and acceleration."""
 
@@ -78,7 +72,8 @@ class BSpline(StandingMotion):
         """See `StandingMotion`."""
         # The columns add up to one: measured from the first point, rests come out as exact zeros.
         way = self.control - self.control[:, :1]
-        q, dq, ddq = _values(_spline(way.T, self.travel_time, self.degree), t)
+        curve = _spline(way.T, self.travel_time, self.degree)
+        q, dq, ddq = (np.asarray(curve(t, order), dtype=np.float64) for order in range(3))
         return self.control[:, 0] + q, dq, ddq
 
     def polynomials(self) -> tuple[tuple[float, Array], ...]:
@@ -116,15 +111,6 @@ class BSplineFamily(PoseFamily):
                 value=self.points,
                 limit=self.degree + 1 - 2 * _REST,
             )
-
-    def basis(self, t: Array) -> tuple[Array, Array, Array]:
-        """The columns of the inner control points.
-
-        Args:
-            t: (N) times within the travel time [s].
-        """
-        columns = np.eye(self.points + 2 * _REST)[:, _REST:-_REST]
-        return _values(_spline(columns, self.travel_time, self.degree), t)
 
     def member(self, pose: Array, free: Array) -> BSpline:
         """The inner control points are the free numbers, relative to the pose."""

@@ -13,12 +13,13 @@ import numpy as np
 from dynid.core import (
     InputError,
     JsonFields,
+    MotionBounds,
     Provenance,
     load_object,
+    plain,
     provenance_from_json,
     write_json,
 )
-from dynid.trajectory.bounds import BOUNDS, MotionBounds, MotionLimits, copied_bounds
 from dynid.trajectory.bspline import BSpline, BSplineFamily
 from dynid.trajectory.fourier import FourierFamily, FourierSeries, ModifiedFourierFamily
 from dynid.trajectory.points import MotionSequence, PointsFamily, PointToPoint, Repetition
@@ -54,9 +55,6 @@ _MATRICES = frozenset({"a", "b", "control"})
 def trajectory_to_json(trajectory: Trajectory) -> dict[str, Any]:
     """A JSON object, `type` first, from which the trajectory can be read back exactly.
 
-    Args:
-        trajectory: Any trajectory of this package.
-
     Raises:
         InputError: A trajectory of another kind.
     """
@@ -76,11 +74,7 @@ def _plain(value: object) -> object:
 
 
 def trajectory_from_json(stored: JsonFields, *, depth: int = 0) -> Trajectory:
-    """The trajectory of a JSON object that `trajectory_to_json` made.
-
-    Args:
-        stored: The object.
-        depth: How many sequences it stands in.
+    """The trajectory of a JSON object that `trajectory_to_json` made, within so many sequences.
 
     Raises:
         InputError: An unknown type, or numbers that are not a trajectory of it.
@@ -140,7 +134,7 @@ def write_trajectory(
     path: str | Path,
     *,
     robot: str | Path,
-    limits: MotionLimits,
+    limits: MotionBounds,
     provenance: Provenance,
     extra: Mapping[str, Any] | None = None,
 ) -> None:
@@ -165,9 +159,8 @@ def write_trajectory(
         old = "write_trajectory(path, trajectory) is now write_trajectory(trajectory, path)"
         warnings.warn(old, DeprecationWarning, stacklevel=2)
         trajectory, path = cast("Trajectory", path), trajectory
-    bounds = copied_bounds(limits)
-    if bounds.joints != trajectory.joints:
-        raise InputError("joints of the limits", value=bounds.joints, limit=trajectory.joints)
+    if limits.joints != trajectory.joints:
+        raise InputError("joints of the limits", value=limits.joints, limit=trajectory.joints)
     taken = sorted(_OWN & set(extra or ()))
     if taken:
         raise InputError("these keys are the file's own", value=taken)
@@ -177,10 +170,7 @@ def write_trajectory(
         "robot": str(robot),
         "trajectory": trajectory_to_json(trajectory),
         **(extra or {}),
-        "limits": {
-            name: [float(value) if np.isfinite(value) else None for value in getattr(bounds, name)]
-            for name in BOUNDS
-        },
+        "limits": {item.name: plain(getattr(limits, item.name)) for item in fields(MotionBounds)},
         "provenance": provenance.to_json(),
     }
     write_json(Path(path), document)
@@ -189,23 +179,20 @@ def write_trajectory(
 def read_trajectory(path: str | Path) -> StoredTrajectory:
     """Read what `write_trajectory` wrote, now or in an earlier version, checking every number.
 
-    Args:
-        path: File to read.
-
     Raises:
         InputError: A file that is missing, is not JSON, is something else, or whose numbers
             are not a trajectory.
     """
-    fields = load_object(path)
-    if fields.get("kind") != _KIND:
-        found = fields.get("kind") or fields.get("format")
+    whole = load_object(path)
+    if whole.get("kind") != _KIND:
+        found = whole.get("kind") or whole.get("format")
         raise InputError(
             "not a design and no other trajectory",
             where=str(path),
             value="a JSON object of another kind" if found is None else found,
             next_step="Make one: dynid design ROBOT -o DESIGN.json",
         )
-    version = fields.whole("version") if "version" in fields.values else None
+    version = whole.whole("version") if "version" in whole.values else None
     if version not in _VERSIONS:
         raise InputError(
             "unknown file version",
@@ -215,19 +202,20 @@ def read_trajectory(path: str | Path) -> StoredTrajectory:
             next_step="A newer file needs a newer dynid.",
         )
     try:
-        trajectory = trajectory_from_json(fields if version == 1 else fields.object("trajectory"))
+        trajectory = trajectory_from_json(whole if version == 1 else whole.object("trajectory"))
         _check_size(trajectory)
-        stored = fields.object("limits")
-        limits = MotionBounds(**{name: stored.vector(name, null=True) for name in BOUNDS})
+        stored = whole.object("limits")
+        names = (item.name for item in fields(MotionBounds))
+        limits = MotionBounds(**{name: stored.vector(name, null=True) for name in names})
         if limits.joints != trajectory.joints:
             raise InputError("joints of the limits", value=limits.joints, limit=trajectory.joints)
         own = _OWN if version == _VERSION else _OWN | {"type", "period", "offset", "a", "b"}
         return StoredTrajectory(
             trajectory=trajectory,
-            robot=fields.text("robot"),
+            robot=whole.text("robot"),
             limits=limits,
-            provenance=provenance_from_json(fields.object("provenance")),
-            extra={key: value for key, value in fields.values.items() if key not in own},
+            provenance=provenance_from_json(whole.object("provenance")),
+            extra={key: value for key, value in whole.values.items() if key not in own},
         )
     except InputError as error:
         raise InputError(
@@ -291,11 +279,7 @@ _LATE = 1e-9
 
 
 def sampled(trajectory: Trajectory, rate_hz: float) -> JointMotion:
-    """The motion on a regular grid from zero, and at its end.
-
-    Args:
-        trajectory: The motion.
-        rate_hz: Samples a second; the last step is shorter where the duration asks for it.
+    """The motion on a regular grid from zero, and at its end: the last step may be shorter.
 
     Raises:
         InputError: A rate that is not positive, or too many samples.

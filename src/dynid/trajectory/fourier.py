@@ -53,10 +53,7 @@ class FourierSeries(Trajectory):
         return self.period
 
     def evaluate(self, t: ArrayLike) -> JointMotion:
-        """The motion at any times, from the analytic derivatives.
-
-        Args:
-            t: (N) times [s]; the motion repeats outside one period.
+        """The motion at any times (N) [s], by analytic derivatives; it repeats after a period.
 
         Raises:
             InputError: Times that are not a list of finite numbers.
@@ -69,11 +66,7 @@ class FourierSeries(Trajectory):
         return JointMotion(t=times, q=self.offset + q, dq=dq, ddq=ddq)
 
     def sample(self, rate_hz: float, periods: int = 1) -> JointMotion:
-        """The motion on a regular grid that starts at zero and leaves the last end out.
-
-        Args:
-            rate_hz: Samples a second.
-            periods: How many periods.
+        """The motion on a regular grid over some periods, from zero; the last end is left out.
 
         Raises:
             InputError: A rate or a number of periods that is not positive.
@@ -92,17 +85,10 @@ def coefficients(a: ArrayLike, b: ArrayLike, joints: int) -> tuple[Array, Array]
 
 
 def harmonic_basis(t: Array, period: float, harmonics: int) -> tuple[Array, Array, Array]:
-    """The series' columns and their first two time derivatives.
+    """The series' columns and their first two time derivatives at times (N) [s].
 
-    With x = [a; b] of one joint (2H), q - q0, dq and ddq are the three matrices times x.
-
-    Args:
-        t: (N) times [s].
-        period: Period [s].
-        harmonics: Number of harmonics H.
-
-    Returns:
-        Three (N, 2H) matrices [1, 1/s, 1/s^2].
+    With x = [a; b] of one joint (2H), q - q0, dq and ddq are the three matrices (N, 2H) times x
+    [1, 1/s, 1/s^2].
     """
     rate = np.arange(1, harmonics + 1, dtype=np.float64) * (2.0 * np.pi / period)
     phase = np.multiply.outer(t, rate)
@@ -115,17 +101,11 @@ def harmonic_basis(t: Array, period: float, harmonics: int) -> tuple[Array, Arra
 
 
 def rest_basis(harmonics: int) -> Array:
-    """An orthonormal basis of the coefficients with no velocity and acceleration at the ends.
+    """(2H, 2H - 2) basis of the coefficients with no velocity and acceleration at the ends.
 
     dq(0) = 0 means sum_l l a_l = 0, and ddq(0) = 0 means sum_l l^2 b_l = 0 (by periodicity also
-    at the end). With Z the basis of both null spaces, [a; b] = Z y for free numbers y: the
-    conditions hold exactly and an optimiser needs no equality constraints.
-
-    Args:
-        harmonics: Number of harmonics H, at least 2.
-
-    Returns:
-        (2H, 2H - 2) Z, the a rows first.
+    at the end). With Z the orthonormal basis of both null spaces, the a rows first, [a; b] = Z y
+    for free numbers y: the conditions hold exactly, an optimiser needs no equality constraints.
 
     Raises:
         InputError: Fewer than two harmonics.
@@ -195,16 +175,6 @@ class FourierFamily(SeriesFamily):
     def free_count(self) -> int:
         """2H - 2 free numbers of each joint."""
         return self._coefficients().shape[1]
-
-    def basis(self, t: Array) -> tuple[Array, Array, Array]:
-        """The harmonics' columns in the coordinates of `rest_basis`.
-
-        Args:
-            t: (N) times [s].
-        """
-        free = self._coefficients()
-        q, dq, ddq = harmonic_basis(np.mod(t, self.period), self.period, self.harmonics)
-        return q @ free, dq @ free, ddq @ free
 
     def member(self, pose: Array, free: Array) -> FourierSeries:
         """The series about the pose."""

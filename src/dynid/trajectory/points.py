@@ -15,8 +15,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, frozen
-from dynid.trajectory.bounds import MotionLimits
+from dynid.core import Array, InputError, MotionBounds, frozen
 from dynid.trajectory.quintic import StraightMove, rest_to_rest
 from dynid.trajectory.trajectory import PoseFamily, StandingMotion, Trajectory
 
@@ -138,7 +137,7 @@ def _check_meeting(before: Trajectory, after: Trajectory, where: str) -> None:
 
 def through_poses(
     poses: ArrayLike,
-    limits: MotionLimits,
+    limits: MotionBounds,
     *,
     margin: float = 0.5,
     acceleration: ArrayLike | None = None,
@@ -229,24 +228,6 @@ class PointsFamily(PoseFamily):
 
     name: ClassVar[str] = "points"
 
-    def basis(self, t: Array) -> tuple[Array, Array, Array]:
-        """A column rises to one towards its point and falls back to zero towards the next.
-
-        Args:
-            t: (N) times within the travel time [s].
-        """
-        leg = self.travel_time / (self.points + 1)
-        number = np.clip(np.floor(t / leg).astype(np.intp), 0, self.points)
-        place, speed, push = _trapezoid(np.clip(t / leg - number, 0.0, 1.0))
-        columns = np.arange(self.points)
-        rising, falling = columns == number[:, None], columns == number[:, None] - 1
-        sign = rising * 1.0 - falling * 1.0
-        return (
-            sign * place[:, None] + falling,
-            sign * (speed / leg)[:, None],
-            sign * (push / leg**2)[:, None],
-        )
-
     def member(self, pose: Array, free: Array) -> Trajectory:
         """The points are the free numbers, relative to the pose."""
         leg = self.travel_time / (self.points + 1)
@@ -256,7 +237,7 @@ class PointsFamily(PoseFamily):
         )
 
 
-def points_text(trajectory: Trajectory, language: str, limits: MotionLimits) -> str:
+def points_text(trajectory: Trajectory, language: str, limits: MotionBounds) -> str:
     """A point-to-point motion as a program for a controller that makes the profile itself.
 
     None of the programs was run on a controller: they are compared with the motion by reading
@@ -305,7 +286,7 @@ def _waypoints(legs: list[PointToPoint]) -> list[str]:
     return [header, *(",".join(map(repr, [time, *pose.tolist()])) for time, pose in rows)]
 
 
-def _krl(legs: list[PointToPoint], limits: MotionLimits) -> list[str]:
+def _krl(legs: list[PointToPoint], limits: MotionBounds) -> list[str]:
     lines = [f"DEF {_NAME}()", f"; {_SAID}", "BAS(#INITMOV,0)", f"PTP {_krl_axes(legs[0].start)}"]
     for leg in legs:
         speed = np.abs(leg.goal - leg.start) / ((1.0 - BLEND) * leg.travel_time)

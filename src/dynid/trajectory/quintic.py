@@ -8,8 +8,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, InputError, frozen, read_only
-from dynid.trajectory.bounds import MotionLimits, inner_range, require_inside, usable_bounds
+from dynid.core import Array, InputError, MotionBounds, frozen, read_only
+from dynid.trajectory.bounds import inner_range, require_inside, usable_bounds
 from dynid.trajectory.fourier import coefficients, harmonic_basis
 from dynid.trajectory.trajectory import SeriesFamily, StandingMotion, require_positive
 
@@ -102,7 +102,7 @@ class Quintic(StraightMove):
 def rest_to_rest(
     start: ArrayLike,
     goal: ArrayLike,
-    limits: MotionLimits,
+    limits: MotionBounds,
     *,
     margin: float = 0.5,
     acceleration: ArrayLike | None = None,
@@ -228,14 +228,6 @@ class FourierQuinticFamily(SeriesFamily):
     def free_count(self) -> int:
         """2H free numbers of each joint: a, then b."""
         return 2 * self.harmonics
-
-    def basis(self, t: Array) -> tuple[Array, Array, Array]:
-        """The harmonics' columns, each with the polynomial that holds its ends.
-
-        Args:
-            t: (N) times within the period [s].
-        """
-        return _held_harmonics(t, self.period, self.harmonics)
 
     def member(self, pose: Array, free: Array) -> FourierQuintic:
         """The motion from the pose back to it."""

@@ -63,10 +63,7 @@ class Trajectory(ABC):
 
     @abstractmethod
     def evaluate(self, t: ArrayLike) -> JointMotion:
-        """Positions, velocities and accelerations.
-
-        Args:
-            t: (N) times from the start [s].
+        """Positions, velocities and accelerations at times (N) from the start [s].
 
         Raises:
             InputError: Times that are not a list of finite numbers.
@@ -83,10 +80,7 @@ class StandingMotion(Trajectory):
         """Positions, velocities and accelerations (N, n) at (N) times from 0 to `duration`."""
 
     def evaluate(self, t: ArrayLike) -> JointMotion:
-        """The motion at any times.
-
-        Args:
-            t: (N) times [s]; outside 0 to `duration` the arm stands at the nearer end.
+        """The motion at any times (N) [s]; outside of it the arm stands at the nearer end.
 
         Raises:
             InputError: Times that are not a list of finite numbers.
@@ -121,17 +115,6 @@ class MotionFamily(ABC):
         """Free numbers k of each joint."""
 
     @abstractmethod
-    def basis(self, t: Array) -> tuple[Array, Array, Array]:
-        """The columns of the motion and their first two time derivatives.
-
-        Args:
-            t: (N) times within the duration [s].
-
-        Returns:
-            Three (N, k) matrices B0 [1], B1 [1/s] and B2 [1/s^2].
-        """
-
-    @abstractmethod
     def member(self, pose: Array, free: Array) -> Trajectory:
         """The member with a pose (n) and free numbers (n, k), both checked; see `trajectory`."""
 
@@ -148,6 +131,17 @@ class MotionFamily(ABC):
         pose = frozen(offset, shape=(None,), name="offset")
         numbers = frozen(free, shape=(len(pose), self.free_count), name="free numbers")
         return self.member(pose, numbers)
+
+    def basis(self, t: Array) -> tuple[Array, Array, Array]:
+        """The columns of the motion, and their first two derivatives, at times (N) within it [s].
+
+        They are the motion of an arm with a joint for each free number, which is one there.
+
+        Returns:
+            Three (N, k) matrices B0 [1], B1 [1/s] and B2 [1/s^2].
+        """
+        motion = self.member(np.zeros(self.free_count), np.eye(self.free_count)).evaluate(t)
+        return motion.q, motion.dq, motion.ddq
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,14 +1,16 @@
 """A URScript program that evaluates a motion on the controller of the robot."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dynid.core import Array, InputError, frozen
 from dynid.trajectory.bspline import BSpline
-from dynid.trajectory.fourier import FourierSeries
+from dynid.trajectory.fourier import FourierSeries, harmonic_basis
 from dynid.trajectory.points import MotionSequence, PointToPoint, Repetition
 from dynid.trajectory.quintic import STEP, FourierQuintic, Quintic
 from dynid.trajectory.trajectory import Trajectory, require_positive
@@ -39,15 +41,25 @@ class Piece:
         """Number of harmonics H."""
         return self.a.shape[1]
 
+    def values(self, s: Array) -> Array:
+        """(N, n) q at (N) s [rad or m]."""
+        powers: Array = np.power(s[:, None], np.arange(float(self.polynomial.shape[1])))
+        waves = harmonic_basis(s, 1.0, self.harmonics)[0]
+        return powers @ self.polynomial.T + waves @ np.hstack([self.a, self.b]).T
+
+    def slope(self) -> Piece:
+        """The derivative by s, which is again of this form."""
+        orders = np.arange(1.0, self.polynomial.shape[1])
+        turns = 2.0 * np.pi * np.arange(1, self.harmonics + 1)
+        polynomial = self.polynomial[:, 1:] * orders
+        return replace(self, polynomial=polynomial, a=self.b * turns, b=-self.a * turns)
+
 
 def pieces(trajectory: Trajectory) -> tuple[Piece, ...]:
-    """The formulas of a trajectory, in their order.
-
-    Args:
-        trajectory: Any trajectory of this package; a Fourier series counts as one period.
+    """The formulas of a trajectory, in their order; a Fourier series counts as one period.
 
     Raises:
-        InputError: A trajectory of another kind.
+        InputError: A trajectory of a kind that is not of this package.
     """
     match trajectory:
         case FourierSeries(period=period, offset=offset, a=a, b=b):
@@ -156,99 +168,31 @@ _AT_REST = 1e-6
 """Largest velocity [rad/s] and acceleration [rad/s^2] that counts as rest."""
 _WHOLE = 1e-9
 """How far from a whole number of cycles a period may be, for rounding."""
-_REGISTERS = range(48)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UrProgramOptions:
-    """How a program runs a motion.
-
-    Raises:
-        InputError: A number that the controller does not take.
-    """
-
-    rate_hz: float = 125.0
-    """Control cycles a second: 125 on CB-Series, 500 on e-Series."""
-    repeats: int = 1
-    """Periods to record."""
-    settle: int = 0
-    """Periods before these, which let the arm and its tracking settle."""
-    speed: float = 1.0
-    """Share of the motion's speed, at most 1; a slow first pass takes longer for the same path."""
-    lookahead_time: float = 0.03
-    """Of `servoj` [s], 0.03 to 0.2."""
-    gain: float = 500.0
-    """Of `servoj`, 100 to 2000."""
-    approach_speed: float = 0.5
-    """Joint speed of the way to the start [rad/s]."""
-    approach_acceleration: float = 0.5
-    """Joint acceleration of the way to the start, and of the stop at the end [rad/s^2]."""
-    dwell: float = 1.0
-    """Rest at the start, before the motion [s]."""
-    index_register: int = 24
-    """Output integer register with the sample index: -1 before the motion, then 0, 1, 2..."""
-    state_register: int = 25
-    """Output integer register: 0 on the way to the start, 1 in motion, 2 when done."""
-    watchdog_hz: float | None = 10.0
-    """How often the input register must be written, or the program stops; None for never."""
-    watchdog_register: int = 24
-    """Input integer register that the computer keeps writing to."""
-    name: str = "dynid_excitation"
-    """Name of the program."""
-
-    def __post_init__(self) -> None:
-        require_positive("the control rate", self.rate_hz)
-        require_positive("the approach speed", self.approach_speed)
-        require_positive("the approach acceleration", self.approach_acceleration)
-        if self.watchdog_hz is not None:
-            require_positive("the watchdog frequency", self.watchdog_hz)
-        if self.repeats < 1 or self.settle < 0:
-            raise InputError(
-                "repetitions must be positive, settling periods not negative",
-                value=(self.repeats, self.settle),
-            )
-        for what, value, lowest, highest in (
-            ("the share of the speed", self.speed, 0.001, 1.0),
-            ("lookahead_time", self.lookahead_time, 0.03, 0.2),
-            ("gain", self.gain, 100.0, 2000.0),
-            ("the rest at the start", self.dwell, 0.0, 3600.0),
-        ):
-            if not lowest <= value <= highest:
-                raise InputError(what, value=value, limit=(lowest, highest))
-        for register in (self.index_register, self.state_register, self.watchdog_register):
-            if register not in _REGISTERS:
-                raise InputError("no such register", value=register, limit="0 to 47")
-        if self.index_register == self.state_register:
-            raise InputError("index and state need a register each", value=self.index_register)
-        if not (self.name.isascii() and self.name.isidentifier()):
-            raise InputError("the name of the program must be an identifier", value=self.name)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UrProgram:
-    """A program and what a client must know about it."""
-
-    text: str
-    """The URScript, one `def` that the controller runs as soon as it has it."""
-    cycles: int
-    """Control cycles of one period."""
-    first_recorded: int
-    """Sample index at which the settling periods end."""
-    total: int
-    """Sample indices run from 0 to one less."""
-    start: Array
-    """(6) the pose it moves to first, and where each period starts [rad]."""
-    options: UrProgramOptions
-    """How it was made."""
+_SERVO = "lookahead_time=0.03,gain=500.0"
+"""Of `servoj`: what the paper takes."""
+_SLOW = 0.5
+"""Joint speed [rad/s] and acceleration [rad/s^2] of the way to the start, and of the stop."""
+_DWELL_S = 1.0
+"""Rest at the start, before the motion."""
+_HELD_S = 0.2
+"""Rest at the end, until the arm has caught up with its targets."""
+_INDEX = "write_output_integer_register(24, {})"
+"""The sample's number: -1 before the motion, then 0, 1, 2..."""
+_STATE = "write_output_integer_register(25, {})"
+"""0 on the way to the start, 1 in motion, 2 when done."""
+_WATCHDOG = 'rtde_set_watchdog("input_int_register_24", 10.0, "stop")'
+"""The program stops where the computer does not write to its register ten times a second."""
 
 
 def ur_program(
     trajectory: Trajectory,
-    options: UrProgramOptions | None = None,
     *,
-    comment: str = "",
+    rate_hz: float = 125.0,
+    repeats: int = 1,
+    settle: int = 0,
     via: Sequence[Array] = (),
-) -> UrProgram:
+    comment: str = "",
+) -> str:
     """A complete program: way to the start, rest, periods, stop.
 
     Only scalar arithmetic, sin, cos, if and while are used, which CB-Series controllers know. The
@@ -259,75 +203,54 @@ def ur_program(
     Args:
         trajectory: The motion of one period of a six-joint arm, at rest at both ends. With more
             than one period it must end where it starts.
-        options: Rate, repetitions, servo, registers; the defaults are those of the paper.
-        comment: Written into the program's head.
+        rate_hz: Control cycles a second: 125 on CB-Series, 500 on e-Series.
+        repeats: Periods to record.
+        settle: Periods before these, which let the arm and its tracking settle.
         via: Way points, each (6), at which it rests on its way to the start [rad].
+        comment: Written into the program's head.
+
+    Returns:
+        The URScript, one `def` that the controller runs as soon as it has it.
 
     Raises:
-        InputError: Another number of joints, a motion that does not start and end at rest, or a
-            period that is no whole number of control cycles.
+        InputError: Another number of joints, a motion that does not start and end at rest, a
+            period that is no whole number of control cycles, or no period.
     """
-    how = options or UrProgramOptions()
+    require_positive("the control rate", rate_hz)
+    if repeats < 1 or settle < 0:
+        raise InputError(
+            "repetitions must be positive, settling periods not negative", value=(repeats, settle)
+        )
     if trajectory.joints != _JOINTS:
         raise InputError("joints of a UR robot", value=trajectory.joints, limit=_JOINTS)
-    cycles = _whole_cycles(trajectory, how)
-    if how.repeats + how.settle > 1:
+    cycles = _whole_cycles(trajectory, rate_hz)
+    total = (settle + repeats) * cycles
+    if total > cycles:
         # Refuses a motion that does not end as it starts.
         Repetition(part=trajectory, times=2)
     ends = trajectory.evaluate([0.0, trajectory.duration])
     rest = float(max(np.abs(ends.dq).max(), np.abs(ends.ddq).max()))
     if rest > _AT_REST:
         raise InputError("the motion does not start and end at rest", value=rest, limit=_AT_REST)
-    total = (how.settle + how.repeats) * cycles
-    rate = how.rate_hz / how.speed
     parts = pieces(trajectory)
-    body, names = _formula_lines(parts, rate), _variables(parts)
-    points = [frozen(pose, shape=(_JOINTS,), name="way point") for pose in via]
-    way = [pose_list(pose) for pose in (*points, ends.q[0])]
-    return UrProgram(
-        text=_program(how, cycles, total, (way, pose_list(ends.q[1])), names, body, comment),
-        cycles=cycles,
-        first_recorded=how.settle * cycles,
-        total=total,
-        start=ends.q[0],
-        options=how,
-    )
-
-
-def _program(
-    how: UrProgramOptions,
-    cycles: int,
-    total: int,
-    ends: tuple[list[str], str],
-    names: list[str],
-    body: list[str],
-    comment: str,
-) -> str:
-    servo = (
-        f"t={decimal(1.0 / how.rate_hz)},lookahead_time={decimal(how.lookahead_time)},"
-        f"gain={decimal(how.gain)}"
-    )
-    watch: list[str] = []
-    if how.watchdog_hz is not None:
-        register = f'"input_int_register_{how.watchdog_register}"'
-        watch = [f'rtde_set_watchdog({register}, {decimal(how.watchdog_hz)}, "stop")']
-    slow = decimal(how.approach_acceleration)
+    way = [*(frozen(pose, shape=(_JOINTS,), name="way point") for pose in via), ends.q[0]]
+    servo = f"0, 0, t={decimal(1.0 / rate_hz)},{_SERVO}"
     inside = [
         *(f"# {line}" for line in _printable(comment)),
-        f"# {how.settle} settling and {how.repeats} recorded periods of {cycles} cycles.",
-        f"write_output_integer_register({how.state_register}, 0)",
-        f"write_output_integer_register({how.index_register}, -1)",
-        *watch,
-        *(f"movej({pose}, a={slow}, v={decimal(how.approach_speed)})" for pose in ends[0]),
-        *([f"sleep({decimal(how.dwell)})"] if how.dwell > 0 else []),
+        f"# {settle} settling and {repeats} recorded periods of {cycles} cycles.",
+        _STATE.format(0),
+        _INDEX.format(-1),
+        _WATCHDOG,
+        *(f"movej({pose_list(pose)}, a={_SLOW}, v={_SLOW})" for pose in way),
+        f"sleep({_DWELL_S})",
         "local index = 0",
         "local sample = 0",
-        *(f"local {name} = 0.0" for name in names),
-        f"write_output_integer_register({how.state_register}, 1)",
+        *(f"local {name} = 0.0" for name in _variables(parts)),
+        _STATE.format(1),
         f"while index < {total}:",
-        *(f"  {line}" for line in body),
-        f"  write_output_integer_register({how.index_register}, index)",
-        f"  servoj([q1, q2, q3, q4, q5, q6], 0, 0, {servo})",
+        *(f"  {line}" for line in _formula_lines(parts, rate_hz)),
+        f"  {_INDEX.format('index')}",
+        f"  servoj([q1, q2, q3, q4, q5, q6], {servo})",
         "  index = index + 1",
         "  sample = sample + 1",
         f"  if sample >= {cycles}:",
@@ -335,27 +258,26 @@ def _program(
         "  end",
         "end",
         # The arm lags behind its targets: it is held at the last pose until it is there.
-        f"write_output_integer_register({how.index_register}, {total})",
+        _INDEX.format(total),
         "sample = 0",
-        f"while sample < {math.ceil(0.2 * how.rate_hz)}:",
-        f"  servoj({ends[1]}, 0, 0, {servo})",
+        f"while sample < {math.ceil(_HELD_S * rate_hz)}:",
+        f"  servoj({pose_list(ends.q[1])}, {servo})",
         "  sample = sample + 1",
         "end",
-        f"stopj({slow})",
-        f"write_output_integer_register({how.state_register}, 2)",
+        f"stopj({_SLOW})",
+        _STATE.format(2),
     ]
-    lines = [f"def {how.name}():", *(f"  {line}" for line in inside), "end"]
-    return "\n".join(lines) + "\n"
+    return "\n".join(["def dynid_excitation():", *(f"  {line}" for line in inside), "end"]) + "\n"
 
 
-def _whole_cycles(trajectory: Trajectory, how: UrProgramOptions) -> int:
-    exact = trajectory.duration * how.rate_hz / how.speed
+def _whole_cycles(trajectory: Trajectory, rate_hz: float) -> int:
+    exact = trajectory.duration * rate_hz
     cycles = round(exact)
     if cycles < 2 or abs(exact - cycles) > _WHOLE * cycles:
         raise InputError(
             "a period must be a whole number of control cycles",
             value=exact,
-            next_step=f"Take a period that is a multiple of {how.speed / how.rate_hz:.6g} s.",
+            next_step=f"Take a period that is a multiple of {1.0 / rate_hz:.6g} s.",
         )
     return cycles
 

@@ -22,7 +22,6 @@ from dynid.trajectory import (
     JointMotion,
     StoredTrajectory,
     Trajectory,
-    copied_bounds,
     csv_text,
     joint_trajectory_yaml,
     points_text,
@@ -161,7 +160,7 @@ def write_design(
     stored = StoredTrajectory(
         trajectory=design.trajectory,
         robot=design.robot,
-        limits=copied_bounds(design.limits),
+        limits=design.limits.motion,
         provenance=design.provenance,
     )
     if not isinstance(robot, RobotModel):
@@ -385,7 +384,7 @@ def export_motion(design: ExcitationDesign, kind: str, path: str | Path) -> None
         case "ros":
             text = joint_trajectory_yaml(design.trajectory, robot.joint_names)
         case "urscript":
-            text = ur_program(design.trajectory, comment=f"dynid design for {robot.name}").text
+            text = ur_program(design.trajectory, comment=f"dynid design for {robot.name}")
         case _ if kind in LANGUAGES:
             text = points_text(design.trajectory, kind, design.limits)
         case _:

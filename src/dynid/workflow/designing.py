@@ -47,7 +47,7 @@ from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel, parse_terms
 from dynid.robot import RobotLike, RobotModel, load_robot
 from dynid.signals import process
-from dynid.trajectory import copied_bounds, motion_family
+from dynid.trajectory import motion_family
 from dynid.workflow.analyze import unit_notes
 from dynid.workflow.design_files import ROBOT, motions_from, robot_hash, write_design
 from dynid.workflow.design_settings import (
@@ -287,7 +287,7 @@ class _DesignJob:
             mount=robot.mount,
             frames=base.model.frames,
             terms=base.model.friction.describe(),
-            limits=copied_bounds(robot.limits),
+            limits=robot.limits.motion,
             purpose=asked.goal,
             purpose_motions=self.purpose.source,
             criterion=asked.minimised,

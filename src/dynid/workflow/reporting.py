@@ -98,8 +98,8 @@ def _judged(found: StoredDesign) -> JudgedMotion | None:
     motion = found.stored.trajectory.evaluate(t)
     rows = zip(motion.q[:, None], motion.dq[:, None], motion.ddq[:, None], strict=True)
     usages = [judge.usage(*row) for row in rows]
-    shares = np.array([[usage.ratio(kind) for kind in KINDS] for usage in usages])
-    gaps = np.array([[usage.distance(kind) for kind in DISTANCES] for usage in usages])
+    shares = np.array([[1.0 - usage.worst[kind].margin for kind in KINDS] for usage in usages])
+    gaps = np.array([[usage.worst[kind].margin for kind in DISTANCES] for usage in usages])
     if not np.isfinite(shares).any() and not np.isfinite(gaps).any():
         return None
     # Beyond what each kind must keep, so that one line at zero is the limit of both.

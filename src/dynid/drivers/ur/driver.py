@@ -32,7 +32,7 @@ from dynid.drivers.ur.state import (
     recorded_names,
 )
 from dynid.protocol import Numbers, Recipe, RuntimeState
-from dynid.trajectory import UrProgramOptions, ur_program
+from dynid.trajectory import ur_program
 
 WATCHDOG_HZ = 10.0
 """How often the program must be fed; without it the controller stops after 0.1 s."""
@@ -126,17 +126,17 @@ class UrDriver(RtdeDriver):
         """See `Driver.execute`."""
         self.check_rate(execution)
         wish = cancel or threading.Event()
-        options = UrProgramOptions(
+        program = ur_program(
+            execution.trajectory,
             rate_hz=execution.rate_hz,
             repeats=execution.periods,
             settle=execution.settle,
-            watchdog_hz=WATCHDOG_HZ,
+            via=execution.via,
         )
-        program = ur_program(execution.trajectory, options, via=execution.via)
 
         def converse(layout: Layout, feed: Recipe, port: ScriptPort) -> Conversation:
             if not wish.is_set():
-                port.send(program.text)
+                port.send(program)
             return _Program(layout, feed, port)
 
         return self.record(execution, recorder, wish, progress, converse)
