@@ -27,15 +27,14 @@ from dynid.excitation import ExcitationDesign
 from dynid.identification import write_estimate
 from dynid.recording import ExperimentRecord, read_record
 from dynid.robot import load_robot
+from dynid.settings import DesignSettings, IdentifySettings, RunSettings
 from dynid.simulation import SERIAL, simulated_arm
 from dynid.validation import ParameterComparison, ValidationResult, compare
 from dynid.workflow.analyze import Analysis, analyze
-from dynid.workflow.choosing import IdentifySettings
-from dynid.workflow.designing import DesignSettings, design
+from dynid.workflow.designing import design
 from dynid.workflow.identify import Identification, identify
 from dynid.workflow.reporting import report
-from dynid.workflow.run_settings import RunSettings, truth_path, write_truth
-from dynid.workflow.running import run_design
+from dynid.workflow.running import run_design, truth_path, write_truth
 
 Result = TypeVar("Result")
 

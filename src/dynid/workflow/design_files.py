@@ -13,9 +13,18 @@ from typing import Any
 import numpy as np
 
 from dynid.constraints import Certificate, certify
-from dynid.core import InputError, JsonFields, content_hash, dynid_version, load_object, write_text
+from dynid.core import (
+    InputError,
+    JsonFields,
+    content_hash,
+    dynid_version,
+    file_hash,
+    load_object,
+    write_text,
+)
 from dynid.excitation import ExcitationDesign
 from dynid.robot import RobotLike, RobotModel, Tool, load_robot, robot_to_json
+from dynid.settings import LimitSettings
 from dynid.signals import process
 from dynid.trajectory import (
     LANGUAGES,
@@ -33,7 +42,7 @@ from dynid.trajectory import (
     write_trajectory,
 )
 from dynid.workflow.analyze import unit_notes
-from dynid.workflow.design_settings import DesignLimits, given_limits, limits_from_json
+from dynid.workflow.design_limits import DesignLimits, given_limits, limits_from_json
 
 POSE_ACCELERATION = 5.0
 """Between the poses of a task, where the robot knows no limit [rad/s^2 or m/s^2]."""
@@ -92,6 +101,8 @@ class StoredDesign:
     """The object `design`; empty for a plain trajectory."""
     limits: DesignLimits | None
     """What it was designed for; None for a plain trajectory."""
+    sha256: str
+    """Of the file."""
     changed: tuple[str, ...] = ()
     """What is not as it was when the motion was certified: keys of the digest."""
 
@@ -204,8 +215,9 @@ def read_design(
         InputError: Not a design, or its robot cannot be read or has other joints.
     """
     stored = read_trajectory(path)
-    found = stored.extra.get("design")
-    facts: dict[str, Any] = dict(JsonFields(stored.extra).object("design").values) if found else {}
+    facts: dict[str, Any] = {}
+    if stored.extra.get("design"):
+        facts = dict(JsonFields(stored.extra).object("design").values)
     limits = limits_from_json(JsonFields(facts, "design.").object("limits")) if facts else None
     if mesh_dirs is None:
         mesh_dirs = () if limits is None else limits.mesh_dirs
@@ -231,11 +243,13 @@ def read_design(
             value=f"{stored.trajectory.joints} joints",
             limit=f"{model.joints} of {model.name}",
         )
+    found = StoredDesign(
+        stored=stored, robot=model, facts=facts, limits=limits, sha256=file_hash(Path(path))
+    )
     if limits is None:
-        return StoredDesign(stored=stored, robot=model, facts=facts, limits=None)
+        return found
     model = limits.equipped(model)
-    changed = _changed(stored, facts, limits, model)
-    return StoredDesign(stored=stored, robot=model, facts=facts, limits=limits, changed=changed)
+    return replace(found, robot=model, changed=_changed(stored, facts, limits, model))
 
 
 @contextmanager
@@ -345,17 +359,17 @@ def check(
     """
     with design_file(design, robot) as path:
         stored = read_design(path, robot=robot, mount=mount, mesh_dirs=mesh_dirs)
-    held = given_limits(
-        limits,
-        collision,
-        scene,
-        stored.limits,
+    asked = LimitSettings(
+        limits=limits,
+        scene=scene,
+        collision=collision,
         floor=floor,
         tool=tool,
         payload=payload,
         margin_percent=margin_percent,
         clearance=clearance,
     )
+    held = given_limits(asked, stored.limits)
     found = certify(stored.stored.trajectory, held.constraints(stored.robot))
     certificate = replace(found, notes=(*unit_notes(stored.robot), *found.notes))
     return Check(design=stored, limits=held, certificate=certificate)

@@ -19,7 +19,7 @@ from dynid.recording import (
     write_record,
 )
 from dynid.robot import RobotLike, load_robot
-from dynid.workflow.choosing import IdentifySettings
+from dynid.settings import IdentifySettings
 from dynid.workflow.identify import Identification, identify
 from dynid.workflow.recordings import known_gains, of_robot
 from dynid.workflow.reporting import report

@@ -29,10 +29,10 @@ from dynid.recording import (
     open_record,
 )
 from dynid.robot import RobotLike, RobotModel, load_robot
+from dynid.settings import IdentifySettings
 from dynid.trajectory import JointMotion
 from dynid.validation import ValidationResult, reproduce, validate
 from dynid.workflow.choosing import (
-    IdentifySettings,
     asked_processing,
     made_from,
     prepare,

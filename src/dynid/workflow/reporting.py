@@ -41,7 +41,7 @@ from dynid.robot import move
 from dynid.validation import ParameterComparison, ValidationResult, compare, reproduce, validate
 from dynid.workflow.design_files import StoredDesign, read_design
 from dynid.workflow.identify import Identification, over_fitted
-from dynid.workflow.run_settings import truth_path
+from dynid.workflow.running import truth_path
 from dynid.workflow.validating import verdict
 
 SAMPLES = 200

@@ -16,8 +16,8 @@ from dynid.identification import (
 )
 from dynid.recording import RecordLike, open_several
 from dynid.robot import RobotLike, load_robot
+from dynid.settings import IdentifySettings
 from dynid.signals import window
-from dynid.workflow.choosing import IdentifySettings
 from dynid.workflow.shared_inertias import SharedIdentification, identify_shared
 
 

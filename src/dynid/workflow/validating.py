@@ -20,6 +20,7 @@ from dynid.recording import (
     open_record,
 )
 from dynid.robot import load_robot
+from dynid.settings import IdentifySettings
 from dynid.signals import ProcessingSettings, rows_of, survey, window
 from dynid.validation import (
     MOVING_SPEED,
@@ -28,7 +29,6 @@ from dynid.validation import (
     samples_of,
     validate,
 )
-from dynid.workflow.choosing import IdentifySettings
 from dynid.workflow.identify import Identification, identify
 from dynid.workflow.recordings import stored_robot
 
