@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -185,7 +185,7 @@ def check_command(
     """Certify limits and collisions, also between samples."""
     from dynid.workflow import check
 
-    result = check(design, robot=robot, **asdict(settings))
+    result = check(design, settings, robot=robot)
     data = result.to_json()
     if json:
         print_json(data)

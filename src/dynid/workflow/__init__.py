@@ -5,6 +5,7 @@ from dynid.settings import (
     FleetSettings,
     IdentifySettings,
     ImportOptions,
+    LimitSettings,
     RunSettings,
 )
 from dynid.workflow.analyze import Analysis, analyze
@@ -19,7 +20,7 @@ from dynid.workflow.design_files import (
 )
 from dynid.workflow.design_limits import DesignLimits
 from dynid.workflow.designing import design
-from dynid.workflow.fitting import LogFit, check_suffix, export_file, fit
+from dynid.workflow.fitting import LogFit, export_file, fit
 from dynid.workflow.fleet import Fleet, fleet
 from dynid.workflow.identify import Identification, identify
 from dynid.workflow.recordings import Imported, import_recording, open_records
@@ -49,6 +50,7 @@ __all__ = [
     "IdentifySettings",
     "ImportOptions",
     "Imported",
+    "LimitSettings",
     "LogFit",
     "Run",
     "RunSettings",
@@ -59,7 +61,6 @@ __all__ = [
     "Verdict",
     "analyze",
     "check",
-    "check_suffix",
     "design",
     "export_file",
     "export_motion",

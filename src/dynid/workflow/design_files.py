@@ -323,52 +323,26 @@ class Check:
 
 def check(
     design: DesignLike,
+    settings: LimitSettings | None = None,
     *,
-    limits: str = "safe",
-    scene: str | Path | None = None,
-    collision: bool = True,
     robot: RobotLike | None = None,
-    mount: str | None = None,
-    floor: float | str | None = None,
-    tool: tuple[float, ...] | None = None,
-    payload: tuple[float, ...] | None = None,
-    margin_percent: float | None = None,
-    clearance: float | None = None,
-    mesh_dirs: Sequence[str | Path] | None = None,
+    **more: Any,
 ) -> Check:
     """Judge a design from its start to its end, between samples too.
 
     Args:
         design: A design or its file, or any trajectory file.
-        limits: `safe`, whatever the design was made for; or `paper`: position, velocity and
-            acceleration alone.
-        scene: A scene file; None for the one that the design was made in.
-        collision: Whether to look at collisions.
+        settings: What it is held to, by default all that is safe, whatever the design was made
+            for.
         robot: The robot, or another name or file of it.
-        mount: The mounting; None for the design's.
-        floor: Height of the floor [m], `mount` or `none`; this and the next four are the design's
-            where they are None.
-        tool: (3) the tool's point in the flange's frame [m].
-        payload: (4) mass that the flange carries [kg] and its centre [m].
-        margin_percent: Of the limits, kept free.
-        clearance: Smallest distance of bodies [m].
-        mesh_dirs: Folders where meshes of a URDF are looked for.
+        **more: Fields of the settings, such as `limits="paper"`.
 
     Raises:
         InputError: Not a design, a scene that makes no sense, or one that would not be looked at.
     """
+    asked = replace(settings or LimitSettings(), **more)
     with design_file(design, robot) as path:
-        stored = read_design(path, robot=robot, mount=mount, mesh_dirs=mesh_dirs)
-    asked = LimitSettings(
-        limits=limits,
-        scene=scene,
-        collision=collision,
-        floor=floor,
-        tool=tool,
-        payload=payload,
-        margin_percent=margin_percent,
-        clearance=clearance,
-    )
+        stored = read_design(path, robot=robot, mount=asked.mount, mesh_dirs=asked.mesh_dirs)
     held = given_limits(asked, stored.limits)
     found = certify(stored.stored.trajectory, held.constraints(stored.robot))
     certificate = replace(found, notes=(*unit_notes(stored.robot), *found.notes))
