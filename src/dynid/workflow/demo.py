@@ -238,11 +238,8 @@ def run_demo(
     the simulated controller (its own process, UR's protocols, virtual time), cold and warm,
     identify, validate on the other motion, compare cold with warm, write a report.
 
-    Args:
-        directory: Where the files go; it is made.
-        quick: One repetition of the motions in place of three, and a shorter search for them.
-        force: Whether the files of an earlier demo are replaced.
-        progress: Told what is being done and how far it is (0 to 1).
+    `quick` is one repetition of the motions, and a shorter search for them; `force` replaces the
+    files of an earlier demo.
 
     Raises:
         InputError: The directory cannot be made or written to, or holds such files.

@@ -353,12 +353,7 @@ KINDS = ("csv", "urscript", "ros", *LANGUAGES)
 
 
 def export_motion(design: ExcitationDesign, kind: str, path: str | Path) -> None:
-    """Write one period of a design in another format.
-
-    Args:
-        design: The design.
-        kind: One of `KINDS`.
-        path: The file; it appears whole or not at all.
+    """Write one period of a design in another format, one of `KINDS`, whole or not at all.
 
     Raises:
         InputError: An unknown kind, a motion that the format cannot hold, or a place where no

@@ -52,13 +52,9 @@ class Export:
 def export_file(
     estimate: EstimateLike, to: str, output: str | Path, *, at_degC: float | None = None
 ) -> Export:
-    """Write the model of an estimate and have another program load it.
+    """Write the model of an estimate as `urdf`, `mjcf`, `json`, `c` or `python`, and load it.
 
-    Args:
-        estimate: An estimate or its JSON file.
-        to: `urdf`, `mjcf`, `json`, `c` or `python`.
-        output: File to write.
-        at_degC: Temperature of all joints, where the file holds temperature laws [degC].
+    All joints are at a temperature [degC] where the file holds temperature laws.
 
     Raises:
         InputError: An estimate that cannot be read, an unknown format, or a file that cannot be

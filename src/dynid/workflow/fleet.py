@@ -29,10 +29,12 @@ from dynid.workflow.fleet_files import (
     MANIFEST,
     METRICS,
     STATE,
+    TEMPERATURES,
     FleetRecording,
     base_of,
     iso_time,
     joint_row,
+    moment,
     read_folder,
     write_state,
     write_table,
@@ -234,9 +236,10 @@ def _robot(
             weights[j, f] = {"Fc": 1.0, "Fv": float(speed[j])}.get(name.rstrip("0123456789"), 0.0)
     level, level_std = states.level(weights)
     facts = {"robot": robot, "model": group[0].model}
-    # What the robot's recordings share has no recording and no time.
+    # What the robot's recordings share has no recording, no time and no temperature.
+    none = dict.fromkeys(TEMPERATURES, float("nan"))
     rows: list[dict[str, Any]] = [
-        {**facts, "joint": 0, "name": name, "value": float(value), "std": float(std)}
+        {**facts, **none, "joint": 0, "name": name, "value": float(value), "std": float(std)}
         for name, value, std in zip(
             shared_names(base), states.shared, states.shared_std, strict=True
         )
@@ -290,7 +293,7 @@ def _robot(
                 {
                     **facts,
                     "recording": one.path,
-                    "time": one.time_s,
+                    "time": moment(one.time_s),
                     "joint": j + 1,
                     "name": quantity,
                     "value": float(value[k]),

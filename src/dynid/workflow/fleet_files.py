@@ -351,16 +351,26 @@ def _packed(known: _Contribution) -> bytes:
 STATE, METRICS = "state.csv", "state.prom"
 ALARMS = ("", "friction_drift", "torque_scale")
 """Their places are the numbers of the metric."""
-STRINGS = ("robot", "model", "recording", "name")
-NUMBERS = ("value", "std", "temperature_degC", "at_reference", "at_reference_std", "reference_degC")
-"""Columns of the table, with `time`, `joint` (from 1; 0 for none) between."""
+TEMPERATURES = ("temperature_degC", "at_reference", "at_reference_std", "reference_degC")
+TABLE_COLUMNS = {
+    **dict.fromkeys(("robot", "model", "recording"), "string"),
+    "time": "timestamp",
+    "joint": "int32",
+    "name": "string",
+    **dict.fromkeys(("value", "std", *TEMPERATURES), "float64"),
+}
+"""Columns of the table and their types; `joint` is from 1, 0 for none."""
+
+
+def moment(time_s: float) -> datetime | None:
+    """Seconds since 1970 as a time in UTC, to the millisecond; None where unknown."""
+    return datetime.fromtimestamp(round(time_s, 3), UTC) if np.isfinite(time_s) else None
 
 
 def iso_time(time_s: float) -> str | None:
-    """Seconds since 1970 as an ISO time in UTC; None where unknown."""
-    if not np.isfinite(time_s):
-        return None
-    return datetime.fromtimestamp(time_s, UTC).isoformat(timespec="seconds")
+    """The same as an ISO time, to the second."""
+    found = moment(time_s)
+    return found and found.isoformat(timespec="seconds")
 
 
 def joint_row(joint: JointState) -> dict[str, Any]:
@@ -402,20 +412,10 @@ def write_table(target: Path, rows: Sequence[Mapping[str, Any]]) -> None:
         JobError: The disk does not take it.
     """
     arrow, parquet = (importlib.import_module(name) for name in ("pyarrow", "pyarrow.parquet"))
-    nan = float("nan")
-    times = [row.get("time", nan) for row in rows]
-    table = arrow.table(
-        {
-            **{name: arrow.array([row.get(name) for row in rows]) for name in STRINGS[:3]},
-            "time": arrow.array(
-                [None if np.isnan(t) else round(1000 * t) for t in times],
-                arrow.timestamp("ms", "UTC"),
-            ),
-            "joint": arrow.array([row["joint"] for row in rows], arrow.int32()),
-            "name": arrow.array([row["name"] for row in rows]),
-            **{name: arrow.array([float(row.get(name, nan)) for row in rows]) for name in NUMBERS},
-        }
-    )
+    types = {"string": arrow.string(), "int32": arrow.int32(), "float64": arrow.float64()}
+    types["timestamp"] = arrow.timestamp("ms", "UTC")
+    schema = arrow.schema([(name, types[kind]) for name, kind in TABLE_COLUMNS.items()])
+    table = arrow.Table.from_pylist(rows, schema=schema)
     with in_one_piece(target) as draft:
         parquet.write_table(table, draft, compression="zstd")
 

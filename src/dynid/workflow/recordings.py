@@ -82,12 +82,9 @@ def open_records(
     robot: str | Path | None = None,
     gains: Sequence[float] | None = None,
 ) -> tuple[list[ExperimentRecord], RobotModel]:
-    """Recordings of one robot, and the robot.
+    """Recordings of one robot, and the robot, None for what they say.
 
-    Args:
-        paths: The recordings.
-        robot: Built-in name, URDF or robot file; None to take what the recordings say.
-        gains: (n) drive gains [N.m/A]; they override those of the recordings and of the robot.
+    `gains` (n) [N.m/A] override those of the recordings and of the robot.
 
     Raises:
         InputError: No recordings, a robot that is not known, or recordings that do not fit it.

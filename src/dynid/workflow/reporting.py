@@ -292,11 +292,6 @@ def report(
     An estimate knows its recording by its hash; other recordings of the same robot validate it, or
     else the stretch of its own that `--from` and `--to` left out.
 
-    Args:
-        directory: Where the files are.
-        output: The page to write.
-        progress: Told what is being done and how far it is (0 to 1).
-
     Raises:
         InputError: No such directory, no estimate in it, or a place where no page can be.
         JobError: The disk does not take the page.
