@@ -74,6 +74,16 @@ def test_noise_is_looked_at_before_the_search(
     refused(run("design", "ur5", "-o", target, "--noise", noise), "--noise", part)
 
 
+@pytest.mark.parametrize(("to", "name"), [("c", "a.urdf"), ("urdf", "a.h"), ("python", "a.xml")])
+def test_a_name_of_another_format_is_refused(
+    run: Run, recordings: Recordings, tmp_path: Path, to: str, name: str
+) -> None:
+    target = tmp_path / name
+    words = ("export", recordings.estimate, "--to", to, "-o", target)
+    refused(run(*words), "-o", name, f"another format than {to}")
+    assert not target.exists()
+
+
 def test_a_folder_that_takes_no_files_is_found_before_the_work(run: Run) -> None:
     # Root may write everywhere that takes files at all: /proc takes none.
     refused(run("design", "ur5", "-o", "/proc/d.json"), "-o", "cannot be written to", "/proc")

@@ -56,32 +56,17 @@ def run_command(
     confirm = None if yes else _ask
     check_output(output, inputs=[design], suffix=".parquet")
     with stop_on_signals() as cancel, progress_bar("run") as progress:
+        given: dict[str, Any] = {"on": on, "settings": settings, "confirm": confirm}
+        given |= {"cancel": cancel, "progress": progress}
         if until is not None:
-            rounds = run_until(
-                design,
-                output,
-                until,
-                on=on,
-                settings=settings,
-                confirm=confirm,
-                cancel=cancel,
-                progress=progress,
-            )
+            rounds = run_until(design, output, until, **given)
             if json:
                 print_json(rounds.to_json())
             else:
                 console().print(rounds.describe(), soft_wrap=True)
             rounds.raise_if_missed()
             return
-        result = run_design(
-            design,
-            output,
-            on=on,
-            settings=settings,
-            confirm=confirm,
-            cancel=cancel,
-            progress=progress,
-        )
+        result = run_design(design, output, **given)
     if (said := result.design.describe_digest()) is not None and result.design.changed:
         print(f"dynid: {design}: {said}", file=sys.stderr)
     if json:

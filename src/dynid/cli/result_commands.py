@@ -57,9 +57,10 @@ def export_command(
     json: JsonFlag = False,
 ) -> None:
     """A model that other programs load, checked by loading it."""
-    from dynid.workflow import export_file
+    from dynid.workflow import check_suffix, export_file
 
     check_output(output, [estimate], force=force)
+    check_suffix(to, output)
     result = export_file(estimate, to, output, at_degC=at)
     if json:
         print_json(result.to_json())

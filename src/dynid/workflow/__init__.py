@@ -20,7 +20,7 @@ from dynid.workflow.design_files import (
 )
 from dynid.workflow.design_limits import DesignLimits
 from dynid.workflow.designing import design
-from dynid.workflow.fitting import LogFit, export_file, fit
+from dynid.workflow.fitting import LogFit, check_suffix, export_file, fit
 from dynid.workflow.fleet import Fleet, fleet
 from dynid.workflow.identify import Identification, identify
 from dynid.workflow.recordings import Imported, import_recording, open_records
@@ -61,6 +61,7 @@ __all__ = [
     "Verdict",
     "analyze",
     "check",
+    "check_suffix",
     "design",
     "export_file",
     "export_motion",

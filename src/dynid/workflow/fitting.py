@@ -25,6 +25,15 @@ from dynid.workflow.recordings import known_gains, of_robot
 from dynid.workflow.reporting import report
 from dynid.workflow.validating import Verdict, verdict
 
+ENDINGS = {
+    "urdf": (".urdf", ".xml"),
+    "mjcf": (".xml", ".mjcf"),
+    "json": (".json",),
+    "c": (".h", ".hpp", ".c"),
+    "python": (".py",),
+}
+"""What files of each format are called."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Export:
@@ -47,6 +56,24 @@ class Export:
             "warnings": told(self.warnings),
             "findings": [finding.to_json() for finding in self.warnings],
         }
+
+
+def check_suffix(to: str, output: Path) -> None:
+    """Refuse a name that belongs to another format, such as C in `arm.urdf`.
+
+    An ending that belongs to no format is left to the user.
+
+    Raises:
+        InputError: The name ends as those of another format do.
+    """
+    suffix, own = output.suffix.lower(), ENDINGS.get(to, ())
+    if own and suffix not in own and any(suffix in others for others in ENDINGS.values()):
+        raise InputError(
+            f"the name is of another format than {to}",
+            where="-o",
+            value=str(output),
+            limit=", ".join(f"*{ending}" for ending in own),
+        )
 
 
 def export_file(

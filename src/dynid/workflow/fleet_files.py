@@ -10,7 +10,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
-from io import BytesIO
 from pathlib import Path, PurePath, PurePosixPath
 from typing import Any
 from zipfile import BadZipFile
@@ -75,8 +74,6 @@ class FleetRecording:
     """When it was made, seconds since 1970; NaN where nobody says."""
     temperature_degC: Array
     """(n) mean joint temperatures; NaN where nobody says."""
-    digest: str
-    """SHA-256 of the file; in an object store, of what the store says of it."""
     statistics: RecordStatistics
     computed: bool
     """Whether it was computed now, not taken from the cache."""
@@ -122,7 +119,7 @@ def read_folder(
         if known is None:
             waiting[name] = (place, digest, row)
         else:
-            found.append(_placed(name, digest, known, row, computed=False))
+            found.append(_placed(name, known, row, computed=False))
     names = list(waiting)
     jobs = [(place, row.get("model") or model, terms) for place, _, row in waiting.values()]
     for number, outcome in each(_contribution, jobs, beside, tell=progress, words="recordings"):
@@ -131,10 +128,8 @@ def read_folder(
         if isinstance(outcome, str):
             skipped.append((name, outcome))
             continue
-        known, packed = outcome
-        with in_one_piece(cache / f"{digest}.npz") as draft:
-            draft.write_bytes(packed)
-        found.append(_placed(name, digest, known, row, computed=True))
+        _keep(cache / f"{digest}.npz", outcome)
+        found.append(_placed(name, outcome, row, computed=True))
     found.sort(key=lambda one: (one.robot, np.nan_to_num(one.time_s, nan=np.inf), one.path))
     return found, sorted(skipped)
 
@@ -149,8 +144,8 @@ class _Contribution:
     """`model`, `key` (of model and terms), and where known `robot` and `time`."""
 
 
-def _contribution(job: tuple[str, str | None, str]) -> tuple[_Contribution, bytes] | str:
-    """The statistics of one file, as they are and packed, or why there are none; in a worker.
+def _contribution(job: tuple[str, str | None, str]) -> _Contribution | str:
+    """The statistics of one file, or why there are none; in a worker.
 
     The job is the recording (path or URL), its robot (None for what it says), and friction terms.
     """
@@ -176,12 +171,11 @@ def _contribution(job: tuple[str, str | None, str]) -> tuple[_Contribution, byte
     if "time" not in facts and first >= EPOCH_FROM_S:
         facts["time"] = datetime.fromtimestamp(first, UTC).isoformat()
     warm = record.signals.get("temperature")
-    found = _Contribution(
+    return _Contribution(
         statistics=statistics,
         temperature_degC=np.full(robot.joints, np.nan) if warm is None else warm.mean(axis=0),
         facts=facts,
     )
-    return found, _packed(found)
 
 
 @lru_cache(maxsize=1)
@@ -206,7 +200,7 @@ def _key(reference: str, terms: str) -> str:
 
 
 def _placed(
-    name: str, digest: str, known: _Contribution, row: Mapping[str, str], *, computed: bool
+    name: str, known: _Contribution, row: Mapping[str, str], *, computed: bool
 ) -> FleetRecording:
     folders = name.split("/")[:-1]
     day = _DAY.search(name)
@@ -227,7 +221,6 @@ def _placed(
         model=facts["model"],
         time_s=_seconds(when),
         temperature_degC=temperature,
-        digest=digest,
         statistics=known.statistics,
         computed=computed,
     )
@@ -334,7 +327,7 @@ def _cached(path: Path, model: str | None, terms: str) -> _Contribution | None:
         return None
 
 
-def _packed(known: _Contribution) -> bytes:
+def _keep(path: Path, known: _Contribution) -> None:
     values: dict[str, Any] = {
         "factors": known.statistics.factors,
         "scores": known.statistics.scores,
@@ -343,9 +336,8 @@ def _packed(known: _Contribution) -> bytes:
         "temperature_degC": known.temperature_degC,
         "facts": np.array(json.dumps(dict(known.facts))),
     }
-    stream = BytesIO()
-    np.savez_compressed(stream, **values)
-    return stream.getvalue()
+    with in_one_piece(path) as draft, draft.open("wb") as stream:
+        np.savez_compressed(stream, **values)
 
 
 STATE, METRICS = "state.csv", "state.prom"

@@ -28,11 +28,6 @@ class TemperatureIdentification(TemperatureModel):
     shared: SharedIdentification
     """The inertias, and the friction of each record."""
 
-    @property
-    def model(self) -> TemperatureModel:
-        """What `write_temperature` keeps of it: all but the identification itself."""
-        return self
-
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""
         names = self.shared.problem.problems[0].base.model.robot.joint_names
