@@ -241,7 +241,7 @@ def test_a_robot_file_is_remembered(run: Run, recordings: Recordings, tmp_path: 
             ["identify", "none.parquet", "--estimator", "kalman"],
             ["--estimator", "kalman", "ols, wls"],
         ),
-        (["identify", "none.parquet", "--preset", "good"], ["--preset", "good", "best, paper"]),
+        (["identify", "none.parquet", "--preset", "good"], ["--preset", "good", "paper, best"]),
         (["identify", "none.parquet", "--weighting", "no"], ["--weighting", "joint, size"]),
         (["identify", "none.parquet", "-o", "."], ["-o"]),
         (["validate", "none.json", "none.parquet"], ["none.json"]),

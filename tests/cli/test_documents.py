@@ -15,7 +15,8 @@ from cli_runs import COMMANDS, LISTED, Run
 
 import dynid
 from dynid.core import CODES
-from dynid.workflow.design_settings import given_limits
+from dynid.settings import LimitSettings
+from dynid.workflow.design_limits import given_limits
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
@@ -114,7 +115,7 @@ def test_the_scene_of_the_documents_is_one(tmp_path: Path) -> None:
     (scene,) = re.findall(r"```json\n(.*?)```", DOCUMENTS["excitation.md"], re.DOTALL)
     (tmp_path / "scene.json").write_text(scene)
     robot = dynid.load_robot("ur5")
-    limits = given_limits("safe", True, tmp_path / "scene.json")
+    limits = given_limits(LimitSettings(scene=tmp_path / "scene.json"))
     assert limits.constraints(robot).settings.scene is not None
 
 

@@ -15,7 +15,7 @@ from dynid.drivers.ur.state import APPROACHING, DONE, MOVING, STATE
 from dynid.robot import load_robot
 from dynid.trajectory import read_trajectory
 from dynid.workflow import DesignSettings, RunSettings, design, run_design
-from dynid.workflow.run_settings import load_design
+from dynid.workflow.running import load_design
 from urtwin import UPRIGHT, controller_process, own_address
 
 JUDGE = safe_constraints(load_robot("ur5"))

@@ -17,8 +17,10 @@ from designed_arm import written_arm
 
 import dynid
 from dynid.cli.app import main
+from dynid.settings import LimitSettings
 from dynid.trajectory import FAMILY_NAMES
-from dynid.workflow.design_settings import DEFAULT_STARTS, given_limits
+from dynid.workflow.design_limits import given_limits
+from dynid.workflow.designing import DEFAULT_STARTS
 
 QUICK = ("--no-collision", "--harmonics", "3", "--period", "6", "--starts", "2", "--jobs", "1")
 BINDING = {
@@ -390,7 +392,7 @@ def test_the_scene_of_the_documents_leaves_room(tmp_path: Path) -> None:
     (shown,) = re.findall(r"```json\n(.*?)```", text, re.DOTALL)
     scene = tmp_path / "cell.json"
     scene.write_text(shown)
-    judge = given_limits("safe", True, scene).constraints(dynid.load_robot("ur5"))
+    judge = given_limits(LimitSettings(scene=scene)).constraints(dynid.load_robot("ur5"))
     random, still = np.random.default_rng(0), np.zeros((1, 6))
     poses = random.uniform(-np.pi, np.pi, (300, 1, 6))
     usages = [judge.usage(q, still, still) for q in poses]

@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 from dynid.cli.app import main
-from dynid.cli.options import carried
 from dynid.core import InputError, JobError, provenance
 from dynid.recording import read_record
 from dynid.robot import load_robot
+from dynid.settings import options_of, parse_thermal
 from dynid.trajectory import rest_series, write_trajectory
-from dynid.workflow import RunSettings, parse_thermal, run_design
+from dynid.workflow import RunSettings, run_design
 
 UR5 = load_robot("ur5")
 PERIOD, CYCLES = 2.0, 250
@@ -300,8 +300,7 @@ def test_bad_usage_is_one_line_and_exit_2(
 def test_words_of_the_command_line() -> None:
     assert parse_thermal("cold") == "cold"
     assert parse_thermal("31.5") == 31.5
-    given = {"floor": None, "tool": None, "payload": None, "mesh_dir": None}
-    assert set(carried(**given).values()) == {None}
+    options = options_of(RunSettings)
     for option, text, value in (
         ("payload", "1.5,0,0.01,0.05", (1.5, 0.0, 0.01, 0.05)),
         ("payload", "2", (2.0, 0.0, 0.0, 0.0)),
@@ -309,15 +308,15 @@ def test_words_of_the_command_line() -> None:
         ("floor", "-0.8", -0.8),
         ("tool", "0,0,0.3", (0.0, 0.0, 0.3)),
     ):
-        assert carried(**(given | {option: text}))[option] == value
+        assert options[option].read(text) == value
     for text in ("0,0", "a,b,c", "0,0,inf"):
         with pytest.raises(InputError, match="--tool"):
-            carried(**(given | {"tool": text}))
+            options["tool"].read(text)
     with pytest.raises(InputError, match="--floor"):
-        carried(**(given | {"floor": "low"}))
+        options["floor"].read("low")
     with pytest.raises(InputError, match="--accept-unjudged"):
         RunSettings(accept_unjudged=("everything",))
     assert RunSettings(accept_unjudged=("self-collision",)).accept_unjudged == ("self_collision",)
     for text in ("-1", "1,2", "1,2,3,nan", "inf", ""):
         with pytest.raises(InputError, match="payload"):
-            carried(**(given | {"payload": text}))
+            options["payload"].read(text)

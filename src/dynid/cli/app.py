@@ -9,49 +9,38 @@ from typing import Annotated
 import typer
 
 from dynid import __version__
-from dynid.cli.design_commands import check_command, design_command
-from dynid.cli.estimate_commands import fit_command, identify_command, validate_command
+from dynid.cli import (
+    design_commands,
+    estimate_commands,
+    record_commands,
+    result_commands,
+    robot_commands,
+)
 from dynid.cli.options import Command, Commands, exit_code_of, flag, guard_streams
-from dynid.cli.record_commands import import_command, register_controller, run_command
-from dynid.cli.result_commands import (
-    demo_command,
-    export_command,
-    fleet_command,
-    register_bench,
-    report_command,
-    studio_command,
-)
-from dynid.cli.robot_commands import (
-    analyze_command,
-    compare_command,
-    gains_command,
-    payload_command,
-    robots_command,
-)
 
 SUMMARY = "Identify the dynamics of a robot arm: inertias, friction, motor inertia, uncertainty."
 
 
 _COMMANDS: Mapping[str, Command | Callable[[typer.Typer], None]] = {
-    "robots": robots_command,
-    "analyze": analyze_command,
-    "fit": fit_command,
-    "design": design_command,
-    "check": check_command,
-    "controller": register_controller,
-    "run": run_command,
-    "import": import_command,
-    "identify": identify_command,
-    "validate": validate_command,
-    "compare": compare_command,
-    "gains": gains_command,
-    "payload": payload_command,
-    "export": export_command,
-    "report": report_command,
-    "fleet": fleet_command,
-    "studio": studio_command,
-    "demo": demo_command,
-    "bench": register_bench,
+    "robots": robot_commands.robots_command,
+    "analyze": robot_commands.analyze_command,
+    "fit": estimate_commands.fit_command,
+    "design": design_commands.design_command,
+    "check": design_commands.check_command,
+    "controller": record_commands.register_controller,
+    "run": record_commands.run_command,
+    "import": record_commands.import_command,
+    "identify": estimate_commands.identify_command,
+    "validate": estimate_commands.validate_command,
+    "compare": robot_commands.compare_command,
+    "gains": robot_commands.gains_command,
+    "payload": robot_commands.payload_command,
+    "export": result_commands.export_command,
+    "report": result_commands.report_command,
+    "fleet": result_commands.fleet_command,
+    "studio": result_commands.studio_command,
+    "demo": result_commands.demo_command,
+    "bench": result_commands.register_bench,
 }
 """In the order of a job, as the help page lists them."""
 

@@ -5,34 +5,19 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from dynid.cli.options import (
-    ClearanceOption,
-    DaskOption,
     DesignArgument,
-    FloorOption,
     ForceFlag,
-    FramesOption,
     Interrupted,
     JobsOption,
     JsonFlag,
-    LimitsOption,
-    MarginOption,
-    MeshDirOption,
-    MountOption,
-    MovedRobotOption,
-    NoCollisionFlag,
-    PayloadOption,
     RobotArgument,
-    SceneOption,
-    SeedOption,
-    ToolOption,
-    carried,
     command,
     flag,
-    numbers,
     option,
 )
 from dynid.cli.output import (
@@ -45,6 +30,7 @@ from dynid.cli.output import (
     progress_bar,
 )
 from dynid.core import InputError
+from dynid.settings import DesignSettings, LimitSettings
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -93,70 +79,11 @@ def _print_certificate(screen: Console, data: Mapping[str, Any]) -> None:
 def design_command(
     robot: RobotArgument,
     output: Annotated[Path, option("DESIGN.json", "Where the design goes.", "-o", "--output")],
-    method: Annotated[str, option("gradient|ga", "ga: the paper's genetic one.")] = "gradient",
-    criterion: Annotated[
-        str | None,
-        option(
-            "prediction|cond|cond+sigma|d-opt|a-opt|e-opt", "What is minimised, in place of --for."
-        ),
-    ] = None,
-    purpose: Annotated[
-        str,
-        option(
-            "prediction|parameters|cond",
-            "Purpose of the model. [default: prediction; cond with ga or paper limits]",
-            "--for",
-        ),
-    ] = "",
-    motion: Annotated[
-        list[str] | None, option("TASK", "Task of the model: a design, recording or poses.")
-    ] = None,
-    accuracy: Annotated[
-        float | None, option("PERCENT", "The shortest motion expected to reach it.")
-    ] = None,
+    settings: DesignSettings,
     accept_weak: Annotated[
         bool, flag("--accept-weak", "Exit 0 even if the motion excites too little.")
     ] = False,
-    trajectory: Annotated[
-        str, option("fourier|modified-fourier|fourier-quintic|bspline|points", "Kind of motion.")
-    ] = "fourier",
-    harmonics: Annotated[
-        int | None, option("H", "Of the series. [default: up to 1 Hz; 5 for cond]")
-    ] = None,
-    period: Annotated[float, option("S", "Time of one period.")] = 10.0,
-    population: Annotated[int, option("N", "Of the genetic algorithm.")] = 300,
-    generations: Annotated[int, option("N", "Of the genetic algorithm.")] = 5,
-    starts: Annotated[
-        int | None, option("N", "Of the gradient method. [default: 4; 12 for cond]")
-    ] = None,
-    budget: Annotated[
-        float | None, option("S", "Time to search; the result then depends on the machine.")
-    ] = None,
-    seed: SeedOption = 0,
-    limits: LimitsOption = "safe",
-    scene: SceneOption = None,
-    no_collision: NoCollisionFlag = False,
-    mesh_dir: MeshDirOption = None,
-    floor: FloorOption = None,
-    tool: ToolOption = None,
-    payload: PayloadOption = None,
-    margin: MarginOption = None,
-    clearance: ClearanceOption = None,
-    start: Annotated[
-        str | None, option("Q1,..,QN", "Pose at both ends; not for --trajectory fourier.")
-    ] = None,
-    noise: Annotated[
-        str | None, option("S1,..,SN", "Torque noise of each joint, to weight them [N.m].")
-    ] = None,
-    previous: Annotated[
-        list[str] | None,
-        option("RECORD", "A recording that the motion complements; may be repeated."),
-    ] = None,
-    frames: FramesOption = "",
-    mount: MountOption = None,
-    terms: Annotated[str, option("fc,fv,im[,fo]", "Friction terms of the model.")] = "fc,fv,im",
     jobs: JobsOption = 2,
-    dask: DaskOption = None,
     csv: Annotated[Path | None, option("FILE", "Also write the motion as CSV.")] = None,
     urscript: Annotated[Path | None, option("FILE", "Also write a URScript program.")] = None,
     ros: Annotated[Path | None, option("FILE", "Also write a ROS JointTrajectory (YAML).")] = None,
@@ -168,10 +95,10 @@ def design_command(
     json: JsonFlag = False,
 ) -> int:
     """Optimal excitation trajectory, certified (paper 2.2)."""
-    from dynid.workflow import DesignSettings, design, export_motion
+    from dynid.workflow import design, export_motion
 
-    motions, records = tuple(motion or ()), tuple(previous or ())
-    inputs = [Path(path) for path in (*motions, *records, *filter(None, [scene]))]
+    sources = (*settings.motions, *settings.previous, *filter(None, [settings.scene]))
+    inputs = list(map(Path, sources))
     check_output(output, inputs=inputs, suffix=".json", force=force)
     exports = {"csv": csv, "urscript": urscript, "ros": ros}
     exports |= {"movej": movej, "waypoints": waypoints, "krl": krl, "rapid": rapid}
@@ -179,35 +106,7 @@ def design_command(
     for kind, path in asked.items():
         check_output(path, inputs=inputs, where=f"--{kind}", force=force)
     _check_apart({"-o": output, **{f"--{kind}": path for kind, path in asked.items()}})
-    settings = DesignSettings(
-        method=method,
-        purpose=purpose,
-        motions=motions,
-        criterion=criterion or "",
-        accuracy_percent=accuracy,
-        trajectory=trajectory,
-        harmonics=harmonics,
-        period_s=period,
-        population=population,
-        generations=generations,
-        starts=starts,
-        budget_s=budget,
-        seed=seed,
-        limits=limits,
-        scene=scene,
-        collision=not no_collision,
-        margin_percent=margin,
-        clearance=clearance,
-        frames=frames,
-        mount=mount,
-        terms=terms,
-        start_pose=numbers(start, "--start"),
-        noise=numbers(noise, "--noise"),
-        previous=records,
-        jobs=jobs,
-        dask=dask,
-        **carried(floor, tool, payload, mesh_dir),
-    )
+    settings = replace(settings, jobs=jobs)
     with progress_bar("design") as progress:
         found = design(robot, settings, output=output, progress=progress)
     for kind, path in asked.items():
@@ -217,7 +116,7 @@ def design_command(
     else:
         _show_design(found.to_json(), output, found.certificate.headline)
     for name in settings.unused:
-        print(f"dynid: {name} is not used by --method {method}", file=sys.stderr)
+        print(f"dynid: {name} is not used by --method {settings.method}", file=sys.stderr)
     if found.interrupted:
         raise Interrupted(f"interrupted; the best design so far is in {output}")
     if not found.feasible:
@@ -279,33 +178,14 @@ def _show_design(data: Mapping[str, Any], output: Path, verdict: str) -> None:
 )
 def check_command(
     design: DesignArgument,
-    limits: LimitsOption = "safe",
-    scene: SceneOption = None,
-    no_collision: NoCollisionFlag = False,
-    robot: MovedRobotOption = None,
-    mount: MountOption = None,
-    mesh_dir: MeshDirOption = None,
-    floor: FloorOption = None,
-    tool: ToolOption = None,
-    payload: PayloadOption = None,
-    margin: MarginOption = None,
-    clearance: ClearanceOption = None,
+    settings: LimitSettings,
+    robot: Annotated[str | None, option("ROBOT", "If the design's robot file has moved.")] = None,
     json: JsonFlag = False,
 ) -> int:
     """Certify limits and collisions, also between samples."""
     from dynid.workflow import check
 
-    result = check(
-        design,
-        limits=limits,
-        scene=scene,
-        collision=not no_collision,
-        robot=robot,
-        mount=mount,
-        margin_percent=margin,
-        clearance=clearance,
-        **carried(floor, tool, payload, mesh_dir),
-    )
+    result = check(design, settings, robot=robot)
     data = result.to_json()
     if json:
         print_json(data)

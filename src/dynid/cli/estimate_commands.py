@@ -20,8 +20,8 @@ from dynid.cli.options import (
     TemperatureOption,
     argument,
     command,
+    drive_gains,
     flag,
-    numbers,
     option,
 )
 from dynid.cli.output import (
@@ -33,6 +33,7 @@ from dynid.cli.output import (
     print_table,
     progress_bar,
 )
+from dynid.settings import IdentifySettings
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -155,17 +156,6 @@ def _print_parameters(screen: Console, result: Identification) -> None:
     print_table(screen, title, columns, rows, words=(0, 4, 5))
 
 
-PurposeOption = Annotated[
-    str,
-    option(
-        "anywhere|this-motion",
-        "Purpose of the model: anywhere selects it on left-out regions of the workspace, "
-        "this-motion on left-out stretches of time.",
-        "--for",
-    ),
-]
-
-
 AllFlag = Annotated[bool, flag("--all", "Print all parameters, choices and findings.")]
 
 
@@ -173,6 +163,7 @@ AllFlag = Annotated[bool, flag("--all", "Print all parameters, choices and findi
     "dynid fit arm.urdf log.csv -o fitted",
     "dynid fit ur5 monday.csv tuesday.csv --validate wednesday.csv -o fitted",
     "dynid fit ur10e log.csv --gains 11.2,11.4,9.8,10.1,10.2,9.9 -o fitted --json",
+    only=("preset", "purpose"),
 )
 def fit_command(
     robot: RobotArgument,
@@ -181,17 +172,16 @@ def fit_command(
         argument("LOG...", "Recordings of any format, or folders with the files of one run."),
     ],
     output: Annotated[Path, option("DIR", "Folder for all results.", "-o", "--output")],
+    settings: IdentifySettings,
     validation: Annotated[
         Path | None, option("LOG", "Another log to predict.", "--validate")
     ] = None,
     gains: GainsOption = None,
-    preset: Annotated[str, option("paper|best", "How to identify; see dynid identify.")] = "best",
-    purpose: PurposeOption = "anywhere",
     everything: AllFlag = False,
     json: JsonFlag = False,
 ) -> None:
     """From logs to verdict, models and report in one command."""
-    from dynid.workflow import IdentifySettings, fit
+    from dynid.workflow import fit
 
     with progress_bar("fit") as progress:
         result = fit(
@@ -199,8 +189,8 @@ def fit_command(
             logs,
             output,
             validation=validation,
-            gains=numbers(gains, "--gains"),
-            settings=IdentifySettings(preset=preset, purpose=purpose),
+            gains=drive_gains(gains),
+            settings=settings,
             progress=progress,
         )
     if json:
@@ -230,37 +220,11 @@ def identify_command(
     records: Annotated[
         list[str], argument("RECORD", "Recordings of one robot: paths, or s3://...")
     ],
+    settings: IdentifySettings,
     output: Annotated[
         Path | None, option("ESTIMATE.json", "Where the estimate goes.", "-o", "--output")
     ] = None,
     robot: RobotOption = None,
-    estimator: Annotated[
-        str | None,
-        option(
-            "ols|wls|irls|tls|iv|ml|didim|sdp|bayes|rls",
-            "Default: by the preset. sdp: physically consistent.",
-        ),
-    ] = None,
-    terms: Annotated[
-        str | None,
-        option(
-            "fc,fv,im[,..]",
-            "Friction terms, each for all joints or for some; default: by the preset.",
-        ),
-    ] = None,
-    preset: Annotated[
-        str,
-        option("paper|best", "paper: exactly as in the paper; best: select by cross-validation."),
-    ] = "best",
-    purpose: PurposeOption = "anywhere",
-    cutoff: Annotated[
-        float | None, option("HZ", "Low-pass cut-off; default: from the data.")
-    ] = None,
-    weighting: Annotated[
-        str, option("joint|size", "Noise variance of each joint, or of joints of one size.")
-    ] = "joint",
-    start: StartOption = None,
-    stop: StopOption = None,
     validation: Annotated[
         str | None, option("RECORD", "Another record to predict.", "--validate")
     ] = None,
@@ -278,19 +242,8 @@ def identify_command(
     json: JsonFlag = False,
 ) -> None:
     """Parameters from recordings, with uncertainty (paper 3)."""
-    from dynid.regressor import parse_terms
-    from dynid.workflow import IdentifySettings, identify_files, verdict
+    from dynid.workflow import identify_files, verdict
 
-    settings = IdentifySettings(
-        preset=preset,
-        estimator=estimator,
-        terms=None if terms is None else parse_terms(terms),
-        cutoff_hz=cutoff,
-        start_s=start,
-        stop_s=stop,
-        weighting=weighting,
-        purpose=purpose,
-    )
     if output is not None:
         inputs = [*records, *([] if validation is None else [validation])]
         check_output(output, inputs=map(Path, inputs), suffix=".json", force=force)
@@ -303,7 +256,7 @@ def identify_command(
             validation=validation,
             validation_start_s=validation_start,
             validation_stop_s=validation_stop,
-            gains=numbers(gains, "--gains"),
+            gains=drive_gains(gains),
             jobs=jobs,
             dask=dask,
             progress=progress,
@@ -355,7 +308,7 @@ def validate_command(
         start_s=start,
         stop_s=stop,
         at_degC=at,
-        gains=numbers(gains, "--gains"),
+        gains=drive_gains(gains),
         refit=refit,
         output=output,
     )

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import errno
+import functools
+import inspect
 import io
-import math
 import os
 import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -20,7 +20,8 @@ from typing import Annotated, Any
 import typer
 import typer.core
 
-from dynid.core import DynidError, InputError
+from dynid.core import DynidError
+from dynid.settings import FINITE, Option, numbers, options_of
 
 
 def option(metavar: str, help: str, *names: str, **bounds: Any) -> Any:
@@ -73,107 +74,29 @@ RobotArgument = Annotated[str, argument("ROBOT", "Built-in name, URDF or robot f
 DesignArgument = Annotated[Path, argument("DESIGN.json", "A design or trajectory.")]
 EstimateArgument = Annotated[Path, argument("ESTIMATE.json", "What dynid identify wrote.")]
 RecordOutput = Annotated[Path, option("RECORD.parquet", "The recording.", "-o", "--output")]
-MovedRobotOption = Annotated[
-    str | None, option("ROBOT", "If the design's robot file has moved.", "--robot")
-]
-FramesOption = Annotated[
-    str, option("dh|mdh|urdf", "Frames of the parameters; default: its own.", "--frames")
-]
-MountOption = Annotated[
-    str | None,
-    option("floor|wall|ceiling|tilt:DEG", "Mounting; default: that of the file.", "--mount"),
-]
-LimitsOption = Annotated[
-    str, option("safe|paper", "safe: all known limits; paper: q, dq and ddq alone.", "--limits")
-]
-SceneOption = Annotated[
-    str | None, option("SCENE.json", "Surroundings; default: those of the design.", "--scene")
-]
-NoCollisionFlag = Annotated[bool, flag("--no-collision", "Do not check collisions.")]
 
 
-def numbers(
-    text: str | None, where: str, counts: tuple[int, ...] = (), form: str = ""
-) -> tuple[float, ...] | None:
-    """Finite numbers with commas between, such as `13.6,13.7`; None where nothing is given.
-
-    Raises:
-        InputError: Something else, or another number of them than one of the counts.
-    """
-    if text is None:
-        return None
-    with suppress(ValueError):
-        found = tuple(float(part) for part in text.split(","))
-        if all(map(math.isfinite, found)) and (not counts or len(found) in counts):
-            return found
-    said = "needs finite numbers with commas between"
-    raise InputError(said, where=where, value=text, limit=form or None)
-
-
-MeshDirOption = Annotated[
-    list[Path] | None, option("DIR", "Where meshes of a URDF are; may be repeated.", "--mesh-dir")
-]
-FloorOption = Annotated[
-    str | None,
-    option(
-        "HEIGHT|none",
-        "Floor, wall or ceiling, in the base frame [m]. [default: the mounting plane]",
-    ),
-]
-ToolOption = Annotated[str | None, option("X,Y,Z", "Tool point in the flange's frame [m].")]
-PayloadOption = Annotated[
-    str | None, option("KG[,X,Y,Z]", "Mass at the flange [kg], its centre [m].")
-]
-MarginOption = Annotated[
-    float | None, option("PERCENT", "Margin to limits of speed, torque and power. [default: 5]")
-]
-ClearanceOption = Annotated[
-    float | None, option("M", "Smallest distance of bodies [m]. [default: 0.01]")
-]
-
-
-def carried(
-    floor: str | None, tool: str | None, payload: str | None, mesh_dir: list[Path] | None
-) -> dict[str, Any]:
-    """The settings of these options, which a design, its check and its run have in common.
-
-    Raises:
-        InputError: A word or number that makes no sense, or a folder that is none.
-    """
-    for folder in mesh_dir or ():
-        if not os.path.isdir(folder):
-            raise InputError("there is no such folder", where="--mesh-dir", value=str(folder))
-    load = numbers(payload, "--payload", (1, 4), "KG or KG,X,Y,Z")
-    if load is not None:
-        if load[0] < 0:
-            raise InputError("a negative mass", where="--payload", value=payload)
-        load = load if len(load) == 4 else (*load, 0.0, 0.0, 0.0)
-    height: float | str | None = floor
-    if floor not in (None, "mount", "none"):
-        (height,) = numbers(floor, "--floor", (1,), "HEIGHT, mount or none") or (floor,)
-    return {
-        "floor": height,
-        "tool": numbers(tool, "--tool", (3,), "X,Y,Z"),
-        "payload": load,
-        # Absolute, so that they are found again from elsewhere.
-        "mesh_dirs": tuple(str(folder.resolve()) for folder in mesh_dir) if mesh_dir else None,
-    }
+def drive_gains(text: str | None) -> tuple[float, ...] | None:
+    """The value of `--gains`; None where it is not given."""
+    return None if text is None else numbers(text, "--gains")
 
 
 GROUPS: Mapping[str, tuple[str, ...]] = {
-    "Purpose": ("criterion", "purpose", "motion", "accuracy", "accept_weak", "noise", "previous"),
-    "Motion": ("trajectory", "harmonics", "period", "start_pose"),
-    "Search": ("method", "population", "generations", "starts", "budget", "seed", "jobs", "dask"),
-    "Limits and surroundings": ("limits", "scene", "no_collision", "mesh_dir", "floor", "tool",
-                                "payload", "margin", "clearance", "mount", "accept_unjudged"),
-    "Model": ("frames", "terms", "estimator", "preset", "cutoff", "weighting"),
+    "Purpose": ("criterion", "purpose", "motions", "accuracy_percent", "accept_weak", "noise",
+                "previous"),
+    "Motion": ("trajectory", "harmonics", "period_s", "start_pose"),
+    "Motion of the robot": ("repeat", "thermal", "slow", "settle", "warm_up_s"),
+    "Search": ("method", "population", "generations", "starts", "budget_s", "seed", "jobs", "dask"),
+    "Limits and surroundings": ("limits", "scene", "collision", "mesh_dirs", "floor", "tool",
+                                "payload", "margin_percent", "clearance", "mount",
+                                "accept_unjudged"),
+    "Model": ("frames", "terms", "estimator", "preset", "cutoff_hz", "weighting"),
     "Validation": ("validation", "validation_start", "validation_stop"),
-    "Motion of the robot": ("repeat", "thermal", "slow", "settle", "warm_up"),
-    "Columns and units": ("columns", "no_header", "delimiter", "rate", "degrees", "joint_order",
+    "Columns and units": ("columns", "header", "delimiter", "rate_hz", "degrees", "joint_order",
                           "topic", "gains"),
     "Other files": ("csv", "urscript", "ros", "movej", "waypoints", "krl", "rapid"),
 }  # fmt: skip
-"""Headings of help pages, and the parameters that stand below them."""
+"""Headings of help pages, in their order, and the parameters that stand below them."""
 MANY_OPTIONS = 11
 """A help page with fewer needs no headings."""
 
@@ -186,7 +109,9 @@ class GroupedCommand(typer.core.TyperCommand):
         shown = [(p, p.get_help_record(ctx)) for p in self.get_params(ctx)]
         options = [p for p, record in shown if record and p.param_type_name == "option"]
         titles = {name: title for title, names in GROUPS.items() for name in names}
-        sections: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
+        sections: dict[str, list[tuple[str, str]]] = {
+            title: [] for title in ("Arguments", "Options", *GROUPS)
+        }
         for parameter, record in shown:
             if record is None:
                 continue
@@ -194,7 +119,7 @@ class GroupedCommand(typer.core.TyperCommand):
             if parameter.param_type_name == "option":
                 grouped = len(options) > MANY_OPTIONS
                 title = titles.get(parameter.name or "", "Options") if grouped else "Options"
-            sections.setdefault(title, []).append(record)
+            sections[title].append(record)
         for title, records in sections.items():
             if records:
                 with formatter.section(title):
@@ -223,9 +148,57 @@ class Command:
     epilog: str
 
 
-def command(*lines: str) -> Callable[[Callable[..., object]], Command]:
-    """Make a command of a function, with command lines to copy on its help page."""
-    return lambda run: Command(run, examples(*lines))
+def command(*lines: str, only: Sequence[str] = ()) -> Callable[[Callable[..., object]], Command]:
+    """Make a command of a function, with command lines to copy on its help page.
+
+    A parameter `settings` becomes the options that its class declares, or some of its fields
+    `only`.
+    """
+    return lambda run: Command(_with_options(run, only), examples(*lines))
+
+
+def _with_options(run: Callable[..., object], only: Sequence[str]) -> Callable[..., object]:
+    signature = inspect.signature(run, eval_str=True)
+    if "settings" not in signature.parameters:
+        return run
+    kind = signature.parameters["settings"].annotation
+    declared = options_of(kind)
+    declared = {name: declared[name] for name in only or declared}
+    parameters: list[inspect.Parameter] = []
+    for name, parameter in signature.parameters.items():
+        if name == "settings":
+            parameters += [_parameter(field, asked) for field, asked in declared.items()]
+        else:
+            parameters.append(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY))
+
+    @functools.wraps(run)
+    def call(**words: Any) -> object:
+        given = {name: words.pop(name) for name in declared}
+        # typer gives an empty list where an option was not repeated even once.
+        known = {name: value for name, value in given.items() if value not in (None, [])}
+        read = {name: declared[name].read(value) for name, value in known.items()}
+        return run(settings=kind(**read), **words)
+
+    setattr(call, "__signature__", signature.replace(parameters=parameters))  # noqa: B010
+    return call
+
+
+def _parameter(name: str, asked: Option) -> inspect.Parameter:
+    """The parameter of a command that typer makes an option of."""
+    default, shown = asked.default, option(asked.metavar, asked.help, asked.name)
+    if not asked.metavar:
+        kind, default, shown = bool, False, flag(asked.name, asked.help)
+    elif asked.many:
+        kind, default = list[str] | None, None
+    elif asked.kind in (int, float, int | None, float | None):
+        kind = asked.kind
+        shown.min = None if asked.least == -FINITE else asked.least
+        shown.max = None if asked.most == FINITE else asked.most
+    else:
+        kind = str if isinstance(default, str) else str | None
+    return inspect.Parameter(
+        name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, shown]
+    )
 
 
 TRACEBACK = "DYNID_TRACEBACK"

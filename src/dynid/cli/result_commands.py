@@ -15,7 +15,6 @@ from dynid.cli.options import (
     ForceFlag,
     JobsOption,
     JsonFlag,
-    RobotOption,
     TemperatureOption,
     argument,
     command,
@@ -34,6 +33,7 @@ from dynid.cli.output import (
     progress_bar,
 )
 from dynid.core import InputError, require, silent
+from dynid.settings import FleetSettings
 
 if TYPE_CHECKING:
     from dynid.studio import Served
@@ -139,33 +139,15 @@ def fleet_command(
     folder: Annotated[
         str, argument("DIR", "Recordings: ROBOT/DAY/FILE, or a manifest.csv; path or s3://...")
     ],
+    settings: FleetSettings,
     output: Annotated[
         Path, option("DIR", "Table, page, state and cache.", "-o", "--output")
     ] = Path("runs/fleet"),
-    robot: RobotOption = None,
-    terms: Annotated[
-        str, option("fc,fv,im[,fo]", "Friction terms, the same for all.")
-    ] = "fc,fv,im",
-    false_alarms: Annotated[float, option("P", "Probability of a false alarm in a run.")] = 0.05,
-    reference: Annotated[
-        float | None,
-        option("DEGC", "Reference temperature of the trends. [default: median of each joint]"),
-    ] = None,
-    jobs: JobsOption = 1,
-    dask: DaskOption = None,
     json: JsonFlag = False,
 ) -> None:
     """Many robots and days: estimates, friction trends, alarms."""
-    from dynid.workflow import FleetSettings, fleet
+    from dynid.workflow import fleet
 
-    settings = FleetSettings(
-        robot=robot,
-        terms=terms,
-        false_alarms=false_alarms,
-        reference_degC=reference,
-        jobs=jobs,
-        dask=dask,
-    )
     with progress_bar("fleet") as progress:
         found = fleet(folder, output, settings, progress=progress)
     data = found.to_json()
@@ -180,7 +162,7 @@ def fleet_command(
     )
     print_table(
         screen,
-        f"Alarms ({data['tests']} trends, {100 * false_alarms:g} % for any false alarm)",
+        f"Alarms ({data['tests']} trends, {100 * settings.false_alarms:g} % for any false alarm)",
         ("robot", "joint", "alarm", "friction [%]", "from", "to"),
         [
             (one.robot, one.name, one.alarm, *(number(x, 3) for x in one.change_percent))

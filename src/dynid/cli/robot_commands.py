@@ -7,17 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from dynid.cli.options import (
-    FramesOption,
     GainsOption,
     JsonFlag,
-    MountOption,
     RobotArgument,
     RobotOption,
     SeedOption,
     argument,
     command,
+    drive_gains,
     flag,
-    numbers,
     option,
 )
 from dynid.cli.output import console, number, print_json, print_notices, print_table
@@ -60,8 +58,13 @@ MAX_SAMPLES = 10_000
 )
 def analyze_command(
     robot: RobotArgument,
-    frames: FramesOption = "",
-    mount: MountOption = None,
+    frames: Annotated[
+        str, option("dh|mdh|urdf", "Frames of the parameters; default: its own.")
+    ] = "",
+    mount: Annotated[
+        str | None,
+        option("floor|wall|ceiling|tilt:DEG", "Mounting; default: that of the file."),
+    ] = None,
     samples: Annotated[
         int, option("N", "Random points of the regressor.", min=1, max=MAX_SAMPLES)
     ] = 25,
@@ -178,7 +181,7 @@ def payload_command(
     """Mass, centre and inertia of a payload, with intervals."""
     from dynid.workflow import identify_payload, open_records
 
-    (empty, carrying), model = open_records([unloaded, loaded], robot, numbers(gains, "--gains"))
+    (empty, carrying), model = open_records([unloaded, loaded], robot, drive_gains(gains))
     found = identify_payload(empty, carrying, model, cutoff_hz=cutoff)
     data: dict[str, Any] = {"robot": model.name, **found.to_json()}
     if json:

@@ -1,7 +1,14 @@
 """The verbs of the command line, as functions."""
 
+from dynid.settings import (
+    DesignSettings,
+    FleetSettings,
+    IdentifySettings,
+    ImportOptions,
+    LimitSettings,
+    RunSettings,
+)
 from dynid.workflow.analyze import Analysis, analyze
-from dynid.workflow.choosing import IdentifySettings
 from dynid.workflow.demo import run_demo
 from dynid.workflow.design_files import (
     Check,
@@ -11,15 +18,14 @@ from dynid.workflow.design_files import (
     read_design,
     write_design,
 )
-from dynid.workflow.design_settings import DesignLimits, DesignSettings
+from dynid.workflow.design_limits import DesignLimits
 from dynid.workflow.designing import design
 from dynid.workflow.fitting import LogFit, check_suffix, export_file, fit
-from dynid.workflow.fleet import Fleet, FleetSettings, fleet
+from dynid.workflow.fleet import Fleet, fleet
 from dynid.workflow.identify import Identification, identify
-from dynid.workflow.recordings import Imported, ImportOptions, import_recording, open_records
+from dynid.workflow.recordings import Imported, import_recording, open_records
 from dynid.workflow.reporting import report
-from dynid.workflow.run_settings import RunSettings, parse_thermal, truth_path
-from dynid.workflow.running import Run, run_design, simulate_recording
+from dynid.workflow.running import Run, run_design, simulate_recording, truth_path
 from dynid.workflow.shared_inertias import (
     GainsFromPayload,
     SharedIdentification,
@@ -44,6 +50,7 @@ __all__ = [
     "IdentifySettings",
     "ImportOptions",
     "Imported",
+    "LimitSettings",
     "LogFit",
     "Run",
     "RunSettings",
@@ -69,7 +76,6 @@ __all__ = [
     "identify_temperature",
     "import_recording",
     "open_records",
-    "parse_thermal",
     "read_design",
     "report",
     "run_demo",

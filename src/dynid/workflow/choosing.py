@@ -1,4 +1,4 @@
-"""What `dynid identify` can be asked for, and what is chosen before a fit.
+"""What is chosen before a fit.
 
 `--preset best` lets the recordings choose how they are processed and modelled.
 """
@@ -6,16 +6,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dynid.core import InputError, Progress, Provenance, check_word, provenance
+from dynid.core import InputError, Progress, Provenance, provenance
 from dynid.identification import (
-    ESTIMATORS,
     PRIOR_GAIN,
-    PURPOSES,
     AllRows,
     Estimate,
     Estimator,
@@ -32,6 +29,7 @@ from dynid.identification import (
 from dynid.recording import AnyRecording, ExperimentRecord, fingerprint
 from dynid.regressor import FrictionTerms, InverseDynamicModel
 from dynid.robot import RobotModel
+from dynid.settings import IdentifySettings
 from dynid.signals import (
     NYQUIST_SHARE,
     ProcessingSettings,
@@ -44,58 +42,6 @@ from dynid.signals import (
     uniform_signals,
     was_smoothed,
 )
-
-PRESETS = ("best", "paper")
-WEIGHTINGS = ("joint", "size")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class IdentifySettings:
-    """Settings of an identification; None: by the preset.
-
-    Raises:
-        InputError: An unknown preset, estimator or weighting.
-    """
-
-    preset: str = "best"
-    """`paper`: exactly as in the paper; `best`: selected by cross-validation."""
-    estimator: str | Estimator | None = None
-    """A word of `ESTIMATORS`, or an estimator of your own."""
-    terms: FrictionTerms | None = None
-    """Friction terms."""
-    cutoff_hz: float | None = None
-    """Low-pass cut-off [Hz]."""
-    start_s: float | None = None
-    """Start of the window, from the start of the recording [s]."""
-    stop_s: float | None = None
-    """End of the window [s]."""
-    weighting: str = "joint"
-    """`joint`: one noise a joint; `size`: joints with equal torque limit share one."""
-    frames: str = ""
-    """`dh`, `mdh` or `urdf`."""
-    purpose: str = "anywhere"
-    """What the model is for: `anywhere` chooses by regions left out, `this-motion` by stretches
-    of time left out."""
-
-    def __post_init__(self) -> None:
-        word = None if isinstance(self.estimator, Estimator) else self.estimator
-        check_word(self.preset, PRESETS, "--preset")
-        check_word(self.purpose, PURPOSES, "--for")
-        check_word(word or "ols", ESTIMATORS, "--estimator")
-        check_word(self.weighting, WEIGHTINGS, "--weighting")
-
-    @property
-    def estimator_word(self) -> str | None:
-        """The estimator's word, or the name of one's own; None: by the preset."""
-        return self.estimator.name if isinstance(self.estimator, Estimator) else self.estimator
-
-    def to_json(self) -> dict[str, Any]:
-        """A JSON object."""
-        data: dict[str, Any] = {item.name: getattr(self, item.name) for item in fields(self)}
-        data["for"] = data.pop("purpose")
-        terms = self.terms and self.terms.to_json()
-        return data | {"estimator": self.estimator_word, "terms": terms}
-
 
 REGIONS_FROM = 1e-2
 """Weight of the published inertias from which consistent bodies are fitted by regions too: the

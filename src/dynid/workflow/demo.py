@@ -1,12 +1,11 @@
 """`dynid demo`: the whole paper on the simulated UR5, beside what the paper reports."""
 
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -14,30 +13,25 @@ from dynid.core import (
     InputError,
     JobError,
     Progress,
-    each,
     make_folder,
     require,
     require_absent,
     silent,
     told,
-    workers,
     write_json,
 )
 from dynid.excitation import ExcitationDesign
 from dynid.identification import write_estimate
 from dynid.recording import ExperimentRecord, read_record
 from dynid.robot import load_robot
+from dynid.settings import DesignSettings, IdentifySettings, RunSettings
 from dynid.simulation import SERIAL, simulated_arm
 from dynid.validation import ParameterComparison, ValidationResult, compare
 from dynid.workflow.analyze import Analysis, analyze
-from dynid.workflow.choosing import IdentifySettings
-from dynid.workflow.designing import DesignSettings, design
+from dynid.workflow.designing import design
 from dynid.workflow.identify import Identification, identify
 from dynid.workflow.reporting import report
-from dynid.workflow.run_settings import RunSettings, truth_path, write_truth
-from dynid.workflow.running import run_design
-
-Result = TypeVar("Result")
+from dynid.workflow.running import run_design, truth_path, write_truth
 
 PAPER_CONDITION = 153.0
 PAPER_WARMING = -35.0
@@ -115,6 +109,7 @@ def _warming(change: ParameterComparison, joints: int) -> Iterator[DemoRow]:
             yield DemoRow(what, None, group.largest_z, None, note=note)
 
 
+ROBOT = "ur5"
 PERIOD_S, HARMONICS, REPETITIONS = 10.0, 5, 3
 """The paper's: length and harmonics of the trajectory, and how often it is repeated."""
 PURPOSES = (("design", 1), ("validation_design", 2))
@@ -131,7 +126,7 @@ Records = dict[tuple[str, str], ExperimentRecord]
 
 
 def _make_recordings(
-    robot: str, folder: Path, quick: bool, tell: Progress
+    folder: Path, quick: bool, tell: Progress
 ) -> tuple[ExcitationDesign, Records, list[Path]]:
     """Design two motions and run them on a simulated controller, cold and warm.
 
@@ -141,83 +136,59 @@ def _make_recordings(
     Raises:
         JobError: No feasible motion was found, or a run was stopped.
     """
-    with workers(1 if quick else 2) as beside:
-        designs = _in_order(
-            each(
-                partial(_designed, robot, folder, quick),
-                PURPOSES,
-                beside,
-                tell=lambda what, share: tell(what, 0.5 * share),
-                words="design two motions",
-            )
+    designs: list[ExcitationDesign] = []
+    files: list[Path] = []
+    starts = 1 if quick else STARTS
+    for k, (name, seed) in enumerate(PURPOSES):
+        tell(f"search motion {k + 1} of {len(PURPOSES)}", 0.3 * k)
+        settings = DesignSettings(
+            purpose="cond",
+            harmonics=HARMONICS,
+            period_s=PERIOD_S,
+            starts=starts,
+            seed=seed,
+            jobs=starts,
         )
-        for found in designs:
-            if found.interrupted:
-                raise KeyboardInterrupt
-            if not found.feasible:
-                raise JobError("the search found no motion within the limits", where=str(folder))
-        runs = [
-            (thermal, what, name, 10 * seed + k)
-            for k, thermal in enumerate(THERMAL)
-            for (name, seed), what in zip(PURPOSES, RECORDED, strict=True)
-        ]
-        paths = _in_order(
-            each(
-                partial(_recorded, robot, folder, quick),
-                runs,
-                beside,
-                tell=lambda what, share: tell(what, 0.5 + 0.5 * share),
-                words="run on the simulated robot, cold and warm",
-            )
-        )
-    records = {run[:2]: read_record(path) for run, path in zip(runs, paths, strict=True)}
-    files = [folder / f"{name}.json" for name, _ in PURPOSES]
-    return designs[0], records, [*files, *(f for path in paths for f in (path, truth_path(path)))]
+        files.append(folder / f"{name}.json")
+        designs.append(design(ROBOT, settings, output=files[-1]))
+        if designs[-1].interrupted:
+            raise KeyboardInterrupt
+        if not designs[-1].feasible:
+            raise JobError("the search found no motion within the limits", where=str(folder))
+    records: Records = {}
+    for k, thermal in enumerate(THERMAL):
+        for (name, seed), what in zip(PURPOSES, RECORDED, strict=True):
+            tell(f"run on the simulated robot, {thermal}", 0.6 + 0.1 * len(records))
+            path = folder / f"{thermal}_{what}.parquet"
+            _record(folder / f"{name}.json", path, thermal, 10 * seed + k, quick)
+            records[thermal, what] = read_record(path)
+            files += [path, truth_path(path)]
+    return designs[0], records, files
 
 
-def _in_order(found: Iterable[tuple[int, Result]]) -> list[Result]:
-    return [result for _, result in sorted(found, key=lambda item: item[0])]
-
-
-def _designed(robot: str, folder: Path, quick: bool, purpose: tuple[str, int]) -> ExcitationDesign:
-    name, seed = purpose
-    settings = DesignSettings(
-        purpose="cond",
-        harmonics=HARMONICS,
-        period_s=PERIOD_S,
-        starts=1 if quick else STARTS,
-        seed=seed,
-    )
-    return design(robot, settings, output=folder / f"{name}.json")
-
-
-def _recorded(robot: str, folder: Path, quick: bool, run: tuple[str, str, str, int]) -> Path:
+def _record(motion: Path, path: Path, thermal: str, seed: int, quick: bool) -> None:
     """Record a motion on a controller of its own: each recording starts at its temperature."""
-    thermal, what, name, seed = run
-    path = folder / f"{thermal}_{what}.parquet"
     settings = RunSettings(
         repeat=1 if quick else REPETITIONS, thermal=thermal, seed=seed, force=True
     )
-    with _simulated_robot(robot, thermal, seed) as on:
-        run_design(folder / f"{name}.json", path, on=on, settings=settings).raise_if_aborted()
+    with _simulated_robot(thermal, seed) as on:
+        run_design(motion, path, on=on, settings=settings).raise_if_aborted()
     warm = np.mean(read_record(path).signals["temperature"], axis=0)
-    write_truth(path, simulated_arm(load_robot(robot), serial=SERIAL), warm)
-    return path
+    write_truth(path, simulated_arm(load_robot(ROBOT), serial=SERIAL), warm)
 
 
 @contextmanager
-def _simulated_robot(robot: str, thermal: str, seed: int) -> Generator[str]:
+def _simulated_robot(thermal: str, seed: int) -> Generator[str]:
     """Where to run: on urtwin's controller, or where that is missing on the arm in this process."""
     try:
         from urtwin import controller_process
     except ImportError:
         yield "sim"
         return
-    with controller_process(robot, thermal=thermal, virtual_time=True, seed=seed) as controller:
+    with controller_process(ROBOT, thermal=thermal, virtual_time=True, seed=seed) as controller:
         yield f"ur://{controller.host}"
 
 
-ROBOT = "ur5"
 ESTIMATES = (
     ("paper", "cold", "estimate_paper_cold"),
     ("paper", "warm", "estimate_paper_warm"),
@@ -267,11 +238,8 @@ def run_demo(
     the simulated controller (its own process, UR's protocols, virtual time), cold and warm,
     identify, validate on the other motion, compare cold with warm, write a report.
 
-    Args:
-        directory: Where the files go; it is made.
-        quick: One repetition of the motions in place of three, and a shorter search for them.
-        force: Whether the files of an earlier demo are replaced.
-        progress: Told what is being done and how far it is (0 to 1).
+    `quick` is one repetition of the motions, and a shorter search for them; `force` replaces the
+    files of an earlier demo.
 
     Raises:
         InputError: The directory cannot be made or written to, or holds such files.
@@ -289,7 +257,7 @@ def run_demo(
     require_absent(*(folder / name for name in _names()), force=force)
     robot = load_robot(ROBOT)
     motion, records, files = _make_recordings(
-        ROBOT, folder, quick, lambda what, share: tell(what, 0.7 * share)
+        folder, quick, lambda what, share: tell(what, 0.7 * share)
     )
     tell("analyze the UR5", 0.7)
     analysis = analyze(robot)

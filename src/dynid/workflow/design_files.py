@@ -13,9 +13,18 @@ from typing import Any
 import numpy as np
 
 from dynid.constraints import Certificate, certify
-from dynid.core import InputError, JsonFields, content_hash, dynid_version, load_object, write_text
+from dynid.core import (
+    InputError,
+    JsonFields,
+    content_hash,
+    dynid_version,
+    file_hash,
+    load_object,
+    write_text,
+)
 from dynid.excitation import ExcitationDesign
 from dynid.robot import RobotLike, RobotModel, Tool, load_robot, robot_to_json
+from dynid.settings import LimitSettings
 from dynid.signals import process
 from dynid.trajectory import (
     LANGUAGES,
@@ -32,7 +41,7 @@ from dynid.trajectory import (
     write_trajectory,
 )
 from dynid.workflow.analyze import unit_notes
-from dynid.workflow.design_settings import DesignLimits, given_limits, limits_from_json
+from dynid.workflow.design_limits import DesignLimits, given_limits, limits_from_json
 
 POSE_ACCELERATION = 5.0
 """Between the poses of a task, where the robot knows no limit [rad/s^2 or m/s^2]."""
@@ -91,6 +100,8 @@ class StoredDesign:
     """The object `design`; empty for a plain trajectory."""
     limits: DesignLimits | None
     """What it was designed for; None for a plain trajectory."""
+    sha256: str
+    """Of the file."""
     changed: tuple[str, ...] = ()
     """What is not as it was when the motion was certified: keys of the digest."""
 
@@ -203,8 +214,9 @@ def read_design(
         InputError: Not a design, or its robot cannot be read or has other joints.
     """
     stored = read_trajectory(path)
-    found = stored.extra.get("design")
-    facts: dict[str, Any] = dict(JsonFields(stored.extra).object("design").values) if found else {}
+    facts: dict[str, Any] = {}
+    if stored.extra.get("design"):
+        facts = dict(JsonFields(stored.extra).object("design").values)
     limits = limits_from_json(JsonFields(facts, "design.").object("limits")) if facts else None
     if mesh_dirs is None:
         mesh_dirs = () if limits is None else limits.mesh_dirs
@@ -230,11 +242,13 @@ def read_design(
             value=f"{stored.trajectory.joints} joints",
             limit=f"{model.joints} of {model.name}",
         )
+    found = StoredDesign(
+        stored=stored, robot=model, facts=facts, limits=limits, sha256=file_hash(Path(path))
+    )
     if limits is None:
-        return StoredDesign(stored=stored, robot=model, facts=facts, limits=None)
+        return found
     model = limits.equipped(model)
-    changed = _changed(stored, facts, limits, model)
-    return StoredDesign(stored=stored, robot=model, facts=facts, limits=limits, changed=changed)
+    return replace(found, robot=model, changed=_changed(stored, facts, limits, model))
 
 
 @contextmanager
@@ -308,53 +322,27 @@ class Check:
 
 def check(
     design: DesignLike,
+    settings: LimitSettings | None = None,
     *,
-    limits: str = "safe",
-    scene: str | Path | None = None,
-    collision: bool = True,
     robot: RobotLike | None = None,
-    mount: str | None = None,
-    floor: float | str | None = None,
-    tool: tuple[float, ...] | None = None,
-    payload: tuple[float, ...] | None = None,
-    margin_percent: float | None = None,
-    clearance: float | None = None,
-    mesh_dirs: Sequence[str | Path] | None = None,
+    **more: Any,
 ) -> Check:
     """Judge a design from its start to its end, between samples too.
 
     Args:
         design: A design or its file, or any trajectory file.
-        limits: `safe`, whatever the design was made for; or `paper`: position, velocity and
-            acceleration alone.
-        scene: A scene file; None for the one that the design was made in.
-        collision: Whether to look at collisions.
+        settings: What it is held to, by default all that is safe, whatever the design was made
+            for.
         robot: The robot, or another name or file of it.
-        mount: The mounting; None for the design's.
-        floor: Height of the floor [m], `mount` or `none`; this and the next four are the design's
-            where they are None.
-        tool: (3) the tool's point in the flange's frame [m].
-        payload: (4) mass that the flange carries [kg] and its centre [m].
-        margin_percent: Of the limits, kept free.
-        clearance: Smallest distance of bodies [m].
-        mesh_dirs: Folders where meshes of a URDF are looked for.
+        **more: Fields of the settings, such as `limits="paper"`.
 
     Raises:
         InputError: Not a design, a scene that makes no sense, or one that would not be looked at.
     """
+    asked = replace(settings or LimitSettings(), **more)
     with design_file(design, robot) as path:
-        stored = read_design(path, robot=robot, mount=mount, mesh_dirs=mesh_dirs)
-    held = given_limits(
-        limits,
-        collision,
-        scene,
-        stored.limits,
-        floor=floor,
-        tool=tool,
-        payload=payload,
-        margin_percent=margin_percent,
-        clearance=clearance,
-    )
+        stored = read_design(path, robot=robot, mount=asked.mount, mesh_dirs=asked.mesh_dirs)
+    held = given_limits(asked, stored.limits)
     found = certify(stored.stored.trajectory, held.constraints(stored.robot))
     certificate = replace(found, notes=(*unit_notes(stored.robot), *found.notes))
     return Check(design=stored, limits=held, certificate=certificate)
@@ -364,12 +352,7 @@ KINDS = ("csv", "urscript", "ros", *LANGUAGES)
 
 
 def export_motion(design: ExcitationDesign, kind: str, path: str | Path) -> None:
-    """Write one period of a design in another format.
-
-    Args:
-        design: The design.
-        kind: One of `KINDS`.
-        path: The file; it appears whole or not at all.
+    """Write one period of a design in another format, one of `KINDS`, whole or not at all.
 
     Raises:
         InputError: An unknown kind, a motion that the format cannot hold, or a place where no

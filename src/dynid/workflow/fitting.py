@@ -19,7 +19,7 @@ from dynid.recording import (
     write_record,
 )
 from dynid.robot import RobotLike, load_robot
-from dynid.workflow.choosing import IdentifySettings
+from dynid.settings import IdentifySettings
 from dynid.workflow.identify import Identification, identify
 from dynid.workflow.recordings import known_gains, of_robot
 from dynid.workflow.reporting import report
@@ -61,9 +61,7 @@ class Export:
 def check_suffix(to: str, output: Path) -> None:
     """Refuse a name that belongs to another format, such as C in `arm.urdf`.
 
-    Args:
-        to: The format.
-        output: File to write; an ending that belongs to no format is left to the user.
+    An ending that belongs to no format is left to the user.
 
     Raises:
         InputError: The name ends as those of another format do.
@@ -81,13 +79,9 @@ def check_suffix(to: str, output: Path) -> None:
 def export_file(
     estimate: EstimateLike, to: str, output: str | Path, *, at_degC: float | None = None
 ) -> Export:
-    """Write the model of an estimate and have another program load it.
+    """Write the model of an estimate as `urdf`, `mjcf`, `json`, `c` or `python`, and load it.
 
-    Args:
-        estimate: An estimate or its JSON file.
-        to: `urdf`, `mjcf`, `json`, `c` or `python`.
-        output: File to write.
-        at_degC: Temperature of all joints, where the file holds temperature laws [degC].
+    All joints are at a temperature [degC] where the file holds temperature laws.
 
     Raises:
         InputError: An estimate that cannot be read, an unknown format, or a file that cannot be

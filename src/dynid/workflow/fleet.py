@@ -23,15 +23,18 @@ from dynid.identification import (
 )
 from dynid.recording import is_url
 from dynid.report import write_fleet_page
+from dynid.settings import FleetSettings
 from dynid.workflow.fleet_files import (
     COLUMNS,
     MANIFEST,
     METRICS,
     STATE,
+    TEMPERATURES,
     FleetRecording,
     base_of,
     iso_time,
     joint_row,
+    moment,
     read_folder,
     write_state,
     write_table,
@@ -39,40 +42,8 @@ from dynid.workflow.fleet_files import (
 
 TABLE, PAGE = "estimates.parquet", "report.html"
 CACHE = "statistics"
-FALSE_ALARMS = 0.05
 FEWEST, SPARE = 9999, 4
 """Permutations: at least so many, and so many times what the correction needs."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FleetSettings:
-    """How a fleet is judged.
-
-    Raises:
-        InputError: A false-alarm rate that is no probability.
-    """
-
-    robot: str | Path | None = None
-    """Model of recordings that name none: built-in name, URDF or robot file."""
-    terms: str = "fc,fv,im"
-    """Friction terms, the same for all recordings."""
-    false_alarms: float = FALSE_ALARMS
-    """Probability of any false alarm in the whole fleet, a run."""
-    reference_degC: float | None = None
-    """Temperature of the trends; None for the median of each joint."""
-    jobs: int = 1
-    """Processes on this machine."""
-    dask: str | None = None
-    """Address of a Dask scheduler, instead of processes."""
-
-    def __post_init__(self) -> None:
-        if not 0 < self.false_alarms < 1:
-            raise InputError(
-                "must be a probability",
-                where="--false-alarms",
-                value=self.false_alarms,
-                limit="0 to 1",
-            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -265,9 +236,10 @@ def _robot(
             weights[j, f] = {"Fc": 1.0, "Fv": float(speed[j])}.get(name.rstrip("0123456789"), 0.0)
     level, level_std = states.level(weights)
     facts = {"robot": robot, "model": group[0].model}
-    # What the robot's recordings share has no recording and no time.
+    # What the robot's recordings share has no recording, no time and no temperature.
+    none = dict.fromkeys(TEMPERATURES, float("nan"))
     rows: list[dict[str, Any]] = [
-        {**facts, "joint": 0, "name": name, "value": float(value), "std": float(std)}
+        {**facts, **none, "joint": 0, "name": name, "value": float(value), "std": float(std)}
         for name, value, std in zip(
             shared_names(base), states.shared, states.shared_std, strict=True
         )
@@ -321,7 +293,7 @@ def _robot(
                 {
                     **facts,
                     "recording": one.path,
-                    "time": one.time_s,
+                    "time": moment(one.time_s),
                     "joint": j + 1,
                     "name": quantity,
                     "value": float(value[k]),

@@ -10,7 +10,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
-from io import BytesIO
 from pathlib import Path, PurePath, PurePosixPath
 from typing import Any
 from zipfile import BadZipFile
@@ -74,8 +73,6 @@ class FleetRecording:
     """When it was made, seconds since 1970; NaN where nobody says."""
     temperature_degC: Array
     """(n) mean joint temperatures; NaN where nobody says."""
-    digest: str
-    """SHA-256 of the file; in an object store, of what the store says of it."""
     statistics: RecordStatistics
     computed: bool
     """Whether it was computed now, not taken from the cache."""
@@ -121,7 +118,7 @@ def read_folder(
         if known is None:
             waiting[name] = (place, digest, row)
         else:
-            found.append(_placed(name, digest, known, row, computed=False))
+            found.append(_placed(name, known, row, computed=False))
     names = list(waiting)
     jobs = [(place, row.get("model") or model, terms) for place, _, row in waiting.values()]
     for number, outcome in each(_contribution, jobs, beside, tell=progress, words="recordings"):
@@ -130,10 +127,8 @@ def read_folder(
         if isinstance(outcome, str):
             skipped.append((name, outcome))
             continue
-        known, packed = outcome
-        with in_one_piece(cache / f"{digest}.npz") as draft:
-            draft.write_bytes(packed)
-        found.append(_placed(name, digest, known, row, computed=True))
+        _keep(cache / f"{digest}.npz", outcome)
+        found.append(_placed(name, outcome, row, computed=True))
     found.sort(key=lambda one: (one.robot, np.nan_to_num(one.time_s, nan=np.inf), one.path))
     return found, sorted(skipped)
 
@@ -148,8 +143,8 @@ class _Contribution:
     """`model`, `key` (of model and terms), and where known `robot` and `time`."""
 
 
-def _contribution(job: tuple[str, str | None, str]) -> tuple[_Contribution, bytes] | str:
-    """The statistics of one file, as they are and packed, or why there are none; in a worker.
+def _contribution(job: tuple[str, str | None, str]) -> _Contribution | str:
+    """The statistics of one file, or why there are none; in a worker.
 
     The job is the recording (path or URL), its robot (None for what it says), and friction terms.
     """
@@ -175,12 +170,11 @@ def _contribution(job: tuple[str, str | None, str]) -> tuple[_Contribution, byte
     if "time" not in facts and first >= EPOCH_FROM_S:
         facts["time"] = datetime.fromtimestamp(first, UTC).isoformat()
     warm = record.signals.get("temperature")
-    found = _Contribution(
+    return _Contribution(
         statistics=statistics,
         temperature_degC=np.full(robot.joints, np.nan) if warm is None else warm.mean(axis=0),
         facts=facts,
     )
-    return found, _packed(found)
 
 
 @lru_cache(maxsize=1)
@@ -205,7 +199,7 @@ def _key(reference: str, terms: str) -> str:
 
 
 def _placed(
-    name: str, digest: str, known: _Contribution, row: Mapping[str, str], *, computed: bool
+    name: str, known: _Contribution, row: Mapping[str, str], *, computed: bool
 ) -> FleetRecording:
     folders = name.split("/")[:-1]
     day = _DAY.search(name)
@@ -226,7 +220,6 @@ def _placed(
         model=facts["model"],
         time_s=_seconds(when),
         temperature_degC=temperature,
-        digest=digest,
         statistics=known.statistics,
         computed=computed,
     )
@@ -333,7 +326,7 @@ def _cached(path: Path, model: str | None, terms: str) -> _Contribution | None:
         return None
 
 
-def _packed(known: _Contribution) -> bytes:
+def _keep(path: Path, known: _Contribution) -> None:
     values: dict[str, Any] = {
         "factors": known.statistics.factors,
         "scores": known.statistics.scores,
@@ -342,24 +335,33 @@ def _packed(known: _Contribution) -> bytes:
         "temperature_degC": known.temperature_degC,
         "facts": np.array(json.dumps(dict(known.facts))),
     }
-    stream = BytesIO()
-    np.savez_compressed(stream, **values)
-    return stream.getvalue()
+    with in_one_piece(path) as draft, draft.open("wb") as stream:
+        np.savez_compressed(stream, **values)
 
 
 STATE, METRICS = "state.csv", "state.prom"
 ALARMS = ("", "friction_drift", "torque_scale")
 """Their places are the numbers of the metric."""
-STRINGS = ("robot", "model", "recording", "name")
-NUMBERS = ("value", "std", "temperature_degC", "at_reference", "at_reference_std", "reference_degC")
-"""Columns of the table, with `time`, `joint` (from 1; 0 for none) between."""
+TEMPERATURES = ("temperature_degC", "at_reference", "at_reference_std", "reference_degC")
+TABLE_COLUMNS = {
+    **dict.fromkeys(("robot", "model", "recording"), "string"),
+    "time": "timestamp",
+    "joint": "int32",
+    "name": "string",
+    **dict.fromkeys(("value", "std", *TEMPERATURES), "float64"),
+}
+"""Columns of the table and their types; `joint` is from 1, 0 for none."""
+
+
+def moment(time_s: float) -> datetime | None:
+    """Seconds since 1970 as a time in UTC, to the millisecond; None where unknown."""
+    return datetime.fromtimestamp(round(time_s, 3), UTC) if np.isfinite(time_s) else None
 
 
 def iso_time(time_s: float) -> str | None:
-    """Seconds since 1970 as an ISO time in UTC; None where unknown."""
-    if not np.isfinite(time_s):
-        return None
-    return datetime.fromtimestamp(time_s, UTC).isoformat(timespec="seconds")
+    """The same as an ISO time, to the second."""
+    found = moment(time_s)
+    return found and found.isoformat(timespec="seconds")
 
 
 def joint_row(joint: JointState) -> dict[str, Any]:
@@ -401,20 +403,10 @@ def write_table(target: Path, rows: Sequence[Mapping[str, Any]]) -> None:
         JobError: The disk does not take it.
     """
     arrow, parquet = (importlib.import_module(name) for name in ("pyarrow", "pyarrow.parquet"))
-    nan = float("nan")
-    times = [row.get("time", nan) for row in rows]
-    table = arrow.table(
-        {
-            **{name: arrow.array([row.get(name) for row in rows]) for name in STRINGS[:3]},
-            "time": arrow.array(
-                [None if np.isnan(t) else round(1000 * t) for t in times],
-                arrow.timestamp("ms", "UTC"),
-            ),
-            "joint": arrow.array([row["joint"] for row in rows], arrow.int32()),
-            "name": arrow.array([row["name"] for row in rows]),
-            **{name: arrow.array([float(row.get(name, nan)) for row in rows]) for name in NUMBERS},
-        }
-    )
+    types = {"string": arrow.string(), "int32": arrow.int32(), "float64": arrow.float64()}
+    types["timestamp"] = arrow.timestamp("ms", "UTC")
+    schema = arrow.schema([(name, types[kind]) for name, kind in TABLE_COLUMNS.items()])
+    table = arrow.Table.from_pylist(rows, schema=schema)
     with in_one_piece(target) as draft:
         parquet.write_table(table, draft, compression="zstd")
 

@@ -29,10 +29,10 @@ from dynid.recording import (
     open_record,
 )
 from dynid.robot import RobotLike, RobotModel, load_robot
+from dynid.settings import IdentifySettings
 from dynid.trajectory import JointMotion
 from dynid.validation import ValidationResult, reproduce, validate
 from dynid.workflow.choosing import (
-    IdentifySettings,
     asked_processing,
     made_from,
     prepare,
@@ -101,12 +101,9 @@ def accuracy(
     records: Sequence[AnyRecording],
     motions: Sequence[JointMotion] = (),
 ) -> Accuracy | None:
-    """Expected beside found; None for an estimate that was not assessed.
+    """Expected beside found, by an estimate from all of the records; None where not assessed.
 
-    Args:
-        estimate: From all of the records.
-        records: The recordings, with what their designs promised.
-        motions: What the model is for; none to leave the noise's part out.
+    Without motions, which the model is for, the noise's part is left out.
     """
     told = estimate.assessment
     if told is None:

@@ -25,6 +25,7 @@ from dynid.identification import (
 )
 from dynid.recording import AnyRecording, ExperimentRecord, checked_records, fingerprint
 from dynid.robot import RobotModel
+from dynid.settings import IdentifySettings
 from dynid.signals import (
     LongSignals,
     ProcessingSettings,
@@ -36,7 +37,6 @@ from dynid.signals import (
 )
 from dynid.validation import ValidationResult, reproduce
 from dynid.workflow.choosing import (
-    IdentifySettings,
     made_from,
     prepare,
     require_cutoff,

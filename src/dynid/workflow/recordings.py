@@ -1,6 +1,6 @@
 """Recordings and the robots and drive gains that belong to them; `dynid import`."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from dynid.recording import (
     write_record,
 )
 from dynid.robot import RobotLike, RobotModel, builtin_names, load_robot
+from dynid.settings import ImportOptions
 from dynid.workflow.shared_inertias import TARGETS, identify_gains
 
 _NEXT = "Pass --robot: a built-in name (dynid robots), a URDF or a robot file."
@@ -81,12 +82,9 @@ def open_records(
     robot: str | Path | None = None,
     gains: Sequence[float] | None = None,
 ) -> tuple[list[ExperimentRecord], RobotModel]:
-    """Recordings of one robot, and the robot.
+    """Recordings of one robot, and the robot, None for what they say.
 
-    Args:
-        paths: The recordings.
-        robot: Built-in name, URDF or robot file; None to take what the recordings say.
-        gains: (n) drive gains [N.m/A]; they override those of the recordings and of the robot.
+    `gains` (n) [N.m/A] override those of the recordings and of the robot.
 
     Raises:
         InputError: No recordings, a robot that is not known, or recordings that do not fit it.
@@ -120,30 +118,6 @@ def stored_robot(paths: Sequence[str | Path]) -> str:
             next_step=_NEXT,
         )
     return name
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ImportOptions:
-    """Options for files that are not self-describing; see `read_recording`."""
-
-    format: str = "auto"
-    """One of the formats of `dynid import`, or `auto`."""
-    columns: str | Mapping[str, str] | None = None
-    """As `t=0,q=1:7,current=7:13`."""
-    header: bool | None = None
-    """False: the first line is numbers; None: find out."""
-    delimiter: str | None = None
-    """Between the cells of a text table."""
-    gains: tuple[float, ...] | None = None
-    """Drive gains [N.m/A]; they override the robot's."""
-    rate_hz: float | None = None
-    """The clock of a file without time stamps [Hz]."""
-    degrees: bool = False
-    """Angles without a unit are in degrees."""
-    joint_order: tuple[str, ...] | None = None
-    """The file's joints from base to tip: numbers or names."""
-    topic: str | None = None
-    """Topic of a bag."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

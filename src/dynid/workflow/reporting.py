@@ -41,7 +41,7 @@ from dynid.robot import move
 from dynid.validation import ParameterComparison, ValidationResult, compare, reproduce, validate
 from dynid.workflow.design_files import StoredDesign, read_design
 from dynid.workflow.identify import Identification, over_fitted
-from dynid.workflow.run_settings import truth_path
+from dynid.workflow.running import truth_path
 from dynid.workflow.validating import verdict
 
 SAMPLES = 200
@@ -291,11 +291,6 @@ def report(
 
     An estimate knows its recording by its hash; other recordings of the same robot validate it, or
     else the stretch of its own that `--from` and `--to` left out.
-
-    Args:
-        directory: Where the files are.
-        output: The page to write.
-        progress: Told what is being done and how far it is (0 to 1).
 
     Raises:
         InputError: No such directory, no estimate in it, or a place where no page can be.

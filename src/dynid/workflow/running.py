@@ -5,6 +5,8 @@ Recordings of the simulated arm, in the form of a real one.
 
 import json
 import math
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Event
@@ -12,11 +14,44 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import InputError, JobError, Progress, require_absent
-from dynid.drivers import Abort, Driver, ServojDriver, SimulatedDriver, UrDriver, inspect
-from dynid.experiment import ExperimentPlan, RunResult, run
-from dynid.recording import ExperimentRecord, RecordMetadata, RecordWriter, partial_path
+from dynid.core import (
+    Array,
+    DynidError,
+    Finding,
+    InputError,
+    JobError,
+    Progress,
+    require_absent,
+    write_json,
+)
+from dynid.drivers import (
+    Abort,
+    ControllerState,
+    Driver,
+    ServojDriver,
+    SimulatedDriver,
+    UrDriver,
+    inspect,
+)
+from dynid.experiment import (
+    ExperimentPlan,
+    RunResult,
+    check_design,
+    check_robot,
+    plan_approach,
+    require_ready,
+    run,
+)
+from dynid.recording import (
+    ExperimentRecord,
+    RecordMetadata,
+    RecordWriter,
+    partial_path,
+    read_record,
+    write_record,
+)
 from dynid.robot import RobotLike, RobotModel, load_robot
+from dynid.settings import RunSettings
 from dynid.simulation import (
     SERIAL,
     SimulatedArm,
@@ -27,24 +62,18 @@ from dynid.simulation import (
     warm_up,
     with_payload,
 )
+from dynid.workflow.analyze import unit_notes
 from dynid.workflow.design_files import (
     DesignLike,
     StoredDesign,
     TrajectoryLike,
     design_file,
     open_trajectory,
+    read_design,
 )
+from dynid.workflow.design_limits import given_limits
 from dynid.workflow.identify import PROMISED
-from dynid.workflow.run_settings import (
-    Confirm,
-    LoadedDesign,
-    RunSettings,
-    load_design,
-    made_ready,
-    mark_aborted,
-    truth_path,
-    write_truth,
-)
+from dynid.workflow.recordings import robot_reference
 
 
 def simulate_recording(
@@ -96,8 +125,49 @@ def record_of(run: SimulatedRun) -> ExperimentRecord:
     )
 
 
+def truth_path(recording: Path) -> Path:
+    """Where the truth of a simulated recording stands: beside it."""
+    return recording.with_name(f"{recording.stem}_truth.json")
+
+
+def write_truth(
+    recording: Path, arm: SimulatedArm, temperature_degC: Array, **more: object
+) -> None:
+    """Write what a simulated arm was made of beside its recording; reports draw it.
+
+    Fc and Fv are those at (n) mean joint temperatures of the recording.
+
+    Raises:
+        InputError: A place where no such file can be.
+        JobError: The disk does not take it.
+    """
+    truth = arm.truth
+    data: dict[str, Any] = {
+        "robot": arm.robot.name,
+        "label": truth.label,
+        "mean_degC": temperature_degC.tolist(),
+        "parameters": [
+            *("m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy"),
+            *("Fc", "Fv", "Im"),
+        ],
+        "frame": "joint frames, tensors about their origins; Fc and Fv at mean_degC",
+        "links": truth.standard_parameters_at(temperature_degC).tolist(),
+        "drive_gain": truth.gain.tolist(),
+        "friction_beyond_the_paper": {
+            name: getattr(truth.friction, name).tolist()
+            for name in ("breakaway", "stribeck_velocity", "load_factor")
+        },
+        **more,
+    }
+    write_json(truth_path(recording), data)
+
+
 SIMULATED = "sim"
 RATE_HZ = 125.0
+Confirm = Callable[[str, str], None]
+"""Shown what is about to move and the word that agrees to it; raises where nobody agrees."""
+MOVED = 0.01
+"""Joint motion between check and start that calls for another check [rad]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -194,7 +264,7 @@ def run_design(
     state = None if on == SIMULATED else inspect(_host(on))
     plan = ExperimentPlan(
         robot=loaded.robot,
-        trajectory=loaded.trajectory,
+        trajectory=loaded.stored.trajectory,
         periods=asked.repeat,
         settle=asked.settle,
         slow=asked.slow,
@@ -214,9 +284,67 @@ def run_design(
                 torque_rms=np.sqrt(np.square(torque).mean(axis=0)).tolist(),
             )
         return finished
-    plan = made_ready(plan, state, loaded, asked.accept_unjudged, confirm)
+    plan = _made_ready(plan, state, loaded, asked, confirm)
     driver = ServojDriver(state) if asked.method == "servoj" else UrDriver(state)
     return _execute(plan, driver, loaded, asked, path, cancel, progress)
+
+
+def load_design(path: Path, asked: RunSettings) -> StoredDesign:
+    """Read a design, or any trajectory file, for the robot and what it carries.
+
+    Raises:
+        InputError: Not a design, or one for a robot that cannot be read.
+    """
+    found = read_design(path, robot=asked.robot, mount=asked.mount, mesh_dirs=asked.mesh_dirs)
+    robot = given_limits(asked, found.limits).equipped(found.robot)
+    if asked.robot is None:
+        return replace(found, robot=robot)
+    stored = replace(found.stored, robot=robot_reference(asked.robot))
+    return replace(found, robot=robot, stored=stored)
+
+
+def _made_ready(
+    plan: ExperimentPlan,
+    state: ControllerState,
+    loaded: StoredDesign,
+    asked: RunSettings,
+    confirm: Confirm | None,
+) -> ExperimentPlan:
+    """The plan with its way to the start: check the design, then the robot, then ask.
+
+    Raises:
+        InputError: A design that must not run, or nobody agrees.
+        JobError: The robot is not ready, or has moved since it was checked.
+    """
+    constraints = given_limits(asked, loaded.limits).constraints(loaded.robot)
+    certificate = check_design(plan, constraints, asked.accept_unjudged)
+    approach = plan_approach(state.q, plan.start, constraints)
+    checks = check_robot(plan, state, approach)
+    require_ready(checks, state.host)
+    if confirm is not None:
+        lines = [f"{check.name}: {check.finding}" for check in checks]
+        lines += [f"mounted as: {plan.robot.mount} (the robot cannot tell; look)"]
+        lines += [f"NOT JUDGED: {item.kind}: {item.message}" for item in certificate.unjudged]
+        lines += [*unit_notes(plan.robot), *certificate.notes]
+        if (said := loaded.describe_digest()) is not None:
+            lines.append(said)
+        lines += [
+            f"{step.name}: {step.execution.settle + step.execution.periods} x "
+            f"{step.execution.trajectory.duration:g} s"
+            for step in plan.passes()
+        ]
+        confirm("\n".join(f"- {line}" for line in lines), state.host)
+        # The way was planned from where the robot stood before a person thought it over.
+        away = float(np.abs(inspect(state.host).q - state.q).max())
+        if away > MOVED:
+            raise JobError(
+                "the robot has moved since it was checked",
+                where=state.host,
+                value=f"{away:.3g} rad",
+                limit=f"{MOVED:g} rad",
+                next_step="Start again.",
+            )
+    return replace(plan, via=approach.via)
 
 
 def _host(on: str) -> str:
@@ -234,19 +362,19 @@ def _equipped_arm(robot: RobotModel) -> SimulatedArm:
     return arm
 
 
-def _simulated(loaded: LoadedDesign, asked: RunSettings) -> SimulatedDriver:
+def _simulated(loaded: StoredDesign, asked: RunSettings) -> SimulatedDriver:
     arm = _equipped_arm(loaded.robot)
     thermal = asked.thermal
     if asked.warm_up_s > 0:
         # Heat flows far more slowly than the arm moves: no need to simulate every second.
-        thermal = warm_up(arm, loaded.trajectory, asked.warm_up_s, thermal=thermal)
+        thermal = warm_up(arm, loaded.stored.trajectory, asked.warm_up_s, thermal=thermal)
     return SimulatedDriver(arm, thermal=thermal, seed=asked.seed)
 
 
 def _execute(
     plan: ExperimentPlan,
     driver: Driver,
-    loaded: LoadedDesign,
+    loaded: StoredDesign,
     asked: RunSettings,
     path: Path,
     cancel: Event | None,
@@ -257,7 +385,7 @@ def _execute(
     def open_recorder() -> RecordWriter:
         source = driver.source
         metadata = RecordMetadata(
-            robot=loaded.reference,
+            robot=loaded.stored.robot,
             origin=source.origin,
             format=source.format,
             extra={
@@ -289,7 +417,7 @@ def _execute(
 
     result = run(plan, driver, open_recorder, cancel=cancel, progress=progress)
     if not opened:
-        return Run(result=result, record=None, design=loaded.stored)
+        return Run(result=result, record=None, design=loaded)
     # What was appended need not have been written: the disk is what counts.
     samples, record = opened[0].saved_samples, opened[0].record_path
     abort, outcome = result.outcome.abort, result.outcome
@@ -298,19 +426,31 @@ def _execute(
             # One row is no recording: nothing is kept, and nothing lies about.
             partial_path(path).unlink(missing_ok=True)
         elif record.suffix == path.suffix:
-            mark_aborted(record, abort)
+            _mark_aborted(record, abort)
         whole = int(samples / (plan.trajectory.duration * plan.rate_hz))
         outcome = replace(outcome, samples=samples, periods=min(outcome.periods, whole))
     return Run(
         result=replace(result, outcome=outcome),
         record=record if samples >= 2 else None,
-        design=loaded.stored,
+        design=loaded,
     )
 
 
-def _promise(loaded: LoadedDesign, periods: int) -> dict[str, str]:
+def _mark_aborted(path: Path, abort: Abort) -> None:
+    """Write the cause of a stop into a recording, as metadata and as a finding."""
+    # The disk that refused the rows refuses this too; the rows themselves stay readable.
+    with suppress(DynidError):
+        record = read_record(path)
+        if not any(problem.kind == "aborted" for problem in record.problems):
+            said = Finding("aborted", f"aborted after {record.samples} samples: {abort.message}")
+            record = replace(record, problems=(*record.problems, said))
+        extra = {**record.metadata.extra, "aborted": abort.message, "abort": abort.code}
+        write_record(replace(record, metadata=replace(record.metadata, extra=extra)), path)
+
+
+def _promise(loaded: StoredDesign, periods: int) -> dict[str, str]:
     """What the design promises for so many periods, where it does."""
-    facts = loaded.stored.facts
+    facts = loaded.facts
     value = facts.get(PROMISED)
     if not isinstance(value, float):
         return {}

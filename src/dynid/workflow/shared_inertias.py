@@ -36,8 +36,9 @@ from dynid.recording import ExperimentRecord, RecordLike, identity, open_record,
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel, LoadFriction
 from dynid.robot import RobotLike, RobotModel, frame_map, from_body, load_robot
+from dynid.settings import IdentifySettings
 from dynid.signals import ProcessingSettings, Samples, process
-from dynid.workflow.choosing import IdentifySettings, asked_processing, choose, made_from
+from dynid.workflow.choosing import asked_processing, choose, made_from
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

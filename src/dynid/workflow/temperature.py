@@ -17,8 +17,8 @@ from dynid.identification import (
 )
 from dynid.recording import RecordLike, open_several
 from dynid.robot import RobotLike, load_robot
+from dynid.settings import IdentifySettings
 from dynid.signals import window
-from dynid.workflow.choosing import IdentifySettings
 from dynid.workflow.shared_inertias import SharedIdentification, identify_shared
 
 
@@ -28,11 +28,6 @@ class TemperatureIdentification(TemperatureModel):
 
     shared: SharedIdentification
     """The inertias, and the friction of each record."""
-
-    @property
-    def model(self) -> TemperatureModel:
-        """What `write_temperature` keeps of it: all but the identification itself."""
-        return self
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""

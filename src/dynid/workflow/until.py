@@ -15,8 +15,8 @@ from dynid.excitation import safe_motions
 from dynid.recording import open_several
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
+from dynid.settings import DesignSettings, IdentifySettings, RunSettings
 from dynid.trajectory import JointMotion
-from dynid.workflow.choosing import IdentifySettings
 from dynid.workflow.design_files import (
     DesignLike,
     StoredDesign,
@@ -24,11 +24,9 @@ from dynid.workflow.design_files import (
     read_design,
     write_design,
 )
-from dynid.workflow.design_settings import DesignSettings
 from dynid.workflow.designing import design
 from dynid.workflow.identify import LONGER, Accuracy, accuracy, identify
-from dynid.workflow.run_settings import Confirm, RunSettings
-from dynid.workflow.running import SIMULATED, Run, run_design
+from dynid.workflow.running import SIMULATED, Confirm, Run, run_design
 
 MOST_ROUNDS = 10
 """A tenfold longer run than the first."""

@@ -20,6 +20,7 @@ from dynid.recording import (
     open_record,
 )
 from dynid.robot import load_robot
+from dynid.settings import IdentifySettings
 from dynid.signals import ProcessingSettings, rows_of, survey, window
 from dynid.validation import (
     MOVING_SPEED,
@@ -28,7 +29,6 @@ from dynid.validation import (
     samples_of,
     validate,
 )
-from dynid.workflow.choosing import IdentifySettings
 from dynid.workflow.identify import Identification, identify
 from dynid.workflow.recordings import stored_robot
 
@@ -52,19 +52,10 @@ def identify_files(
 ) -> Identification:
     """Identify from recordings, validate if asked to, write the estimate if told where.
 
-    Args:
-        recordings: Recordings of one robot, ours or foreign: paths, or URLs of an object store.
-        output: The estimate's JSON file; it appears whole or not at all.
-        robot: Built-in name, URDF or robot file; None to take what the recordings say.
-        settings: What to do.
-        validation: Another recording to predict. With a window alone, it is the one recording
-            that was given.
-        validation_start_s: Start of its window [s].
-        validation_stop_s: End of its window [s].
-        gains: (n) drive gains [N.m/A]; they override those of the recordings and of the robot.
-        jobs: Processes that sum long recordings, this one included.
-        dask: Address of a Dask scheduler whose workers sum them instead.
-        progress: Told what is being done and how far it is (0 to 1).
+    As `identify`, from paths or URLs of an object store; None stands for the robot that they say.
+    With a window alone, the validation is of the one recording that was given. `gains` (n)
+    [N.m/A] override those of the recordings and of the robot; `jobs` or the workers of a Dask
+    scheduler sum long recordings.
 
     Raises:
         InputError: Files that cannot be read or do not belong together, unknown settings.
@@ -140,17 +131,11 @@ def validate_files(
     refit: str | None = None,
     output: str | Path | None = None,
 ) -> ValidationResult:
-    """Predict the torques of a recording and measure the error.
+    """Predict the torques of a recording, or of a window of it [s], and measure the error.
 
-    Args:
-        estimate: An estimate's JSON file; it carries its robot.
-        recording: A recording, ours or foreign.
-        start_s: Start of the window [s].
-        stop_s: End of the window [s].
-        at_degC: Temperature of all joints, where the file holds temperature laws [degC].
-        gains: (n) drive gains of the recording [N.m/A]; they override its own and the robot's.
-        refit: `friction` to take friction from this recording first; inertias stay.
-        output: Where the refitted estimate is written.
+    All joints are at a temperature [degC] where the file holds temperature laws. `gains` (n)
+    [N.m/A] override those of the recording and of the robot. With `refit`, which is `friction`,
+    friction is taken from this recording first, and the refitted estimate written if told where.
 
     Raises:
         InputError: Files that cannot be read, or do not belong together.

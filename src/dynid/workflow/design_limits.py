@@ -1,0 +1,156 @@
+"""The limits of a motion, as a value that a design's file keeps."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any
+
+from dynid.constraints import (
+    CLEARANCE,
+    FLOORS,
+    MARGIN,
+    PRESETS,
+    MotionConstraints,
+    paper_constraints,
+    safe_constraints,
+    scene_from_json,
+)
+from dynid.core import InputError, JsonFields, check_word, load_object
+from dynid.robot import RobotModel, with_tool
+from dynid.settings import LimitSettings, Surroundings
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignLimits:
+    """Which limits hold, and around what.
+
+    Raises:
+        InputError: Limits that are not known.
+    """
+
+    preset: str = "safe"
+    """`safe` or `paper`."""
+    collision: bool = True
+    scene: Mapping[str, Any] | None = None
+    """The scene file's content."""
+    scene_file: str = ""
+    """Where it was read."""
+    floor: float | str = "mount"
+    """Height of the floor in the base frame [m]; `mount`: at the mounting plane; `none`."""
+    tool: tuple[float, ...] | None = None
+    """(3) the tool's point in the flange's frame [m]; None for the robot's own."""
+    payload: tuple[float, ...] | None = None
+    """(4) mass that the flange carries [kg] and its centre [m]; None for the robot's own."""
+    margin_percent: float = 100.0 * MARGIN
+    """Of the limits of velocity, speed, torque, momentum and power, kept free."""
+    clearance: float = CLEARANCE
+    """Smallest distance between bodies [m]."""
+    mesh_dirs: tuple[str, ...] = ()
+    """Folders where meshes of the robot are looked for, beside the usual places."""
+
+    def __post_init__(self) -> None:
+        check_word(self.preset, PRESETS, "--limits")
+        if isinstance(self.floor, str):
+            check_word(self.floor, FLOORS, "--floor")
+        for name, numbers, count in (("--tool", self.tool, 3), ("--payload", self.payload, 4)):
+            if numbers is not None and not (
+                len(numbers) == count and all(math.isfinite(x) for x in numbers)
+            ):
+                raise InputError(f"needs {count} numbers", where=name, value=list(numbers))
+        if not 0 <= self.margin_percent < 100:
+            raise InputError(
+                "margin", where="--margin", value=self.margin_percent, limit="0 to 100 %"
+            )
+
+    def equipped(self, robot: RobotModel) -> RobotModel:
+        """The robot with the tool and the payload.
+
+        Raises:
+            RobotError: They make no sense.
+        """
+        return with_tool(robot, tcp=self.tool, payload=self.payload)
+
+    def constraints(self, robot: RobotModel) -> MotionConstraints:
+        """The judge of these limits, for the robot with its tool.
+
+        Raises:
+            InputError: Contradictory bounds, a scene that is none, or one without room for the
+                robot.
+        """
+        if self.preset == "paper":
+            return paper_constraints(robot)
+        scene = None
+        if self.scene is not None:
+            scene = scene_from_json(JsonFields(self.scene), self.scene_file or "scene")
+        return safe_constraints(
+            self.equipped(robot),
+            scene,
+            collision=self.collision,
+            clearance=self.clearance,
+            margin=self.margin_percent / 100.0,
+            floor=self.floor,
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """A JSON object."""
+        return _with_lists(asdict(self)) | {"scene_file": self.scene_file or None}
+
+
+def _with_lists(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields as JSON has them: tuples become lists."""
+    return {name: list(x) if isinstance(x, tuple) else x for name, x in fields.items()}  # pyright: ignore[reportUnknownArgumentType]
+
+
+def given_limits(asked: Surroundings, base: DesignLimits | None = None) -> DesignLimits:
+    """The limits that are asked for; what is None is that of `base`.
+
+    Surroundings alone are asked for with all safe limits.
+
+    Raises:
+        InputError: A scene that cannot be read, or surroundings that would not be looked at.
+    """
+    preset, collision = "safe", True
+    if isinstance(asked, LimitSettings):
+        preset, collision = asked.limits, asked.collision
+    blind = preset == "paper" or not collision
+    for name, value in (("--scene", asked.scene), ("--floor", asked.floor)):
+        if blind and value is not None and value not in FLOORS:
+            raise InputError(
+                "it is looked at only with --limits safe and collisions on",
+                where=name,
+                value=str(value),
+            )
+    known = {item.name for item in fields(DesignLimits)} - {"scene"}
+    given: dict[str, Any] = {
+        item.name: getattr(asked, item.name)
+        for item in fields(asked)
+        if item.name in known and getattr(asked, item.name) is not None
+    }
+    if asked.scene is not None:
+        given |= {"scene": load_object(asked.scene).values, "scene_file": str(asked.scene)}
+    elif blind:
+        given |= {"scene": None, "scene_file": ""}
+    return replace(base or DesignLimits(), **given | {"preset": preset, "collision": collision})
+
+
+def limits_from_json(fields: JsonFields) -> DesignLimits:
+    """The inverse of `DesignLimits.to_json`; what release 0.1 did not know has its default.
+
+    Raises:
+        InputError: Missing keys or values of the wrong type.
+    """
+    values = {name: value for name, value in fields.values.items() if value is not None}
+    if not isinstance(values.get("collision"), bool):
+        raise InputError("collision must be true or false", value=values.get("collision"))
+    found: dict[str, Any] = {"preset": fields.text("preset"), "collision": values["collision"]}
+    if "scene" in values:
+        found["scene"] = fields.object("scene").values
+    if "floor" in values:
+        floor = values["floor"]
+        found["floor"] = floor if isinstance(floor, str) else fields.number("floor")
+    for name in {"margin_percent", "clearance"} & set(values):
+        found[name] = fields.number(name)
+    for name in {"tool", "payload"} & set(values):
+        found[name] = tuple(fields.vector(name).tolist())
+    folders = tuple(map(str, values.get("mesh_dirs", ())))
+    return DesignLimits(**found, scene_file=str(values.get("scene_file", "")), mesh_dirs=folders)

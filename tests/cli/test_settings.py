@@ -1,0 +1,40 @@
+"""Words of options, written where nothing heavy is loaded, are those of the registries."""
+
+from __future__ import annotations
+
+import pytest
+
+import dynid
+from dynid.constraints import PRESETS
+from dynid.core import InputError
+from dynid.excitation import CRITERIA, METHODS
+from dynid.identification import ESTIMATORS, PURPOSES
+from dynid.settings import options_of
+from dynid.trajectory import FAMILY_NAMES
+
+
+def test_words_are_those_that_exist() -> None:
+    for kind, known in (
+        (
+            dynid.DesignSettings,
+            {
+                "criterion": CRITERIA,
+                "method": METHODS,
+                "trajectory": FAMILY_NAMES,
+                "limits": PRESETS,
+            },
+        ),
+        (dynid.IdentifySettings, {"estimator": ESTIMATORS, "purpose": PURPOSES}),
+    ):
+        options = options_of(kind)
+        for name, words in known.items():
+            assert set(options[name].words) == set(words)
+
+
+def test_python_and_the_command_line_are_held_to_the_same_bounds() -> None:
+    for wrong in ({"seed": -1}, {"period_s": float("nan")}, {"frames": "euler"}, {"noise": (0.0,)}):
+        with pytest.raises(InputError, match=f"--{next(iter(wrong)).removesuffix('_s')}"):
+            dynid.DesignSettings(**wrong)  # type: ignore[arg-type]
+    for share in (0.0, 1.0, 2.0):
+        with pytest.raises(InputError, match="--false-alarms"):
+            dynid.FleetSettings(false_alarms=share)
