@@ -113,7 +113,7 @@ def db3_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
 
 def _topics(database: sqlite3.Connection, path: Path, catalog: Catalog) -> dict[int, str]:
     """Number to name of each topic that is wanted."""
-    with refused("this is no readable ROS 2 bag", path.name, _NO_BAG):
+    with refused("this is no readable ROS 2 bag", _NO_BAG):
         for table in ("topics", "messages", "message_definitions"):
             _require_table(database, table, path)
         definitions = _definitions(database)
@@ -165,7 +165,7 @@ def _connection(path: Path) -> Generator[sqlite3.Connection]:
     """The database, opened so that neither it nor its folder is written to."""
     log = path.with_name(path.name + "-wal")
     with tempfile.TemporaryDirectory(prefix="dynid-") as folder:
-        with refused("the bag cannot be opened", path.name):
+        with refused("the bag cannot be opened"):
             uri = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
             if log.is_file() and log.stat().st_size:
                 # A killed recorder leaves its last messages in the log: merge them in a copy.
@@ -268,8 +268,7 @@ def mcap_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
         raise unreadable(path, error) from error
     if damaged:
         catalog.report(
-            "corrupt_rows",
-            f"{damaged} of {chunks} chunks of {path.name} are damaged and left out",
+            "corrupt_rows", f"{damaged} of {chunks} chunks of {path.name} are damaged and left out"
         )
     if not ended:
         catalog.report("truncated_file", f"{path.name} is cut off; what precedes the cut is taken")

@@ -119,7 +119,6 @@ def assign(
     names: Sequence[str] | None,
     columns: Mapping[str, str] | None,
     width: int,
-    where: str,
     joints: Sequence[str] = (),
 ) -> Match:
     """Find out what the columns of a table hold.
@@ -128,14 +127,13 @@ def assign(
         names: Column names with their units; None for a table without a header.
         columns: What the user says; None to go by the names, which are then needed.
         width: Number of columns.
-        where: The file, for messages.
         joints: The robot's joint names; empty if it is not known.
 
     Raises:
         RecordError: Columns that are not there, or a header that does not say what they are.
     """
     if columns is None:
-        match = match_headers(names or (), where, joints)
+        match = match_headers(names or (), joints)
         signals = {name: cols for name, cols in match.columns.items() if name != "t"}
         notes = (*match.notes, *_conversions(match.factors))
         return replace(match, columns=signals, notes=notes)
@@ -150,7 +148,7 @@ def assign(
     named = {q: _joints_of([names[k] for k in cols], joints) for q, cols in mapping.items()}
     own = named.get("q", ())
     for quantity, numbers in mapping.items():
-        require_one_order(quantity, numbers, named[quantity], own, joints, where)
+        require_one_order(quantity, numbers, named[quantity], own, joints)
     if own:
         # Each quantity in the joint order of q, where both tell their joints.
         mapping |= {

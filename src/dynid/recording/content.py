@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
 
 from dynid.core import DynidError, InputError, MissingExtraError, RecordError, require
 
@@ -47,7 +47,7 @@ class Budget:
             values=16_000_000 + 4 * more,
         )
 
-    def require_values(self, count: int, where: str) -> None:
+    def require_values(self, count: int) -> None:
         """Check a number of values that a file claims before anything of that size is made.
 
         Raises:
@@ -56,7 +56,6 @@ class Budget:
         if count > self.values:
             raise RecordError(
                 "the header states more numbers than a file of this size may contain",
-                where=where,
                 value=f"{count:.3g} numbers",
                 limit=f"{self.values:.3g}",
                 next_step="Save only the signals of the joints, or split the recording.",
@@ -147,14 +146,18 @@ def said(error: BaseException) -> str:
 
 @contextmanager
 def refused(
-    what: str, where: str, next_step: str | None = None, kind: type[InputError] = RecordError
+    what: str,
+    next_step: str | None = None,
+    *,
+    where: str | None = None,
+    kind: type[InputError] = RecordError,
 ) -> Generator[None]:
     """Whatever a library raises inside as one error of ours: on damaged bytes that is many kinds.
 
     Args:
         what: What is wrong then.
-        where: The file.
         next_step: What to do.
+        where: The file, unless `located` tells it.
         kind: The error of ours.
 
     Raises:
@@ -166,6 +169,26 @@ def refused(
         raise
     except Exception as error:
         raise kind(what, where=where, value=said(error), next_step=next_step) from error
+
+
+_FACTS = ("what", "where", "value", "limit", "next_step")
+One = TypeVar("One", bound=DynidError)
+
+
+def changed(error: One, **facts: Any) -> One:
+    """The same error with some of its facts changed."""
+    return type(error)(**{name: getattr(error, name) for name in _FACTS} | facts)
+
+
+@contextmanager
+def located(where: str) -> Generator[None]:
+    """The place of those errors raised inside that name none: the file that is read."""
+    try:
+        yield
+    except DynidError as error:
+        if error.where is None:
+            raise changed(error, where=where) from error
+        raise
 
 
 def unreadable(path: Path, error: OSError) -> RecordError:

@@ -81,9 +81,7 @@ def line_blocks(path: Path, encoding: str) -> Iterator[tuple[list[str], bool]]:
                 yield list(short), lines[-1].endswith("\n")
     except UnicodeError as error:
         raise RecordError(
-            "the text encoding is damaged",
-            where=path.name,
-            next_step="Save the file as UTF-8.",
+            "the text encoding is damaged", where=path.name, next_step="Save the file as UTF-8."
         ) from error
     except OSError as error:
         raise unreadable(path, error) from error

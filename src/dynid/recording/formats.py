@@ -68,7 +68,7 @@ def _unpack(file: Path, kind: str, target: Path, room: int) -> None:
         return
     step = "Copy it again, or unpack what is left of it and import that."
     with (
-        refused(f"the {kind} file is damaged", file.name, step),
+        refused(f"the {kind} file is damaged", step),
         _opened(file, kind) as source,
         target.open("wb") as sink,
     ):
@@ -105,7 +105,7 @@ def _copy(source: IO[bytes] | gzip.GzipFile, sink: IO[bytes], file: Path, room: 
             )
         sink.write(block)
     if written == 0:
-        raise RecordError("the compressed file is empty", where=file.name)
+        raise RecordError("the compressed file is empty")
 
 
 FORMATS = (

@@ -113,22 +113,17 @@ class _Collector:
         return values, times[:, order]
 
 
-def _choose_topic(
-    topics: Mapping[str, _Collector], wanted: str | None, joints: int, where: str
-) -> str:
+def _choose_topic(topics: Mapping[str, _Collector], wanted: str | None, joints: int) -> str:
     """The topic that is asked for, or the one that must be the robot's (`joints`, 0 if unknown).
 
     Raises:
         RecordError: It is not there, or several could be it, as of two arms.
     """
     if wanted is not None and wanted not in topics:
-        raise RecordError(
-            "no such JointState topic", where=where, value=wanted, limit=sorted(topics)
-        )
+        raise RecordError("no such JointState topic", value=wanted, limit=sorted(topics))
     if not topics:
         raise RecordError(
             "the bag has no readable sensor_msgs/JointState message",
-            where=where,
             next_step="Record the robot's /joint_states topic.",
         )
     if wanted is not None:
@@ -146,7 +141,6 @@ def _choose_topic(
     if rivals and first[0]:
         raise RecordError(
             f"{1 + len(rivals)} topics can be the robot's state",
-            where=where,
             value=[best, *rivals],
             next_step=f"Choose one, for example --topic {best}.",
         )
@@ -190,7 +184,6 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
         MissingExtraError: Without the `ros` extra.
     """
     joints, columns, topic = options.joints, options.columns, options.topic
-    where = ", ".join(path.name for path in paths)
     catalog = Catalog()
     topics: dict[str, _Collector] = {}
     for name, receive, data in _messages(paths, catalog):
@@ -206,24 +199,21 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             lambda wish: _messages(paths, wish),
             catalog.topics if topic is not None else others,
             options,
-            where=where,
         )
-    chosen = _choose_topic(topics, topic, len(joints), where)
+    chosen = _choose_topic(topics, topic, len(joints))
     collector = topics[chosen]
     if not collector.groups:
         raise RecordError(
-            "no message can be decoded as JointState",
-            where=f"{where} {chosen}",
+            f"no message of {chosen} can be decoded as JointState",
             value=f"{collector.damaged} damaged messages",
         )
-    names, notes = _joints(collector, tuple(joints), options.joint_order, where)
+    names, notes = _joints(collector, tuple(joints), options.joint_order)
     if len(topics) > 1:
         notes.append(f"topic {printable(chosen)} of {printable(', '.join(sorted(topics)), 300)}")
     values, times = collector.columns(names)
     if not values:
         raise RecordError(
-            "no message has all the joints",
-            where=f"{where} {chosen}",
+            f"no message of {chosen} has all the joints",
             value=collector.common_names(),
             limit=names,
         )
@@ -249,8 +239,6 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
                 f"columns: item '{quantity}={name}' is not in a JointState message", limit=FIELDS
             )
     return RawTable(
-        source=where,
-        format=options.format,
         **clock_facts(times),
         signals={
             quantity: values[field]
@@ -299,7 +287,7 @@ def bag_files(folder: Path) -> list[Path]:
 
 
 def _joints(
-    collector: _Collector, robot: tuple[str, ...], order: Sequence[str] | None, where: str
+    collector: _Collector, robot: tuple[str, ...], order: Sequence[str] | None
 ) -> tuple[tuple[str, ...], list[str]]:
     """The joint names to take, base to tip."""
     common = collector.common_names()
@@ -309,9 +297,7 @@ def _joints(
             return common, []
         missing = [name for name in order if all(name not in names for names in collector.groups)]
         if missing:
-            raise RecordError(
-                "the messages have no such joints", where=where, value=missing, limit=common
-            )
+            raise RecordError("the messages have no such joints", value=missing, limit=common)
         return tuple(order), []
     notes: list[str] = []
     for names in (common, *collector.groups):

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TypeVar, cast
 
 from dynid.core import InputError, RecordError, like_named
+from dynid.recording.content import changed
 from dynid.recording.formats import content_kind
 from dynid.recording.reading import read_record, read_recording
 from dynid.recording.record import ExperimentRecord
@@ -60,13 +61,8 @@ def open_record(
             if error.next_step is None or not os.path.exists(record):
                 raise
             command = f"dynid import {shlex.quote(str(record))} --robot ROBOT -o RECORD.parquet"
-            raise RecordError(
-                error.what,
-                where=error.where,
-                value=error.value,
-                limit=error.limit,
-                next_step=f"{error.next_step} (Options for reading a file: {command})",
-            ) from error
+            step = f"{error.next_step} (Options for reading a file: {command})"
+            raise changed(error, next_step=step) from error
     return found if gains is None else _with_gains(found, robot, gains)
 
 

@@ -171,7 +171,7 @@ class Description:
     problems: tuple[Finding, ...]
 
     @classmethod
-    def of(cls, data: Any, problems: Iterable[Any], where: str) -> "Description":
+    def of(cls, data: Any, problems: Iterable[Any]) -> "Description":
         """The description in a JSON object, and the problems beside it.
 
         Raises:
@@ -186,9 +186,7 @@ class Description:
                 problems=tuple(map(finding_from_json, problems)),
             )
         except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise RecordError(
-                "the recording's description is damaged", where=where, value=str(error)
-            ) from error
+            raise RecordError("the recording's description is damaged", value=str(error)) from error
 
     @property
     def names(self) -> list[str]:
@@ -211,11 +209,7 @@ class Description:
 
 
 def of_robot(
-    found: RecordMetadata,
-    joints: int,
-    robot: RobotModel | None,
-    gains: Sequence[float] | None,
-    where: str,
+    found: RecordMetadata, joints: int, robot: RobotModel | None, gains: Sequence[float] | None
 ) -> tuple[RecordMetadata, tuple[int, ...]]:
     """Metadata fitted to a robot, and the columns in the order of the robot's joints.
 
@@ -228,8 +222,7 @@ def of_robot(
     if robot is not None:
         if joints != robot.joints:
             raise RecordError(
-                f"the recording has {joints} joints but {robot.name} has {robot.joints}",
-                where=where,
+                f"the recording has {joints} joints but {robot.name} has {robot.joints}"
             )
         names, own = found.joint_names, found.drive_gains
         if set(names) == set(robot.joint_names):

@@ -44,10 +44,10 @@ class ReadOptions:
 class RawTable:
     """Signals as they stood in a file; cells that could not be read are NaN."""
 
-    source: str
+    source: str = ""
     """The file, for messages."""
-    format: str
-    """The format it was read as."""
+    format: str = ""
+    """The format it was read as; empty for that by which the reader was chosen."""
     rows: Rows
     """(N) line, message or sample number in the file, from 1."""
     index: Rows = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
@@ -106,7 +106,7 @@ class RawTable:
             RecordError: The table has none yet.
         """
         if self.t is None:
-            raise RecordError("the recording has no time", where=self.source)
+            raise RecordError("the recording has no time")
         return self.t
 
     @property

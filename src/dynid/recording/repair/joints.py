@@ -29,15 +29,14 @@ def settle_joints(
         RecordError: Another number of joints than the robot's, or an order that is none.
     """
     if "q" not in table.signals:
-        raise RecordError("positions q are missing", where=table.source)
+        raise RecordError("positions q are missing")
     joints = table.joints
     if joints == 0 or table.samples == 0:
-        raise RecordError("there are no samples", where=table.source)
+        raise RecordError("there are no samples")
     for quantity, values in table.signals.items():
         if values.shape != (table.samples, joints):
             raise RecordError(
                 f"{quantity} has {values.shape[-1]} columns but q has {joints}",
-                where=table.source,
                 next_step="Give each quantity one column a joint.",
             )
     ordered = joint_order is not None and tuple(joint_order) != table.joint_names
@@ -49,7 +48,6 @@ def settle_joints(
     if robot is not None and joints != robot.joints:
         raise RecordError(
             f"the recording has {joints} joints but {robot.name} has {robot.joints}",
-            where=table.source,
             value=printable(", ".join(table.joint_names), 200) or None,
             next_step=_first_columns(table, robot.joints)
             if joints > robot.joints
@@ -304,7 +302,6 @@ def refuse_degrees(table: RawTable, robot: RobotModel | None) -> RawTable:
         joint = int(np.argmax(np.where(beyond if beyond.any() else many_turns, reach, -1.0)))
         raise RecordError(
             f"{table.label('q', joint)} reaches {reach[joint]:.4g}, which cannot be radians",
-            where=table.source,
             limit=f"{bound[joint]:.4g} rad" if known[joint] else "a few turns",
             next_step=_USE_DEGREES,
         )

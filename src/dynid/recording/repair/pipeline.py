@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from dynid.core import Array, Finding, RecordError
+from dynid.recording.content import located
 from dynid.recording.record import UNITS, ExperimentRecord, RecordMetadata, identity, numbers_hash
 from dynid.recording.repair.clock import (
     join_runs,
@@ -39,12 +40,7 @@ from dynid.recording.repair.stamps import drop_repeats, fill_held, lay_together,
 from dynid.recording.table import TORQUE_SOURCES, Mask, RawTable, rows_with
 from dynid.robot import RobotModel
 
-_SCALES = {
-    "q": (0.0, 1e5),
-    "qd": (0.0, 1e5),
-    "effort": (1e-9, 1e7),
-    "current": (1e-9, 1e5),
-}
+_SCALES = {"q": (0.0, 1e5), "qd": (0.0, 1e5), "effort": (1e-9, 1e7), "current": (1e-9, 1e5)}
 """Quantity to the largest value of a joint below and above which no arm can be."""
 
 
@@ -292,9 +288,10 @@ def repair(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
     Raises:
         RecordError: What is left is no recording of this robot.
     """
-    for rule in RULES:
-        table = rule.apply(table, *(getattr(settings, name) for name in rule.needs))
-    return _record(table, settings)
+    with located(table.source):
+        for rule in RULES:
+            table = rule.apply(table, *(getattr(settings, name) for name in rule.needs))
+        return _record(table, settings)
 
 
 def _number_rows(table: RawTable) -> RawTable:
@@ -309,7 +306,6 @@ def _start_clock(table: RawTable, rate_hz: float | None) -> RawTable:
     if rate_hz is None:
         raise RecordError(
             "the recording has no time",
-            where=table.source,
             next_step="Pass its sampling rate with --rate, or map a column with --columns t=...",
         )
     if not np.isfinite(rate_hz) or not 0 < rate_hz <= 1e6:
@@ -330,7 +326,6 @@ def _require_ticks(table: RawTable) -> None:
     if len(steps) and float(np.median(steps)) < _LEAST_TICK:
         raise RecordError(
             "the time stamps hardly increase",
-            where=table.source,
             value=f"{float(np.median(steps)):.3g} a row",
             limit=f"{_LEAST_TICK:g} at least, in any unit",
             next_step="Check the column of time, or leave it out and pass --rate.",
@@ -349,9 +344,7 @@ def _check_gains(table: RawTable, gains: tuple[float, ...] | None) -> RawTable:
 
 def _require_rows(table: RawTable) -> RawTable:
     if table.samples < 2:
-        raise RecordError(
-            "fewer than two usable rows are left", where=table.source, value=table.samples
-        )
+        raise RecordError("fewer than two usable rows are left", value=table.samples)
     return table
 
 
