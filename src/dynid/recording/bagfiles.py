@@ -5,7 +5,6 @@ by this module: rosbags refuses every file that is cut off. All of 40 cut copies
 recording give their messages here.
 """
 
-import bz2
 import operator
 import shutil
 import sqlite3
@@ -375,10 +374,7 @@ def _record(fields: dict[bytes, bytes], data: bytes, state: _State) -> Iterator[
 def _chunk(fields: dict[bytes, bytes], data: bytes, state: _State) -> Iterator[Message]:
     (size,) = struct.unpack("<I", fields[b"size"])
     method = fields[b"compression"].decode(errors="replace")
-    if method == "bz2":
-        data = _bunzip(data, size)
-    else:
-        data = inflate(data, "" if method == "none" else method, size)
+    data = inflate(data, "" if method == "none" else method, size)
     offset = 0
     while offset + 8 <= len(data):
         (length,) = struct.unpack_from("<I", data, offset)
@@ -391,18 +387,6 @@ def _chunk(fields: dict[bytes, bytes], data: bytes, state: _State) -> Iterator[M
         offset = start + count
     if offset != len(data):
         state.damaged += 1
-
-
-def _bunzip(data: bytes, size: int) -> bytes:
-    if size > MAX_BYTES:
-        raise InflateError("too large")
-    try:
-        result = bz2.BZ2Decompressor().decompress(data, size + 1)
-    except (OSError, ValueError) as error:
-        raise InflateError("damaged") from error
-    if len(result) != size:
-        raise InflateError("wrong size")
-    return result
 
 
 def _fields(header: bytes) -> dict[bytes, bytes]:

@@ -7,6 +7,7 @@ long recordings have no bound of their own.
 
 from __future__ import annotations
 
+import bz2
 import importlib
 import shutil
 import tempfile
@@ -89,7 +90,7 @@ class InflateError(ValueError):
 
 
 def inflate(data: bytes, method: str, size: int | None = None) -> bytes:
-    """Decompress one piece of a bag: by zstd, lz4 or nothing; to `size` bytes where it is known.
+    """Decompress one piece of a bag: by zstd, lz4, bz2 or nothing; to `size` bytes where it is known.
 
     Raises:
         InflateError: Damaged bytes, an unknown method, or the wrong size.
@@ -105,6 +106,8 @@ def inflate(data: bytes, method: str, size: int | None = None) -> bytes:
     elif method == "lz4":
         frame = require("lz4.frame", "ros")
         result = _stream(frame.LZ4FrameDecompressor(), data, limit)
+    elif method == "bz2":
+        result = _stream(bz2.BZ2Decompressor(), data, limit)
     else:
         raise InflateError(f"unknown compression {method[:20]!r}")
     if size is not None and len(result) != size:
@@ -115,7 +118,7 @@ def inflate(data: bytes, method: str, size: int | None = None) -> bytes:
 def _stream(decompressor: Any, data: bytes, limit: int) -> bytes:
     try:
         result: bytes = decompressor.decompress(data, max_length=limit + 1)
-    # The two libraries share no exception: zstd has its own, lz4 raises RuntimeError.
+    # The libraries share no exception: zstd has its own, lz4 raises RuntimeError.
     except Exception as error:
         raise InflateError("damaged") from error
     if len(result) > limit:

@@ -31,14 +31,12 @@ from dynid.recording.messages import (
     read_states,
     stamp_of,
 )
-from dynid.recording.names import TARGET, UR_JOINTS, places_of
+from dynid.recording.names import TARGET, places_of
 from dynid.recording.table import RawTable, ReadOptions
 
 FIELDS = ("position", "velocity", "effort")
 _NAN = float("nan")
 _MOST_JOINTS = 1000
-_LAST = 50
-"""Messages by which two topics are compared."""
 
 
 @dataclass(slots=True)
@@ -75,20 +73,6 @@ class _Collector:
         ]
         group = self.groups.setdefault(names, Messages())
         group.add(self.count, stamp, receive_ns, itertools.chain(*values))
-
-    def says_the_same(self, other: _Collector) -> bool:
-        """Whether another topic repeats this one's positions, as one that gathers topics does."""
-        if not self.groups or not other.groups:
-            return True
-        one, two = self.common_names(), other.common_names()
-        shared = [name for name in one if name in two]
-        if not shared:
-            return False
-        recent: list[set[str]] = []
-        for names, group in ((one, self.groups[one]), (two, other.groups[two])):
-            rows = group.table()[-_LAST:, [names.index(name) for name in shared]]
-            recent.append({str(row) for row in rows.tolist() if not np.isnan(row).any()})
-        return not recent[0].isdisjoint(recent[1])
 
     def common_names(self) -> tuple[str, ...]:
         """The joint names of most messages; of equals, those with more joints."""
@@ -136,7 +120,6 @@ def _choose_topic(topics: Mapping[str, _Collector], wanted: str | None, joints: 
         for name in ranked[:-1]
         if _standing(name, topics[name], joints)[:-1] == first[:-1]
         and 2 * topics[name].count > topics[best].count
-        and not topics[name].says_the_same(topics[best])
     ]
     if rivals and first[0]:
         raise RecordError(
@@ -207,9 +190,8 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             f"no message of {chosen} can be decoded as JointState",
             value=f"{collector.damaged} damaged messages",
         )
-    names, notes = _joints(collector, tuple(joints), options.joint_order)
-    if len(topics) > 1:
-        notes.append(f"topic {printable(chosen)} of {printable(', '.join(sorted(topics)), 300)}")
+    names = _joints(collector, joints, options.joint_order)
+    note = f"topic {printable(chosen)} of {printable(', '.join(sorted(topics)), 300)}"
     values, times = collector.columns(names)
     if not values:
         raise RecordError(
@@ -251,7 +233,7 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
         },
         joint_names=names,
         notices=tuple(findings),
-        notes=tuple(notes),
+        notes=(note,) if len(topics) > 1 else (),
         dropped=collector.damaged + lacking,
         extra={"topic": chosen},
     )
@@ -288,26 +270,19 @@ def bag_files(folder: Path) -> list[Path]:
 
 def _joints(
     collector: _Collector, robot: tuple[str, ...], order: Sequence[str] | None
-) -> tuple[tuple[str, ...], list[str]]:
-    """The joint names to take, base to tip."""
+) -> tuple[str, ...]:
+    """The joint names to take: those asked for, the robot's, or those of most messages."""
     common = collector.common_names()
     if order is not None:
         # With numbers the common order is kept here and permuted with all other formats.
         if all(name.isdecimal() for name in order):
-            return common, []
+            return common
         missing = [name for name in order if all(name not in names for names in collector.groups)]
         if missing:
             raise RecordError("the messages have no such joints", value=missing, limit=common)
-        return tuple(order), []
-    notes: list[str] = []
+        return tuple(order)
     for names in (common, *collector.groups):
-        for wanted in (robot, UR_JOINTS):
-            # The same names, or the same behind one prefix.
-            matched = tuple(names[k] for k in places_of(wanted, names))
-            # Without a robot the whole message is taken, so the order must cover all of it.
-            if matched and (wanted == robot or len(names) == len(matched)):
-                if matched != names[: len(matched)]:
-                    order_text = printable(", ".join(matched), 300)
-                    notes.append(f"joints taken by name, in the order {order_text}")
-                return matched, notes
-    return common, notes
+        # The same names, or the same behind one prefix.
+        if place := places_of(robot, names):
+            return tuple(names[k] for k in place)
+    return common

@@ -55,8 +55,10 @@ def settle_joints(
         )
     if robot is not None and table.joint_names and not ordered:
         table = _by_name(table, robot)
-    names = robot.joint_names if robot is not None else table.joint_names
-    return replace(table, joint_names=names)
+    if robot is not None:
+        return replace(table, joint_names=robot.joint_names)
+    place = () if ordered else places_of(UR_JOINTS, table.joint_names)
+    return _reorder(table, place) if len(place) == joints else table
 
 
 def _permutation(
@@ -135,8 +137,8 @@ def _first_columns(table: RawTable, joints: int) -> str:
     )
 
 
-def _reorder(table: RawTable, place: list[int]) -> RawTable:
-    if place == list(range(table.joints)):
+def _reorder(table: RawTable, place: Sequence[int]) -> RawTable:
+    if list(place) == list(range(table.joints)):
         return table
     whole = {name for name, numbers in table.columns.items() if len(numbers) == table.joints}
     named = {name for name, labels in table.labels.items() if len(labels) == table.joints}
@@ -145,9 +147,9 @@ def _reorder(table: RawTable, place: list[int]) -> RawTable:
         columns={**table.columns, **{q: [table.columns[q][k] for k in place] for q in whole}},
         labels={**table.labels, **{q: tuple(table.labels[q][k] for k in place) for q in named}},
         joint_names=tuple(table.joint_names[k] for k in place) if table.joint_names else (),
-        signals={name: v[:, place] for name, v in table.signals.items()},
+        signals={name: v[:, list(place)] for name, v in table.signals.items()},
     )
-    return table.note(f"columns put in the joints' order: {place}")
+    return table.note(f"columns put in the joints' order: {list(place)}")
 
 
 def to_joint_side(table: RawTable, robot: RobotModel | None) -> RawTable:
