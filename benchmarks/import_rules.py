@@ -31,10 +31,12 @@ import test_damage  # noqa: E402
 from recorded_motions import Motion  # noqa: E402
 
 from dynid.core import InputError  # noqa: E402
-from dynid.recording import RawTable, RepairSettings, parse_columns, reading, repair  # noqa: E402
+from dynid.recording import reading  # noqa: E402
+from dynid.recording.columns import parse_columns  # noqa: E402
 from dynid.recording.content import Budget  # noqa: E402
 from dynid.recording.repair import pipeline  # noqa: E402
-from dynid.recording.table import ReadOptions  # noqa: E402
+from dynid.recording.repair.pipeline import RepairSettings, repair  # noqa: E402
+from dynid.recording.table import RawTable, ReadOptions  # noqa: E402
 from dynid.robot import load_robot  # noqa: E402
 
 TESTS = [
@@ -163,13 +165,13 @@ def main() -> None:
     words = ("refused", "wrong, reported", "silent")
     usual = Counter(outcome(*item) for item in damaged)
     print(f"{len(damaged)} damaged tables, {len(real)} recordings; {dict(usual)}")
-    print(f"{'rule':20} tests  damaged: {', '.join(words)}; recordings that are read otherwise")
-    for name in sys.argv[1:] or [rule.name for rule in rules]:
-        pipeline.RULES = tuple(rule for rule in rules if rule.name != name)
+    print(f"{'rule':22} tests  damaged: {', '.join(words)}; recordings that are read otherwise")
+    for name in sys.argv[1:] or [rule.apply.__name__ for rule in rules]:
+        pipeline.RULES = tuple(rule for rule in rules if rule.apply.__name__ != name)
         now = Counter(outcome(*item) for item in damaged)
         more = "".join(f"{now[word] - usual[word]:+6}" for word in words)
         other = [key for key, given in real.items() if digest(given) != before[key]]
-        print(f"{name:20} {failing_tests():5} {more}  {', '.join(other) or '-'}", flush=True)
+        print(f"{name:22} {failing_tests():5} {more}  {', '.join(other) or '-'}", flush=True)
     pipeline.RULES = rules
 
 

@@ -81,11 +81,7 @@ def _columns(name: str, column: Any) -> list[tuple[str, Array]]:
 
 
 def write_sheet(path: Path, target: Path) -> None:
-    """Write the only sheet of numbers of a workbook with tabs between cells, a line a row.
-
-    Args:
-        path: The workbook (`.xlsx`, `.xls`, `.ods`).
-        target: The text file.
+    """Write the only sheet of numbers of a workbook as text, with tabs between cells.
 
     Raises:
         RecordError: Damaged, or none or several sheets of numbers.

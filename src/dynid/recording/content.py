@@ -90,7 +90,7 @@ class InflateError(ValueError):
 
 
 def inflate(data: bytes, method: str, size: int | None = None) -> bytes:
-    """Decompress one piece of a bag: by zstd, lz4, bz2 or nothing; to `size` bytes where it is known.
+    """Decompress one piece of a bag (zstd, lz4, bz2, nothing), to `size` bytes where it is known.
 
     Raises:
         InflateError: Damaged bytes, an unknown method, or the wrong size.
@@ -174,13 +174,14 @@ def refused(
         raise kind(what, where=where, value=said(error), next_step=next_step) from error
 
 
-_FACTS = ("what", "where", "value", "limit", "next_step")
+FACTS = ("what", "where", "value", "limit", "next_step")
+"""What an error tells."""
 One = TypeVar("One", bound=DynidError)
 
 
 def changed(error: One, **facts: Any) -> One:
     """The same error with some of its facts changed."""
-    return type(error)(**{name: getattr(error, name) for name in _FACTS} | facts)
+    return type(error)(**{name: getattr(error, name) for name in FACTS} | facts)
 
 
 @contextmanager

@@ -24,16 +24,11 @@ _MAX_CHANNEL_CELLS = 20_000_000
 
 
 def read_csv(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTable:
-    """Read text tables; several files stand side by side and their columns count across them.
+    """Read text tables, whose columns count across files side by side; see `Reader`.
 
     A file of one number a line that is k times as long as the shortest is read row by row as
     k columns. The format is `csv`, or `ur-csv` or `ur-rtde-csv`, which must have UR's header names;
     `auto` names it by the header.
-
-    Args:
-        paths: The files.
-        options: What the user says.
-        budget: Bounds what is read.
 
     Raises:
         RecordError: No rows of numbers, columns that do not exist, or files whose rows do not

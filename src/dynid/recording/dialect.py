@@ -247,12 +247,7 @@ def _delimiter_of(given: str | None) -> str | None:
 
 
 def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
-    """Find out how a text table is written, from its first lines.
-
-    Args:
-        path: The file.
-        header: Whether it has a header line; None to find out.
-        delimiter: Its delimiter; None to find out.
+    """Find out how a text table is written, from its first lines, as far as it is not given.
 
     Raises:
         RecordError: There are no rows of numbers, or far too many columns.

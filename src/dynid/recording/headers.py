@@ -1,5 +1,6 @@
 """Find the quantities in a header: columns that belong together, and which are meant."""
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -164,39 +165,32 @@ def _choose(
         if len(ranked) > 1:
             others = ", ".join(repr(family.label) for family in ranked[1:6])
             notes.append(f"{quantity} is read from {ranked[0].label!r}, not from {others}")
-    like = [
-        family
-        for family in families.get("", [])
-        if set(_TORQUE_STEMS) & set(family.base.split("_")) or family.base.startswith(_TORQUE_STEMS)
-    ]
-    others = [
-        family
-        for family in like
-        if family.base.startswith(_TORQUE_STEMS)
-        and not _NOT_MEASURED & set(family.base.split("_"))
-        and not (OTHER | TARGET) & set(family.scope.replace(".", "_").split("_"))
-    ]
-    if others and "effort" not in chosen and "current" not in chosen:
-        if len(others) > 1:
+    like = [family for family in families.get("", []) if _is_torque_like(family)]
+    if like and not set(TORQUE_SOURCES) & set(chosen):
+        if len(like) > 1:
             raise RecordError(
                 "more than one set of columns can be torques",
-                value=", ".join(family.label for family in others),
+                value=", ".join(family.label for family in like),
                 next_step="Choose with --columns, for example "
-                + spelled({"effort": [column for _, column in others[0].members]}),
+                + spelled({"effort": [column for _, column in like[0].members]}),
             )
-        stem = others[0].base
-        chosen["current" if stem.startswith("cur") else "effort"] = others[0]
+        stem = like[0].base
+        chosen["current" if stem.startswith("cur") else "effort"] = like[0]
         notes.append(f"the only torque-like columns are {stem!r}; they are taken")
-    elif others:
-        kept = [chosen[x].label for x in ("effort", "current") if x in chosen]
+    elif like:
+        kept = [chosen[name].label for name in TORQUE_SOURCES if name in chosen]
         notes.append(
             f"torques are read from {' and '.join(map(repr, kept))}; not used: "
-            + ", ".join(repr(family.label) for family in others[:8])
+            + ", ".join(repr(family.label) for family in like[:8])
         )
-    passed = [family.label for family in like if family not in others]
-    if passed and not any(name in chosen for name in TORQUE_SOURCES):
-        notes.append(f"not taken for measured torques: {', '.join(map(repr, passed[:8]))}")
     return chosen, notes
+
+
+def _is_torque_like(family: Family) -> bool:
+    """Whether a name that no recorder is known for begins as a measured torque's does."""
+    words, around = (set(re.split(r"[._]", text)) for text in (family.base, family.scope))
+    measured = not (_NOT_MEASURED & words or (OTHER | TARGET) & around)
+    return measured and family.base.startswith(_TORQUE_STEMS)
 
 
 def _order(family: Family, home: str | None) -> tuple[bool, bool, bool, bool, int]:
@@ -258,7 +252,6 @@ class Match:
                 for name, numbers in self.columns.items()
             },
             columns=dict(self.columns),
-            clock_columns=self.clocks[0].columns if self.clocks else (),
             said=self.said,
             joint_names=self.joint_names,
             notices=self.notices,
@@ -269,11 +262,7 @@ class Match:
 
 
 def match_headers(names: Sequence[str], joints: Sequence[str] = ()) -> Match:
-    """Find the quantities in a header.
-
-    Args:
-        names: Column names.
-        joints: The robot's joint names; empty if it is not known.
+    """Find the quantities in a header; of a robot that is not known `joints` is empty.
 
     Raises:
         RecordError: No positions, a joint's column missing, positions or torques that two
@@ -342,14 +331,8 @@ def require_one_order(
 ) -> None:
     """Refuse numbers beside joint names that do not stand in the robot's order.
 
-    Numbers may count from the base, or in the order of the names: nobody can tell which.
-
-    Args:
-        quantity: The quantity.
-        columns: Its columns.
-        named: Its joint names in the columns' order, or none.
-        of_q: Those of the positions.
-        robot: The robot's joint names; empty if it is not known.
+    Numbers may count from the base, or in the order of the names: nobody can tell which. `named`
+    and `of_q` are the joints' names in the order of the columns, of the quantity and of q, or none.
 
     Raises:
         RecordError: Only one of the quantity and the positions names its joints, in another order.

@@ -11,13 +11,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dynid.core import Array, Finding, RecordError, printable
+from dynid.core import Array, RecordError, printable
 from dynid.recording.bagfiles import MAGIC as ROS1_MAGIC
 from dynid.recording.bagfiles import (
     MCAP_MAGIC,
     Catalog,
     Message,
-    Topic,
     db3_messages,
     mcap_messages,
     ros1_messages,
@@ -97,21 +96,12 @@ class _Collector:
         return values, times[:, order]
 
 
-def _choose_topic(topics: Mapping[str, _Collector], wanted: str | None, joints: int) -> str:
-    """The topic that is asked for, or the one that must be the robot's (`joints`, 0 if unknown).
+def _choose_topic(topics: Mapping[str, _Collector], joints: int) -> str:
+    """The topic that must be the robot's (`joints`, 0 if unknown).
 
     Raises:
-        RecordError: It is not there, or several could be it, as of two arms.
+        RecordError: Several could be it, as of two arms.
     """
-    if wanted is not None and wanted not in topics:
-        raise RecordError("no such JointState topic", value=wanted, limit=sorted(topics))
-    if not topics:
-        raise RecordError(
-            "the bag has no readable sensor_msgs/JointState message",
-            next_step="Record the robot's /joint_states topic.",
-        )
-    if wanted is not None:
-        return wanted
     ranked = sorted(topics, key=lambda name: (*_standing(name, topics[name], joints), name))
     best = ranked[-1]
     first = _standing(best, topics[best], joints)
@@ -155,12 +145,7 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     matched by name, so the order in the messages (alphabetical on UR drivers) does not matter.
     Columns say quantity to `position`, `velocity` or `effort`, where the default (q, qd, effort)
     is wrong: UR drivers send currents as effort. The joint order names those to take, base to tip,
-    as the messages give them.
-
-    Args:
-        paths: Storage files of one bag, in time order.
-        options: What the user says.
-        budget: Bounds what is read.
+    as the messages give them. Files of one bag come in time order.
 
     Raises:
         RecordError: No bag, no such topic, no message that has the joints.
@@ -175,15 +160,16 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             plain_topic = replace(catalog.topics[name], definition="")
             topics[name] = _Collector(MessageDecoder(plain_topic))
         topics[name].add(receive, data)
-    findings = catalog.findings
     others = {name: item for name, item in catalog.topics.items() if not item.is_joint_state}
-    if others and not _enough(topics, catalog.topics, topic, len(joints)):
-        return read_states(
-            lambda wish: _messages(paths, wish),
-            catalog.topics if topic is not None else others,
-            options,
-        )
-    chosen = _choose_topic(topics, topic, len(joints))
+    if topic is not None:
+        states = topic in topics
+    else:
+        sizes = [len(names) for collector in topics.values() for names in collector.groups]
+        states = bool(topics) and (not others or max(sizes, default=0) >= max(len(joints), 1))
+    if not states:
+        named = others if topic is None else catalog.topics
+        return read_states(lambda wish: _messages(paths, wish), named, options)
+    chosen = topic or _choose_topic(topics, len(joints))
     collector = topics[chosen]
     if not collector.groups:
         raise RecordError(
@@ -200,19 +186,15 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             limit=names,
         )
     if collector.damaged:
-        findings.append(
-            Finding(
-                "corrupt_rows",
-                f"{collector.damaged} of {collector.count} messages cannot be decoded; first: "
-                f"message {collector.first_damaged}",
-            )
+        catalog.report(
+            "corrupt_rows",
+            f"{collector.damaged} of {collector.count} messages cannot be decoded; first: "
+            f"message {collector.first_damaged}",
         )
     lacking = collector.count - collector.damaged - times.shape[1]
     if lacking:
-        findings.append(
-            Finding(
-                "dropped_rows", f"{lacking} of {collector.count} messages lack one of the joints"
-            )
+        catalog.report(
+            "dropped_rows", f"{lacking} of {collector.count} messages lack one of the joints"
         )
     mapping = _DEFAULT if columns is None else columns
     for quantity, name in mapping.items():
@@ -232,7 +214,7 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             for quantity, field in mapping.items()
         },
         joint_names=names,
-        notices=tuple(findings),
+        notices=tuple(catalog.findings),
         notes=(note,) if len(topics) > 1 else (),
         dropped=collector.damaged + lacking,
         extra={"topic": chosen},
@@ -250,16 +232,6 @@ def _messages(paths: Sequence[Path], catalog: Catalog) -> Iterator[Message]:
             yield from ros1_messages(path, catalog)
         else:
             yield from db3_messages(path, catalog)
-
-
-def _enough(
-    found: Mapping[str, _Collector], topics: Mapping[str, Topic], wanted: str | None, joints: int
-) -> bool:
-    """Whether JointState messages are asked for, or there and have the robot's joints."""
-    if wanted is not None:
-        return wanted not in topics or topics[wanted].is_joint_state
-    sizes = [len(names) for collector in found.values() for names in collector.groups]
-    return max(sizes, default=0) >= max(joints, 1)
 
 
 def bag_files(folder: Path) -> list[Path]:

@@ -326,7 +326,6 @@ def read_states(read: Reader, topics: Mapping[str, Topic], options: ReadOptions)
     table = replace(
         table,
         columns={},
-        clock_columns=(),
         joint_names=table.joint_names or _joints_beside(first, names, found.columns["q"]),
         notices=(*catalog.findings, *table.notices),
     ).note(f"topic {printable(chosen.name)} ({printable(chosen.kind)})")

@@ -22,13 +22,9 @@ from dynid.recording.store import fitted, partial_path, read_own
 from dynid.recording.table import RawTable, ReadOptions
 from dynid.robot import RobotLike, load_robot
 
+_ENDINGS = "csv txt tsv dat log mat npz npy h5 hdf5 json jsonl parquet feather arrow"
 _EXTENSIONS = tuple(
-    f".{ending}"
-    for line in (
-        "csv txt tsv dat log mat npz npy h5 hdf5 json jsonl parquet feather arrow",
-        "xlsx xls ods gz bz2 xz zst zstd zip",
-    )
-    for ending in line.split()
+    f".{ending}" for ending in f"{_ENDINGS} xlsx xls ods gz bz2 xz zst zstd zip".split()
 )
 
 
@@ -135,7 +131,7 @@ def read_recording(
             across them; or the files of one split bag.
         robot: The robot, or its name or file: its number of joints, names, limits, and drives.
             Where its drives say so, motor positions and torques become joint values.
-        format: `auto` (by content, then by extension), `ur-csv`, `ur-rtde-csv`, `csv`,
+        format: `auto` (by content), `ur-csv`, `ur-rtde-csv`, `csv`,
             `rosbag`, `mcap`, `mat`, `npz`, `hdf5`, `json` or `parquet`.
         columns: Quantity to columns: `t=0,q=1:7,current=13:19` (from 0, ranges exclude their
             end), header names, `.mat` paths (`q=rec.act_pos`), or JointState fields

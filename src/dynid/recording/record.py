@@ -85,11 +85,7 @@ class ExperimentRecord:
         if not (np.diff(t) > 0).all():
             row = int(np.argmax(np.diff(t) <= 0)) + 1
             raise RecordError(f"time does not increase at sample {row}", value=float(t[row]))
-        if "q" not in self.signals:
-            raise RecordError("a recording needs positions q", value=tuple(self.signals))
-        unknown = set(self.signals) - set(JOINT_QUANTITIES)
-        if unknown:
-            raise RecordError("unknown signals", value=sorted(unknown), limit=JOINT_QUANTITIES)
+        check_quantities(self.signals)
         shape = (len(t), np.shape(self.signals["q"])[-1])
         signals = {
             name: frozen(value, shape=shape, name=name) for name, value in self.signals.items()

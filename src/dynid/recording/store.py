@@ -64,21 +64,14 @@ def is_partial(path: Path) -> bool:
 
 
 def pack(kind: bytes, payload: bytes) -> bytes:
-    """One segment.
-
-    Args:
-        kind: `b"H"`, `b"R"` or `b"N"`.
-        payload: Its content.
-    """
+    """One segment of kind `b"H"`, `b"R"` or `b"N"`."""
     return _HEAD.pack(kind, len(payload), zlib.crc32(kind + payload)) + payload
 
 
 def recover(path: Path, *, finished: bool = False) -> ExperimentRecord:
     """The recording that a `.partial` file holds, up to its first damaged segment.
 
-    Args:
-        path: The file.
-        finished: The writer ended in good order: do not report the file as cut off.
+    Where its writer `finished` in good order, the file is not reported as cut off.
 
     Raises:
         RecordError: The description is lost, or there are fewer than two rows.

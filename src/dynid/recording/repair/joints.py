@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from dynid.core import Array, RecordError, printable
-from dynid.recording.headers import spelled
 from dynid.recording.names import UR_JOINTS, places_of, plainly
 from dynid.recording.table import ANGLES, Mask, RawTable
 from dynid.robot import RobotModel
@@ -126,15 +125,7 @@ def _first_columns(table: RawTable, joints: int) -> str:
             f"Name the {joints} joints of the robot, base to tip, with --joint-order, for example "
             f"--joint-order {printable(','.join(table.joint_names[:joints]), 300)}"
         )
-    if not table.columns:
-        return "Choose the columns with --columns, or lock the robot's other joints."
-    time = {"t": list(table.clock_columns)} if table.clock_columns else {}
-    first = {name: columns[:joints] for name, columns in table.columns.items()}
-    kept = {name: first[name] for name in ("q", "qd", "current", "effort") if name in first}
-    return (
-        f"If the robot's joints come first, type --columns {spelled({**time, **kept})}; "
-        "otherwise choose others."
-    )
+    return "Choose the columns with --columns, or lock the robot's other joints."
 
 
 def _reorder(table: RawTable, place: Sequence[int]) -> RawTable:
