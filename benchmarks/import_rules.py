@@ -139,13 +139,13 @@ def main() -> None:
     words = ("refused", "wrong, reported", "silent")
     usual = Counter(outcome(*item) for item in damaged)
     print(f"{len(damaged)} damaged tables, {len(real)} recordings; {dict(usual)}")
-    print(f"{'rule':20} tests  damaged: {', '.join(words)}; recordings that are read otherwise")
-    for name in sys.argv[1:] or [rule.name for rule in rules]:
-        pipeline.RULES = tuple(rule for rule in rules if rule.name != name)
+    print(f"{'rule':22} tests  damaged: {', '.join(words)}; recordings that are read otherwise")
+    for name in sys.argv[1:] or [rule.apply.__name__ for rule in rules]:
+        pipeline.RULES = tuple(rule for rule in rules if rule.apply.__name__ != name)
         now = Counter(outcome(*item) for item in damaged)
         more = "".join(f"{now[word] - usual[word]:+6}" for word in words)
         other = [key for key, given in real.items() if digest(given) != before[key]]
-        print(f"{name:20} {failing_tests():5} {more}  {', '.join(other) or '-'}", flush=True)
+        print(f"{name:22} {failing_tests():5} {more}  {', '.join(other) or '-'}", flush=True)
     pipeline.RULES = rules
 
 

@@ -31,7 +31,8 @@ from threadpoolctl import threadpool_limits
 
 import dynid
 from dynid.identification import PanelRows, PassPlan, sum_rows
-from dynid.recording import KEY, ExperimentRecord
+from dynid.recording import ExperimentRecord
+from dynid.recording.store import KEY
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import load_robot

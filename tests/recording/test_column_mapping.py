@@ -3,7 +3,9 @@ from __future__ import annotations
 import pytest
 
 from dynid.core import RecordError
-from dynid.recording import match_headers, parse_columns, parse_name, says_degrees, select
+from dynid.recording.columns import parse_columns, select
+from dynid.recording.headers import match_headers
+from dynid.recording.names import parse_name, says_degrees
 
 
 def test_mapping_is_taken_apart() -> None:
@@ -109,7 +111,7 @@ def test_ur_header() -> None:
         "robot_mode",
         *ur("actual_TCP_pose"),
     ]
-    match = match_headers(names, "x")
+    match = match_headers(names)
     assert match.columns["t"] == [0]
     assert match.columns["q"] == list(range(13, 19))
     assert match.columns["temperature"] == list(range(31, 37))
@@ -130,18 +132,18 @@ def test_plain_torque_wins_and_a_note_says_so() -> None:
         "Time",
         *(f"{n}{k}" for n in ("Position", "TorqueSm", "Torque", "TorqueCur") for k in (1, 2, 3)),
     ]
-    match = match_headers(names, "x")
+    match = match_headers(names)
     assert match.columns["effort"] == [7, 8, 9]
     assert "torque_cur" in " ".join(match.notes)
 
 
 def test_the_only_torque_is_taken() -> None:
-    match = match_headers(["t", "q1", "q2", "torque_sensor_1", "torque_sensor_2"], "x")
+    match = match_headers(["t", "q1", "q2", "torque_sensor_1", "torque_sensor_2"])
     assert match.columns["effort"] == [3, 4]
 
 
 def test_one_joint_needs_no_index() -> None:
-    match = match_headers(["t", "q", "qd", "tau"], "x")
+    match = match_headers(["t", "q", "qd", "tau"])
     assert match.columns == {"t": [0], "q": [1], "qd": [2], "effort": [3]}
 
 
@@ -154,7 +156,7 @@ def test_plotjuggler_paths_give_joint_names() -> None:
             for what in ("position", "velocity", "effort")
         ),
     ]
-    match = match_headers(names, "x")
+    match = match_headers(names)
     assert match.joint_names == ("elbow", "base")
     assert match.columns["effort"] == [3, 6]
     assert match.columns["t"] == [0]
@@ -175,4 +177,4 @@ def test_plotjuggler_paths_give_joint_names() -> None:
 )
 def test_damaged_headers_are_refused(names: list[str]) -> None:
     with pytest.raises(RecordError):
-        match_headers(names, "x")
+        match_headers(names)

@@ -9,8 +9,9 @@ import pytest
 from hostile_files import DOCUMENTS, MAKERS
 
 from dynid.core import InputError, RecordError, load_object
-from dynid.recording import KEY, read_record, read_recording
+from dynid.recording import read_record, read_recording
 from dynid.recording.content import Budget
+from dynid.recording.store import KEY
 from dynid.robot import load_robot
 
 SAMPLE = [

@@ -15,15 +15,14 @@ import pytest
 
 from dynid.core import Finding, InputError, JobError, RecordError
 from dynid.recording import (
-    MARK,
     RecordMetadata,
     RecordWriter,
-    pack,
     partial_path,
     read_record,
     read_recording,
     write_record,
 )
+from dynid.recording.store import MARK, pack
 
 NAMES = ("a", "b")
 PATIENCE_S = 5.0

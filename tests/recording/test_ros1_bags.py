@@ -10,7 +10,8 @@ from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
 from dynid.core import RecordError
-from dynid.recording import Catalog, read_recording, ros1_messages
+from dynid.recording import read_recording
+from dynid.recording.bagfiles import Catalog, ros1_messages
 from dynid.robot import load_robot
 
 STORE = get_typestore(Stores.ROS1_NOETIC)

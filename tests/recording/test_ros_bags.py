@@ -18,7 +18,9 @@ from recorded_motions import (
 )
 
 from dynid.core import RecordError
-from dynid.recording import MessageDecoder, MessageError, Topic, read_recording
+from dynid.recording import read_recording
+from dynid.recording.bagfiles import Topic
+from dynid.recording.messages import MessageDecoder, MessageError
 from dynid.robot import load_robot
 
 
@@ -231,14 +233,6 @@ def test_two_arms_on_topics_of_their_own_are_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match=r"2 topics can be.*--topic /right/joint_states"):
         read_recording(path)
     assert_true_to(read_recording(path, topic="/left/joint_states"), left)
-
-
-def test_a_topic_that_gathers_others_is_the_robots(tmp_path: Path) -> None:
-    motion = Motion(samples=100)
-    for number, name in enumerate(("/joint_states", "/arm/joint_states")):
-        path = write_db3(motion, tmp_path / f"{number}.db3", topic="/driver/joint_states")
-        add_topic(path, name, motion)
-        assert_true_to(read_recording(path), motion)
 
 
 def test_more_messages_of_a_gripper_are_no_robot(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from dynid.core import InputError
-from dynid.recording import match_headers
+from dynid.recording.headers import match_headers
 from dynid.trajectory import (
     FAMILY_NAMES,
     Quintic,
@@ -43,7 +43,7 @@ def test_csv_reads_back_exactly(name: str) -> None:
 
 def test_the_csv_header_is_known_to_the_importer() -> None:
     header = csv_text(some_motion(), 5.0).splitlines()[0].split(",")
-    match = match_headers(header, "motion.csv")
+    match = match_headers(header)
     assert match.columns == {"t": [0], "q": [1, 2, 3], "qd": [4, 5, 6], "qdd": [7, 8, 9]}
     assert {factor for factors in match.factors.values() for factor in factors} == {1.0}
     sliding = csv_text(some_motion(), 5.0, units=["rad", "m", "rad"]).splitlines()[0]

@@ -27,18 +27,16 @@ def read_frame(files: list[Path], options: ReadOptions, budget: Budget) -> RawTa
     Columns of lists count as one column an item: `position[0]`, `position[1]`, ...
     """
     path = files[0]
-    where = path.name
-    with refused("the table is damaged", where):
+    with refused("the table is damaged"):
         table = _load(path, budget)
         named = [item for name in table.column_names for item in _columns(name, table.column(name))]
     if not named:
-        raise RecordError("there are no columns of numbers", where=where)
+        raise RecordError("there are no columns of numbers")
     names = [name for name, _ in named]
-    found = assign(names, options.columns, len(names), where, options.joints)
+    found = assign(names, options.columns, len(names), options.joints)
     return found.table(
         names,
         lambda k: named[k][1],
-        source=where,
         format="parquet",
         rows=np.arange(1, len(named[0][1]) + 1, dtype=np.int64),
         row_word="row",
@@ -52,7 +50,7 @@ def _load(path: Path, budget: Budget) -> Any:
         return importlib.import_module("pyarrow.feather").read_table(path, memory_map=False)
     parquet = importlib.import_module("pyarrow.parquet")
     facts = parquet.read_metadata(path)
-    budget.require_values(facts.num_rows * facts.num_columns, path.name)
+    budget.require_values(facts.num_rows * facts.num_columns)
     return parquet.read_table(path, use_threads=False)
 
 
@@ -83,25 +81,20 @@ def _columns(name: str, column: Any) -> list[tuple[str, Array]]:
 
 
 def write_sheet(path: Path, target: Path) -> None:
-    """Write the only sheet of numbers of a workbook with tabs between cells, a line a row.
-
-    Args:
-        path: The workbook (`.xlsx`, `.xls`, `.ods`).
-        target: The text file.
+    """Write the only sheet of numbers of a workbook as text, with tabs between cells.
 
     Raises:
         RecordError: Damaged, or none or several sheets of numbers.
         MissingExtraError: Without the `excel` extra.
     """
     library = require("python_calamine", "excel")
-    with refused("the workbook is damaged", path.name, _AS_CSV):
+    with refused("the workbook is damaged", _AS_CSV):
         book = library.CalamineWorkbook.from_path(str(path))
         names: list[str] = book.sheet_names
         full = [sheet for sheet in map(book.get_sheet_by_name, names) if _has_numbers(sheet)]
         if len(full) != 1:
             raise RecordError(
                 f"the workbook has {len(full) or 'no'} sheets of numbers",
-                where=path.name,
                 value=names[:20],
                 next_step=_AS_CSV,
             )
@@ -147,17 +140,14 @@ def read_hdf5(files: list[Path], options: ReadOptions, budget: Budget) -> RawTab
         library = require("h5py", "hdf5")
     except MissingExtraError as error:
         step = f"Run: pip install 'dynid[hdf5]', or s{_AGAIN}"
-        raise MissingExtraError(error.what, where=path.name, next_step=step) from error
+        raise MissingExtraError(error.what, next_step=step) from error
     variables: dict[str, Array] = {}
-    with (
-        refused("the HDF5 file is damaged", path.name, f"S{_AGAIN}"),
-        library.File(path, "r") as file,
-    ):
+    with refused("the HDF5 file is damaged", f"S{_AGAIN}"), library.File(path, "r") as file:
         for name in file:
             # MATLAB keeps what its cells point to under #refs#.
             if not name.startswith("#"):
                 _collect(file, _own(file, name, name), name, variables, 0, budget)
-    return table_of(variables, options, where=path.name, format="hdf5")
+    return table_of(variables, options)
 
 
 def _own(group: Any, name: str, path: str) -> Any:
@@ -168,10 +158,10 @@ def _own(group: Any, name: str, path: str) -> Any:
     """
     link = group.get(name, getlink=True)
     if type(link).__name__ == "ExternalLink":
-        raise RecordError("a link leads to another file, which is not followed", where=path)
+        raise RecordError("a link leads to another file, which is not followed", value=path)
     item = group[name]
     if getattr(item, "external", None) or getattr(item, "is_virtual", False):
-        raise RecordError("an array lies in another file, which is not read", where=path)
+        raise RecordError("an array lies in another file, which is not read", value=path)
     return item
 
 
@@ -189,7 +179,7 @@ def _collect(
             _collect(file, _own(item, name, path), f"{path}.{name}", into, depth + 1, budget)
         return
     taken = sum(value.size for value in into.values())
-    budget.require_values((item.size + taken) * max(1, len(item.dtype.names or ())), path)
+    budget.require_values((item.size + taken) * max(1, len(item.dtype.names or ())))
     if item.dtype.kind == "O" and item.dtype.metadata and "ref" in item.dtype.metadata:
         for number, reference in enumerate(item[()].ravel(order="F")[:_MAX_ELEMENTS]):
             if reference:
@@ -205,7 +195,7 @@ def _collect(
 def _keep_block(item: Any, name: str, path: str, into: dict[str, Array], budget: Budget) -> bool:
     """Keep each column of a block of a pandas table under its own name."""
     parts = [_own(item, part, path) for part in (name.replace("_values", "_items"), name)]
-    budget.require_values(sum(part.size for part in parts), path)
+    budget.require_values(sum(part.size for part in parts))
     labels: list[Any] = parts[0][()].ravel().tolist()
     values = parts[1][()]
     if values.ndim != 2 or values.shape[1] != len(labels):
@@ -231,16 +221,13 @@ def read_npz(files: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     variables: dict[str, Array] = {}
     with refused(
         "the NumPy file is damaged, or holds pickled Python objects, which are never loaded",
-        path.name,
         "Save each array under its name: numpy.savez(file, t=t, q=q, tau=tau).",
     ):
         if zipfile.is_zipfile(path):
             with zipfile.ZipFile(path) as archive:
                 size = sum(item.file_size for item in archive.infolist())
             if size > _MAX_BYTES:
-                raise RecordError(
-                    "the arrays are too large", where=path.name, value=size, limit=_MAX_BYTES
-                )
+                raise RecordError("the arrays are too large", value=size, limit=_MAX_BYTES)
         with path.open("rb") as stream, np.errstate(all="ignore"), warnings.catch_warnings():
             # Files of Python 2 only load more slowly.
             warnings.simplefilter("ignore", UserWarning)
@@ -251,7 +238,7 @@ def read_npz(files: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             for name, value in arrays.items():
                 for own_name, part in _parts(name, value):
                     _keep(own_name, part, variables)
-    return table_of(variables, options, where=path.name, format="npz")
+    return table_of(variables, options)
 
 
 def _parts(name: str, value: Any) -> list[tuple[str, Any]]:
@@ -269,11 +256,11 @@ def read_json(files: list[Path], options: ReadOptions, budget: Budget) -> RawTab
     """Read arrays of numbers from a JSON file; see `Reader`."""
     path = files[0]
     data = all_bytes(path, _JSON_MAX_BYTES)
-    with refused("the JSON file is damaged", path.name):
+    with refused("the JSON file is damaged"):
         content = _parse(data.decode("utf-8-sig"))
     variables: dict[str, Array] = {}
     _collect_json(content, "", variables, 0)
-    return table_of(variables, options, where=path.name, format="json")
+    return table_of(variables, options)
 
 
 def _parse(text: str) -> Any:

@@ -5,7 +5,6 @@ by this module: rosbags refuses every file that is cut off. All of 40 cut copies
 recording give their messages here.
 """
 
-import bz2
 import operator
 import shutil
 import sqlite3
@@ -113,7 +112,7 @@ def db3_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
 
 def _topics(database: sqlite3.Connection, path: Path, catalog: Catalog) -> dict[int, str]:
     """Number to name of each topic that is wanted."""
-    with refused("this is no readable ROS 2 bag", path.name, _NO_BAG):
+    with refused("this is no readable ROS 2 bag", _NO_BAG):
         for table in ("topics", "messages", "message_definitions"):
             _require_table(database, table, path)
         definitions = _definitions(database)
@@ -165,7 +164,7 @@ def _connection(path: Path) -> Generator[sqlite3.Connection]:
     """The database, opened so that neither it nor its folder is written to."""
     log = path.with_name(path.name + "-wal")
     with tempfile.TemporaryDirectory(prefix="dynid-") as folder:
-        with refused("the bag cannot be opened", path.name):
+        with refused("the bag cannot be opened"):
             uri = f"{path.resolve().as_uri()}?mode=ro&immutable=1"
             if log.is_file() and log.stat().st_size:
                 # A killed recorder leaves its last messages in the log: merge them in a copy.
@@ -268,8 +267,7 @@ def mcap_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
         raise unreadable(path, error) from error
     if damaged:
         catalog.report(
-            "corrupt_rows",
-            f"{damaged} of {chunks} chunks of {path.name} are damaged and left out",
+            "corrupt_rows", f"{damaged} of {chunks} chunks of {path.name} are damaged and left out"
         )
     if not ended:
         catalog.report("truncated_file", f"{path.name} is cut off; what precedes the cut is taken")
@@ -376,10 +374,7 @@ def _record(fields: dict[bytes, bytes], data: bytes, state: _State) -> Iterator[
 def _chunk(fields: dict[bytes, bytes], data: bytes, state: _State) -> Iterator[Message]:
     (size,) = struct.unpack("<I", fields[b"size"])
     method = fields[b"compression"].decode(errors="replace")
-    if method == "bz2":
-        data = _bunzip(data, size)
-    else:
-        data = inflate(data, "" if method == "none" else method, size)
+    data = inflate(data, "" if method == "none" else method, size)
     offset = 0
     while offset + 8 <= len(data):
         (length,) = struct.unpack_from("<I", data, offset)
@@ -392,18 +387,6 @@ def _chunk(fields: dict[bytes, bytes], data: bytes, state: _State) -> Iterator[M
         offset = start + count
     if offset != len(data):
         state.damaged += 1
-
-
-def _bunzip(data: bytes, size: int) -> bytes:
-    if size > MAX_BYTES:
-        raise InflateError("too large")
-    try:
-        result = bz2.BZ2Decompressor().decompress(data, size + 1)
-    except (OSError, ValueError) as error:
-        raise InflateError("damaged") from error
-    if len(result) != size:
-        raise InflateError("wrong size")
-    return result
 
 
 def _fields(header: bytes) -> dict[bytes, bytes]:

@@ -23,9 +23,7 @@ class Clock:
     """The name of its first column."""
 
 
-def find_clocks(
-    parsed: Sequence[Name], names: Sequence[str], scope: str, where: str
-) -> list[Clock]:
+def find_clocks(parsed: Sequence[Name], names: Sequence[str], scope: str) -> list[Clock]:
     """All columns of time, the best first.
 
     Stamps of a message's header go before times of arrival, and those of the positions' own
@@ -67,7 +65,6 @@ def find_clocks(
     if len(same) > 1:
         raise RecordError(
             "more than one time column",
-            where=where,
             value=[clock.label for clock in same],
             next_step=f"Choose with --columns, for example t={same[0].columns[0]},q=...",
         )

@@ -17,10 +17,7 @@ _EXAMPLE = "Write it like t=0,q=1:7,qd=7:13,current=13:19 (from 0, ranges exclud
 
 
 def parse_columns(spec: str | Mapping[str, str]) -> dict[str, str]:
-    """Take a mapping apart into quantity and selector.
-
-    Args:
-        spec: `quantity=selector` items with commas between, or a mapping of the same.
+    """Take a mapping, or `quantity=selector` items with commas between, apart into these two.
 
     Raises:
         RecordError: An item without `=`, an unknown quantity, or one named twice.
@@ -49,13 +46,9 @@ def parse_columns(spec: str | Mapping[str, str]) -> dict[str, str]:
 
 
 def select(quantity: str, selector: str, width: int, names: Sequence[str] | None) -> list[int]:
-    """The column numbers that a selector means.
+    """The column numbers that a selector means, of `width` columns.
 
-    Args:
-        quantity: The quantity, for messages.
-        selector: `3`, `1:7`, `1+3+5`, a header name, or the stem of numbered header names.
-        width: Number of columns there are.
-        names: Header names, where the file has them.
+    It is `3`, `1:7`, `1+3+5`, a header name, or the stem of numbered header names.
 
     Raises:
         RecordError: A column that does not exist, a range that is empty, a name not found.
@@ -119,23 +112,15 @@ def assign(
     names: Sequence[str] | None,
     columns: Mapping[str, str] | None,
     width: int,
-    where: str,
     joints: Sequence[str] = (),
 ) -> Match:
-    """Find out what the columns of a table hold.
-
-    Args:
-        names: Column names with their units; None for a table without a header.
-        columns: What the user says; None to go by the names, which are then needed.
-        width: Number of columns.
-        where: The file, for messages.
-        joints: The robot's joint names; empty if it is not known.
+    """Find out what the columns of a table hold: as the user says, else by their names.
 
     Raises:
         RecordError: Columns that are not there, or a header that does not say what they are.
     """
     if columns is None:
-        match = match_headers(names or (), where, joints)
+        match = match_headers(names or (), joints)
         signals = {name: cols for name, cols in match.columns.items() if name != "t"}
         notes = (*match.notes, *_conversions(match.factors))
         return replace(match, columns=signals, notes=notes)
@@ -150,7 +135,7 @@ def assign(
     named = {q: _joints_of([names[k] for k in cols], joints) for q, cols in mapping.items()}
     own = named.get("q", ())
     for quantity, numbers in mapping.items():
-        require_one_order(quantity, numbers, named[quantity], own, joints, where)
+        require_one_order(quantity, numbers, named[quantity], own, joints)
     if own:
         # Each quantity in the joint order of q, where both tell their joints.
         mapping |= {

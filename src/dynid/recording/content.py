@@ -7,6 +7,7 @@ long recordings have no bound of their own.
 
 from __future__ import annotations
 
+import bz2
 import importlib
 import shutil
 import tempfile
@@ -15,7 +16,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
 
 from dynid.core import DynidError, InputError, MissingExtraError, RecordError, require
 
@@ -47,7 +48,7 @@ class Budget:
             values=16_000_000 + 4 * more,
         )
 
-    def require_values(self, count: int, where: str) -> None:
+    def require_values(self, count: int) -> None:
         """Check a number of values that a file claims before anything of that size is made.
 
         Raises:
@@ -56,7 +57,6 @@ class Budget:
         if count > self.values:
             raise RecordError(
                 "the header states more numbers than a file of this size may contain",
-                where=where,
                 value=f"{count:.3g} numbers",
                 limit=f"{self.values:.3g}",
                 next_step="Save only the signals of the joints, or split the recording.",
@@ -90,7 +90,7 @@ class InflateError(ValueError):
 
 
 def inflate(data: bytes, method: str, size: int | None = None) -> bytes:
-    """Decompress one piece of a bag: by zstd, lz4 or nothing; to `size` bytes where it is known.
+    """Decompress one piece of a bag (zstd, lz4, bz2, nothing), to `size` bytes where it is known.
 
     Raises:
         InflateError: Damaged bytes, an unknown method, or the wrong size.
@@ -106,6 +106,8 @@ def inflate(data: bytes, method: str, size: int | None = None) -> bytes:
     elif method == "lz4":
         frame = require("lz4.frame", "ros")
         result = _stream(frame.LZ4FrameDecompressor(), data, limit)
+    elif method == "bz2":
+        result = _stream(bz2.BZ2Decompressor(), data, limit)
     else:
         raise InflateError(f"unknown compression {method[:20]!r}")
     if size is not None and len(result) != size:
@@ -116,7 +118,7 @@ def inflate(data: bytes, method: str, size: int | None = None) -> bytes:
 def _stream(decompressor: Any, data: bytes, limit: int) -> bytes:
     try:
         result: bytes = decompressor.decompress(data, max_length=limit + 1)
-    # The two libraries share no exception: zstd has its own, lz4 raises RuntimeError.
+    # The libraries share no exception: zstd has its own, lz4 raises RuntimeError.
     except Exception as error:
         raise InflateError("damaged") from error
     if len(result) > limit:
@@ -147,14 +149,18 @@ def said(error: BaseException) -> str:
 
 @contextmanager
 def refused(
-    what: str, where: str, next_step: str | None = None, kind: type[InputError] = RecordError
+    what: str,
+    next_step: str | None = None,
+    *,
+    where: str | None = None,
+    kind: type[InputError] = RecordError,
 ) -> Generator[None]:
     """Whatever a library raises inside as one error of ours: on damaged bytes that is many kinds.
 
     Args:
         what: What is wrong then.
-        where: The file.
         next_step: What to do.
+        where: The file, unless `located` tells it.
         kind: The error of ours.
 
     Raises:
@@ -166,6 +172,27 @@ def refused(
         raise
     except Exception as error:
         raise kind(what, where=where, value=said(error), next_step=next_step) from error
+
+
+FACTS = ("what", "where", "value", "limit", "next_step")
+"""What an error tells."""
+One = TypeVar("One", bound=DynidError)
+
+
+def changed(error: One, **facts: Any) -> One:
+    """The same error with some of its facts changed."""
+    return type(error)(**{name: getattr(error, name) for name in FACTS} | facts)
+
+
+@contextmanager
+def located(where: str) -> Generator[None]:
+    """The place of those errors raised inside that name none: the file that is read."""
+    try:
+        yield
+    except DynidError as error:
+        if error.where is None:
+            raise changed(error, where=where) from error
+        raise
 
 
 def unreadable(path: Path, error: OSError) -> RecordError:

@@ -24,16 +24,11 @@ _MAX_CHANNEL_CELLS = 20_000_000
 
 
 def read_csv(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTable:
-    """Read text tables; several files stand side by side and their columns count across them.
+    """Read text tables, whose columns count across files side by side; see `Reader`.
 
     A file of one number a line that is k times as long as the shortest is read row by row as
     k columns. The format is `csv`, or `ur-csv` or `ur-rtde-csv`, which must have UR's header names;
     `auto` names it by the header.
-
-    Args:
-        paths: The files.
-        options: What the user says.
-        budget: Bounds what is read.
 
     Raises:
         RecordError: No rows of numbers, columns that do not exist, or files whose rows do not
@@ -41,7 +36,6 @@ def read_csv(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     """
     joints, columns, format = options.joints, options.columns, options.format
     count = len(joints) or None
-    where = ", ".join(path.name for path in paths)
     sheets = lay_side_by_side(
         [sniff(p, header=options.header, delimiter=options.delimiter) for p in paths], count
     )
@@ -62,8 +56,8 @@ def read_csv(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             if unsaid:
                 notes = (*notes, f"left out, as no quantities of joints: {', '.join(unsaid)}")
     if columns is None and names is None:
-        raise _no_header(sheets, where)
-    found = assign(names, columns, width, where, joints)
+        raise _no_header(sheets)
+    found = assign(names, columns, width, joints)
     # What Universal Robots' RTDE recorders write.
     of_ur = {"timestamp", "actual_q_0"} <= set(names or ())
     if format == "auto":
@@ -72,7 +66,6 @@ def read_csv(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     elif format != "csv" and not of_ur:
         raise RecordError(
             f"the header is not that of a {format} file",
-            where=where,
             next_step="Use --format csv, with --columns where needed.",
         )
     times = {k for clock in found.clocks for k in clock.columns}
@@ -84,9 +77,9 @@ def read_csv(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     soft = frozenset(wanted) - needed
     if clocks:
         notes = (*notes, "the files are aligned by their own times")
-        pasted = align(sheets, clocks, wanted, soft, where)
+        pasted = align(sheets, clocks, wanted, soft)
     else:
-        pasted = paste(sheets, wanted, soft, where)
+        pasted = paste(sheets, wanted, soft)
     values = pasted.values
     position = {column: k for k, column in enumerate(wanted)}
     moments = sheets[0].dialect.stamps if len(sheets) == 1 else frozenset[int]()
@@ -94,7 +87,6 @@ def read_csv(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
         names,
         lambda k: values[:, position[k]],
         moments,
-        source=where,
         format=format,
         rows=pasted.rows,
         channels={name: values[:, position[k]] for k, name in extras.items()},
@@ -131,7 +123,7 @@ def _all_names(sheets: list[Sheet]) -> tuple[str, ...] | None:
     return tuple(found)
 
 
-def _no_header(sheets: list[Sheet], where: str) -> RecordError:
+def _no_header(sheets: list[Sheet]) -> RecordError:
     for sheet in sheets:
         if sheet.dialect.header_cells:
             return RecordError(
@@ -142,7 +134,6 @@ def _no_header(sheets: list[Sheet], where: str) -> RecordError:
             )
     return RecordError(
         "there is no header that names the columns",
-        where=where,
         value=f"{sum(sheet.width for sheet in sheets)} columns",
         next_step="Name them with --columns, for example t=0,q=1:7,qd=7:13,current=13:19.",
     )

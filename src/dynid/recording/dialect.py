@@ -81,9 +81,7 @@ def line_blocks(path: Path, encoding: str) -> Iterator[tuple[list[str], bool]]:
                 yield list(short), lines[-1].endswith("\n")
     except UnicodeError as error:
         raise RecordError(
-            "the text encoding is damaged",
-            where=path.name,
-            next_step="Save the file as UTF-8.",
+            "the text encoding is damaged", where=path.name, next_step="Save the file as UTF-8."
         ) from error
     except OSError as error:
         raise unreadable(path, error) from error
@@ -249,12 +247,7 @@ def _delimiter_of(given: str | None) -> str | None:
 
 
 def sniff(path: Path, *, header: bool | None, delimiter: str | None) -> Dialect:
-    """Find out how a text table is written, from its first lines.
-
-    Args:
-        path: The file.
-        header: Whether it has a header line; None to find out.
-        delimiter: Its delimiter; None to find out.
+    """Find out how a text table is written, from its first lines, as far as it is not given.
 
     Raises:
         RecordError: There are no rows of numbers, or far too many columns.

@@ -1,4 +1,4 @@
-"""What a file is: by its first bytes, then by its extension; and what is packed in it."""
+"""What a file is: by its first bytes; and what is packed in it."""
 
 import bz2
 import gzip
@@ -68,7 +68,7 @@ def _unpack(file: Path, kind: str, target: Path, room: int) -> None:
         return
     step = "Copy it again, or unpack what is left of it and import that."
     with (
-        refused(f"the {kind} file is damaged", file.name, step),
+        refused(f"the {kind} file is damaged", step),
         _opened(file, kind) as source,
         target.open("wb") as sink,
     ):
@@ -105,7 +105,7 @@ def _copy(source: IO[bytes] | gzip.GzipFile, sink: IO[bytes], file: Path, room: 
             )
         sink.write(block)
     if written == 0:
-        raise RecordError("the compressed file is empty", where=file.name)
+        raise RecordError("the compressed file is empty")
 
 
 FORMATS = (
@@ -145,15 +145,6 @@ _OTHERS: tuple[tuple[bytes, str, str], ...] = (
     (b"\xff\xff\xff\xff", "an Arrow stream", "Save it as Parquet: pyarrow.parquet.write_table."),
 )
 _UR_BINARY = re.compile(rb"timestamp [^\n]*\n[^\n]{0,14}DOUBLE")
-_EXTENSIONS = {
-    ".db3": "rosbag",
-    ".mcap": "mcap",
-    ".mat": "mat",
-    ".npz": "npz",
-    ".npy": "npz",
-    ".parquet": "parquet",
-    ".bag": "rosbag",
-}
 
 
 def content_kind(path: Path) -> str:
@@ -190,8 +181,6 @@ def content_kind(path: Path) -> str:
         raise RecordError("this is a Python pickle", where=path.name, next_step=_PICKLE)
     if looks_like_text(head):
         return "json" if _is_json(head) else "csv"
-    if by_name := _EXTENSIONS.get(path.suffix.lower()):
-        return by_name
     raise RecordError(
         "this is none of the formats that dynid reads",
         where=path.name,

@@ -172,12 +172,9 @@ class _Draft:
 
 
 def read_grid(dialect: Dialect, wanted: list[int], soft: frozenset[int] = frozenset()) -> Grid:
-    """Read columns of a text table.
+    """Read the wanted columns of a text table, in this order.
 
-    Args:
-        dialect: How the table is written.
-        wanted: Columns to read, in this order.
-        soft: Columns whose unreadable cells are only missing, not a fault of the row.
+    Unreadable cells of `soft` columns are only missing, not a fault of the row.
 
     Raises:
         RecordError: The file cannot be read, or holds no row.

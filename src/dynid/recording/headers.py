@@ -1,5 +1,6 @@
 """Find the quantities in a header: columns that belong together, and which are meant."""
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -46,9 +47,7 @@ class Family:
         # What stands in brackets is a joint's name where all columns have another.
         return "" if self.joints and name.unit and name.joint in name.unit else name.unit
 
-    def by_joint(
-        self, names: Sequence[str], quantity: str, where: str
-    ) -> tuple[list[int], tuple[str, ...]]:
+    def by_joint(self, names: Sequence[str], quantity: str) -> tuple[list[int], tuple[str, ...]]:
         """Columns joint by joint, and joint names where the header has them.
 
         Raises:
@@ -62,14 +61,12 @@ class Family:
             indices = sorted(name.index for name, _ in self.members if name.index is not None)
             raise RecordError(
                 f"a column of {quantity} is missing or there twice: joints {indices}",
-                where=where,
                 value=[names[column] for column in found],
                 next_step="Check the header, or name the columns with --columns.",
             )
         if len(found) > 1 and not self.joints:
             raise RecordError(
                 f"{len(found)} columns are called {printable(names[found[0]])!r}",
-                where=where,
                 next_step="Choose them with --columns.",
             )
         return found, self.joints
@@ -131,7 +128,7 @@ _MAIN_SCOPES = frozenset({"joint_states", "joint_state", "actual", "feedback", "
 
 
 def _choose(
-    families: Mapping[str, list[Family]], names: Sequence[str], where: str
+    families: Mapping[str, list[Family]], names: Sequence[str]
 ) -> tuple[dict[str, Family], list[str]]:
     """Choose the columns of each quantity among all that may be it.
 
@@ -155,12 +152,11 @@ def _choose(
                 for family in families.get(name, [])
                 if family.scope == tied[0].scope
             }
-            clocks = find_clocks(list(map(parse_name, names)), names, tied[0].scope, where)
+            clocks = find_clocks(list(map(parse_name, names)), names, tied[0].scope)
             if clocks:
                 columns = {"t": list(clocks[0].columns), **columns}
             raise RecordError(
                 f"{len(tied)} sets of columns can be {quantity}",
-                where=where,
                 value=", ".join(family.label for family in tied),
                 next_step=f"Choose with --columns, for those of {tied[0].label}: "
                 f"--columns {spelled(columns)}",
@@ -169,40 +165,32 @@ def _choose(
         if len(ranked) > 1:
             others = ", ".join(repr(family.label) for family in ranked[1:6])
             notes.append(f"{quantity} is read from {ranked[0].label!r}, not from {others}")
-    like = [
-        family
-        for family in families.get("", [])
-        if set(_TORQUE_STEMS) & set(family.base.split("_")) or family.base.startswith(_TORQUE_STEMS)
-    ]
-    others = [
-        family
-        for family in like
-        if family.base.startswith(_TORQUE_STEMS)
-        and not _NOT_MEASURED & set(family.base.split("_"))
-        and not (OTHER | TARGET) & set(family.scope.replace(".", "_").split("_"))
-    ]
-    if others and "effort" not in chosen and "current" not in chosen:
-        if len(others) > 1:
+    like = [family for family in families.get("", []) if _is_torque_like(family)]
+    if like and not set(TORQUE_SOURCES) & set(chosen):
+        if len(like) > 1:
             raise RecordError(
                 "more than one set of columns can be torques",
-                where=where,
-                value=", ".join(family.label for family in others),
+                value=", ".join(family.label for family in like),
                 next_step="Choose with --columns, for example "
-                + spelled({"effort": [column for _, column in others[0].members]}),
+                + spelled({"effort": [column for _, column in like[0].members]}),
             )
-        stem = others[0].base
-        chosen["current" if stem.startswith("cur") else "effort"] = others[0]
+        stem = like[0].base
+        chosen["current" if stem.startswith("cur") else "effort"] = like[0]
         notes.append(f"the only torque-like columns are {stem!r}; they are taken")
-    elif others:
-        kept = [chosen[x].label for x in ("effort", "current") if x in chosen]
+    elif like:
+        kept = [chosen[name].label for name in TORQUE_SOURCES if name in chosen]
         notes.append(
             f"torques are read from {' and '.join(map(repr, kept))}; not used: "
-            + ", ".join(repr(family.label) for family in others[:8])
+            + ", ".join(repr(family.label) for family in like[:8])
         )
-    passed = [family.label for family in like if family not in others]
-    if passed and not any(name in chosen for name in TORQUE_SOURCES):
-        notes.append(f"not taken for measured torques: {', '.join(map(repr, passed[:8]))}")
     return chosen, notes
+
+
+def _is_torque_like(family: Family) -> bool:
+    """Whether a name that no recorder is known for begins as a measured torque's does."""
+    words, around = (set(re.split(r"[._]", text)) for text in (family.base, family.scope))
+    measured = not (_NOT_MEASURED & words or (OTHER | TARGET) & around)
+    return measured and family.base.startswith(_TORQUE_STEMS)
 
 
 def _order(family: Family, home: str | None) -> tuple[bool, bool, bool, bool, int]:
@@ -264,7 +252,6 @@ class Match:
                 for name, numbers in self.columns.items()
             },
             columns=dict(self.columns),
-            clock_columns=self.clocks[0].columns if self.clocks else (),
             said=self.said,
             joint_names=self.joint_names,
             notices=self.notices,
@@ -274,22 +261,17 @@ class Match:
         )
 
 
-def match_headers(names: Sequence[str], where: str, joints: Sequence[str] = ()) -> Match:
-    """Find the quantities in a header.
-
-    Args:
-        names: Column names.
-        where: The file, for messages.
-        joints: The robot's joint names; empty if it is not known.
+def match_headers(names: Sequence[str], joints: Sequence[str] = ()) -> Match:
+    """Find the quantities in a header; of a robot that is not known `joints` is empty.
 
     Raises:
         RecordError: No positions, a joint's column missing, positions or torques that two
             sets of columns claim, or a unit that is not known.
     """
     families = _families(names, joints)
-    chosen, notes = _choose(families, names, where)
+    chosen, notes = _choose(families, names)
     scope = chosen["q"].scope if "q" in chosen else ""
-    clocks = tuple(find_clocks([parse_name(text) for text in names], names, scope, where))
+    clocks = tuple(find_clocks([parse_name(text) for text in names], names, scope))
     columns: dict[str, list[int]] = {}
     factors: dict[str, tuple[float, ...]] = {}
     said: set[str] = set()
@@ -297,7 +279,7 @@ def match_headers(names: Sequence[str], where: str, joints: Sequence[str] = ()) 
     # Positions come first.
     for quantity, family in chosen.items():
         try:
-            found, named = family.by_joint(names, quantity, where)
+            found, named = family.by_joint(names, quantity)
             if quantity == "q":
                 joint_names = named
             elif named and joint_names:
@@ -305,16 +287,15 @@ def match_headers(names: Sequence[str], where: str, joints: Sequence[str] = ()) 
                     notes.append(f"{quantity} is left out: its joints are not those of q")
                     continue
                 found = [found[named.index(joint)] for joint in joint_names]
-            require_one_order(quantity, found, named, joint_names, joints, where)
+            require_one_order(quantity, found, named, joint_names, joints)
             units = [family.unit_of(column) for column in found]
             known, at = factors_of(quantity, units)
             if at is not None:
-                raise refuse_unit(quantity, units[at], names[found[at]], where)
+                raise refuse_unit(quantity, units[at], names[found[at]])
             width = len(columns.get("q", found))
             if len(found) != width:
                 raise RecordError(
                     f"{quantity} has {len(found)} columns but q has {width}",
-                    where=where,
                     next_step="Check the header, or name the columns with --columns.",
                 )
         except RecordError as error:
@@ -328,7 +309,6 @@ def match_headers(names: Sequence[str], where: str, joints: Sequence[str] = ()) 
     if "q" not in columns:
         raise NotRecognised(
             "no columns of positions are recognised",
-            where=where,
             value=tuple(names)[:40],
             next_step="Name them with --columns, for example t=0,q=1:7,current=13:19.",
         )
@@ -348,19 +328,11 @@ def require_one_order(
     named: tuple[str, ...],
     of_q: tuple[str, ...],
     robot: Sequence[str],
-    where: str,
 ) -> None:
     """Refuse numbers beside joint names that do not stand in the robot's order.
 
-    Numbers may count from the base, or in the order of the names: nobody can tell which.
-
-    Args:
-        quantity: The quantity.
-        columns: Its columns.
-        named: Its joint names in the columns' order, or none.
-        of_q: Those of the positions.
-        robot: The robot's joint names; empty if it is not known.
-        where: The file, for messages.
+    Numbers may count from the base, or in the order of the names: nobody can tell which. `named`
+    and `of_q` are the joints' names in the order of the columns, of the quantity and of q, or none.
 
     Raises:
         RecordError: Only one of the quantity and the positions names its joints, in another order.
@@ -371,7 +343,6 @@ def require_one_order(
     told = ("q", quantity) if of_q else (quantity, "q")
     raise RecordError(
         f"{told[0]} names its joints and {told[1]} only numbers them",
-        where=where,
         value=printable(", ".join(named or of_q), 200),
         next_step=f"List the columns of {told[0]} base to tip with --columns and --robot, "
         "for example q=3+2+1+4+5+6.",

@@ -32,7 +32,7 @@ from dynid.core import (
     RecordError,
     finding_from_json,
 )
-from dynid.recording.content import Budget
+from dynid.recording.content import FACTS, Budget
 from dynid.recording.record import ExperimentRecord, metadata_from_json, metadata_to_json
 from dynid.recording.table import RawTable, ReadOptions
 
@@ -210,14 +210,11 @@ def _limit(budget: Budget) -> None:
 
 
 def _refuse(error: DynidError, answers: IO[bytes]) -> None:
-    facts = {name: getattr(error, name) for name in ("what", "where", "next_step")}
+    facts = ((name, getattr(error, name)) for name in FACTS)
     # Values of other types are shown as they would be in the message.
-    shown = {
-        name: value if value is None or isinstance(value, str) else repr(value)
-        for name, value in (("value", error.value), ("limit", error.limit))
-    }
+    shown = {k: v if v is None or isinstance(v, str) else repr(v) for k, v in facts}
     kind = next(name for name in (type(error).__name__, "RecordError") if name in _ERRORS)
-    answers.write(json.dumps({"error": kind, **facts, **shown}).encode() + b"\n")
+    answers.write(json.dumps({"error": kind, **shown}).encode() + b"\n")
     answers.flush()
 
 
@@ -254,13 +251,11 @@ def _unpack(answer: dict[str, Any], stream: IO[bytes]) -> Read | None:
     if not answer["own"]:
         facts["t"] = None
     for name, kind, shape in answer["arrays"]:
-        value = np.empty(shape, dtype=np.dtype(kind))
-        view = value.reshape(-1).view(np.uint8).data
-        while len(view):
-            count = stream.readinto(view)  # type: ignore[attr-defined]
-            if not count:
-                return None
-            view = view[count:]
+        size = math.prod(shape) * np.dtype(kind).itemsize
+        data = stream.read(size)
+        if len(data) < size:
+            return None
+        value = np.frombuffer(data, dtype=kind).reshape(shape)
         group, slash, key = name.partition("/")
         if slash:
             facts[group][key] = value
@@ -273,7 +268,7 @@ def _unpack(answer: dict[str, Any], stream: IO[bytes]) -> Read | None:
     facts["said"] = frozenset(facts["said"])
     facts["notices"] = tuple(map(finding_from_json, facts["notices"]))
     facts["labels"] = {name: tuple(names) for name, names in facts["labels"].items()}
-    for name in ("joint_names", "notes", "clock_columns"):
+    for name in ("joint_names", "notes"):
         facts[name] = tuple(facts[name])
     return RawTable(**facts)
 

@@ -11,13 +11,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dynid.core import Array, Finding, RecordError, printable
+from dynid.core import Array, RecordError, printable
 from dynid.recording.bagfiles import MAGIC as ROS1_MAGIC
 from dynid.recording.bagfiles import (
     MCAP_MAGIC,
     Catalog,
     Message,
-    Topic,
     db3_messages,
     mcap_messages,
     ros1_messages,
@@ -31,14 +30,12 @@ from dynid.recording.messages import (
     read_states,
     stamp_of,
 )
-from dynid.recording.names import TARGET, UR_JOINTS, places_of
+from dynid.recording.names import TARGET, places_of
 from dynid.recording.table import RawTable, ReadOptions
 
 FIELDS = ("position", "velocity", "effort")
 _NAN = float("nan")
 _MOST_JOINTS = 1000
-_LAST = 50
-"""Messages by which two topics are compared."""
 
 
 @dataclass(slots=True)
@@ -76,20 +73,6 @@ class _Collector:
         group = self.groups.setdefault(names, Messages())
         group.add(self.count, stamp, receive_ns, itertools.chain(*values))
 
-    def says_the_same(self, other: _Collector) -> bool:
-        """Whether another topic repeats this one's positions, as one that gathers topics does."""
-        if not self.groups or not other.groups:
-            return True
-        one, two = self.common_names(), other.common_names()
-        shared = [name for name in one if name in two]
-        if not shared:
-            return False
-        recent: list[set[str]] = []
-        for names, group in ((one, self.groups[one]), (two, other.groups[two])):
-            rows = group.table()[-_LAST:, [names.index(name) for name in shared]]
-            recent.append({str(row) for row in rows.tolist() if not np.isnan(row).any()})
-        return not recent[0].isdisjoint(recent[1])
-
     def common_names(self) -> tuple[str, ...]:
         """The joint names of most messages; of equals, those with more joints."""
         return max(self.groups, key=lambda names: (len(self.groups[names].number), len(names)))
@@ -113,26 +96,12 @@ class _Collector:
         return values, times[:, order]
 
 
-def _choose_topic(
-    topics: Mapping[str, _Collector], wanted: str | None, joints: int, where: str
-) -> str:
-    """The topic that is asked for, or the one that must be the robot's (`joints`, 0 if unknown).
+def _choose_topic(topics: Mapping[str, _Collector], joints: int) -> str:
+    """The topic that must be the robot's (`joints`, 0 if unknown).
 
     Raises:
-        RecordError: It is not there, or several could be it, as of two arms.
+        RecordError: Several could be it, as of two arms.
     """
-    if wanted is not None and wanted not in topics:
-        raise RecordError(
-            "no such JointState topic", where=where, value=wanted, limit=sorted(topics)
-        )
-    if not topics:
-        raise RecordError(
-            "the bag has no readable sensor_msgs/JointState message",
-            where=where,
-            next_step="Record the robot's /joint_states topic.",
-        )
-    if wanted is not None:
-        return wanted
     ranked = sorted(topics, key=lambda name: (*_standing(name, topics[name], joints), name))
     best = ranked[-1]
     first = _standing(best, topics[best], joints)
@@ -141,12 +110,10 @@ def _choose_topic(
         for name in ranked[:-1]
         if _standing(name, topics[name], joints)[:-1] == first[:-1]
         and 2 * topics[name].count > topics[best].count
-        and not topics[name].says_the_same(topics[best])
     ]
     if rivals and first[0]:
         raise RecordError(
             f"{1 + len(rivals)} topics can be the robot's state",
-            where=where,
             value=[best, *rivals],
             next_step=f"Choose one, for example --topic {best}.",
         )
@@ -178,19 +145,13 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     matched by name, so the order in the messages (alphabetical on UR drivers) does not matter.
     Columns say quantity to `position`, `velocity` or `effort`, where the default (q, qd, effort)
     is wrong: UR drivers send currents as effort. The joint order names those to take, base to tip,
-    as the messages give them.
-
-    Args:
-        paths: Storage files of one bag, in time order.
-        options: What the user says.
-        budget: Bounds what is read.
+    as the messages give them. Files of one bag come in time order.
 
     Raises:
         RecordError: No bag, no such topic, no message that has the joints.
         MissingExtraError: Without the `ros` extra.
     """
     joints, columns, topic = options.joints, options.columns, options.topic
-    where = ", ".join(path.name for path in paths)
     catalog = Catalog()
     topics: dict[str, _Collector] = {}
     for name, receive, data in _messages(paths, catalog):
@@ -199,48 +160,41 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             plain_topic = replace(catalog.topics[name], definition="")
             topics[name] = _Collector(MessageDecoder(plain_topic))
         topics[name].add(receive, data)
-    findings = catalog.findings
     others = {name: item for name, item in catalog.topics.items() if not item.is_joint_state}
-    if others and not _enough(topics, catalog.topics, topic, len(joints)):
-        return read_states(
-            lambda wish: _messages(paths, wish),
-            catalog.topics if topic is not None else others,
-            options,
-            where=where,
-        )
-    chosen = _choose_topic(topics, topic, len(joints), where)
+    if topic is not None:
+        states = topic in topics
+    else:
+        sizes = [len(names) for collector in topics.values() for names in collector.groups]
+        states = bool(topics) and (not others or max(sizes, default=0) >= max(len(joints), 1))
+    if not states:
+        named = others if topic is None else catalog.topics
+        return read_states(lambda wish: _messages(paths, wish), named, options)
+    chosen = topic or _choose_topic(topics, len(joints))
     collector = topics[chosen]
     if not collector.groups:
         raise RecordError(
-            "no message can be decoded as JointState",
-            where=f"{where} {chosen}",
+            f"no message of {chosen} can be decoded as JointState",
             value=f"{collector.damaged} damaged messages",
         )
-    names, notes = _joints(collector, tuple(joints), options.joint_order, where)
-    if len(topics) > 1:
-        notes.append(f"topic {printable(chosen)} of {printable(', '.join(sorted(topics)), 300)}")
+    names = _joints(collector, joints, options.joint_order)
+    note = f"topic {printable(chosen)} of {printable(', '.join(sorted(topics)), 300)}"
     values, times = collector.columns(names)
     if not values:
         raise RecordError(
-            "no message has all the joints",
-            where=f"{where} {chosen}",
+            f"no message of {chosen} has all the joints",
             value=collector.common_names(),
             limit=names,
         )
     if collector.damaged:
-        findings.append(
-            Finding(
-                "corrupt_rows",
-                f"{collector.damaged} of {collector.count} messages cannot be decoded; first: "
-                f"message {collector.first_damaged}",
-            )
+        catalog.report(
+            "corrupt_rows",
+            f"{collector.damaged} of {collector.count} messages cannot be decoded; first: "
+            f"message {collector.first_damaged}",
         )
     lacking = collector.count - collector.damaged - times.shape[1]
     if lacking:
-        findings.append(
-            Finding(
-                "dropped_rows", f"{lacking} of {collector.count} messages lack one of the joints"
-            )
+        catalog.report(
+            "dropped_rows", f"{lacking} of {collector.count} messages lack one of the joints"
         )
     mapping = _DEFAULT if columns is None else columns
     for quantity, name in mapping.items():
@@ -249,8 +203,6 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
                 f"columns: item '{quantity}={name}' is not in a JointState message", limit=FIELDS
             )
     return RawTable(
-        source=where,
-        format=options.format,
         **clock_facts(times),
         signals={
             quantity: values[field]
@@ -262,8 +214,8 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             for quantity, field in mapping.items()
         },
         joint_names=names,
-        notices=tuple(findings),
-        notes=tuple(notes),
+        notices=tuple(catalog.findings),
+        notes=(note,) if len(topics) > 1 else (),
         dropped=collector.damaged + lacking,
         extra={"topic": chosen},
     )
@@ -282,16 +234,6 @@ def _messages(paths: Sequence[Path], catalog: Catalog) -> Iterator[Message]:
             yield from db3_messages(path, catalog)
 
 
-def _enough(
-    found: Mapping[str, _Collector], topics: Mapping[str, Topic], wanted: str | None, joints: int
-) -> bool:
-    """Whether JointState messages are asked for, or there and have the robot's joints."""
-    if wanted is not None:
-        return wanted not in topics or topics[wanted].is_joint_state
-    sizes = [len(names) for collector in found.values() for names in collector.groups]
-    return max(sizes, default=0) >= max(joints, 1)
-
-
 def bag_files(folder: Path) -> list[Path]:
     """The storage files of a bag folder, in the order of their numbers; none in any other."""
     files = [path for path in folder.iterdir() if path.name.endswith(_SUFFIXES)]
@@ -299,29 +241,20 @@ def bag_files(folder: Path) -> list[Path]:
 
 
 def _joints(
-    collector: _Collector, robot: tuple[str, ...], order: Sequence[str] | None, where: str
-) -> tuple[tuple[str, ...], list[str]]:
-    """The joint names to take, base to tip."""
+    collector: _Collector, robot: tuple[str, ...], order: Sequence[str] | None
+) -> tuple[str, ...]:
+    """The joint names to take: those asked for, the robot's, or those of most messages."""
     common = collector.common_names()
     if order is not None:
         # With numbers the common order is kept here and permuted with all other formats.
         if all(name.isdecimal() for name in order):
-            return common, []
+            return common
         missing = [name for name in order if all(name not in names for names in collector.groups)]
         if missing:
-            raise RecordError(
-                "the messages have no such joints", where=where, value=missing, limit=common
-            )
-        return tuple(order), []
-    notes: list[str] = []
+            raise RecordError("the messages have no such joints", value=missing, limit=common)
+        return tuple(order)
     for names in (common, *collector.groups):
-        for wanted in (robot, UR_JOINTS):
-            # The same names, or the same behind one prefix.
-            matched = tuple(names[k] for k in places_of(wanted, names))
-            # Without a robot the whole message is taken, so the order must cover all of it.
-            if matched and (wanted == robot or len(names) == len(matched)):
-                if matched != names[: len(matched)]:
-                    order_text = printable(", ".join(matched), 300)
-                    notes.append(f"joints taken by name, in the order {order_text}")
-                return matched, notes
-    return common, notes
+        # The same names, or the same behind one prefix.
+        if place := places_of(robot, names):
+            return tuple(names[k] for k in place)
+    return common

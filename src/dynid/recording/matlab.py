@@ -55,7 +55,7 @@ def _parse(data: bytes, order: str) -> _Contents:
             contents.cut = True
             break
         try:
-            with refused(f"the variable at byte {start} is damaged", ""):
+            with refused(f"the variable at byte {start} is damaged"):
                 element = data[start:offset]
                 if kind == _COMPRESSED:
                     element = _inflated(element[8:])
@@ -133,20 +133,17 @@ def read_mat(files: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
     data = all_bytes(path, _MAX_BYTES)
     order = {b"IM": "<", b"MI": ">"}.get(data[126:128])
     if order is None:
-        raise RecordError(
-            "this is no MATLAB file of version 5 to 7", where=path.name, next_step=_SAVE
-        )
+        raise RecordError("this is no MATLAB file of version 5 to 7", next_step=_SAVE)
     contents = _parse(data, order)
     harm = "; ".join(contents.damaged[:3]) or ("it is cut off" if contents.cut else "")
     if not contents.arrays:
         raise RecordError(
             "there are no arrays of numbers",
-            where=path.name,
             value=harm or None,
             next_step=_PLAIN if contents.objects else _SAVE,
         )
     try:
-        table = table_of(contents.arrays, options, where=path.name, format="mat")
+        table = table_of(contents.arrays, options)
     except RecordError as error:
         if not harm and not contents.objects:
             raise
@@ -155,7 +152,7 @@ def read_mat(files: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             objects = f"{contents.objects} variables are timeseries or tables"
             what, value = f"{error.what}; {objects}, which only MATLAB can read", error.value
             step = _PLAIN
-        raise RecordError(what, where=path.name, value=value, next_step=step) from error
+        raise RecordError(what, value=value, next_step=step) from error
     if contents.cut:
         table = table.report("truncated_file", f"{path.name} is cut off: what precedes is taken")
     if contents.damaged:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from dynid.core import Array, RecordError, printable, require
 from dynid.recording.bagfiles import Catalog, Message, Topic
 from dynid.recording.columns import assign
-from dynid.recording.content import ZSTD_MAGIC, inflate
+from dynid.recording.content import ZSTD_MAGIC, inflate, located
 from dynid.recording.headers import NotRecognised, match_headers
 from dynid.recording.table import TORQUE_SOURCES, RawTable, ReadOptions
 
@@ -273,13 +273,7 @@ def clock_facts(times: NDArray[np.int64]) -> dict[str, Any]:
     }
 
 
-def read_states(
-    read: Reader,
-    topics: Mapping[str, Topic],
-    options: ReadOptions,
-    *,
-    where: str,
-) -> RawTable:
+def read_states(read: Reader, topics: Mapping[str, Topic], options: ReadOptions) -> RawTable:
     """Read the messages of one topic by the names of their fields.
 
     Columns say quantity to field (`effort=tau_J`).
@@ -288,9 +282,10 @@ def read_states(
         RecordError: No topic has positions, several have, or their messages are not defined.
     """
     joints, columns, topic = options.joints, options.columns, options.topic
-    chosen, first = _choose(read, topics, topic, joints, where)
+    chosen, first = _choose(read, topics, topic, joints)
     names = _field_names(first)
-    found = assign(names, columns, len(names), f"{where} {chosen.name}", joints)
+    with located(f"topic {chosen.name}"):
+        found = assign(names, columns, len(names), joints)
     if columns is None:
         # The messages' own stamps are the clock.
         found = replace(found, clocks=())
@@ -313,9 +308,7 @@ def read_states(
         messages.add(count, message.stamp_ns, receive, (message.values[k] for k in taken))
     if not messages.number:
         raise RecordError(
-            "no message can be decoded",
-            where=f"{where} {chosen.name}",
-            value=f"{damaged} damaged messages",
+            f"no message of {chosen.name} can be decoded", value=f"{damaged} damaged messages"
         )
     place = {column: k for k, column in enumerate(taken)}
     values = messages.table()
@@ -323,8 +316,6 @@ def read_states(
     table = found.table(
         names,
         lambda k: values[:, place[k]],
-        source=where,
-        format=options.format,
         rows=facts["rows"],
         row_word="message",
         dropped=damaged + other,
@@ -335,7 +326,6 @@ def read_states(
     table = replace(
         table,
         columns={},
-        clock_columns=(),
         joint_names=table.joint_names or _joints_beside(first, names, found.columns["q"]),
         notices=(*catalog.findings, *table.notices),
     ).note(f"topic {printable(chosen.name)} ({printable(chosen.kind)})")
@@ -349,15 +339,11 @@ def read_states(
 
 
 def _choose(
-    read: Reader,
-    topics: Mapping[str, Topic],
-    wanted: str | None,
-    joints: Sequence[str],
-    where: str,
+    read: Reader, topics: Mapping[str, Topic], wanted: str | None, joints: Sequence[str]
 ) -> tuple[Topic, Decoded]:
     """The topic that is asked for, or the only one that has positions, and its first message."""
     if wanted is not None and wanted not in topics:
-        raise RecordError("no such topic", where=where, value=wanted, limit=sorted(topics))
+        raise RecordError("no such topic", value=wanted, limit=sorted(topics))
     asked = [topics[wanted]] if wanted is not None else list(topics.values())
     samples = _first_of(read, asked)
     full: list[Topic] = []
@@ -369,7 +355,7 @@ def _choose(
         if wanted is not None:
             return item, samples[item.name]
         try:
-            match = match_headers(_field_names(samples[item.name]), f"{where} {item.name}", joints)
+            match = match_headers(_field_names(samples[item.name]), joints)
         except NotRecognised:
             continue
         except RecordError as error:
@@ -384,7 +370,6 @@ def _choose(
     if fits:
         raise RecordError(
             f"{len(fits)} topics can be the robot's state",
-            where=where,
             value=described,
             next_step=f"Choose one, for example --topic {fits[0].name}.",
         )
@@ -394,7 +379,6 @@ def _choose(
     bare = [item for item in asked if not item.definition and not item.is_joint_state]
     raise RecordError(
         "the bag has no readable sensor_msgs/JointState topic, nor another with positions",
-        where=where,
         value=described,
         next_step=_RECORD + (_CONVERT if bare else ""),
     )

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TypeVar, cast
 
 from dynid.core import InputError, RecordError, like_named
+from dynid.recording.content import changed
 from dynid.recording.formats import content_kind
 from dynid.recording.reading import read_record, read_recording
 from dynid.recording.record import ExperimentRecord
@@ -21,7 +22,6 @@ AnyRecordLike = RecordLike | StoredRecording
 """A recording that may stay in its file, too."""
 One = TypeVar("One", bound=AnyRecordLike)
 _HEAD = 400
-_TEXT_SUFFIXES = (".csv", ".tsv", ".txt")
 _RESULTS = {
     b'"kind": "dynid.': "a design or another motion",
     b'"format": "dynid-estimate"': "an estimate",
@@ -47,26 +47,16 @@ def open_record(
         found = record
     elif not isinstance(record, str | Path):  # pyright: ignore[reportUnnecessaryIsInstance]
         raise InputError("not a recording or its file", value=record)
-    elif _was_cut_off(record):
-        found = read_record(record)
     else:
         _refuse_results(Path(record))
         try:
-            # A folder stands for the text files of one run.
-            files = sorted(Path(record).iterdir()) if os.path.isdir(record) else []
-            tables = [file for file in files if file.suffix.lower() in _TEXT_SUFFIXES]
-            found = read_recording(tables or Path(record), robot=robot)
+            found = read_recording(record, robot=robot)
         except RecordError as error:
             if error.next_step is None or not os.path.exists(record):
                 raise
             command = f"dynid import {shlex.quote(str(record))} --robot ROBOT -o RECORD.parquet"
-            raise RecordError(
-                error.what,
-                where=error.where,
-                value=error.value,
-                limit=error.limit,
-                next_step=f"{error.next_step} (Options for reading a file: {command})",
-            ) from error
+            step = f"{error.next_step} (Options for reading a file: {command})"
+            raise changed(error, next_step=step) from error
     return found if gains is None else _with_gains(found, robot, gains)
 
 
@@ -130,7 +120,8 @@ def remembered_robot(path: str | Path) -> str | None:
     Raises:
         RecordError: No such file, or one that cannot be read.
     """
-    if not os.path.exists(path) and not _was_cut_off(path):
+    # os.path says False where Path raises, as for names that no file can have.
+    if not os.path.exists(path) and not os.path.isfile(f"{path}.partial"):
         raise RecordError(
             "there is no such file", where=str(path), next_step=like_named(Path(path))
         )
@@ -154,9 +145,3 @@ def _refuse_results(path: Path) -> None:
                 where=str(path),
                 next_step="Give a recording: dynid run and dynid import write them.",
             )
-
-
-def _was_cut_off(path: str | Path) -> bool:
-    """Whether only the partial file of a killed writer is there."""
-    # os.path says False where Path raises, as for names that no file can have.
-    return not os.path.exists(path) and os.path.isfile(f"{path}.partial")

@@ -9,7 +9,7 @@ from pathlib import Path
 from dynid.core import RecordError, file_hash, like_named
 from dynid.recording.arrayfiles import read_frame, read_hdf5, read_json, read_npz
 from dynid.recording.columns import parse_columns
-from dynid.recording.content import Budget, unreadable
+from dynid.recording.content import Budget, located, unreadable
 from dynid.recording.csv import read_csv
 from dynid.recording.formats import FORMATS, content_kind, unpacked
 from dynid.recording.isolation import read_isolated, serve
@@ -22,13 +22,9 @@ from dynid.recording.store import fitted, partial_path, read_own
 from dynid.recording.table import RawTable, ReadOptions
 from dynid.robot import RobotLike, load_robot
 
+_ENDINGS = "csv txt tsv dat log mat npz npy h5 hdf5 json jsonl parquet feather arrow"
 _EXTENSIONS = tuple(
-    f".{ending}"
-    for line in (
-        "csv txt tsv dat log mat npz npy h5 hdf5 json jsonl parquet feather arrow",
-        "xlsx xls ods gz bz2 xz zst zstd zip",
-    )
-    for ending in line.split()
+    f".{ending}" for ending in f"{_ENDINGS} xlsx xls ods gz bz2 xz zst zstd zip".split()
 )
 
 
@@ -135,7 +131,7 @@ def read_recording(
             across them; or the files of one split bag.
         robot: The robot, or its name or file: its number of joints, names, limits, and drives.
             Where its drives say so, motor positions and torques become joint values.
-        format: `auto` (by content, then by extension), `ur-csv`, `ur-rtde-csv`, `csv`,
+        format: `auto` (by content), `ur-csv`, `ur-rtde-csv`, `csv`,
             `rosbag`, `mcap`, `mat`, `npz`, `hdf5`, `json` or `parquet`.
         columns: Quantity to columns: `t=0,q=1:7,current=13:19` (from 0, ranges exclude their
             end), header names, `.mat` paths (`q=rec.act_pos`), or JointState fields
@@ -187,7 +183,8 @@ def read_recording(
                 "a dynid recording is complete: columns, degrees and joint order do not apply",
                 where=given[0].name,
             )
-        return fitted(table, robot, known, given[0].name)
+        with located(given[0].name):
+            return fitted(table, robot, known)
     record = repair(table, settings)
     metadata = replace(
         record.metadata, origin=", ".join(str(file) for file in given), input_hash=_hash(given)
@@ -233,16 +230,19 @@ def read_table(
         RecordError: Not a recording.
         MissingExtraError: A format whose extra is not installed.
     """
-    if options.format == OWN:
-        return read_own(given[0])
-    with unpacked(given, budget) as files:
-        kind = _format(files, options.format)
-        if kind == "parquet":
-            return read_own(files[0])
-        table = _READERS[kind](files, replace(options, format=kind), budget)
-    values = sum(value.size for value in (*table.signals.values(), *table.channels.values()))
-    budget.require_values(values, table.source)
-    return table
+    source = ", ".join(file.name for file in given)
+    with located(source):
+        if options.format == OWN:
+            return read_own(given[0])
+        with unpacked(given, budget) as files:
+            kind = _format(files, options.format)
+            if kind == "parquet":
+                return read_own(files[0])
+            table = _READERS[kind](files, replace(options, format=kind), budget)
+        budget.require_values(
+            sum(value.size for value in (*table.signals.values(), *table.channels.values()))
+        )
+    return replace(table, source=source, format=table.format or kind)
 
 
 def _format(files: list[Path], wanted: str) -> str:
@@ -269,7 +269,6 @@ def _format(files: list[Path], wanted: str) -> str:
     if wanted not in kinds and not (kind == "csv" and wanted in _TEXT):
         raise RecordError(
             f"the content is {kind}, not {wanted}",
-            where=files[0].name,
             next_step="Leave --format out to go by the content.",
         )
     return wanted

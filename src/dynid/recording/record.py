@@ -85,11 +85,7 @@ class ExperimentRecord:
         if not (np.diff(t) > 0).all():
             row = int(np.argmax(np.diff(t) <= 0)) + 1
             raise RecordError(f"time does not increase at sample {row}", value=float(t[row]))
-        if "q" not in self.signals:
-            raise RecordError("a recording needs positions q", value=tuple(self.signals))
-        unknown = set(self.signals) - set(JOINT_QUANTITIES)
-        if unknown:
-            raise RecordError("unknown signals", value=sorted(unknown), limit=JOINT_QUANTITIES)
+        check_quantities(self.signals)
         shape = (len(t), np.shape(self.signals["q"])[-1])
         signals = {
             name: frozen(value, shape=shape, name=name) for name, value in self.signals.items()
@@ -171,7 +167,7 @@ class Description:
     problems: tuple[Finding, ...]
 
     @classmethod
-    def of(cls, data: Any, problems: Iterable[Any], where: str) -> "Description":
+    def of(cls, data: Any, problems: Iterable[Any]) -> "Description":
         """The description in a JSON object, and the problems beside it.
 
         Raises:
@@ -186,9 +182,7 @@ class Description:
                 problems=tuple(map(finding_from_json, problems)),
             )
         except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise RecordError(
-                "the recording's description is damaged", where=where, value=str(error)
-            ) from error
+            raise RecordError("the recording's description is damaged", value=str(error)) from error
 
     @property
     def names(self) -> list[str]:
@@ -211,11 +205,7 @@ class Description:
 
 
 def of_robot(
-    found: RecordMetadata,
-    joints: int,
-    robot: RobotModel | None,
-    gains: Sequence[float] | None,
-    where: str,
+    found: RecordMetadata, joints: int, robot: RobotModel | None, gains: Sequence[float] | None
 ) -> tuple[RecordMetadata, tuple[int, ...]]:
     """Metadata fitted to a robot, and the columns in the order of the robot's joints.
 
@@ -228,8 +218,7 @@ def of_robot(
     if robot is not None:
         if joints != robot.joints:
             raise RecordError(
-                f"the recording has {joints} joints but {robot.name} has {robot.joints}",
-                where=where,
+                f"the recording has {joints} joints but {robot.name} has {robot.joints}"
             )
         names, own = found.joint_names, found.drive_gains
         if set(names) == set(robot.joint_names):

@@ -84,7 +84,7 @@ def lay_side_by_side(dialects: list[Dialect], joints: int | None = None) -> list
     return sheets
 
 
-def paste(sheets: list[Sheet], wanted: list[int], soft: frozenset[int], where: str) -> Grid:
+def paste(sheets: list[Sheet], wanted: list[int], soft: frozenset[int]) -> Grid:
     """Read columns, counted across files and ascending, row by row; `soft` as in `read_grid`.
 
     Raises:
@@ -99,7 +99,6 @@ def paste(sheets: list[Sheet], wanted: list[int], soft: frozenset[int], where: s
         if broken or max(lengths) > 1.2 * shortest:
             raise RecordError(
                 "the files do not have the same number of rows",
-                where=where,
                 value=lengths,
                 next_step="Give files that were recorded together, without broken lines.",
             )
@@ -142,11 +141,7 @@ def own_clocks(sheets: list[Sheet], names: Sequence[str] | None) -> tuple[int, .
 
 
 def align(
-    sheets: list[Sheet],
-    clocks: tuple[int, ...],
-    wanted: list[int],
-    soft: frozenset[int],
-    where: str,
+    sheets: list[Sheet], clocks: tuple[int, ...], wanted: list[int], soft: frozenset[int]
 ) -> Grid:
     """Read columns, counted across files and ascending, at the times of the first file.
 
@@ -165,7 +160,6 @@ def align(
     if begin >= end:
         raise RecordError(
             "the time ranges of the files do not overlap",
-            where=where,
             value="; ".join(f"{low:.6g} to {high:.6g}" for low, high in spans),
             next_step="Give files that were recorded together.",
         )

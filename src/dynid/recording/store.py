@@ -64,21 +64,14 @@ def is_partial(path: Path) -> bool:
 
 
 def pack(kind: bytes, payload: bytes) -> bytes:
-    """One segment.
-
-    Args:
-        kind: `b"H"`, `b"R"` or `b"N"`.
-        payload: Its content.
-    """
+    """One segment of kind `b"H"`, `b"R"` or `b"N"`."""
     return _HEAD.pack(kind, len(payload), zlib.crc32(kind + payload)) + payload
 
 
 def recover(path: Path, *, finished: bool = False) -> ExperimentRecord:
     """The recording that a `.partial` file holds, up to its first damaged segment.
 
-    Args:
-        path: The file.
-        finished: The writer ended in good order: do not report the file as cut off.
+    Where its writer `finished` in good order, the file is not reported as cut off.
 
     Raises:
         RecordError: The description is lost, or there are fewer than two rows.
@@ -91,11 +84,11 @@ def recover(path: Path, *, finished: bool = False) -> ExperimentRecord:
     parts = {kind: [part for own, part in segments if own == kind] for kind in (b"H", b"R", b"N")}
     if not parts[b"H"]:
         raise RecordError("the recording's description is lost", where=path.name)
-    with refused("the recording's description is damaged", path.name):
+    with refused("the recording's description is damaged", where=path.name):
         description = parse_json(parts[b"H"][-1].decode())
         notices = [parse_json(part.decode()) for part in parts[b"N"]]
-    found = Description.of(description, notices, path.name)
-    with refused("the recording's rows are damaged", path.name):
+    found = Description.of(description, notices)
+    with refused("the recording's rows are damaged", where=path.name):
         table = np.frombuffer(b"".join(parts[b"R"]), dtype="<f8").reshape(-1, len(found.names))
     record = found.record(list(table.T))
     if finished:
@@ -241,20 +234,18 @@ def read_own(file: Path) -> ExperimentRecord:
         return recover(file)
     parquet = importlib.import_module("pyarrow.parquet")
     with (
-        refused("the Parquet file is damaged or no Parquet", file.name),
+        refused("the Parquet file is damaged or no Parquet"),
         parquet.ParquetFile(file, page_checksum_verification=True, pre_buffer=False) as source,
     ):
         entries: dict[bytes, bytes] = source.schema_arrow.metadata or {}
         if KEY not in entries:
-            raise RecordError(
-                "this Parquet file is not a dynid recording", where=file.name, next_step=_FOREIGN
-            )
+            raise RecordError("this Parquet file is not a dynid recording", next_step=_FOREIGN)
         table = source.read(use_threads=False)
         columns = {
             name: np.asarray(table.column(name).to_numpy(), dtype=np.float64)
             for name in table.column_names
         }
-        record = _whole(file, parse_json(entries[KEY].decode()), columns)
+        record = _whole(parse_json(entries[KEY].decode()), columns)
     waiting = partial_path(file)
     if not waiting.is_file():
         return record
@@ -276,36 +267,26 @@ def _columns(record: ExperimentRecord) -> tuple[list[str], list[Array]]:
     return names, [np.ascontiguousarray(column) for column in columns]
 
 
-def _whole(file: Path, description: dict[str, Any], columns: dict[str, Array]) -> ExperimentRecord:
+def _whole(description: dict[str, Any], columns: dict[str, Array]) -> ExperimentRecord:
     """The recording of a whole file, none of whose numbers was changed."""
     if (version := description.get("schema")) != VERSION:
         raise RecordError(
-            "the recording was written by another version of dynid",
-            where=file.name,
-            value=version,
-            limit=VERSION,
+            "the recording was written by another version of dynid", value=version, limit=VERSION
         )
-    found = Description.of(description, description.get("problems") or (), file.name)
+    found = Description.of(description, description.get("problems") or ())
     ordered, start = list(columns.values()), len(found.names) - len(found.channels)
     if len(ordered) != len(found.names) or list(columns)[:start] != found.names[:start]:
-        raise RecordError(
-            "columns are missing", where=file.name, value=list(columns)[:40], limit=found.names
-        )
+        raise RecordError("columns are missing", value=list(columns)[:40], limit=found.names)
     expected = str(description.pop("digest", ""))
     if digest(description, ordered) != expected:
-        raise RecordError(
-            "the recording was changed or damaged after it was written", where=file.name
-        )
+        raise RecordError("the recording was changed or damaged after it was written")
     return found.record(ordered)
 
 
 def fitted(
-    record: ExperimentRecord,
-    robot: RobotModel | None,
-    gains: tuple[float, ...] | None,
-    where: str,
+    record: ExperimentRecord, robot: RobotModel | None, gains: tuple[float, ...] | None
 ) -> ExperimentRecord:
     """A recording of ours, fitted to a robot; see `of_robot`."""
-    metadata, order = of_robot(record.metadata, record.joints, robot, gains, where)
+    metadata, order = of_robot(record.metadata, record.joints, robot, gains)
     signals = {name: value[:, list(order)] for name, value in record.signals.items()}
     return replace(record, signals=signals, metadata=metadata)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array, Finding, InputError, RecordError, parse_json, require
-from dynid.recording.content import refused
+from dynid.recording.content import located, refused
 from dynid.recording.record import (
     Description,
     ExperimentRecord,
@@ -61,7 +61,7 @@ def objects_below(folder: str) -> list[StoredObject]:
     """
     store, root = _store(folder)
     # Every store has errors of its own, of its network and of its credentials.
-    with refused("the folder cannot be listed", folder, kind=InputError):
+    with refused("the folder cannot be listed", where=folder, kind=InputError):
         found = [
             StoredObject(
                 name=path.removeprefix(root).lstrip("/"),
@@ -103,7 +103,7 @@ def _copied(url: str, folder: Path) -> Path:
     store, path = _store(url)
     target = folder / PurePosixPath(path).name
     folder.mkdir()
-    with refused("the object cannot be read", url):
+    with refused("the object cannot be read", where=url):
         store.get_file(path, str(target))
     return target
 
@@ -114,7 +114,7 @@ def _store(url: str) -> tuple[Any, str]:
     if "::" in url:
         raise InputError("chained URLs are not taken", where=url)
     # An unknown scheme, a store whose package is missing, credentials that are none.
-    with refused("the object store cannot be opened", url, kind=InputError):
+    with refused("the object store cannot be opened", where=url, kind=InputError):
         return fsspec.url_to_fs(url)
 
 
@@ -227,13 +227,13 @@ def open_stored(
     """
     file = Path(path)
     parquet = importlib.import_module("pyarrow.parquet")
-    with refused("the Parquet file is damaged or no dynid recording", file.name):
+    with located(file.name), refused("the Parquet file is damaged or no dynid recording"):
         footer = parquet.read_metadata(file)
         entries: dict[bytes, bytes] = footer.metadata or {}
         description: dict[str, Any] = parse_json(entries[KEY].decode())
-        found = Description.of(description, description["problems"], file.name)
+        found = Description.of(description, description["problems"])
         digest = str(description["digest"])
-    metadata, order = of_robot(found.metadata, found.joints, robot, gains, file.name)
+        metadata, order = of_robot(found.metadata, found.joints, robot, gains)
     return StoredRecording(
         path=file,
         samples=int(footer.num_rows),
@@ -280,7 +280,7 @@ class _RowReader:
         while self._held and self._first + self._held[0].shape[1] <= first:
             self._first += self._held.popleft().shape[1]
         while self._last < last:
-            with refused("the Parquet file is damaged", self._name):
+            with refused("the Parquet file is damaged", where=self._name):
                 batch = next(self._batches, None)
                 if batch is None:
                     raise RecordError("rows are missing", where=self._name, value=last)

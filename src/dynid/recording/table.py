@@ -44,10 +44,10 @@ class ReadOptions:
 class RawTable:
     """Signals as they stood in a file; cells that could not be read are NaN."""
 
-    source: str
+    source: str = ""
     """The file, for messages."""
-    format: str
-    """The format it was read as."""
+    format: str = ""
+    """The format it was read as; empty for that by which the reader was chosen."""
     rows: Rows
     """(N) line, message or sample number in the file, from 1."""
     index: Rows = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
@@ -68,8 +68,6 @@ class RawTable:
     """Quantity to the names of its columns in the file."""
     columns: Mapping[str, list[int]] = field(default_factory=dict[str, list[int]])
     """Quantity to the numbers of its columns in the file, where it has such."""
-    clock_columns: tuple[int, ...] = ()
-    """Numbers of the columns of time."""
     said: frozenset[str] = frozenset()
     """Quantities whose units the file itself names; they are in SI units already."""
     joint_names: tuple[str, ...] = ()
@@ -106,7 +104,7 @@ class RawTable:
             RecordError: The table has none yet.
         """
         if self.t is None:
-            raise RecordError("the recording has no time", where=self.source)
+            raise RecordError("the recording has no time")
         return self.t
 
     @property
@@ -135,12 +133,9 @@ class RawTable:
         return replace(self, notices=(*self.notices, Finding(kind, text)))
 
     def leave_out(self, bad: Mask, why: str, kind: str = "corrupt_rows") -> RawTable:
-        """The table without some rows, if there are any, and a notice that names the first.
+        """The table without (N) bad rows, if there are any, and a notice that names the first.
 
-        Args:
-            bad: (N) rows.
-            why: What they are: `rows ... and are left out`.
-            kind: The kind of the notice.
+        They are what `why` says: `rows ... and are left out`.
         """
         if not bad.any():
             return self
@@ -163,12 +158,7 @@ class RawTable:
         )
 
     def keep(self, mask: Mask, *, counted: bool = True) -> RawTable:
-        """Only the rows where `mask` is true.
-
-        Args:
-            mask: (N) rows to keep.
-            counted: Whether the others count as dropped rows.
-        """
+        """Only the rows where `mask` (N) is true; the others may count as dropped rows."""
         if bool(mask.all()):
             return self
         return replace(

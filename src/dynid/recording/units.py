@@ -43,13 +43,7 @@ _DIMENSION = {
     **{"qdd": "slope", "target_qdd": "slope", "current": "current", "target_current": "current"},
     **{"effort": "torque", "target_moment": "torque", "temperature": "degc", "t": "time"},
 }
-_TABLES = {
-    "time": _TIME,
-    "angle": _ANGLE,
-    "torque": _TORQUE,
-    "current": _CURRENT,
-    "degc": _DEGC,
-}
+_TABLES = {"time": _TIME, "angle": _ANGLE, "torque": _TORQUE, "current": _CURRENT, "degc": _DEGC}
 _PER = re.compile(r"\s*(?:/|\bper\b|_per_|\s|_|\*|·|\.)\s*(s|sec|second)\s*(?:(\^|\*\*)?-?(\d))?$")
 _NOT_SI = {"effort": "N.m", "current": "A", "q": "rad", "qd": "rad/s", "qdd": "rad/s^2", "t": "s"}
 
@@ -103,7 +97,7 @@ def _per_second(text: str, dimension: str) -> float | None:
     return _ANGLE.get(stem) if left in (0, seconds) else None
 
 
-def refuse_unit(quantity: str, unit: str, column: str, where: str) -> RecordError:
+def refuse_unit(quantity: str, unit: str, column: str) -> RecordError:
     """The error for the unit of a column that would be read as another."""
     si = _NOT_SI.get(quantity, "SI units")
     hint = f"Convert the column to {si}, or leave its quantity out of --columns."
@@ -114,7 +108,6 @@ def refuse_unit(quantity: str, unit: str, column: str, where: str) -> RecordErro
         )
     return RecordError(
         f"column '{column[:60]}' is in a unit that dynid does not convert",
-        where=where,
         value=unit[:20],
         limit=", ".join(sorted(known_units(quantity))),
         next_step=hint,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dynid.core import Array, RecordError, printable
 from dynid.recording.clocks import rises
 from dynid.recording.columns import select
-from dynid.recording.headers import match_headers
+from dynid.recording.headers import NotRecognised, match_headers
 from dynid.recording.names import parse_name, says_degrees
 from dynid.recording.table import ANGLES, RawTable, ReadOptions
 from dynid.recording.units import factor_of, refuse_unit
@@ -35,7 +35,7 @@ def _unit_of(quantity: str, path: str) -> str:
 
 
 def _guess_variables(
-    variables: Mapping[str, Array], where: str, joints: Sequence[str]
+    variables: Mapping[str, Array], joints: Sequence[str]
 ) -> tuple[dict[str, Array], dict[str, str], list[str]]:
     """Quantity to array, quantity to path, and choices in words, by the paths of the variables.
 
@@ -48,7 +48,7 @@ def _guess_variables(
     ]
     paths = paths or list(variables)
     try:
-        match = match_headers(paths, where, joints)
+        match = match_headers(paths, joints)
         arrays: dict[str, Array] = {}
         labels: dict[str, str] = {}
         for quantity, numbers in match.columns.items():
@@ -61,20 +61,15 @@ def _guess_variables(
                 if len({part.size for part in parts}) > 1 or len({*match.factors[quantity]}) > 1:
                     raise RecordError(
                         f"the variables of {quantity} are of different lengths or units",
-                        where=where,
                         value=[f"{paths[k]} {variables[paths[k]].shape}" for k in numbers],
                     )
                 # One vector a joint.
                 arrays[quantity] = np.column_stack([part.ravel() for part in parts])
     except RecordError as error:
+        known = error.value and not isinstance(error, NotRecognised)
+        shown = f" ({printable(str(error.value), 200)})" if known else ""
         raise RecordError(
-            f"the variables cannot be recognised by their names: {error.what}"
-            + (
-                f" ({printable(str(error.value), 200)})"
-                if error.value and "no col" not in error.what
-                else ""
-            ),
-            where=where,
+            f"the variables cannot be recognised by their names: {error.what}{shown}",
             value="; ".join(f"{p} {variables[p].shape}" for p in paths[:25]),
             next_step="Name them with --columns, for example t=rec.time,q=rec.pos,effort=rec.tau, "
             "or t=0,q=1:7,effort=7:13 of the only matrix.",
@@ -104,9 +99,7 @@ def numbers_of(value: Any) -> Array | None:
         return np.atleast_1d(array.astype(np.float64))
 
 
-def table_of(
-    variables: Mapping[str, Array], options: ReadOptions, *, where: str, format: str
-) -> RawTable:
+def table_of(variables: Mapping[str, Array], options: ReadOptions) -> RawTable:
     """A raw table from named arrays.
 
     Arrays may be (N, n), (n, N) or flat (N n, sample after sample): the length of the time
@@ -116,21 +109,19 @@ def table_of(
         variables: Path (`rec.act_pos`) to array.
         options: Columns say quantity to variable path, `path[1:7]` for some columns of a
             matrix, or column numbers where there is one matrix only; None to go by the names.
-        where: The file, for messages.
-        format: The format, for the metadata.
 
     Raises:
         RecordError: No variable at all, one that is not there, or shapes that do not fit together.
     """
     if not variables:
-        raise RecordError("there are no arrays of numbers", where=where)
+        raise RecordError("there are no arrays of numbers")
     notes: list[str] = []
     joints = len(options.joints) or None
     if options.columns is None:
-        arrays, paths, notes = _guess_variables(variables, where, options.joints)
+        arrays, paths, notes = _guess_variables(variables, options.joints)
     else:
         paths = dict(options.columns)
-        arrays = {name: _pick(variables, name, path, where) for name, path in paths.items()}
+        arrays = {name: _pick(variables, name, path) for name, path in paths.items()}
     if clock := _leading_clock(arrays, joints):
         arrays = {name: _whole(value)[:, 1:] for name, value in arrays.items() if name != "t"}
         arrays["t"], paths["t"] = clock
@@ -145,31 +136,25 @@ def table_of(
             continue
         factor = factors.get(name, 1.0)
         if factor is None:
-            raise refuse_unit(name, said[name], paths[name], where)
-        place = f"{where}: {name}={paths[name]}"
-        signals[name] = _upright(value, length, width, place) * factor
+            raise refuse_unit(name, said[name], paths[name])
+        signals[name] = _upright(value, length, width, f"{name}={paths[name]}") * factor
     rows = len(signals["q"])
     for name, value in signals.items():
         if value.shape != signals["q"].shape:
             raise RecordError(
                 f"{name}={paths[name]} does not fit q={paths['q']}",
-                where=where,
                 value=value.shape,
                 limit=signals["q"].shape,
             )
     t = arrays["t"].ravel() if "t" in arrays else None
     if t is not None and len(t) != rows:
         raise RecordError(
-            f"t={paths['t']} has {len(t)} values but q has {rows} samples",
-            where=where,
-            value=signals["q"].shape,
+            f"t={paths['t']} has {len(t)} values but q has {rows} samples", value=signals["q"].shape
         )
     changed = [name for name, factor in factors.items() if name != "t" and factor != 1.0]
     if changed:
         notes.append(f"converted to SI units as the names say: {', '.join(changed)}")
     return RawTable(
-        source=where,
-        format=format,
         rows=np.arange(1, rows + 1, dtype=np.int64),
         row_word="sample",
         signals=signals,
@@ -202,7 +187,7 @@ def _whole(value: Array) -> Array:
     return value if value.ndim != 2 or value.shape[0] >= value.shape[1] else value.T
 
 
-def _pick(variables: Mapping[str, Array], quantity: str, selector: str, where: str) -> Array:
+def _pick(variables: Mapping[str, Array], quantity: str, selector: str) -> Array:
     path, part = selector, None
     if selector not in variables and (match := SLICE.fullmatch(selector)):
         path, part = match.group(1).strip(), match.group(2)
@@ -211,7 +196,6 @@ def _pick(variables: Mapping[str, Array], quantity: str, selector: str, where: s
         if len(matrices) != 1:
             raise RecordError(
                 f"columns: item '{quantity}={selector}' needs a variable name",
-                where=where,
                 value=matrices[:20],
                 next_step="Write it like q=data[1:7].",
             )
@@ -219,7 +203,6 @@ def _pick(variables: Mapping[str, Array], quantity: str, selector: str, where: s
     if path not in variables:
         raise RecordError(
             f"columns: item '{quantity}={selector}': there is no such variable of numbers",
-            where=where,
             limit=", ".join(f"{p} {v.shape}" for p, v in list(variables.items())[:25]),
         )
     value = variables[path]
@@ -227,7 +210,7 @@ def _pick(variables: Mapping[str, Array], quantity: str, selector: str, where: s
         return value
     if value.ndim != 2:
         text = f"columns: item '{quantity}={selector}': {path} is no matrix"
-        raise RecordError(text, where=where, value=value.shape)
+        raise RecordError(text, value=value.shape)
     value = _whole(value)
     return value[:, select(quantity, part, value.shape[1], None)]
 
@@ -256,7 +239,7 @@ def _width(arrays: Mapping[str, Array], length: int | None) -> int | None:
     return max(counts, key=lambda n: counts[n]) if counts else None
 
 
-def _upright(value: Array, length: int | None, width: int | None, where: str) -> Array:
+def _upright(value: Array, length: int | None, width: int | None, item: str) -> Array:
     """The array as (N, n)."""
     if value.ndim == 2 and 1 not in value.shape:
         if length in value.shape:
@@ -267,8 +250,7 @@ def _upright(value: Array, length: int | None, width: int | None, where: str) ->
     elif length and value.size % length == 0:
         return value.reshape(length, -1)
     raise RecordError(
-        "the array does not fit the samples and joints",
-        where=where,
+        f"{item} does not fit the samples and joints",
         value=value.shape,
         limit=f"{length or 'N'} samples, {width or 'n'} joints",
         next_step="Map the time vector, or give the robot, to know how it is laid out.",

@@ -89,7 +89,6 @@ def _refuse_row_counts(seconds: Array, t: Array, table: RawTable) -> None:
     rate = 1 / float(np.median(np.diff(seconds))) / slope
     raise RecordError(
         "the time goes up by 1 a row and fits the velocities in no unit: it counts rows",
-        where=table.source,
         value=f"velocities tell {rate:.4g} Hz",
         next_step=by_rows(table.columns),
     )

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from dynid.core import Array, RecordError, printable
-from dynid.recording.headers import spelled
 from dynid.recording.names import UR_JOINTS, places_of, plainly
 from dynid.recording.table import ANGLES, Mask, RawTable
 from dynid.robot import RobotModel
@@ -29,15 +28,14 @@ def settle_joints(
         RecordError: Another number of joints than the robot's, or an order that is none.
     """
     if "q" not in table.signals:
-        raise RecordError("positions q are missing", where=table.source)
+        raise RecordError("positions q are missing")
     joints = table.joints
     if joints == 0 or table.samples == 0:
-        raise RecordError("there are no samples", where=table.source)
+        raise RecordError("there are no samples")
     for quantity, values in table.signals.items():
         if values.shape != (table.samples, joints):
             raise RecordError(
                 f"{quantity} has {values.shape[-1]} columns but q has {joints}",
-                where=table.source,
                 next_step="Give each quantity one column a joint.",
             )
     ordered = joint_order is not None and tuple(joint_order) != table.joint_names
@@ -49,7 +47,6 @@ def settle_joints(
     if robot is not None and joints != robot.joints:
         raise RecordError(
             f"the recording has {joints} joints but {robot.name} has {robot.joints}",
-            where=table.source,
             value=printable(", ".join(table.joint_names), 200) or None,
             next_step=_first_columns(table, robot.joints)
             if joints > robot.joints
@@ -57,8 +54,10 @@ def settle_joints(
         )
     if robot is not None and table.joint_names and not ordered:
         table = _by_name(table, robot)
-    names = robot.joint_names if robot is not None else table.joint_names
-    return replace(table, joint_names=names)
+    if robot is not None:
+        return replace(table, joint_names=robot.joint_names)
+    place = () if ordered else places_of(UR_JOINTS, table.joint_names)
+    return _reorder(table, place) if len(place) == joints else table
 
 
 def _permutation(
@@ -126,19 +125,11 @@ def _first_columns(table: RawTable, joints: int) -> str:
             f"Name the {joints} joints of the robot, base to tip, with --joint-order, for example "
             f"--joint-order {printable(','.join(table.joint_names[:joints]), 300)}"
         )
-    if not table.columns:
-        return "Choose the columns with --columns, or lock the robot's other joints."
-    time = {"t": list(table.clock_columns)} if table.clock_columns else {}
-    first = {name: columns[:joints] for name, columns in table.columns.items()}
-    kept = {name: first[name] for name in ("q", "qd", "current", "effort") if name in first}
-    return (
-        f"If the robot's joints come first, type --columns {spelled({**time, **kept})}; "
-        "otherwise choose others."
-    )
+    return "Choose the columns with --columns, or lock the robot's other joints."
 
 
-def _reorder(table: RawTable, place: list[int]) -> RawTable:
-    if place == list(range(table.joints)):
+def _reorder(table: RawTable, place: Sequence[int]) -> RawTable:
+    if list(place) == list(range(table.joints)):
         return table
     whole = {name for name, numbers in table.columns.items() if len(numbers) == table.joints}
     named = {name for name, labels in table.labels.items() if len(labels) == table.joints}
@@ -147,9 +138,9 @@ def _reorder(table: RawTable, place: list[int]) -> RawTable:
         columns={**table.columns, **{q: [table.columns[q][k] for k in place] for q in whole}},
         labels={**table.labels, **{q: tuple(table.labels[q][k] for k in place) for q in named}},
         joint_names=tuple(table.joint_names[k] for k in place) if table.joint_names else (),
-        signals={name: v[:, place] for name, v in table.signals.items()},
+        signals={name: v[:, list(place)] for name, v in table.signals.items()},
     )
-    return table.note(f"columns put in the joints' order: {place}")
+    return table.note(f"columns put in the joints' order: {list(place)}")
 
 
 def to_joint_side(table: RawTable, robot: RobotModel | None) -> RawTable:
@@ -304,7 +295,6 @@ def refuse_degrees(table: RawTable, robot: RobotModel | None) -> RawTable:
         joint = int(np.argmax(np.where(beyond if beyond.any() else many_turns, reach, -1.0)))
         raise RecordError(
             f"{table.label('q', joint)} reaches {reach[joint]:.4g}, which cannot be radians",
-            where=table.source,
             limit=f"{bound[joint]:.4g} rad" if known[joint] else "a few turns",
             next_step=_USE_DEGREES,
         )

@@ -32,7 +32,6 @@ def drop_missing(table: RawTable) -> RawTable:
     if np.isnan(t).mean() > _MOST_LOST:
         raise RecordError(
             "the time column has no numbers on most rows",
-            where=table.source,
             value=f"{int(np.isnan(t).sum())} of {rows}",
             next_step=by_rows(table.columns),
         )
@@ -45,7 +44,6 @@ def drop_missing(table: RawTable) -> RawTable:
         hints += table.notes
         raise RecordError(
             "there is neither current nor effort",
-            where=table.source,
             value="; ".join(hints) or None,
             next_step="A recording needs motor currents or joint torques; name their columns "
             "with --columns, for example current=13:19.",
@@ -55,7 +53,6 @@ def drop_missing(table: RawTable) -> RawTable:
     if (~good).mean() > _MOST_LOST:
         raise RecordError(
             f"{int((~good).sum())} of {rows} rows cannot be used",
-            where=table.source,
             limit="half of the rows",
             next_step=f"The first is {_place(table, int(np.argmax(~good)))}.",
         )
@@ -94,7 +91,6 @@ def _require_positions(table: RawTable, alive: Mask) -> None:
     if not alive.any() or lost[joint] > _MOST_LOST or lost_alive.max() > _MOST_LOST:
         raise RecordError(
             f"{table.label('q', joint)} has no numbers on most rows",
-            where=table.source,
             value=f"{round(100 * float(lost[joint]))} % missing",
         )
 

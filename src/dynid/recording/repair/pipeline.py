@@ -10,41 +10,13 @@ from functools import partial
 import numpy as np
 
 from dynid.core import Array, Finding, RecordError
+from dynid.recording.content import located
 from dynid.recording.record import UNITS, ExperimentRecord, RecordMetadata, identity, numbers_hash
-from dynid.recording.repair.clock import (
-    join_runs,
-    mend_jumps,
-    report_clock,
-    settle_unit,
-    shorten_gaps,
-    spread_stamps,
-)
-from dynid.recording.repair.joints import (
-    convert_degrees,
-    refuse_degrees,
-    settle_joints,
-    shift_turns,
-    to_joint_side,
-    unwrap_turns,
-)
-from dynid.recording.repair.missing import drop_broken_ends, drop_frozen, drop_missing
-from dynid.recording.repair.motion import (
-    check_counted_rows,
-    check_velocities,
-    drop_bursts,
-    drop_zero_positions,
-)
-from dynid.recording.repair.spikes import drop_spikes
-from dynid.recording.repair.stamps import drop_repeats, fill_held, lay_together, repair_stamps
+from dynid.recording.repair import clock, joints, missing, motion, spikes, stamps
 from dynid.recording.table import TORQUE_SOURCES, Mask, RawTable, rows_with
 from dynid.robot import RobotModel
 
-_SCALES = {
-    "q": (0.0, 1e5),
-    "qd": (0.0, 1e5),
-    "effort": (1e-9, 1e7),
-    "current": (1e-9, 1e5),
-}
+_SCALES = {"q": (0.0, 1e5), "qd": (0.0, 1e5), "effort": (1e-9, 1e7), "current": (1e-9, 1e5)}
 """Quantity to the largest value of a joint below and above which no arm can be."""
 
 
@@ -272,8 +244,6 @@ class RepairSettings:
 class Rule:
     """One thing that a file may have wrong, and what is done about it."""
 
-    name: str
-    """What to leave out of `repair` to see what the rule is worth."""
     apply: Callable[..., RawTable]
     """The table with it repaired and reported."""
     earned_by: str
@@ -292,9 +262,10 @@ def repair(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
     Raises:
         RecordError: What is left is no recording of this robot.
     """
-    for rule in RULES:
-        table = rule.apply(table, *(getattr(settings, name) for name in rule.needs))
-    return _record(table, settings)
+    with located(table.source):
+        for rule in RULES:
+            table = rule.apply(table, *(getattr(settings, name) for name in rule.needs))
+        return _record(table, settings)
 
 
 def _number_rows(table: RawTable) -> RawTable:
@@ -309,7 +280,6 @@ def _start_clock(table: RawTable, rate_hz: float | None) -> RawTable:
     if rate_hz is None:
         raise RecordError(
             "the recording has no time",
-            where=table.source,
             next_step="Pass its sampling rate with --rate, or map a column with --columns t=...",
         )
     if not np.isfinite(rate_hz) or not 0 < rate_hz <= 1e6:
@@ -330,7 +300,6 @@ def _require_ticks(table: RawTable) -> None:
     if len(steps) and float(np.median(steps)) < _LEAST_TICK:
         raise RecordError(
             "the time stamps hardly increase",
-            where=table.source,
             value=f"{float(np.median(steps)):.3g} a row",
             limit=f"{_LEAST_TICK:g} at least, in any unit",
             next_step="Check the column of time, or leave it out and pass --rate.",
@@ -349,9 +318,7 @@ def _check_gains(table: RawTable, gains: tuple[float, ...] | None) -> RawTable:
 
 def _require_rows(table: RawTable) -> RawTable:
     if table.samples < 2:
-        raise RecordError(
-            "fewer than two usable rows are left", where=table.source, value=table.samples
-        )
+        raise RecordError("fewer than two usable rows are left", value=table.samples)
     return table
 
 
@@ -381,41 +348,35 @@ def _record(table: RawTable, settings: RepairSettings) -> ExperimentRecord:
 
 
 RULES: tuple[Rule, ...] = (
-    Rule(
-        "joints",
-        settle_joints,
-        "ROS messages, kinova_gen3: joints by their names",
-        ("robot", "joint_order"),
-    ),
-    Rule("gains", _check_gains, "gains of another robot", ("gains",)),
-    Rule("rows", _number_rows, "every message that names a row"),
-    Rule("clock", _start_clock, "tx40: no time stamps", ("rate_hz",)),
-    Rule("lay_together", lay_together, "topics of one table on rows of their own"),
-    Rule("drop_missing", drop_missing, "cells that are empty or no number"),
-    Rule("drop_zero_positions", drop_zero_positions, "rows of zeros at a lost link"),
-    Rule("drop_repeats", drop_repeats, "panda_gaz: rows read faster than they are updated"),
-    Rule("mend_jumps", mend_jumps, "a clock that was set while it ran"),
-    Rule("join_runs", join_runs, "several runs in one file"),
-    Rule("spread_stamps", spread_stamps, "stamps that are rounded"),
-    Rule("repair_stamps", repair_stamps, "stamps that repeat, run backwards or jump"),
-    Rule("shorten_gaps", shorten_gaps, "a pause of an hour; a first or last stamp that is far off"),
-    Rule("degrees", convert_degrees, "degrees that a user announces", ("robot", "degrees")),
-    Rule("unwrap_turns", unwrap_turns, "angles that jump where a turn is full", ("robot",)),
-    Rule("to_joint_side", to_joint_side, "kr300_weigand, tx40: motor values", ("robot",)),
-    Rule("shift_turns", shift_turns, "angles that are a turn off", ("robot",)),
-    Rule("drop_frozen", drop_frozen, "kinova_gen3: a torque that stands still"),
-    Rule("drop_spikes", drop_spikes, "panda_gaz, kinova_gen3, ur5_kufieta: single wrong samples"),
-    Rule("drop_bursts", drop_bursts, "stretches of rows that are wrong"),
-    Rule("drop_broken_ends", drop_broken_ends, "kinova_gen3: invalid last rows"),
-    Rule("fill_held", fill_held, "positions renewed on every tenth row"),
-    Rule("enough_rows", _require_rows, "files of damage alone"),
-    Rule("settle_unit", settle_unit, "kinova_gen3: time in milliseconds"),
-    Rule("refuse_degrees", refuse_degrees, "degrees that nobody announced", ("robot",)),
-    Rule("report_clock", report_clock, "panda_gaz: jitter and lost rows"),
-    Rule("check_counted_rows", check_counted_rows, "rows lost where nothing has a stamp"),
-    Rule("check_velocities", check_velocities, "velocities in another unit", ("rate_hz",)),
-    Rule("report_saturation", _report_saturation, "torques that are clipped"),
-    Rule("report_rest", _report_rest, "long standstill at an end"),
-    Rule("report_odd_torques", _report_odd_torques, "currents called efforts", ("robot",)),
+    Rule(joints.settle_joints, "kinova_gen3, bags: joints by name", ("robot", "joint_order")),
+    Rule(_check_gains, "gains of another robot", ("gains",)),
+    Rule(_number_rows, "every message that names a row"),
+    Rule(_start_clock, "tx40: no time stamps", ("rate_hz",)),
+    Rule(stamps.lay_together, "topics of one table on rows of their own"),
+    Rule(missing.drop_missing, "cells that are empty or no number"),
+    Rule(motion.drop_zero_positions, "rows of zeros at a lost link"),
+    Rule(stamps.drop_repeats, "panda_gaz: rows read faster than they are updated"),
+    Rule(clock.mend_jumps, "a clock that was set while it ran"),
+    Rule(clock.join_runs, "several runs in one file"),
+    Rule(clock.spread_stamps, "stamps that are rounded"),
+    Rule(stamps.repair_stamps, "stamps that repeat, run backwards or jump"),
+    Rule(clock.shorten_gaps, "a pause of an hour; a first or last stamp that is far off"),
+    Rule(joints.convert_degrees, "degrees that a user announces", ("robot", "degrees")),
+    Rule(joints.unwrap_turns, "angles that jump where a turn is full", ("robot",)),
+    Rule(joints.to_joint_side, "kr300_weigand, tx40: motor values", ("robot",)),
+    Rule(joints.shift_turns, "angles that are a turn off", ("robot",)),
+    Rule(missing.drop_frozen, "kinova_gen3: a torque that stands still"),
+    Rule(spikes.drop_spikes, "panda_gaz, kinova_gen3, ur5_kufieta: single wrong samples"),
+    Rule(motion.drop_bursts, "stretches of rows that are wrong"),
+    Rule(missing.drop_broken_ends, "kinova_gen3: invalid last rows"),
+    Rule(stamps.fill_held, "positions renewed on every tenth row"),
+    Rule(_require_rows, "files of damage alone"),
+    Rule(clock.settle_unit, "kinova_gen3: time in milliseconds"),
+    Rule(joints.refuse_degrees, "degrees that nobody announced", ("robot",)),
+    Rule(clock.report_clock, "panda_gaz: jitter and lost rows"),
+    Rule(motion.check_velocities, "velocities in another unit", ("rate_hz",)),
+    Rule(_report_saturation, "torques that are clipped"),
+    Rule(_report_rest, "long standstill at an end"),
+    Rule(_report_odd_torques, "currents called efforts", ("robot",)),
 )
 """All rules in their order; `benchmarks/import_rules.py` takes out one after the other."""

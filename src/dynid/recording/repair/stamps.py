@@ -30,7 +30,6 @@ def repair_stamps(table: RawTable) -> RawTable:
     if len(forward) == 0 or (len(forward) < 0.5 * np.count_nonzero(steps)):
         raise RecordError(
             "time does not increase",
-            where=table.source,
             value=f"{len(forward)} of {len(steps)} steps are positive",
             next_step=f"Check which column is the time. {by_rows(table.columns)}",
         )
@@ -45,7 +44,6 @@ def repair_stamps(table: RawTable) -> RawTable:
     if lost > MOST_DROPPED * table.samples and lost > 1:
         raise RecordError(
             f"{lost} of {table.samples} rows have stamps that repeat or decrease",
-            where=table.source,
             limit=f"{MOST_DROPPED:.0%} of the rows",
             next_step=by_rows(table.columns),
         )
