@@ -24,8 +24,8 @@ MOST_WAITING = 8_500
 _LARGEST = 8_000
 _A_CYCLE = 2_000
 """Characters that are compiled in a control cycle, about 2 ms."""
-_QUICK = 6_000
-"""Operations in a control cycle after which no further statement begins in it."""
+_QUICK_S = 0.001
+"""Processor time in a control cycle after which no further statement begins in it [s]."""
 _NOT_RUNNING = "Program is not running"
 _LAST_OF_ITS_KIND = frozenset(("clear_interpreter", "end_interpreter"))
 """What follows these waits until they have been run."""
@@ -111,7 +111,7 @@ class Interpreter:
         self._active, self._ending, self._held = True, False, False
         while not self._ending:
             # Quick statements share a cycle, as long as there is time for another.
-            if not self._queue or execution.operations > _QUICK:
+            if not self._queue or execution.spent > _QUICK_S:
                 yield
                 continue
             self._executed, addition = self._queue.popleft()

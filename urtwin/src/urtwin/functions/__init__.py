@@ -24,7 +24,6 @@ from urtwin.urscript import (
     MATRICES,
     POSES,
     Builtin,
-    Calling,
     Routine,
     ScriptFault,
     Value,
@@ -36,12 +35,11 @@ from urtwin.urscript import (
 __all__ = [
     "BUILTINS",
 ]
-_MOTION_WEIGHT = 200
 _LONGEST_SLEEP_S = 1e6
 
 
 def _movep(core: Core, pose: Value, a: Value = 1.2, v: Value = 0.25, r: Value = 0) -> Motion:
-    return move_tool(core, pose, a, v, 0, r)
+    yield from move_tool(core, pose, a, v, 0, r)
 
 
 def _direct_torque(
@@ -71,14 +69,14 @@ def _sleep(core: Core, t: Value) -> Generator[None, None, None]:
 def _interpreter_mode(
     core: Core, clearQueueOnEnter: Value = True, clearOnEnd: Value = True
 ) -> Routine:
-    return core.interpreter.run(truth(clearQueueOnEnter), truth(clearOnEnd))
+    yield from core.interpreter.run(truth(clearQueueOnEnter), truth(clearOnEnd))
 
 
 _INTERPRETER: dict[str, Callable[[Core], None]] = {
     "end_interpreter": lambda core: core.interpreter.end(),
     "clear_interpreter": lambda core: core.interpreter.clear(),
 }
-_MOTIONS: dict[str, Any] = {
+_SLOW: dict[str, Any] = {
     "movej": move_joints,
     "optimovej": move_joints,
     "movel": move_tool,
@@ -105,8 +103,7 @@ BUILTINS: dict[str, Builtin] = {
     **MODEL,
     **FORCE,
     **SOCKETS,
-    **builtins(_MOTIONS, Calling.BLOCKING, _MOTION_WEIGHT),
-    **builtins(_INTERPRETER, Calling.INSTANT),
+    **builtins({**_SLOW, **_INTERPRETER}),
     **ABSENT,
 }
 """The functions that every script may call."""

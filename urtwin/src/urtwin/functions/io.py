@@ -1,13 +1,12 @@
 """Built-ins for registers, signals, messages and watchdogs, and those that are not simulated."""
 
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from typing import Any
 
 from urtwin.core import FLAGS, Core, InputWatchdog, MessageKind, Registers
-from urtwin.urscript import Builtin, Calling, ScriptFault, Value, builtins, number, shown, truth
+from urtwin.urscript import Builtin, ScriptFault, Value, builtins, number, shown, truth
 
-_MESSAGE_WEIGHT = 100
 _ACTIONS = ("ignore", "pause", "stop")
 
 
@@ -205,15 +204,10 @@ _MODBUS: dict[str, Any] = {
 _TEXTMSG: dict[str, Callable[[Core, Value, Value], None]] = {
     "textmsg": lambda core, s1, s2="": core.say(shown(s1) + shown(s2))
 }
-IO = (
-    builtins({**_INSTANT, **_MODBUS}, Calling.INSTANT)
-    | builtins(_TEXTMSG, Calling.INSTANT, _MESSAGE_WEIGHT)
-    | builtins({"popup": _popup}, Calling.BLOCKING, _MESSAGE_WEIGHT)
-)
+IO = builtins({**_INSTANT, **_MODBUS, **_TEXTMSG, "popup": _popup})
 """Built-ins that read and write what RTDE shows."""
 
 
-_WEIGHT = 20
 _YES: dict[int, str] = {
     0: """end_screw_driving stop_conveyor_tracking set_input_actions_to_default powerdown
         high_holding_torque_disable high_holding_torque_enable""",
@@ -253,31 +247,21 @@ _BY_NAME: dict[str, tuple[bool | int, str]] = {
 """Those whose arguments programs name: the answer, and the names."""
 
 
-def _absent(name: str, answer: bool | int, names: tuple[str, ...]) -> Builtin:
+def _absent(name: str, answer: bool | int, names: Sequence[str]) -> Builtin:
     def say(core: Core, *_: Value) -> Value:
         core.lacks(name)
         return answer
 
-    return Builtin(name, say, Calling.INSTANT, names, (0,) * len(names), _WEIGHT)
-
-
-def _all(answer: bool | int, table: dict[int, str]) -> list[Builtin]:
-    return [
-        _absent(name, answer, tuple(f"argument{k + 1}" for k in range(count)))
-        for count, names in table.items()
-        for name in names.split()
-    ]
+    return Builtin(say, tuple(names), dict.fromkeys(names, 0), controls=True, takes_time=False)
 
 
 ABSENT = {
-    item.name: item
-    for item in (
-        *_all(True, _YES),
-        *_all(0, _NOUGHT),
-        *(
-            _absent(name, answer, tuple(words.split()))
-            for name, (answer, words) in _BY_NAME.items()
-        ),
-    )
+    **{
+        name: _absent(name, answer, [f"argument{k + 1}" for k in range(count)])
+        for answer, table in ((True, _YES), (0, _NOUGHT))
+        for count, names in table.items()
+        for name in names.split()
+    },
+    **{name: _absent(name, answer, names.split()) for name, (answer, names) in _BY_NAME.items()},
 }
 """Built-ins that do nothing."""

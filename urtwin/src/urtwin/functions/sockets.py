@@ -16,7 +16,6 @@ from urtwin.urscript import (
     BACK,
     LISTENING,
     MAX_LENGTH,
-    Calling,
     ScriptFault,
     Value,
     builtins,
@@ -30,7 +29,7 @@ _NAME, _TIMEOUT_S, _CONNECT_S = "socket_0", 2.0, 2.0
 _OPENING_S = 0.01
 """How long it takes to connect, at least: a driver accepts each socket in a thread of its own, and
 what it sends before that thread was there is lost."""
-_WEIGHT, _MOST = 100, 255
+_MOST = 255
 _INT = 4
 _READS = 16
 """Answers of sockets in a control cycle; a program with more to read goes on in the next one, so
@@ -208,7 +207,5 @@ _SEND: dict[str, Callable[[Core, Value, Value], bool]] = {
     ),
 }
 _AT_ONCE: dict[str, Any] = {**_SEND, "socket_set_var": _set_var, "socket_close": _close}
-SOCKETS = builtins(_WAITING, Calling.BLOCKING, _WEIGHT) | builtins(
-    _AT_ONCE, Calling.INSTANT, _WEIGHT
-)
+SOCKETS = builtins({**_WAITING, **_AT_ONCE})
 """Built-ins that talk to other machines."""

@@ -10,7 +10,6 @@ from dynid.core import Array, JobError
 from urtwin.arm import ForceMode
 from urtwin.core import Core, ToolPayload
 from urtwin.urscript import (
-    Calling,
     Pose,
     ScriptFault,
     Value,
@@ -23,7 +22,6 @@ from urtwin.urscript import (
 )
 from urtwin.variables import READERS, tool_speed
 
-_KINEMATICS_WEIGHT, _INVERSE_WEIGHT = 400, 4_000
 _STEADY_S, _STANDSTILL = 0.5, 1e-3
 _MAX_PAYLOAD_KG = 50.0
 
@@ -159,8 +157,6 @@ _ASK: dict[str, Callable[[Core], Value]] = {
     "protective_stop": lambda core: core.protective_stop(
         "Protective stop asked for by the program"
     ),
-}
-_KINEMATICS: dict[str, Callable[[Core], Value]] = {
     "get_actual_tcp_pose": lambda core: _forward(core),
     "get_target_tcp_pose": lambda core: _forward(core, core.arm.state.target.q.tolist()),
     # No path offset and no conveyor moves the arm beside its path.
@@ -185,21 +181,12 @@ _WITH_ARGUMENTS: dict[str, Any] = {
     "set_target_payload": _set_target_payload,
     "get_forward_kin": _forward,
     "set_tcp": _set_tcp,
-}
-_SOLVE: dict[str, Any] = {
     "get_inverse_kin": _inverse,
     "get_inverse_kin_has_solution": _has_solution,
     "is_within_safety_limits": _within_limits,
 }
-STATE = (
-    builtins(_ASK, Calling.INSTANT, 50)
-    | builtins({**_KINEMATICS, **_WITH_ARGUMENTS}, Calling.INSTANT, _KINEMATICS_WEIGHT)
-    | builtins(_SOLVE, Calling.INSTANT, _INVERSE_WEIGHT)
-)
+STATE = builtins({**_ASK, **_WITH_ARGUMENTS})
 """Built-ins about the arm's state."""
-
-
-_WEIGHT = 1_500
 
 
 def _mass_matrix(core: Core, q: Value = None, include_rotors_inertia: Value = False) -> Value:
@@ -225,11 +212,10 @@ _OF_MODEL: dict[str, Any] = {
     "get_jacobian": _jacobian,
     "get_jacobian_time_derivative": _jacobian_rate,
 }
-MODEL = builtins(_OF_MODEL, Calling.INSTANT, _WEIGHT)
+MODEL = builtins(_OF_MODEL)
 """Built-ins about the controller's model."""
 
 
-_FORCE_WEIGHT = 50
 _MOST_DAMPING, _MOST_GAIN = 1.0, 2.0
 _TYPES = (1, 2, 3)
 _ALL_FREE = (1, 1, 1, 1, 1, 1)
@@ -302,5 +288,5 @@ _FORCE: dict[str, Callable[[Core, Value], Value]] = {
     "tool_contact": lambda core, direction=0: 0,
 }
 _MORE: dict[str, Any] = {"force_mode": _force_mode, "freedrive_mode": _freedrive}
-FORCE = builtins({**_AT_THE_TOOL, **_FORCE, **_MORE}, Calling.INSTANT, _FORCE_WEIGHT)
+FORCE = builtins({**_AT_THE_TOOL, **_FORCE, **_MORE})
 """Built-ins about the force at the tool."""

@@ -12,7 +12,6 @@ from urtwin.urscript.syntax import MAX_CHARACTERS
 from urtwin.urscript.values import (
     MAX_LENGTH,
     Builtin,
-    Calling,
     Pose,
     ScriptError,
     ScriptFault,
@@ -32,7 +31,6 @@ __all__ = [
     "MAX_LENGTH",
     "POSES",
     "Builtin",
-    "Calling",
     "CompiledProgram",
     "Context",
     "Pose",

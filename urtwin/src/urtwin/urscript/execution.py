@@ -109,8 +109,8 @@ MAX_MEMORY = 2_000_000
 CYCLE_CPU_S = 0.05
 """Processor time that a program may take in one control cycle [s]; what needs longer is an endless
 loop. Where the cycle is shorter, the cycles that follow are late and catch up."""
-_LOOK = 5_000
-"""Operations between two looks at the clock, 1 ms or less."""
+_SOONEST_S = 0.001
+"""Least time between two looks at the processor's clock, slower than that of the wall [s]."""
 
 
 class ScriptRun:
@@ -119,9 +119,7 @@ class ScriptRun:
     def __init__(self, port: Any, slots: int) -> None:
         self.port = port
         self.shared: Frame = [None] * slots
-        self.left = self._granted = _LOOK
-        """Operations until the next look at the clock."""
-        self._began = 0.0
+        self._began = self._next_look = 0.0
         self.copied = 0
         self.threads: list[Thread] = []
         self.thread = Thread(0, lambda: None, None)
@@ -170,8 +168,8 @@ class ScriptRun:
         Who stands before a critical section runs as soon as it is free, in the same cycle,
         those who came first before the others.
         """
-        self.left = self._granted = _LOOK
         self._began, self._outside = time.thread_time(), getcurrent()
+        self._next_look = time.perf_counter() + CYCLE_CPU_S
         section = self.section
         pending, progress = self.threads, True
         while pending and progress:
@@ -220,24 +218,26 @@ class ScriptRun:
         self._slots -= len(self.thread.frames.pop())
 
     @property
-    def operations(self) -> int:
-        """Operations of this cycle until now."""
-        return self._granted - self.left
+    def spent(self) -> float:
+        """Processor time of this cycle until now [s]."""
+        return time.thread_time() - self._began
 
     def look(self) -> None:
-        """Enough is done to look at the clock.
+        """Look at the clock.
 
         Raises:
             ScriptFault: The time of this cycle is used up.
         """
-        if time.thread_time() - self._began > CYCLE_CPU_S:
+        if time.perf_counter() < self._next_look:
+            return
+        left = CYCLE_CPU_S - self.spent
+        if left < 0.0:
             raise ScriptFault(
                 "endless loop: the program does too much without waiting",
                 limit=f"{CYCLE_CPU_S:g} s of processor time in a control cycle",
                 next_step="Call sync() in the loop.",
             )
-        self._granted += _LOOK - self.left
-        self.left = _LOOK
+        self._next_look = time.perf_counter() + max(left, _SOONEST_S)
 
     def charge(self, value: Value) -> None:
         """Account for a copy of a value.
@@ -246,10 +246,8 @@ class ScriptRun:
             ScriptFault: The program holds too much, or does too much in this cycle.
         """
         amount = size(value)
-        self.left -= amount >> 3
         self.copied += amount
-        if self.left < 0:
-            self.look()
+        self.look()
         if self.copied > MAX_MEMORY // 4:
             self.copied = 0
             frames = [self.shared, *(frame for each in self.threads for frame in each.frames)]

@@ -15,7 +15,6 @@ from dynid.robot import from_xyz_rpy, inverse
 from urtwin.kinematics import rotation_matrix, rotation_vector, to_matrix, to_pose
 from urtwin.urscript.values import (
     MAX_LENGTH,
-    Calling,
     Pose,
     ScriptFault,
     Value,
@@ -118,6 +117,7 @@ _OF_ONE: dict[str, Callable[[Value], Value]] = {
     "str_empty": lambda str: _text(str) == "",
     "str_len": lambda str: len(_text(str)),
     "to_num": _to_num,
+    "to_str": _to_str,
 }
 _OF_TWO: dict[str, Callable[[Value, Value], Value]] = {
     # Named as in URScript's manual, where the first argument is the ordinate.
@@ -128,13 +128,8 @@ _OF_TWO: dict[str, Callable[[Value, Value], Value]] = {
     "str_cat": lambda op1, op2: _to_str(shown(op1) + shown(op2)),
 }
 _OF_MORE: dict[str, Any] = {"make_list": _make_list, "str_find": _str_find, "str_sub": _str_sub}
-MATHEMATICS = builtins({**_OF_ONE, **_OF_TWO, **_OF_MORE}, Calling.PURE) | builtins(
-    {"to_str": _to_str}, Calling.PURE, 200
-)
+MATHEMATICS = builtins({**_OF_ONE, **_OF_TWO, **_OF_MORE})
 """Built-ins that only compute."""
-
-
-_WEIGHT = 400
 
 
 def matrix_of(pose: Value) -> Array:
@@ -227,7 +222,7 @@ _OF_POSES: dict[str, Any] = {
     "rpy2rotvec": _rpy2rotvec,
     "rotvec2rpy": _rotvec2rpy,
 }
-POSES = builtins(_OF_POSES, Calling.PURE, _WEIGHT)
+POSES = builtins(_OF_POSES)
 """Built-ins for poses."""
 
 
@@ -260,7 +255,5 @@ def _wrench_trans(T_from_to: Value, w_from: Value) -> Value:
     return [*force.tolist(), *moment.tolist()]
 
 
-MATRICES = builtins(
-    {"transpose": _transpose, "inv": _inv, "wrench_trans": _wrench_trans}, Calling.PURE, _WEIGHT
-)
+MATRICES = builtins({"transpose": _transpose, "inv": _inv, "wrench_trans": _wrench_trans})
 """Built-ins for matrices, and for poses and wrenches as such."""

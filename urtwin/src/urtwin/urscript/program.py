@@ -11,12 +11,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from urtwin.urscript import syntax
-from urtwin.urscript.code import Code, Function
 from urtwin.urscript.execution import Frame, ScriptRun
-from urtwin.urscript.expressions import Scope
+from urtwin.urscript.expressions import Function, Runner, Scope
 from urtwin.urscript.parser import parse
 from urtwin.urscript.statements import block
-from urtwin.urscript.values import Builtin, Calling, ScriptError
+from urtwin.urscript.values import Builtin, ScriptError
 
 MAX_VARIABLES = 2_000
 """Most variables of a program or a function."""
@@ -108,7 +107,7 @@ class Context:
             functions[name] = Function(definition, own_variables(definition, shared))
         wider = Context(self.builtins, shared, functions)
         for name, definition in definitions.items():
-            functions[name].code = wider.code(definition, functions[name].places)
+            functions[name].body = wider.code(definition, functions[name].places)
         own, secondary = own_variables(main, shared), main.kind == "sec"
         slow = wider.delay(main.body, set()) if secondary else None
         if slow is not None:
@@ -117,7 +116,7 @@ class Context:
         body = wider.code(main, own)
         return CompiledProgram(main.name, secondary, wider, len(own), body, called_in(main))
 
-    def code(self, definition: syntax.Definition, own: Mapping[str, int]) -> Code:
+    def code(self, definition: syntax.Definition, own: Mapping[str, int]) -> Runner:
         """The body of a function or a program with its own variables.
 
         Raises:
@@ -133,7 +132,7 @@ class Context:
             if isinstance(node, syntax.Call) and not isinstance(node, syntax.StartThread):
                 function, known = self.functions.get(node.name), self.builtins.get(node.name)
                 if function is None:
-                    waits = known is not None and known.kind == Calling.BLOCKING
+                    waits = known is not None and known.takes_time
                 elif node.name not in seen:
                     seen.add(node.name)
                     waits = self.delay(function.definition.body, seen) is not None
@@ -153,7 +152,7 @@ class CompiledProgram:
     """What it defines."""
     locals: int
     """How many variables of its body are declared `local`."""
-    body: Code
+    body: Runner
     called: frozenset[str]
     """The functions that its body calls."""
 
@@ -171,7 +170,7 @@ class CompiledProgram:
     def run(self, execution: ScriptRun) -> None:
         """Run it to its end, in a thread of an execution."""
         frame: Frame = [None] * self.locals
-        self.body.run(execution, frame)
+        self.body(execution, frame)
 
 
 def compile_script(text: str, builtins: Mapping[str, Builtin]) -> CompiledProgram:
