@@ -4,12 +4,13 @@ import select
 import socket
 import time
 import traceback
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
+from queue import SimpleQueue
+from threading import Thread
 from typing import TextIO
 
 from dynid.protocol import rtde
@@ -80,43 +81,47 @@ class ScriptCompiler:
     """A thread that compiles, and a socket that becomes readable when it has.
 
     Compiling takes tens of milliseconds, many control cycles. In real time the thread has a
-    real-time priority, as the loop has.
+    real-time priority, as the loop has. Nobody waits for it at the end of the process.
     """
 
     def __init__(self, *, real_time: bool) -> None:
-        urgent = partial(first_in_first_out, COMPILER_PRIORITY) if real_time else None
-        self._pool = ThreadPoolExecutor(1, "urscript", urgent)
-        self._pending: deque[Future[CompiledProgram]] = deque()
+        self._texts: SimpleQueue[str] = SimpleQueue()
+        self._compiled: SimpleQueue[CompiledProgram | ScriptError] = SimpleQueue()
+        self._pending = 0
         self.signal, self._wake = socket.socketpair()
         self.signal.setblocking(False)
+        Thread(target=self._work, args=(real_time,), name="urscript", daemon=True).start()
 
     @property
     def busy(self) -> bool:
         """Whether a script has been taken that did not come back yet."""
-        return bool(self._pending)
+        return self._pending > 0
 
     def submit(self, text: str) -> bool:
         """Take a script; whether there was room for it."""
-        if len(self._pending) >= WAITING:
+        if self._pending >= WAITING:
             return False
-        self._pending.append(self._pool.submit(compile_program, text))
-        self._pending[-1].add_done_callback(lambda _: self._wake.send(b"!"))
+        self._pending += 1
+        self._texts.put(text)
         return True
 
-    def take(self) -> list[Future[CompiledProgram]]:
-        """Scripts that were compiled since the last call, oldest first."""
+    def take(self) -> Generator[CompiledProgram | ScriptError]:
+        """Scripts that were compiled since the last call, oldest first, or why they were not."""
         with suppress(BlockingIOError):
             self.signal.recv(WAITING)
-        found: list[Future[CompiledProgram]] = []
-        while self._pending and self._pending[0].done():
-            found.append(self._pending.popleft())
-        return found
+        while not self._compiled.empty():
+            self._pending -= 1
+            yield self._compiled.get()
 
-    def close(self) -> None:
-        """End the thread; what it compiles just now is thrown away."""
-        self._pool.shutdown(cancel_futures=True)
-        self.signal.close()
-        self._wake.close()
+    def _work(self, real_time: bool) -> None:
+        if real_time:
+            first_in_first_out(COMPILER_PRIORITY)
+        while True:
+            try:
+                self._compiled.put(compile_program(self._texts.get()))
+            except ScriptError as error:
+                self._compiled.put(error)
+            self._wake.send(b"!")
 
 
 _STATES_HZ = 10
@@ -264,7 +269,6 @@ class ControllerServer:
             self._close(client)
         for listener in self._listeners.values():
             listener.close()
-        self._compiler.close()
         if self._virtual is not None:
             self._virtual.close()
         self._epoll.close()
@@ -341,10 +345,10 @@ class ControllerServer:
 
     def _run_compiled(self) -> None:
         for compiled in self._compiler.take():
-            try:
-                self._machine.run_program(compiled.result())
-            except ScriptError as error:
-                self._machine.refuse(error)
+            if isinstance(compiled, ScriptError):
+                self._machine.refuse(compiled)
+            else:
+                self._machine.run_program(compiled)
 
     def _submit(self, text: str) -> None:
         if obey(text, self._machine):
