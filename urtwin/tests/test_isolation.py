@@ -4,9 +4,9 @@ import pytest
 
 from fuzzing import run
 from scripts import execution, finish, said, ticks
-from urtwin import ControllerMachine, compile_script
+from urtwin import ControllerMachine
 from urtwin.dashboard import program_folder
-from urtwin.urscript import builtins
+from urtwin.urscript import builtins, compile_script
 
 OPERATIONS = 60_000
 """More than UR's driver program needs in any cycle, five times what 500 Hz allowed once."""

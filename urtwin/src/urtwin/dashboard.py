@@ -89,9 +89,9 @@ class DashboardSession:
             "stop": lambda: _after(machine.stop, words.STOPPED),
             "pause": lambda: self._try("pause", machine.pause(), words.PAUSING),
             "running": lambda: f"Program running: {str(machine.program_running).lower()}",
-            "robotmode": lambda: f"Robotmode: {machine.robot_mode.name}",
-            "safetymode": lambda: f"Safetymode: {machine.safety_mode.name}",
-            "safetystatus": lambda: f"Safetystatus: {machine.safety_mode.name}",
+            "robotmode": lambda: f"Robotmode: {machine.core.mode.name}",
+            "safetymode": lambda: f"Safetymode: {machine.core.safety.mode.name}",
+            "safetystatus": lambda: f"Safetystatus: {machine.core.safety.mode.name}",
             "programstate": lambda: f"{machine.program_state} {machine.program_name or 'null'}",
             "get loaded program": self._loaded,
             "isprogramsaved": lambda: f"true {machine.program_name or 'null'}",
@@ -101,7 +101,7 @@ class DashboardSession:
                 "brake release", machine.brake_release(), words.RELEASING
             ),
             "unlock protective stop": self._unlock,
-            "close popup": lambda: _after(machine.close_popup, "closing popup"),
+            "close popup": self._close_popup,
             "close safety popup": lambda: "closing safety popup",
             "getuserrole": lambda: self._role,
             "get operational mode": lambda: self._mode,
@@ -187,8 +187,12 @@ class DashboardSession:
 
     def _restart_safety(self) -> str:
         self._machine.power_off()
-        self._machine.restart_safety()
+        self._machine.core.safety.restart()
         return "Restarting safety"
+
+    def _close_popup(self) -> str:
+        self._machine.core.blocking_popup = False
+        return "closing popup"
 
     def _end(self, reply: str) -> str:
         self.over = True

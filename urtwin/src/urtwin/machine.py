@@ -290,13 +290,9 @@ class ControllerMachine(Programs):
         """
         self._inputs.write(name, value)
 
-    def protective_stop(self, reason: str) -> None:
-        """Stop the arm hard and lock it."""
-        self.core.protective_stop(reason)
-
     def power_on(self) -> bool:
-        """Switch the arm on, brakes closed; not in a fault or an emergency stop."""
-        if self.core.safety.mode > SafetyMode.RECOVERY:
+        """Switch the arm on, brakes closed; not in a fault."""
+        if self.core.safety.mode == SafetyMode.FAULT:
             return False
         if self.core.mode == RobotMode.POWER_OFF:
             self._switch(RobotMode.IDLE)
@@ -323,14 +319,6 @@ class ControllerMachine(Programs):
             self.core.arm.braking = PROGRAM_STOP
         return unlocked
 
-    def restart_safety(self) -> bool:
-        """End a fault, with the power off; whether there was one."""
-        return self.core.safety.restart()
-
-    def close_popup(self) -> None:
-        """Close the program's message window."""
-        self.core.blocking_popup = False
-
     @property
     def program_running(self) -> bool:
         """Whether a program runs or is paused."""
@@ -342,16 +330,6 @@ class ControllerMachine(Programs):
         if not self.core.playing:
             return "STOPPED"
         return "PAUSED" if self.core.paused else "PLAYING"
-
-    @property
-    def robot_mode(self) -> RobotMode:
-        """The robot mode."""
-        return self.core.mode
-
-    @property
-    def safety_mode(self) -> SafetyMode:
-        """The safety mode."""
-        return self.core.safety.mode
 
     def _switch(self, wanted: RobotMode) -> None:
         core = self.core

@@ -128,15 +128,15 @@ def robot_state(machine: ControllerMachine, *, first: bool = False) -> bytes:
 
 
 def _mode(machine: ControllerMachine) -> bytes:
-    safety, state = machine.safety_mode, machine.program_state
+    core, state = machine.core, machine.program_state
     (timestamp,) = numbers(machine, "timestamp")
     flags = (
-        *(True, True, machine.robot_mode > RobotMode.POWER_OFF),
-        safety in (SafetyMode.SYSTEM_EMERGENCY_STOP, SafetyMode.ROBOT_EMERGENCY_STOP),
-        *(safety == SafetyMode.PROTECTIVE_STOP, state == "PLAYING", state == "PAUSED"),
+        # The fourth: the emergency stop, which nobody can press here.
+        *(True, True, core.mode > RobotMode.POWER_OFF, False),
+        *(core.safety.mode == SafetyMode.PROTECTIVE_STOP, state == "PLAYING", state == "PAUSED"),
     )
     speeds = numbers(machine, "target_speed_fraction", "speed_scaling")
-    modes = (machine.robot_mode, _RUNNING_CONTROL)
+    modes = (core.mode, _RUNNING_CONTROL)
     body = packed("QBBBBBBBBBdd", round(1e6 * timestamp), *flags, *modes, *speeds)
     if since(machine, (3, 2), (5, 0)):
         body += struct.pack(">d", 1.0)
@@ -183,7 +183,7 @@ def _masterboard(machine: ControllerMachine) -> bytes:
         *numbers(machine, "standard_analog_output0", "standard_analog_output1"),
         *numbers(machine, "tool_temperature", "actual_robot_voltage"),
         *numbers(machine, "actual_robot_current", "io_current"),
-        *(machine.safety_mode, machine.safety_mode == SafetyMode.REDUCED, 0, 0),
+        *(machine.core.safety.mode, 0, 0, 0),
     )
     # The selector of the operational mode and the three-position device; then UR's own byte.
     selectors = 3 * since(machine, (3, 5), (5, 0)) or 2 * since(machine, (3, 2), (5, 0))
