@@ -282,6 +282,18 @@ class ControllerMachine(Programs):
             raise InputError("unknown RTDE output", value=name)
         return reader(self.core)
 
+    def numbers(self, *names: str) -> list[float]:
+        """The values of RTDE outputs one after another, those of vectors too.
+
+        Raises:
+            InputError: No such output.
+        """
+        found: list[float] = []
+        for name in names:
+            value = self.output(name)
+            found += value if isinstance(value, list) else [value]
+        return found
+
     def set_input(self, name: str, value: InputValue) -> None:
         """Write an RTDE input; it acts from the next cycle on and feeds its watchdog.
 

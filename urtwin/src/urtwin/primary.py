@@ -12,7 +12,6 @@ Measured values are as RTDE tells them.
 import math
 import re
 import struct
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -21,15 +20,6 @@ from dynid.protocol import RobotMode, SafetyMode
 from dynid.robot import RobotModel
 from urtwin.core import Message, MessageKind
 from urtwin.machine import ControllerMachine
-
-
-def numbers(machine: ControllerMachine, *names: str) -> list[float]:
-    """The values of outputs one after another, those of a vector too."""
-    found: list[float] = []
-    for name in names:
-        value = machine.output(name)
-        found += map(float, value) if isinstance(value, Sequence) else [float(value)]
-    return found
 
 
 def packed(layout: str, *values: float) -> bytes:
@@ -114,7 +104,7 @@ def robot_state(machine: ControllerMachine, *, first: bool = False) -> bytes:
         (_BOARD_STATE, _masterboard(machine)),
         (_TOOL, _tool(machine)),
         *([(_CONFIGURATION, configuration_data(machine))] if first else []),
-        (_FORCE_MODE, packed("d" * 7, *numbers(machine, "actual_TCP_force"), 0.0)),
+        (_FORCE_MODE, packed("d" * 7, *machine.numbers("actual_TCP_force"), 0.0)),
         (_ADDITIONAL, _additional(machine)),
     ]
     if since(machine, (4, 0), (5, 0)):
@@ -129,13 +119,13 @@ def robot_state(machine: ControllerMachine, *, first: bool = False) -> bytes:
 
 def _mode(machine: ControllerMachine) -> bytes:
     core, state = machine.core, machine.program_state
-    (timestamp,) = numbers(machine, "timestamp")
+    (timestamp,) = machine.numbers("timestamp")
     flags = (
         # The fourth: the emergency stop, which nobody can press here.
         *(True, True, core.mode > RobotMode.POWER_OFF, False),
         *(core.safety.mode == SafetyMode.PROTECTIVE_STOP, state == "PLAYING", state == "PAUSED"),
     )
-    speeds = numbers(machine, "target_speed_fraction", "speed_scaling")
+    speeds = machine.numbers("target_speed_fraction", "speed_scaling")
     modes = (core.mode, _RUNNING_CONTROL)
     body = packed("QBBBBBBBBBdd", round(1e6 * timestamp), *flags, *modes, *speeds)
     if since(machine, (3, 2), (5, 0)):
@@ -145,27 +135,26 @@ def _mode(machine: ControllerMachine) -> bytes:
 
 def _joints(machine: ControllerMachine) -> bytes:
     names = ("actual_q", "target_q", "actual_qd", "actual_current", "actual_joint_voltage")
-    columns = [numbers(machine, name) for name in (*names, "joint_temperatures")]
-    modes = numbers(machine, "joint_mode")
+    columns = [machine.numbers(name) for name in (*names, "joint_temperatures")]
+    modes = machine.numbers("joint_mode")
     rows = zip(*columns, columns[-1], modes, strict=True)
     return b"".join(packed("dddffffB", *row) for row in rows)
 
 
 def _cartesian(machine: ControllerMachine) -> bytes:
-    pose = numbers(machine, "actual_TCP_pose")
+    pose = machine.numbers("actual_TCP_pose")
     if since(machine, (3, 2), (5, 0)):
-        pose += numbers(machine, "tcp_offset")
+        pose += machine.numbers("tcp_offset")
     return packed("d" * len(pose), *pose)
 
 
 def _bits(machine: ControllerMachine, name: str, *places: int) -> list[int]:
-    (word,) = numbers(machine, name)
+    (word,) = machine.numbers(name)
     return [int(word) >> place & 1 for place in places]
 
 
 def _tool(machine: ControllerMachine) -> bytes:
-    values = numbers(
-        machine,
+    values = machine.numbers(
         *("tool_analog_input0", "tool_analog_input1", "actual_robot_voltage"),
         *("tool_output_voltage", "tool_output_current", "tool_temperature", "tool_mode"),
     )
@@ -173,16 +162,16 @@ def _tool(machine: ControllerMachine) -> bytes:
 
 
 def _masterboard(machine: ControllerMachine) -> bytes:
-    digital = numbers(machine, "actual_digital_input_bits", "actual_digital_output_bits")
+    digital = machine.numbers("actual_digital_input_bits", "actual_digital_output_bits")
     body = packed(
         "IIBBddBBddffffBBBI",
         *digital,
         *_bits(machine, "analog_io_types", 0, 1),
-        *numbers(machine, "standard_analog_input0", "standard_analog_input1"),
+        *machine.numbers("standard_analog_input0", "standard_analog_input1"),
         *_bits(machine, "analog_io_types", 2, 3),
-        *numbers(machine, "standard_analog_output0", "standard_analog_output1"),
-        *numbers(machine, "tool_temperature", "actual_robot_voltage"),
-        *numbers(machine, "actual_robot_current", "io_current"),
+        *machine.numbers("standard_analog_output0", "standard_analog_output1"),
+        *machine.numbers("tool_temperature", "actual_robot_voltage"),
+        *machine.numbers("actual_robot_current", "io_current"),
         *(machine.core.safety.mode, 0, 0, 0),
     )
     # The selector of the operational mode and the three-position device; then UR's own byte.
@@ -291,5 +280,5 @@ def realtime_state(machine: ControllerMachine) -> bytes:
     for cb, e_series, names in _REALTIME:
         if since(machine, cb, e_series):
             for name in names.split():
-                values += [0.0] if name == _UR_ONLY else numbers(machine, name)
+                values += [0.0] if name == _UR_ONLY else machine.numbers(name)
     return struct.pack(f">i{len(values)}d", 4 + 8 * len(values), *values)

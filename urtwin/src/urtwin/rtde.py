@@ -97,36 +97,6 @@ class InputQueue:
             self._write(name, value)
 
 
-class Packer:
-    """Packs the machine's outputs; clients with the same recipe share the work."""
-
-    def __init__(self, machine: ControllerMachine) -> None:
-        self._machine = machine
-        self._packed: dict[Recipe, bytes] = {}
-
-    def next_cycle(self) -> None:
-        """Forget what was packed: the machine has moved on."""
-        self._packed.clear()
-
-    def package(self, recipe: Recipe) -> bytes:
-        """The data package of a recipe in this cycle, with its header."""
-        packed = self._packed.get(recipe)
-        if packed is None:
-            packed = self._packed[recipe] = recipe.packet(self._numbers(recipe))
-        return packed
-
-    def _numbers(self, recipe: Recipe) -> list[float | int | bool]:
-        numbers: list[float | int | bool] = []
-        output = self._machine.output
-        for name, kind in zip(recipe.names, recipe.types, strict=True):
-            value = output(name)
-            if isinstance(value, (bool, int, float)):
-                numbers.append(value)
-            else:
-                numbers.extend(value[: kind.count])
-        return numbers
-
-
 LARGEST_REQUEST = 12_300
 """The largest packet of a client [bytes]; inputs need less than 3000."""
 _RECIPES = 255

@@ -6,7 +6,7 @@ from typing import Any
 from urtwin.core import Core
 from urtwin.functions.io import ABSENT, IO
 from urtwin.functions.sockets import SOCKETS
-from urtwin.functions.state import FORCE, MODEL, STATE
+from urtwin.functions.state import STATE
 from urtwin.motion import (
     Motion,
     move_circle,
@@ -20,9 +20,7 @@ from urtwin.motion import (
     stop_tool,
 )
 from urtwin.urscript import (
-    MATHEMATICS,
-    MATRICES,
-    POSES,
+    LIBRARY,
     Builtin,
     Routine,
     ScriptFault,
@@ -95,15 +93,7 @@ _SLOW: dict[str, Any] = {
     "interpreter_mode": _interpreter_mode,
 }
 BUILTINS: dict[str, Builtin] = {
-    **MATHEMATICS,
-    **POSES,
-    **MATRICES,
-    **IO,
-    **STATE,
-    **MODEL,
-    **FORCE,
-    **SOCKETS,
-    **builtins({**_SLOW, **_INTERPRETER}),
+    **builtins({**LIBRARY, **IO, **STATE, **SOCKETS, **_SLOW, **_INTERPRETER}),
     **ABSENT,
 }
 """The functions that every script may call."""

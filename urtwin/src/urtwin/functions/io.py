@@ -5,7 +5,7 @@ from collections.abc import Callable, Generator, Sequence
 from typing import Any
 
 from urtwin.core import FLAGS, Core, InputWatchdog, MessageKind, Registers
-from urtwin.urscript import Builtin, ScriptFault, Value, builtins, number, shown, truth
+from urtwin.urscript import Builtin, ScriptFault, Value, number, shown, truth
 
 _ACTIONS = ("ignore", "pause", "stop")
 
@@ -110,7 +110,7 @@ _READ: dict[str, Callable[[Core, Value], Value]] = {
     "get_tool_analog_in": lambda core, n: 0.0 * _pair(n),
     "get_flag": lambda core, n: core.signals.flags[_flag(n)],
 }
-_INSTANT: dict[str, Any] = {
+_ON_SIGNALS: dict[str, Any] = {
     **_READ,
     "rtde_set_watchdog": _rtde_set_watchdog,
     "get_analog_in": _READ["get_standard_analog_in"],
@@ -121,14 +121,14 @@ _INSTANT: dict[str, Any] = {
     "set_flag": _set_flag,
 }
 for _word, _kind in (("integer", "int"), ("float", "double"), ("boolean", "bit")):
-    _INSTANT[f"read_input_{_word}_register"] = _reader(_kind, lambda core: core.inputs)
-    _INSTANT[f"read_output_{_word}_register"] = _reader(_kind, lambda core: core.outputs)
-    _INSTANT[f"write_output_{_word}_register"] = _writer(_kind)
+    _ON_SIGNALS[f"read_input_{_word}_register"] = _reader(_kind, lambda core: core.inputs)
+    _ON_SIGNALS[f"read_output_{_word}_register"] = _reader(_kind, lambda core: core.outputs)
+    _ON_SIGNALS[f"write_output_{_word}_register"] = _writer(_kind)
 _GROUPS = (("", 0, 18), ("standard_", 0, 8), ("configurable_", 8, 8), ("tool_", 16, 2))
 for _group, _shift, _count in _GROUPS:
-    _INSTANT[f"set_{_group}digital_out"] = _digital_out(_shift, _count)
-    _INSTANT[f"get_{_group}digital_out"] = _digital(_shift, _count, inputs=False)
-    _INSTANT[f"get_{_group}digital_in"] = _digital(_shift, _count, inputs=True)
+    _ON_SIGNALS[f"set_{_group}digital_out"] = _digital_out(_shift, _count)
+    _ON_SIGNALS[f"get_{_group}digital_out"] = _digital(_shift, _count, inputs=False)
+    _ON_SIGNALS[f"get_{_group}digital_in"] = _digital(_shift, _count, inputs=True)
 
 
 def _add_signal(
@@ -193,7 +193,13 @@ def _delete_signal(core: Core, signal_name: Value) -> bool:
     return core.signals.modbus.pop(shown(signal_name), None) is not None
 
 
-_MODBUS: dict[str, Any] = {
+_TEXTMSG: dict[str, Callable[[Core, Value, Value], None]] = {
+    "textmsg": lambda core, s1, s2="": core.say(shown(s1) + shown(s2))
+}
+IO: dict[str, Any] = {
+    **_ON_SIGNALS,
+    **_TEXTMSG,
+    "popup": _popup,
     "modbus_add_signal": _add_signal,
     "modbus_add_rw_signal": _add_rw_signal,
     "modbus_delete_signal": _delete_signal,
@@ -201,10 +207,6 @@ _MODBUS: dict[str, Any] = {
     "modbus_set_output_register": _set_signal,
     "modbus_set_output_signal": _set_digital_signal,
 }
-_TEXTMSG: dict[str, Callable[[Core, Value, Value], None]] = {
-    "textmsg": lambda core, s1, s2="": core.say(shown(s1) + shown(s2))
-}
-IO = builtins({**_INSTANT, **_MODBUS, **_TEXTMSG, "popup": _popup})
 """Built-ins that read and write what RTDE shows."""
 
 

@@ -18,7 +18,6 @@ from urtwin.urscript import (
     MAX_LENGTH,
     ScriptFault,
     Value,
-    builtins,
     number,
     shown,
 )
@@ -183,15 +182,6 @@ def _close(core: Core, socket_name: Value = _NAME) -> bool:
     return core.network.close(shown(socket_name))
 
 
-_WAITING: dict[str, Any] = {
-    "socket_open": _open,
-    "socket_read_binary_integer": _read_binary_integer,
-    "socket_read_byte_list": _read_byte_list,
-    "socket_read_ascii_float": _read_ascii_float,
-    "socket_read_string": _read_string,
-    "socket_read_line": _read_line,
-    "socket_get_var": _get_var,
-}
 _SEND: dict[str, Callable[[Core, Value, Value], bool]] = {
     "socket_send_int": lambda core, value, socket_name=_NAME: _send(
         core, struct.pack(">I", int(number(value)) & 0xFFFFFFFF), socket_name
@@ -206,6 +196,16 @@ _SEND: dict[str, Callable[[Core, Value, Value], bool]] = {
         core, shown(str).encode() + b"\n", socket_name
     ),
 }
-_AT_ONCE: dict[str, Any] = {**_SEND, "socket_set_var": _set_var, "socket_close": _close}
-SOCKETS = builtins({**_WAITING, **_AT_ONCE})
+SOCKETS: dict[str, Any] = {
+    **_SEND,
+    "socket_set_var": _set_var,
+    "socket_close": _close,
+    "socket_open": _open,
+    "socket_read_binary_integer": _read_binary_integer,
+    "socket_read_byte_list": _read_byte_list,
+    "socket_read_ascii_float": _read_ascii_float,
+    "socket_read_string": _read_string,
+    "socket_read_line": _read_line,
+    "socket_get_var": _get_var,
+}
 """Built-ins that talk to other machines."""

@@ -13,7 +13,6 @@ from urtwin.urscript import (
     Pose,
     ScriptFault,
     Value,
-    builtins,
     matrix_of,
     number,
     numbers,
@@ -174,19 +173,6 @@ _SET: dict[str, Callable[[Core, Value], Value]] = {
     "get_joint_temp": _joint_temperature,
     "get_rtde_value": _rtde_value,
 }
-_WITH_ARGUMENTS: dict[str, Any] = {
-    **_SET,
-    "get_actual_joint_positions_history": _history,
-    "set_payload": _set_payload,
-    "set_target_payload": _set_target_payload,
-    "get_forward_kin": _forward,
-    "set_tcp": _set_tcp,
-    "get_inverse_kin": _inverse,
-    "get_inverse_kin_has_solution": _has_solution,
-    "is_within_safety_limits": _within_limits,
-}
-STATE = builtins({**_ASK, **_WITH_ARGUMENTS})
-"""Built-ins about the arm's state."""
 
 
 def _mass_matrix(core: Core, q: Value = None, include_rotors_inertia: Value = False) -> Value:
@@ -204,16 +190,6 @@ def _jacobian(core: Core, q: Value = None, tcp: Value = None) -> Value:
 def _jacobian_rate(core: Core, q: Value = None, qd: Value = None, tcp: Value = None) -> Value:
     joints, speeds = _joints(core, q).tolist(), _speeds(core, qd)
     return core.arm.kinematics.jacobian_rate(joints, speeds, _tool(core, tcp)).tolist()
-
-
-_OF_MODEL: dict[str, Any] = {
-    "get_mass_matrix": _mass_matrix,
-    "get_coriolis_and_centrifugal_torques": _coriolis,
-    "get_jacobian": _jacobian,
-    "get_jacobian_time_derivative": _jacobian_rate,
-}
-MODEL = builtins(_OF_MODEL)
-"""Built-ins about the controller's model."""
 
 
 _MOST_DAMPING, _MOST_GAIN = 1.0, 2.0
@@ -287,6 +263,24 @@ _FORCE: dict[str, Callable[[Core, Value], Value]] = {
     # The tool touches nothing.
     "tool_contact": lambda core, direction=0: 0,
 }
-_MORE: dict[str, Any] = {"force_mode": _force_mode, "freedrive_mode": _freedrive}
-FORCE = builtins({**_AT_THE_TOOL, **_FORCE, **_MORE})
-"""Built-ins about the force at the tool."""
+STATE: dict[str, Any] = {
+    **_ASK,
+    **_SET,
+    **_AT_THE_TOOL,
+    **_FORCE,
+    "get_actual_joint_positions_history": _history,
+    "set_payload": _set_payload,
+    "set_target_payload": _set_target_payload,
+    "get_forward_kin": _forward,
+    "set_tcp": _set_tcp,
+    "get_inverse_kin": _inverse,
+    "get_inverse_kin_has_solution": _has_solution,
+    "is_within_safety_limits": _within_limits,
+    "get_mass_matrix": _mass_matrix,
+    "get_coriolis_and_centrifugal_torques": _coriolis,
+    "get_jacobian": _jacobian,
+    "get_jacobian_time_derivative": _jacobian_rate,
+    "force_mode": _force_mode,
+    "freedrive_mode": _freedrive,
+}
+"""Built-ins about the arm's state, the controller's model of it, and the force at the tool."""

@@ -7,7 +7,6 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager, suppress
-from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Thread
@@ -19,7 +18,6 @@ from urtwin.dashboard import obey
 from urtwin.machine import ControllerMachine, compile_program
 from urtwin.network import Network, on_this_machine
 from urtwin.primary import packets, realtime_state, robot_state, version_message
-from urtwin.rtde import Packer
 from urtwin.server.clients import Client, LeavingClient, RtdeClient, WatchingClient
 from urtwin.server.clock import COMPILER_PRIORITY, TOGETHER_S, Pace, VirtualPace, first_in_first_out
 from urtwin.server.connection import Connection
@@ -135,12 +133,12 @@ class Broadcast:
     """
 
     def __init__(self, machine: ControllerMachine, together_s: float = 0.0) -> None:
-        self._machine, self._packer = machine, Packer(machine)
+        self._machine = machine
         self._together = together_s / machine.cycle
         self._states, self._due = 0, False
         self._messages: Sequence[Message] = ()
         self._news = b""
-        self._packed: dict[tuple[bool, bool], bytes] = {}
+        self._packed: dict[object, bytes] = {}
 
     def greet(self, client: Client) -> None:
         """What a client reads before it says anything."""
@@ -153,7 +151,6 @@ class Broadcast:
     def next_cycle(self, messages: Sequence[Message]) -> None:
         """A control cycle is over, in which the machine has said some messages."""
         machine = self._machine
-        self._packer.next_cycle()
         self._packed.clear()
         # Ten states a second, also where 10 Hz is no whole number of cycles.
         states = int(machine.core.cycles * machine.cycle * _STATES_HZ + 1e-9)
@@ -185,18 +182,23 @@ class Broadcast:
         recipe = session.outputs
         if recipe is not None and self._machine.core.cycles % session.every == 0:
             together = int(self._together / session.every + 1e-9)
-            client.connection.offer(self._packer.package(recipe), together)
+            package = self._packed_once(
+                recipe, lambda: recipe.packet(self._machine.numbers(*recipe.names))
+            )
+            client.connection.offer(package, together)
             session.queue.asked = True
 
     def _state(self, stream: int, *, first: bool) -> bytes:
-        """What a port sends in this cycle, packed once for all."""
-        realtime = stream == REALTIME
-        key = (realtime, first and not realtime)
-        packed = self._packed.get(key)
-        if packed is None:
-            state = realtime_state if realtime else partial(robot_state, first=first)
-            packed = self._packed[key] = state(self._machine)
-        return packed
+        """What a port sends in this cycle."""
+        if stream == REALTIME:
+            return self._packed_once(REALTIME, lambda: realtime_state(self._machine))
+        return self._packed_once(first, lambda: robot_state(self._machine, first=first))
+
+    def _packed_once(self, key: object, pack: Callable[[], bytes]) -> bytes:
+        """What all get who ask for the same in a cycle."""
+        if key not in self._packed:
+            self._packed[key] = pack()
+        return self._packed[key]
 
 
 def _stream(client: Client) -> int:

@@ -1,7 +1,7 @@
 """URScript: from text to a program that runs one control cycle at a time."""
 
 from urtwin.urscript.execution import BACK, LISTENING, Routine, ScriptRun
-from urtwin.urscript.library import MATHEMATICS, MATRICES, POSES, matrix_of, numbers, pose_of
+from urtwin.urscript.library import LIBRARY, matrix_of, numbers, pose_of
 from urtwin.urscript.program import (
     CompiledProgram,
     Context,
@@ -24,12 +24,10 @@ from urtwin.urscript.values import (
 
 __all__ = [
     "BACK",
+    "LIBRARY",
     "LISTENING",
-    "MATHEMATICS",
-    "MATRICES",
     "MAX_CHARACTERS",
     "MAX_LENGTH",
-    "POSES",
     "Builtin",
     "CompiledProgram",
     "Context",

@@ -18,7 +18,6 @@ from urtwin.urscript.values import (
     Pose,
     ScriptFault,
     Value,
-    builtins,
     described,
     is_matrix,
     number,
@@ -127,9 +126,6 @@ _OF_TWO: dict[str, Callable[[Value, Value], Value]] = {
     "str_at": _str_at,
     "str_cat": lambda op1, op2: _to_str(shown(op1) + shown(op2)),
 }
-_OF_MORE: dict[str, Any] = {"make_list": _make_list, "str_find": _str_find, "str_sub": _str_sub}
-MATHEMATICS = builtins({**_OF_ONE, **_OF_TWO, **_OF_MORE})
-"""Built-ins that only compute."""
 
 
 def matrix_of(pose: Value) -> Array:
@@ -208,22 +204,13 @@ def _apart(place: Array, rotation: Array) -> Pose:
     return pose_of(matrix)
 
 
-_BETWEEN_POSES: dict[str, Callable[[Value, Value], Value]] = {
+_OF_TWO_POSES: dict[str, Callable[[Value, Value], Value]] = {
     "pose_trans": lambda p_from, p_from_to: pose_of(matrix_of(p_from) @ matrix_of(p_from_to)),
     "pose_add": _pose_add,
     "pose_sub": _pose_sub,
     "pose_dist": lambda p_from, p_to: math.sqrt(sum(d * d for d in _pose_sub(p_to, p_from))),
     "point_dist": lambda p_from, p_to: math.dist(_point(p_from), _point(p_to)),
 }
-_OF_POSES: dict[str, Any] = {
-    **_BETWEEN_POSES,
-    "pose_inv": _pose_inv,
-    "interpolate_pose": _interpolate_pose,
-    "rpy2rotvec": _rpy2rotvec,
-    "rotvec2rpy": _rotvec2rpy,
-}
-POSES = builtins(_OF_POSES)
-"""Built-ins for poses."""
 
 
 def _rows(value: Value) -> list[list[Any]]:
@@ -255,5 +242,19 @@ def _wrench_trans(T_from_to: Value, w_from: Value) -> Value:
     return [*force.tolist(), *moment.tolist()]
 
 
-MATRICES = builtins({"transpose": _transpose, "inv": _inv, "wrench_trans": _wrench_trans})
-"""Built-ins for matrices, and for poses and wrenches as such."""
+LIBRARY: dict[str, Any] = {
+    **_OF_ONE,
+    **_OF_TWO,
+    **_OF_TWO_POSES,
+    "make_list": _make_list,
+    "str_find": _str_find,
+    "str_sub": _str_sub,
+    "pose_inv": _pose_inv,
+    "interpolate_pose": _interpolate_pose,
+    "rpy2rotvec": _rpy2rotvec,
+    "rotvec2rpy": _rotvec2rpy,
+    "transpose": _transpose,
+    "inv": _inv,
+    "wrench_trans": _wrench_trans,
+}
+"""Built-ins that only compute."""
