@@ -58,7 +58,7 @@ def own_variables(definition: syntax.Definition, shared: Mapping[str, int]) -> d
     return own
 
 
-def assignments(block: list[syntax.Statement]) -> Iterator[syntax.Assign]:
+def assignments(block: list[syntax.Node]) -> Iterator[syntax.Assign]:
     """All assignments of a block, nested ones too."""
     return (
         node for node in syntax.nodes(block, syntax.Statement) if isinstance(node, syntax.Assign)
@@ -78,10 +78,6 @@ def _collect(definition: syntax.Definition, found: dict[str, syntax.Definition])
             raise ScriptError("defined twice", inner.line, value=inner.name)
         found[inner.name] = inner
         _collect(inner, found)
-
-
-UNNAMED = "unnamed"
-"""The name of a program that is a few statements without a `def`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +121,7 @@ class Context:
         scope = Scope(own, self.shared, self.functions, self.builtins)
         return block(scope, definition.body, in_loop=False)
 
-    def delay(self, body: list[syntax.Statement], seen: set[str]) -> syntax.Node | None:
+    def delay(self, body: list[syntax.Node], seen: set[str]) -> syntax.Node | None:
         """The first part of a body that takes time; functions that were `seen` do not."""
         for node in syntax.nodes(body):
             waits = isinstance(node, syntax.Control) and node.word == "join"
@@ -186,17 +182,12 @@ def compile_script(text: str, builtins: Mapping[str, Builtin]) -> CompiledProgra
     Raises:
         ScriptError: It breaks the grammar, uses unknown names, or is too big.
     """
-    script = parse(text)
-    if script.statements:
-        line = script.statements[0].line
-        main = syntax.Definition(
-            line, "def", UNNAMED, [], {}, script.statements, script.definitions
-        )
-    elif script.definitions:
-        main = script.definitions[-1]
-        main.inner = [*script.definitions[:-1], *main.inner]
-    else:
-        raise ScriptError("the script is empty", 1)
+    main = parse(text)
+    if not main.body:
+        if not main.inner:
+            raise ScriptError("the script is empty", 1)
+        *others, main = main.inner
+        main.inner = [*others, *main.inner]
     if main.kind == "thread":
         raise ScriptError("a thread is no program", main.line, value=main.name)
     if main.parameters:
@@ -221,10 +212,9 @@ def compile_addition(text: str, context: Context) -> CompiledProgram:
     Raises:
         ScriptError: They break the grammar, use unknown names, or declare a new global variable.
     """
-    script = parse(text)
-    if not script.statements and not script.definitions:
+    main = parse(text)
+    if not main.body and not main.inner:
         raise ScriptError("the statement is empty", 1)
-    main = syntax.Definition(1, "def", UNNAMED, [], {}, script.statements, script.definitions)
     for statement in assignments([*main.body, *(part for x in main.inner for part in x.body)]):
         if statement.scope == "global" and statement.name not in context.shared:
             raise ScriptError(

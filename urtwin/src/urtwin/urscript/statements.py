@@ -5,7 +5,7 @@ from typing import Any, NoReturn
 from dynid.core import DynidError
 from urtwin.urscript.execution import BACK, ENTERING, LISTENING, Frame, ScriptRun
 from urtwin.urscript.expressions import Combine, Runner, Scope, compose, store
-from urtwin.urscript.syntax import Assign, Control, Do, If, Statement, Variable, While
+from urtwin.urscript.syntax import Assign, Control, Expression, If, Node, Variable, While
 from urtwin.urscript.values import ScriptError, ScriptFault, ScriptHalt, Value, truth
 
 _FAULTS = (DynidError, ArithmeticError, TypeError, ValueError, IndexError)
@@ -46,7 +46,7 @@ BREAK, CONTINUE = "break", "continue"
 """What a block answers when a loop is to end or to go on; a tuple is a return value."""
 
 
-def block(scope: Scope, statements: list[Statement], *, in_loop: bool) -> Runner:
+def block(scope: Scope, statements: list[Node], *, in_loop: bool) -> Runner:
     """Compile a block: it runs in order, until a statement answers with a signal.
 
     `break` and `continue` make sense `in_loop` alone.
@@ -58,9 +58,9 @@ def block(scope: Scope, statements: list[Statement], *, in_loop: bool) -> Runner
     return _in_order(steps, [statement.line for statement in statements])
 
 
-def _statement(scope: Scope, statement: Statement, in_loop: bool) -> Runner:
-    if isinstance(statement, Do):
-        return _for_effect(scope.expression(statement.expression))
+def _statement(scope: Scope, statement: Node, in_loop: bool) -> Runner:
+    if isinstance(statement, Expression):
+        return _for_effect(scope.expression(statement))
     if isinstance(statement, Assign):
         return _assign(scope, statement)
     if isinstance(statement, If):
