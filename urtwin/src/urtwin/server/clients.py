@@ -5,11 +5,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from dynid.core import DynidError, JobError
-from dynid.protocol import dashboard
-from urtwin.dashboard import DashboardSession
+from dynid.protocol import dashboard, rtde
+from urtwin.dashboard import DashboardSession, FindProgram, program_folder
 from urtwin.interpreter import Interpreter
-from urtwin.rtde import RtdeSession
+from urtwin.machine import ControllerMachine
+from urtwin.rtde import Owners, RtdeSession
 from urtwin.server.connection import LEFT, Connection, question
+from urtwin.server.settings import INTERPRETER, READ_ONLY, ControllerSettings
 
 LARGEST_SCRIPT = 2_000_000
 """The longest program taken [bytes]."""
@@ -299,3 +301,38 @@ class InterpreterClient(LineClient):
             text = line.decode(errors="replace").strip()
             if text:
                 self._interpreter.receive(text, self.answer)
+
+
+_SERIAL = "20240001"
+"""What the dashboard says."""
+
+
+class Reception:
+    """Makes clients of connections; `submit` takes the programs of script ports."""
+
+    def __init__(
+        self,
+        machine: ControllerMachine,
+        settings: ControllerSettings,
+        submit: Callable[[str], None],
+    ) -> None:
+        self._machine, self._submit, self._orderly = machine, submit, settings.virtual_time
+        self._owners, self._pool = Owners(), Pool()
+        self._model = machine.core.arm.plant.arm.robot.name.removesuffix("e").upper()
+        folder = settings.programs
+        self._programs: FindProgram = program_folder(folder) if folder else lambda _: None
+
+    def client(self, connection: Connection) -> Client:
+        """The client behind a connection."""
+        machine, port = self._machine, connection.port
+        if port == rtde.PORT:
+            session = RtdeSession(machine, self._owners, orderly=self._orderly)
+            return RtdeClient(connection, session)
+        if port == dashboard.PORT:
+            desk = DashboardSession(machine, self._model, _SERIAL, self._programs)
+            return DashboardClient(connection, desk)
+        if port == INTERPRETER:
+            return InterpreterClient(connection, machine.core.interpreter)
+        if port in READ_ONLY:
+            return WatchingClient(connection)
+        return ScriptClient(connection, ScriptReader(self._pool), self._submit)

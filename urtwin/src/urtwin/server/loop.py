@@ -18,18 +18,10 @@ from urtwin.dashboard import obey
 from urtwin.machine import ControllerMachine, compile_program
 from urtwin.network import Network, on_this_machine
 from urtwin.primary import packets, realtime_state, robot_state, version_message
-from urtwin.server.clients import Client, LeavingClient, RtdeClient, WatchingClient
+from urtwin.server.clients import Client, LeavingClient, Reception, RtdeClient, WatchingClient
 from urtwin.server.clock import COMPILER_PRIORITY, TOGETHER_S, Pace, VirtualPace, first_in_first_out
-from urtwin.server.connection import Connection
-from urtwin.server.listeners import (
-    PRIMARY,
-    READ_ONLY,
-    REALTIME,
-    ControllerSettings,
-    Reception,
-    open_listeners,
-    place_for_another,
-)
+from urtwin.server.connection import Connection, open_listeners
+from urtwin.server.settings import PORTS, PRIMARY, READ_ONLY, REALTIME, ControllerSettings
 from urtwin.urscript import CompiledProgram, ScriptError
 
 _PER_SECOND = 100
@@ -211,12 +203,17 @@ _IDLE_S = 0.5
 STALLED_S = 2.0
 """How long a client may read nothing before it is given up, in real time [s]."""
 _FAREWELL_S = 1.0
+CLIENTS = 128
+"""Clients of one port at the same time."""
+_NEWCOMER_S = 1.0
+"""How long a client may be silent before its place can be given to another [s]."""
 
 
 class ControllerServer:
     """Listens on the ports of a UR controller and serves its clients.
 
     Raises:
+        InputError: There is no such folder.
         JobError: A port is taken.
     """
 
@@ -224,7 +221,10 @@ class ControllerServer:
         self._machine, self._log = machine, log
         # A socket of the loop's waits in this one: its time-outs are not rounded up to 1 ms.
         self._epoll = select.epoll()
-        self._listeners = {sock.fileno(): sock for sock in open_listeners(settings.host)}
+        self._listeners = {
+            sock.fileno(): sock
+            for sock in open_listeners(settings.host, (*PORTS.values(), *READ_ONLY))
+        }
         self._clients: dict[int, Client] = {}
         self._rtde: list[RtdeClient] = []
         self._reception = Reception(machine, settings, self._submit)
@@ -372,12 +372,7 @@ class ControllerServer:
             # It has left while it waited to be let in.
             accepted.close()
             return
-        others = [c for c in self._clients.values() if c.port == port]
-        free, leaver = place_for_another(others, now)
-        if leaver is not None:
-            leaver.refuse("another client needs this place: you have been silent")
-            self._part(leaver, now)
-        if not free:
+        if not self._make_room(port, now):
             client.refuse("too many clients on this port")
             self._log.say(f"{connection.peer} refused: too many clients on port {port}")
             connection.close()
@@ -387,6 +382,22 @@ class ControllerServer:
             self._rtde.append(client)
         self._epoll.register(connection.socket.fileno(), select.EPOLLIN)
         self._broadcast.greet(client)
+
+    def _make_room(self, port: int, now: float) -> bool:
+        """Whether one more client of a port may come in.
+
+        A full port gives up the client that has been connected for longest without a word.
+        """
+        present = [client.connection for client in self._clients.values() if client.port == port]
+        if len(present) < CLIENTS:
+            return True
+        silent = [each for each in present if each.silent and now - each.since > _NEWCOMER_S]
+        if silent:
+            leaver = min(silent, key=lambda connection: connection.since)
+            client = self._clients[leaver.socket.fileno()]
+            client.refuse("another client needs this place: you have been silent")
+            self._part(client, now)
+        return bool(silent)
 
     def _part(self, client: Client, now: float) -> None:
         """Say goodbye: at once to who has left, politely to who is sent away."""
