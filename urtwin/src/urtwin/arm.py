@@ -113,10 +113,7 @@ class ControlledArm:
         return self.truth.sensors.seen(quantity, true, self._noise[row]).tolist()
 
     def draw_anew(self, number: int) -> None:
-        """Begin the noise of a program: it does not depend on when the program was sent.
-
-        `number` counts the programs that were started.
-        """
+        """Begin the noise of the program of a number: it does not depend on when that was sent."""
         self._generator = np.random.default_rng((self._seed, number))
 
     def _measure(self) -> None:
@@ -213,12 +210,9 @@ class Trapezoid:
 
 
 def trapezoid(length: float, speed: float, acceleration: float, time: float = 0.0) -> Trapezoid:
-    """The profile of a move over a length, in m or rad and s.
+    """The profile of a move over a length, in m or rad and s; `InputError` for impossible numbers.
 
-    A positive time takes the place of speed and acceleration.
-
-    Raises:
-        InputError: A speed or acceleration that is not positive, or numbers that are not finite.
+    A positive time takes the place of speed and acceleration, which have to be positive else.
     """
     if not all(map(math.isfinite, (length, speed, acceleration, time))):
         raise InputError("a move needs finite numbers", value=(length, speed, acceleration, time))

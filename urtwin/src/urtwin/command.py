@@ -169,11 +169,7 @@ def _controller(
 
 
 def _thermal(text: str) -> str | float:
-    """A thermal state: `cold`, `warm` or degC, whose range the simulated arm checks.
-
-    Raises:
-        InputError: Another word.
-    """
+    """`cold`, `warm` or degC, whose range the arm checks; else an `InputError`."""
     if text in ("cold", "warm"):
         return text
     try:
@@ -188,11 +184,7 @@ def _thermal(text: str) -> str | float:
 
 
 def _address(host: str, *, expose: bool) -> str:
-    """The address to listen on.
-
-    Raises:
-        InputError: It is no IPv4 address, or other machines can reach it.
-    """
+    """The address to listen on; `InputError` if it is none, or other machines can reach it."""
     try:
         address = ipaddress.IPv4Address("127.0.0.1" if host == "localhost" else host)
     except ValueError as error:
@@ -217,11 +209,7 @@ def _address(host: str, *, expose: bool) -> str:
 
 
 def _version(text: str) -> tuple[int, int, int]:
-    """The numbers of a version.
-
-    Raises:
-        InputError: It is none.
-    """
+    """The numbers of a version; `InputError` if it is none."""
     parts = text.split(".")
     if not 2 <= len(parts) <= 3 or not all(part.isdigit() and len(part) < 4 for part in parts):
         raise InputError(

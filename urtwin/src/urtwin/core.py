@@ -34,7 +34,10 @@ _STORED: dict[str, Callable[[float], float]] = {
 
 
 class Registers:
-    """Registers of one direction, as scripts and RTDE see them: `int`, `double` and `bit`."""
+    """Registers of one direction, as scripts and RTDE see them: `int`, `double` and `bit`.
+
+    They are counted from zero; one that does not exist is an `InputError`.
+    """
 
     def __init__(self) -> None:
         self.banks: dict[str, list[Any]] = {
@@ -44,20 +47,12 @@ class Registers:
         }
 
     def write(self, kind: str, index: int, value: float) -> None:
-        """Store a value in a register, counted from zero; integers are cut to 32 bits.
-
-        Raises:
-            InputError: No such register.
-        """
+        """Store a value in a register; integers are cut to 32 bits."""
         self._check(kind, index)
         self.banks[kind][index] = _STORED[kind](value)
 
     def read(self, kind: str, index: int) -> int | float | bool:
-        """The value of a register, counted from zero.
-
-        Raises:
-            InputError: No such register.
-        """
+        """The value of a register."""
         self._check(kind, index)
         return self.banks[kind][index]
 
@@ -225,8 +220,7 @@ class Core:
     def move(self, q: list[float], mover: object) -> None:
         """Send the arm to joint positions (6) in this cycle [rad].
 
-        Raises:
-            ScriptFault: Somebody else moves the arm in the same cycle.
+        Where somebody else moves it in the same cycle, that is a `ScriptFault`.
         """
         if self.arm.pending is not None and self._mover is not mover:
             raise ScriptFault("another thread moves the robot in the same cycle")
@@ -234,11 +228,7 @@ class Core:
         self.arm.pending = q
 
     def tune(self, lookahead: float, gain: float) -> None:
-        """The servo's lookahead [s] and gain from now on.
-
-        Raises:
-            InputError: Outside what `servoj` allows.
-        """
+        """The servo's lookahead [s] and gain from now on; `InputError` for impossible ones."""
         if (lookahead, gain) != self._tuning:
             self.arm.plant.tune(Servo(lookahead=lookahead, gain=gain))
             self._tuning = (lookahead, gain)

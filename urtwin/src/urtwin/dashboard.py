@@ -22,10 +22,7 @@ _SUFFIXES = (".urp", ".script")
 
 
 def program_folder(folder: Path) -> FindProgram:
-    """Finds the programs of a folder; each is read when it is loaded.
-
-    Args:
-        folder: Stands for the robot's `/programs`.
+    """Finds the programs of a folder, the robot's `/programs`; each is read when it is loaded.
 
     Raises:
         InputError: It is no folder.
@@ -228,11 +225,7 @@ _COMMANDS: dict[str, Callable[[ControllerMachine], object]] = {
 
 
 def obey(text: str, machine: ControllerMachine) -> bool:
-    """Do what a line of a script port says, if it is such a command; else it is a program.
-
-    Returns:
-        Whether it was one.
-    """
+    """Do what a line of a script port says; whether it is such a command, else it is a program."""
     if len(text) > _LONGEST:
         return False
     line = " ".join(text.split()).lower()

@@ -95,12 +95,8 @@ class Interpreter:
     def run(self, clear_queue: bool, clear_on_end: bool) -> Routine:
         """The mode itself, in the program's main thread, until it is ended.
 
-        Args:
-            clear_queue: Forget what came before the mode began.
-            clear_on_end: Forget the functions and variables that were added, at the end.
-
-        Raises:
-            ScriptFault: It runs already, or in another thread.
+        `clear_queue` forgets what came before the mode began, `clear_on_end` the functions and
+        variables that were added. A second mode, or one in another thread, is a `ScriptFault`.
         """
         execution = self._execution
         if execution is None or self._active or execution.thread is not execution.threads[0]:

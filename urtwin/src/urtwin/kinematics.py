@@ -200,11 +200,7 @@ class Arc:
 
 
 def arc_through(start: Array, via: Array, end: Array) -> Arc:
-    """The arc from a point (3) through another to a third [m].
-
-    Raises:
-        InputError: The points are in line, or two are the same: there is no circle.
-    """
+    """The arc from a point (3) through another to a third [m]; `InputError` for points in line."""
     b, c = via - start, end - start
     normal = np.cross(b, c)
     area = float(normal @ normal)

@@ -19,18 +19,13 @@ from urtwin.urscript import CompiledProgram, ScriptError, ScriptRun, compile_scr
 from urtwin.variables import READERS, Inputs, InputValue, OutputValue
 
 _SECONDARY = 10
-_TOO_MUCH: dict[type[Exception], str] = {
-    RecursionError: "nested too deeply to compile",
-    MemoryError: "the script needs more memory than there is",
-}
 _LINE = re.compile(r"\bline (\d+)\b")
 
 
 def compile_program(text: str) -> CompiledProgram:
     """Compile a script against the built-ins of the controller; touches nothing else.
 
-    Raises:
-        ScriptError: It does not compile, or is too long.
+    A `ScriptError` tells why it does not compile.
     """
     try:
         return compile_script(text, BUILTINS)
@@ -38,8 +33,7 @@ def compile_program(text: str) -> CompiledProgram:
         raise
     except Exception as error:
         # A fault of ours refuses one script; it ends neither the compiler nor the controller.
-        fault = f"internal fault: {type(error).__name__}: {error}"
-        raise ScriptError(_TOO_MUCH.get(type(error), fault), 1) from error
+        raise ScriptError(f"internal fault: {type(error).__name__}: {error}", 1) from error
 
 
 class Programs:
@@ -283,11 +277,7 @@ class ControllerMachine(Programs):
         return reader(self.core)
 
     def numbers(self, *names: str) -> list[float]:
-        """The values of RTDE outputs one after another, those of vectors too.
-
-        Raises:
-            InputError: No such output.
-        """
+        """The values of RTDE outputs one after another, those of vectors too."""
         found: list[float] = []
         for name in names:
             value = self.output(name)

@@ -119,11 +119,7 @@ class Network:
         self._links: dict[str, Link] = {}
 
     def open(self, name: str, host: str, port: int) -> Link | str:
-        """Begin to connect; one that had the name is closed.
-
-        Returns:
-            The socket, or why there is none.
-        """
+        """Begin to connect; one that had the name is closed. The socket, or why there is none."""
         self.close(name)
         address = "127.0.0.1" if host == "localhost" else host
         if not self._allowed(address):

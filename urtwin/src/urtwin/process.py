@@ -139,11 +139,7 @@ def controller_process(
 
 
 def _ready(process: subprocess.Popen[bytes], log: Path) -> dict[str, Any]:
-    """The line that a controller prints when it listens.
-
-    Raises:
-        JobError: It ended, or took too long.
-    """
+    """The line that a controller prints when it listens; `JobError` if it does not."""
     stream = process.stdout
     # The line comes at once, or never.
     ready = stream is not None and select.select([stream], [], [], READY_S)[0]

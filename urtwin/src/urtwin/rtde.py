@@ -273,11 +273,7 @@ class RtdeSession:
         return b""
 
     def _complain(self, words: str) -> bytes:
-        """Tell the client what is wrong; give up on one that never learns.
-
-        Raises:
-            ProtocolError: A hundred complaints were not enough.
-        """
+        """Tell the client what is wrong; a `ProtocolError` for one that never learns."""
         self._complaints += 1
         if self._complaints > _COMPLAINTS:
             raise ProtocolError(f"too many mistakes, the last: {words}")

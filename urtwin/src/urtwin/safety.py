@@ -24,8 +24,7 @@ _BITS = {
 class WatchedLimits:
     """What must not be exceeded; the defaults are a UR5's in PolyScope (`safety.conf.UR5`).
 
-    Raises:
-        InputError: A limit that is not positive.
+    A limit that is negative or no number is an `InputError`.
     """
 
     joint_speed: float = 3.3416

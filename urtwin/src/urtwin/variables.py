@@ -240,11 +240,7 @@ class Inputs:
         }
 
     def write(self, name: str, value: InputValue) -> None:
-        """Take an input.
-
-        Raises:
-            InputError: No such input, or not as many numbers as it has.
-        """
+        """Take an input; `InputError` for an unknown one, or another number of values."""
         if name not in self._writers and name != _WRENCH:
             raise InputError("unknown RTDE input", value=name)
         size = len(value) if isinstance(value, Sequence) else 1

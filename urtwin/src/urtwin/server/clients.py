@@ -26,7 +26,7 @@ _CODE = re.compile(rb"^[^#\w\"'\n]*[\w\"']", re.MULTILINE)
 
 
 class ScriptRefused(JobError):
-    """A client sent text that can be no program; the connection is to be closed."""
+    """A client sent what can be no program, or too much; the connection is to be closed."""
 
 
 class Pool:
@@ -36,11 +36,7 @@ class Pool:
         self.size, self.taken = size, 0
 
     def take(self, count: int) -> None:
-        """Take room for `count` bytes; a negative count gives it back.
-
-        Raises:
-            ScriptRefused: There is none left.
-        """
+        """Take room for `count` bytes, or be refused; a negative count gives it back."""
         if self.taken + count > self.size:
             raise ScriptRefused(
                 "too many unfinished programs at once", limit=f"{self.size} bytes together"
@@ -61,11 +57,7 @@ class ScriptReader:
         self._counted = self._searched = self._depth = 0
 
     def feed(self, data: bytes) -> list[str]:
-        """Take text; return the programs that it completes.
-
-        Raises:
-            ScriptRefused: The text is too long, or no text.
-        """
+        """Take text; the programs that it completes. What is too long or no text is refused."""
         self._pool.take(len(data))
         self._text += data
         programs: list[str] = []
@@ -145,11 +137,7 @@ class Client(ABC):
 
     @abstractmethod
     def take(self, data: bytes) -> None:
-        """Do what the client asks for.
-
-        Raises:
-            DynidError: It asks for what nobody can give: it is refused and closed.
-        """
+        """Do what the client asks for; after a `DynidError` it is refused and closed."""
 
     def refuse(self, words: str) -> None:
         """Tell the client why it is closed, and close it."""

@@ -34,15 +34,11 @@ _KEPT = 1 << 20
 
 
 class Pace:
-    """The rhythm of the control cycles, from wall times that it is told.
+    """The rhythm of the control cycles of a length [s], from wall times [s] that it is told.
 
     In real time cycle k is due at start + k dt. A late cycle is run at once and the next ones
     keep their times, so no cycle is lost; after a longer standstill than `CATCH_UP_S` (a
     suspended computer) the rhythm starts anew and the controller's time has simply stood still.
-
-    Args:
-        cycle: Length of a cycle [s].
-        now: The wall clock [s].
     """
 
     def __init__(self, cycle: float, now: float) -> None:

@@ -25,11 +25,7 @@ CB_HZ, E_SERIES_HZ = 125.0, 500.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerSettings:
-    """What to simulate, and where.
-
-    Raises:
-        InputError: A control rate that no UR controller has.
-    """
+    """What to simulate, and where; `InputError` for a control rate that no UR controller has."""
 
     robot: str = "ur5"
     """Built-in name, URDF or robot file."""

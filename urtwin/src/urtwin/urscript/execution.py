@@ -56,7 +56,7 @@ class CriticalSection:
         return self.holder is thread or not (self.holder or self._line or self.passed)
 
     def enter(self, thread: Thread) -> None:
-        """The thread is in, once more."""
+        """A call begins."""
         self.holder = thread
         self._depth += 1
 
@@ -114,7 +114,10 @@ _SOONEST_S = 0.001
 
 
 class ScriptRun:
-    """The state that compiled code works on; `port` is the controller, handed to built-ins."""
+    """The state that compiled code works on; `port` is the controller, handed to built-ins.
+
+    A program that wants too much (threads, calls, variables, memory, time) is a `ScriptFault`.
+    """
 
     def __init__(self, port: Any, slots: int) -> None:
         self.port = port
@@ -132,17 +135,9 @@ class ScriptRun:
         self._outside = getcurrent()
 
     def start(self, work: Callable[[], object], function: object = None) -> int:
-        """Add a thread that runs for the first time in this cycle.
+        """Add a thread that runs for the first time in this cycle; its handle.
 
-        Args:
-            work: What it does.
-            function: Which of the script's threads it is; None for the main thread.
-
-        Returns:
-            Its handle.
-
-        Raises:
-            ScriptFault: Too many threads.
+        `work` is what it does, `function` the script's thread that it is; None for the main one.
         """
         if len(self.threads) >= MAX_THREADS:
             raise ScriptFault("too many threads", limit=MAX_THREADS)
@@ -223,11 +218,7 @@ class ScriptRun:
         return time.thread_time() - self._began
 
     def look(self) -> None:
-        """Look at the clock.
-
-        Raises:
-            ScriptFault: The time of this cycle is used up.
-        """
+        """Look at the clock: the time of this cycle may be used up."""
         if time.perf_counter() < self._next_look:
             return
         left = CYCLE_CPU_S - self.spent
@@ -240,11 +231,7 @@ class ScriptRun:
         self._next_look = time.perf_counter() + max(left, _SOONEST_S)
 
     def charge(self, value: Value) -> None:
-        """Account for a copy of a value.
-
-        Raises:
-            ScriptFault: The program holds too much, or does too much in this cycle.
-        """
+        """Account for a copy of a value."""
         amount = size(value)
         self.copied += amount
         self.look()
@@ -258,8 +245,7 @@ class ScriptRun:
     def kill(self, handle: Value) -> None:
         """End a thread; a handle of none does nothing, as on the robot.
 
-        Raises:
-            ScriptFault: Not a handle.
+        What is no handle is a `ScriptFault`.
         """
         if handle.__class__ is not int:
             raise ScriptFault("a thread handle expected", value=handle)

@@ -142,11 +142,7 @@ def _element(x: ScriptRun, base: Value, *indices: Value) -> Value:
 
 
 def store(base: Value, indices: list[Value], value: Value) -> None:
-    """Change an element.
-
-    Raises:
-        ScriptFault: No list, no such element, or a value that does not belong there.
-    """
+    """Change an element; `ScriptFault` for no list, no such element, or no value for one."""
     for index in indices[:-1]:
         base = _base_list(base)[_place(base, index)]
     items = _base_list(base)
@@ -240,7 +236,10 @@ _STRUCT = "struct"
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """What an expression can see."""
+    """What an expression can see.
+
+    An unknown name, or arguments that do not fit, are a `ScriptError`.
+    """
 
     own: Mapping[str, int]
     """Variables of the function, by place."""
@@ -250,11 +249,7 @@ class Scope:
     builtins: Mapping[str, Builtin]
 
     def expression(self, tree: syntax.Expression) -> Runner:
-        """Compile an expression.
-
-        Raises:
-            ScriptError: An unknown name, or arguments that do not fit.
-        """
+        """Compile an expression."""
         if isinstance(tree, syntax.Constant):
             return _constant(tree.value)
         if isinstance(tree, syntax.Variable):
@@ -283,11 +278,7 @@ class Scope:
         raise TypeError(tree)
 
     def kept(self, tree: syntax.Expression) -> Runner:
-        """As `expression`; the value is copied where somebody else owns it.
-
-        Raises:
-            ScriptError: As `expression`.
-        """
+        """As `expression`; the value is copied where somebody else owns it."""
         run = self.expression(tree)
         owned = isinstance(tree, syntax.Variable | syntax.Index)
         return compose([run], _copy) if owned else run

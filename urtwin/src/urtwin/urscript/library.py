@@ -129,20 +129,12 @@ _OF_TWO: dict[str, Callable[[Value, Value], Value]] = {
 
 
 def matrix_of(pose: Value) -> Array:
-    """(4, 4) the transform of a script's pose.
-
-    Raises:
-        ScriptFault: No pose.
-    """
+    """(4, 4) the transform of a script's pose; `ScriptFault` if it is none."""
     return to_matrix(numbers(pose, 6, "a pose"))
 
 
 def numbers(value: Value, count: int, what: str) -> list[float]:
-    """A list of so many numbers.
-
-    Raises:
-        ScriptFault: It is none.
-    """
+    """A list of so many numbers; `ScriptFault` if it is none."""
     items = cast("list[Any]", value) if isinstance(value, list) else []
     if len(items) != count:
         raise ScriptFault(f"{what} of {count} numbers expected", value=described(value))

@@ -324,7 +324,6 @@ class _Parser:
 def parse(text: str) -> syntax.Definition:
     """The tree of a script: what stands in it, as if it were the body of a function.
 
-    Raises:
-        ScriptError: The script breaks the grammar, is too long or nested too deeply.
+    A `ScriptError` tells where it breaks the grammar, is too long or nested too deeply.
     """
     return _Parser(syntax.tokenize(text)).script()

@@ -24,11 +24,7 @@ MAX_VARIABLES = 2_000
 def program_variables(
     program: syntax.Definition, definitions: Mapping[str, syntax.Definition], known: dict[str, int]
 ) -> dict[str, int]:
-    """Variables of a program and their places; those that are `known` already keep theirs.
-
-    Raises:
-        ScriptError: Too many variables.
-    """
+    """Variables of a program and their places; those that are `known` already keep theirs."""
     shared = dict(known)
     for statement in assignments(program.body):
         if statement.scope != "local":
@@ -43,11 +39,7 @@ def program_variables(
 
 
 def own_variables(definition: syntax.Definition, shared: Mapping[str, int]) -> dict[str, int]:
-    """Variables of one function and their places, parameters first.
-
-    Raises:
-        ScriptError: Too many variables.
-    """
+    """Variables of one function and their places, parameters first."""
     own = {name: place for place, name in enumerate(definition.parameters)}
     for statement in assignments(definition.body):
         elsewhere = statement.scope != "local" and statement.name in shared
@@ -113,11 +105,7 @@ class Context:
         return CompiledProgram(main.name, secondary, wider, len(own), body, called_in(main))
 
     def code(self, definition: syntax.Definition, own: Mapping[str, int]) -> Runner:
-        """The body of a function or a program with its own variables.
-
-        Raises:
-            ScriptError: An unknown name, or arguments that do not fit.
-        """
+        """The body of a function or a program with its own variables."""
         scope = Scope(own, self.shared, self.functions, self.builtins)
         return block(scope, definition.body, in_loop=False)
 
@@ -170,14 +158,10 @@ class CompiledProgram:
 
 
 def compile_script(text: str, builtins: Mapping[str, Builtin]) -> CompiledProgram:
-    """Compile a script.
+    """Compile a script, which may call `builtins` besides its own functions.
 
     A lone `def` is the program; of several the last one is. Statements outside any definition
     are a program of their own, which knows the definitions.
-
-    Args:
-        text: The script.
-        builtins: The functions that it may call besides its own.
 
     Raises:
         ScriptError: It breaks the grammar, uses unknown names, or is too big.
@@ -200,14 +184,10 @@ MAX_FUNCTIONS = 2_000
 
 
 def compile_addition(text: str, context: Context) -> CompiledProgram:
-    """Compile statements in the scope of a running program.
+    """Compile statements in the scope of a running program, its context so far.
 
     Definitions stay for the statements after these; a variable is the interpreter's own where the
     program has none of its name.
-
-    Args:
-        text: The statements.
-        context: What the program knows so far.
 
     Raises:
         ScriptError: They break the grammar, use unknown names, or declare a new global variable.

@@ -49,10 +49,7 @@ BREAK, CONTINUE = "break", "continue"
 def block(scope: Scope, statements: list[Node], *, in_loop: bool) -> Runner:
     """Compile a block: it runs in order, until a statement answers with a signal.
 
-    `break` and `continue` make sense `in_loop` alone.
-
-    Raises:
-        ScriptError: An unknown name, arguments that do not fit, or `break` outside a loop.
+    `break` and `continue` make sense `in_loop` alone: elsewhere they are a `ScriptError`.
     """
     steps = [_statement(scope, statement, in_loop) for statement in statements]
     return _in_order(steps, [statement.line for statement in statements])

@@ -201,8 +201,7 @@ class Token:
 def tokenize(text: str) -> list[Token]:
     """The words of a script; the last one is the end of the text.
 
-    Raises:
-        ScriptError: A character that no word begins with, or a script that is too long.
+    Too long a script or string, or a character that begins no word, is a `ScriptError`.
     """
     if len(text) > MAX_CHARACTERS:
         raise ScriptError("the script is too long", 1, value=len(text), limit=MAX_CHARACTERS)

@@ -101,22 +101,14 @@ def shown(value: Value) -> str:
 
 
 def truth(value: Value) -> bool:
-    """A condition's value.
-
-    Raises:
-        ScriptFault: It is neither a truth value nor a number.
-    """
+    """A condition's value; `ScriptFault` if it is neither a truth value nor a number."""
     if value is True or value is False:
         return value
     return bool(number(value))
 
 
 def number(value: Value) -> float:
-    """A number.
-
-    Raises:
-        ScriptFault: It is none.
-    """
+    """A number; `ScriptFault` if it is none."""
     if value.__class__ is float or value.__class__ is int:
         return value
     raise ScriptFault("a number expected", value=described(value))
