@@ -32,15 +32,11 @@ _OVERSHOOT, _MOVED = 1e-3, 0.1
 class ControlledArm:
     """Holds the set point; without a command in a cycle it brakes to standstill.
 
-    Args:
-        arm: The simulated arm, six joints.
-        rate_hz: Control cycles a second.
-        thermal: Temperatures at the start.
-        seed: Seed of the noise.
-        pose: (6) where it stands at the start [rad].
+    It begins at a pose (6) [rad], its joints as warm as `thermal` says; `rate_hz` is control cycles
+    a second, `seed` that of the noise.
 
     Raises:
-        InputError: Another number of joints, or what `Plant` refuses.
+        InputError: Another number of joints than six, or what `SimulatedPlant` refuses.
     """
 
     def __init__(

@@ -21,10 +21,7 @@ _EXAMPLES = (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command `urtwin`.
-
-    Args:
-        arguments: The words after `urtwin`; None for those of the process.
+    """Run the command `urtwin` with the words after it; None for those of the process.
 
     Returns:
         0 on success, 2 on bad usage or input, 1 when the job failed, 130 on Ctrl-C.
@@ -45,9 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def run_command(arguments: Sequence[str], name: str) -> None:
     """Simulate a controller until Ctrl-C, as the command line says.
 
-    Args:
-        arguments: The words after the name.
-        name: What the user called: `urtwin` or `dynid controller`.
+    `name` is what the user called: `urtwin` or `dynid controller`.
 
     Raises:
         DynidError: Bad input, a taken port, an extra that is not installed.

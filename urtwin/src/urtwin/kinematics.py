@@ -180,19 +180,17 @@ class Arc:
     """(3) [m]."""
     first: Array
     """(3) from the centre to the start [m]."""
-    axis: Array
-    """(3) the unit vector about which it turns."""
-    angle: float
-    """How far it turns [rad]."""
+    rotation: Array
+    """(3) the rotation vector of all of it [rad]."""
 
     @property
     def length(self) -> float:
         """How long the way is [m]."""
-        return self.angle * float(np.linalg.norm(self.first))
+        return float(np.linalg.norm(self.rotation) * np.linalg.norm(self.first))
 
     def turn(self, share: float) -> Array:
         """(3, 3) how the way has turned at a share of it."""
-        return rotation_matrix(share * self.angle * self.axis)
+        return rotation_matrix(share * self.rotation)
 
     def point(self, share: float) -> Array:
         """(3) the point at a share of the way [m]."""
@@ -212,4 +210,4 @@ def arc_through(start: Array, via: Array, end: Array) -> Arc:
     side = np.cross(axis, first)
     last = end - centre
     angle = math.atan2(float(last @ side), float(last @ first)) % (2.0 * math.pi)
-    return Arc(centre, first, axis, angle)
+    return Arc(centre, first, angle * axis)

@@ -164,11 +164,7 @@ class RtdeSession:
         """Whether it wants packages."""
 
     def receive(self, data: bytes) -> bytes:
-        """Take what the client sent; return the answers.
-
-        Raises:
-            ProtocolError: What it sent is no RTDE: close the connection.
-        """
+        """Take what the client sent; the answers. A `ProtocolError` says that it was no RTDE."""
         return b"".join([self._answer(packet) for packet in self._framer.feed(data)])
 
     @property

@@ -24,10 +24,8 @@ def serve(
 ) -> None:
     """Simulate a controller until Ctrl-C, SIGTERM, or the end of the parent process.
 
-    Args:
-        settings: What to simulate, and where.
-        stream: Where to tell people what happens.
-        ready: Called once, when clients can connect, with what they need to know.
+    `stream` tells people what happens; `ready` is called once, when clients can connect, with
+    what they need to know.
 
     Raises:
         InputError: A robot that cannot be simulated, an address that is none, or no such folder.
