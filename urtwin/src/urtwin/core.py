@@ -31,6 +31,14 @@ _STORED: dict[str, Callable[[float], float]] = {
     "bit": bool,
 }
 """What a register of each kind keeps of a value."""
+PROGRAM_STARTED, PROGRAM_STOPPED = "PROGRAM_XXX_STARTED", "PROGRAM_XXX_STOPPED"
+"""Titles by which clients know that a program began or ended."""
+MESSAGES_KEPT = 1000
+START_CYCLES_S = 60
+"""Controller time at the start [s]: clients take less than 40 s for a robot that just booted."""
+_HISTORY_S = 1.0
+_LONGEST = 2_000
+_SCALING_RATE = 4.0
 
 
 class Registers:
@@ -93,10 +101,6 @@ class Signals:
         self.digital_out = keep | (value & mask) << shift
 
 
-PROGRAM_STARTED, PROGRAM_STOPPED = "PROGRAM_XXX_STARTED", "PROGRAM_XXX_STOPPED"
-"""Titles by which clients know that a program began or ended."""
-
-
 class MessageKind(Enum):
     """What sort of message it is."""
 
@@ -131,14 +135,6 @@ class Message:
     def words(self) -> str:
         """All of it in one line, for people."""
         return f"{self.title}: {self.text}" if self.title and not self.line else self.text
-
-
-MESSAGES_KEPT = 1000
-START_CYCLES_S = 60
-"""Controller time at the start [s]: clients take less than 40 s for a robot that just booted."""
-_HISTORY_S = 1.0
-_LONGEST = 2_000
-_SCALING_RATE = 4.0
 
 
 @dataclass(slots=True)

@@ -19,6 +19,10 @@ FindProgram = Callable[[str], str | None]
 """The text of a program, or None if there is none of that name."""
 _ON_THE_ROBOT = "programs"
 _SUFFIXES = (".urp", ".script")
+LONGEST_LINE = 4096
+"""The longest command taken [bytes]."""
+_SPEED = re.compile(r"set speed (\d+(?:\.\d*)?|\.\d+)")
+_LONGEST = 60
 
 
 def program_folder(folder: Path) -> FindProgram:
@@ -50,10 +54,6 @@ def program_folder(folder: Path) -> FindProgram:
 
 def _is_program(parts: tuple[str, ...]) -> bool:
     return bool(parts) and PurePosixPath(parts[-1]).suffix in _SUFFIXES
-
-
-LONGEST_LINE = 4096
-"""The longest command taken [bytes]."""
 
 
 class DashboardSession:
@@ -203,10 +203,6 @@ def _after(action: Callable[[], object], reply: str) -> str:
 
 def _dotted(machine: ControllerMachine) -> str:
     return ".".join(str(number) for number in machine.core.version)
-
-
-_SPEED = re.compile(r"set speed (\d+(?:\.\d*)?|\.\d+)")
-_LONGEST = 60
 
 
 _COMMANDS: dict[str, Callable[[ControllerMachine], object]] = {

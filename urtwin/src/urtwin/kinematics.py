@@ -15,6 +15,13 @@ from dynid.simulation import link_parameters, mujoco_model
 mujoco = require("mujoco", "sim")
 
 _SMALL = 1e-12
+_DAMPING = 1e-6
+_ELBOW = 2
+_ITERATIONS = 60
+_RESTARTS = 5
+_STEP = 0.5
+_RATE_STEP_S = 1e-4
+_FLAT = 1e-9
 
 
 def rotation_matrix(vector: Sequence[float] | Array) -> Array:
@@ -46,20 +53,10 @@ def to_pose(matrix: Array) -> list[float]:
     return [*matrix[:3, 3].tolist(), *rotation_vector(matrix[:3, :3]).tolist()]
 
 
-_DAMPING = 1e-6
-
-
 def joint_speeds(jacobian: Array, twist: Array) -> list[float]:
     """(n) joint speeds for a tool velocity (6), damped where the arm is singular."""
     gram = jacobian @ jacobian.T + _DAMPING * np.eye(6)
     return (jacobian.T @ np.linalg.solve(gram, twist)).tolist()
-
-
-_ELBOW = 2
-_ITERATIONS = 60
-_RESTARTS = 5
-_STEP = 0.5
-_RATE_STEP_S = 1e-4
 
 
 class ToolKinematics:
@@ -167,9 +164,6 @@ class ToolKinematics:
             longest = float(np.max(np.abs(step)))
             q = best + step * min(1.0, _STEP / max(longest, _SMALL))
         return None
-
-
-_FLAT = 1e-9
 
 
 @dataclass(frozen=True, slots=True)

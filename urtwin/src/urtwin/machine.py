@@ -20,6 +20,10 @@ from urtwin.variables import READERS, Inputs, InputValue, OutputValue
 
 _SECONDARY = 10
 _LINE = re.compile(r"\bline (\d+)\b")
+_BOOT_S, _RELEASE_S = 1.0, 0.5
+Version = tuple[int, int, int, int]
+UPRIGHT = (0.0, -math.pi / 2, 0.0, -math.pi / 2, 0.0, 0.0)
+"""Where UR arms stand when a new controller starts [rad]."""
 
 
 def compile_program(text: str) -> CompiledProgram:
@@ -185,12 +189,6 @@ class Programs:
         found = _LINE.search(fault)
         line = int(found.group(1)) if found else 0
         self.core.say(f"{name}: {fault}", "program", 0, MessageKind.EXCEPTION, line=line)
-
-
-_BOOT_S, _RELEASE_S = 1.0, 0.5
-Version = tuple[int, int, int, int]
-UPRIGHT = (0.0, -math.pi / 2, 0.0, -math.pi / 2, 0.0, 0.0)
-"""Where UR arms stand when a new controller starts [rad]."""
 
 
 class ControllerMachine(Programs):

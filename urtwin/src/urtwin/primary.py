@@ -21,6 +21,31 @@ from dynid.robot import RobotModel
 from urtwin.core import Message, MessageKind
 from urtwin.machine import ControllerMachine
 
+_NOT_CALIBRATED = (0xFFFFFFFF,) * 6
+_JOINT_DEFAULTS, _TOOL_DEFAULTS, _EQUIVALENT_RADIUS = (1.047, 1.396), (0.25, 1.2), 0.25
+"""Speed and acceleration of moves; the radius that turns rotations into metres."""
+_MASTERBOARD, _BOX = 6, 4
+_TYPES = {"ur5": 1, "ur10": 2, "ur3": 3, "ur16": 4, "ur20": 7, "ur30": 8}
+_CB_SUBTYPE, _E_SUBTYPE = 1, 3
+_AXES = 6
+_ROBOT_STATE = 16
+_MODE, _JOINTS, _TOOL, _BOARD_STATE, _CARTESIAN, _KINEMATICS, _CONFIGURATION = range(7)
+_FORCE_MODE, _ADDITIONAL, _CALIBRATION, _SAFETY, _TOOL_COMMUNICATION, _TOOL_MODE = range(7, 13)
+_RUNNING_CONTROL = 0
+_INTERNAL_CALIBRATION, _INTERNAL_SAFETY = bytes(48), bytes(38)
+"""Packages for UR's own software."""
+_NO_TOOL_COMMUNICATION = struct.pack(">?iiiff", False, 115_200, 0, 1, 1.5, 3.5)
+_ROBOT_MESSAGE = 20
+_TEXT, _POPUP, _VERSION, _SAFETY_MODE, _ERROR_CODE, _KEY, _EXCEPTION = 0, 2, 3, 5, 6, 7, 10
+_FROM_CONTROLLER, _FROM_PROGRAM = -2, -3
+_PROJECT = b"URControl"
+_BUILD_DATE = b"01-01-2024, 00:00:00"
+_CODE = re.compile(r"C(\d+)(?:A(\d+))?:?\s*")
+_VIOLATION = 3
+_LONGEST_TITLE = 255
+_UR_ONLY = "0"
+"""In the place of values that UR keeps to itself."""
+
 
 def packed(layout: str, *values: float) -> bytes:
     """Values big-endian, whole numbers where the `struct` codes say so (one code a value)."""
@@ -32,15 +57,6 @@ def since(machine: ControllerMachine, cb: tuple[int, int], e_series: tuple[int, 
     """Whether the software is as new as the major and minor number given for its series."""
     version = machine.core.version[:2]
     return version >= (cb if version[0] < 5 else e_series)
-
-
-_NOT_CALIBRATED = (0xFFFFFFFF,) * 6
-_JOINT_DEFAULTS, _TOOL_DEFAULTS, _EQUIVALENT_RADIUS = (1.047, 1.396), (0.25, 1.2), 0.25
-"""Speed and acceleration of moves; the radius that turns rotations into metres."""
-_MASTERBOARD, _BOX = 6, 4
-_TYPES = {"ur5": 1, "ur10": 2, "ur3": 3, "ur16": 4, "ur20": 7, "ur30": 8}
-_CB_SUBTYPE, _E_SUBTYPE = 1, 3
-_AXES = 6
 
 
 def kinematics_info(machine: ControllerMachine) -> bytes:
@@ -82,15 +98,6 @@ def dh_table(robot: RobotModel) -> tuple[Array, Array, Array, Array]:
 
 def _subtype(machine: ControllerMachine) -> int:
     return _CB_SUBTYPE if machine.core.version[0] < 5 else _E_SUBTYPE
-
-
-_ROBOT_STATE = 16
-_MODE, _JOINTS, _TOOL, _BOARD_STATE, _CARTESIAN, _KINEMATICS, _CONFIGURATION = range(7)
-_FORCE_MODE, _ADDITIONAL, _CALIBRATION, _SAFETY, _TOOL_COMMUNICATION, _TOOL_MODE = range(7, 13)
-_RUNNING_CONTROL = 0
-_INTERNAL_CALIBRATION, _INTERNAL_SAFETY = bytes(48), bytes(38)
-"""Packages for UR's own software."""
-_NO_TOOL_COMMUNICATION = struct.pack(">?iiiff", False, 115_200, 0, 1, 1.5, 3.5)
 
 
 def robot_state(machine: ControllerMachine, *, first: bool = False) -> bytes:
@@ -185,16 +192,6 @@ def _additional(machine: ControllerMachine) -> bytes:
     return bytes((machine.core.teaching, True, False, False)[:length])
 
 
-_ROBOT_MESSAGE = 20
-_TEXT, _POPUP, _VERSION, _SAFETY_MODE, _ERROR_CODE, _KEY, _EXCEPTION = 0, 2, 3, 5, 6, 7, 10
-_FROM_CONTROLLER, _FROM_PROGRAM = -2, -3
-_PROJECT = b"URControl"
-_BUILD_DATE = b"01-01-2024, 00:00:00"
-_CODE = re.compile(r"C(\d+)(?:A(\d+))?:?\s*")
-_VIOLATION = 3
-_LONGEST_TITLE = 255
-
-
 def version_message(version: tuple[int, int, int, int], timestamp: float) -> bytes:
     """What a client of 30001 or 30002 reads first, at a controller time [s]."""
     body = _short(_PROJECT) + struct.pack(">BBii", *version) + _BUILD_DATE
@@ -253,8 +250,6 @@ def _message(kind: int, source: int, body: bytes, timestamp: float) -> bytes:
     return struct.pack(">iB", 5 + len(head) + len(body), _ROBOT_MESSAGE) + head + body
 
 
-_UR_ONLY = "0"
-"""In the place of values that UR keeps to itself."""
 _REALTIME: tuple[tuple[tuple[int, int], tuple[int, int], str], ...] = (
     (
         (3, 0),

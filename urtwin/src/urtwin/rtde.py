@@ -31,6 +31,11 @@ a pause of its garbage collector."""
 MEMORY_S = 2.0
 """How long what clients write keeps its order after numbers that may be set points [s]."""
 _SETPOINTS, _STREAM = "input_double_register", 3
+LARGEST_REQUEST = 12_300
+"""The largest packet of a client [bytes]; inputs need less than 3000."""
+_RECIPES = 255
+_FIRST_PROTOCOL_HZ = 125.0
+_COMPLAINTS = 100
 
 
 class InputQueue:
@@ -95,13 +100,6 @@ class InputQueue:
         _, values = self._waiting.popleft()
         for name, value in values.items():
             self._write(name, value)
-
-
-LARGEST_REQUEST = 12_300
-"""The largest packet of a client [bytes]; inputs need less than 3000."""
-_RECIPES = 255
-_FIRST_PROTOCOL_HZ = 125.0
-_COMPLAINTS = 100
 
 
 class Owners:

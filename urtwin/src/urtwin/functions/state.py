@@ -23,6 +23,9 @@ from urtwin.variables import READERS, tool_speed
 
 _STEADY_S, _STANDSTILL = 0.5, 1e-3
 _MAX_PAYLOAD_KG = 50.0
+_MOST_DAMPING, _MOST_GAIN = 1.0, 2.0
+_TYPES = (1, 2, 3)
+_ALL_FREE = (1, 1, 1, 1, 1, 1)
 
 
 def _forward(core: Core, q: Value = None, tcp: Value = None) -> Pose:
@@ -190,11 +193,6 @@ def _jacobian(core: Core, q: Value = None, tcp: Value = None) -> Value:
 def _jacobian_rate(core: Core, q: Value = None, qd: Value = None, tcp: Value = None) -> Value:
     joints, speeds = _joints(core, q).tolist(), _speeds(core, qd)
     return core.arm.kinematics.jacobian_rate(joints, speeds, _tool(core, tcp)).tolist()
-
-
-_MOST_DAMPING, _MOST_GAIN = 1.0, 2.0
-_TYPES = (1, 2, 3)
-_ALL_FREE = (1, 1, 1, 1, 1, 1)
 
 
 def _force_mode(

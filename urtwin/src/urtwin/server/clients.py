@@ -23,6 +23,10 @@ _WORD = re.compile(
 )
 _LONGEST_KEYWORD = 6
 _CODE = re.compile(rb"^[^#\w\"'\n]*[\w\"']", re.MULTILINE)
+LONGEST_LINE = 65_536
+"""The longest line taken [bytes]."""
+_SERIAL = "20240001"
+"""What the dashboard says."""
 
 
 class ScriptRefused(JobError):
@@ -268,10 +272,6 @@ class LeavingClient(Client):
         """Throw it away."""
 
 
-LONGEST_LINE = 65_536
-"""The longest line taken [bytes]."""
-
-
 class InterpreterClient(LineClient):
     """A client of port 30020."""
 
@@ -289,10 +289,6 @@ class InterpreterClient(LineClient):
             text = line.decode(errors="replace").strip()
             if text:
                 self._interpreter.receive(text, self.answer)
-
-
-_SERIAL = "20240001"
-"""What the dashboard says."""
 
 
 class Reception:

@@ -31,6 +31,19 @@ from urtwin.server.connection import UnreadBytes
 CATCH_UP_S = 0.1
 """How far behind the wall clock the controller may run before it gives the time up [s]."""
 _KEPT = 1 << 20
+STALLED_S = 10.0
+"""How long a client may read nothing before it is given up [s]."""
+LEAD_S = 0.024
+"""How far the controller may be ahead of its slowest client [s of controller time]."""
+TOGETHER_S = 0.012
+"""Packages of this much controller time are sent at once [s]."""
+_ROUNDING = 1e-9
+_SOON, _LATER, _PATIENCE = 50e-6, 1e-3, 20
+_SWITCH_S = 0.0005
+_PRIORITY, COMPILER_PRIORITY = 10, 9
+"""Of the loop; of the compiler, which may hold the interpreter lock that the loop waits for."""
+_FILES = 4096
+_YOUNG, _OLD, _OLDEST = 20_000, 20, 50
 
 
 class Pace:
@@ -73,16 +86,6 @@ class Pace:
         ordered = sorted(self._late)
         last = len(ordered) - 1
         return [1e6 * ordered[round(last * share / 100)] for share in percentiles]
-
-
-STALLED_S = 10.0
-"""How long a client may read nothing before it is given up [s]."""
-LEAD_S = 0.024
-"""How far the controller may be ahead of its slowest client [s of controller time]."""
-TOGETHER_S = 0.012
-"""Packages of this much controller time are sent at once [s]."""
-_ROUNDING = 1e-9
-_SOON, _LATER, _PATIENCE = 50e-6, 1e-3, 20
 
 
 class VirtualPace:
@@ -149,13 +152,6 @@ class VirtualPace:
             if 0.0 < left <= watchdog.period:
                 wait = max(wait, min(left, _LATER))
         return wait
-
-
-_SWITCH_S = 0.0005
-_PRIORITY, COMPILER_PRIORITY = 10, 9
-"""Of the loop; of the compiler, which may hold the interpreter lock that the loop waits for."""
-_FILES = 4096
-_YOUNG, _OLD, _OLDEST = 20_000, 20, 50
 
 
 def keep_time(*, real_time: bool) -> bool:

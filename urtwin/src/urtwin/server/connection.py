@@ -14,6 +14,11 @@ _QUERY = struct.Struct("=BBBxI")
 _RECEIVE_QUEUE = struct.Struct("=I")
 _QUEUE_AT = _HEADER.size + 4 + 48 + 4
 _ANY_COOKIE = b"\xff" * 8
+# Where the kernel's queue is full, a client believes itself connected and nobody knows of it.
+_BACKLOG = 1024
+_SEND_BUFFER = 1 << 17
+LEFT = "the client has left"
+_REPLIES = 1 << 16
 
 
 class UnreadBytes:
@@ -62,11 +67,6 @@ def question(sock: socket.socket) -> bytes:
     return _HEADER.pack(_HEADER.size + len(body), _BY_FAMILY, _REQUEST, 0, 0) + body
 
 
-# Where the kernel's queue is full, a client believes itself connected and nobody knows of it.
-_BACKLOG = 1024
-_SEND_BUFFER = 1 << 17
-
-
 def open_listeners(host: str, ports: Iterable[int]) -> list[socket.socket]:
     """Listen on the ports of a controller.
 
@@ -95,10 +95,6 @@ def open_listeners(host: str, ports: Iterable[int]) -> list[socket.socket]:
             ) from error
         listeners.append(sock)
     return listeners
-
-
-LEFT = "the client has left"
-_REPLIES = 1 << 16
 
 
 class Connection:

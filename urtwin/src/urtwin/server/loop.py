@@ -26,6 +26,18 @@ from urtwin.urscript import CompiledProgram, ScriptError
 
 _PER_SECOND = 100
 _SAME_PER_SECOND = 3
+WAITING = 8
+"""Programs that may wait to be compiled."""
+_STATES_HZ = 10
+_EVENTS = 4
+_IDLE_S = 0.5
+STALLED_S = 2.0
+"""How long a client may read nothing before it is given up, in real time [s]."""
+_FAREWELL_S = 1.0
+CLIENTS = 128
+"""Clients of one port at the same time."""
+_NEWCOMER_S = 1.0
+"""How long a client may be silent before its place can be given to another [s]."""
 
 
 class Log:
@@ -61,10 +73,6 @@ class Log:
         except OSError:
             # Nobody reads any more; the robot does not stop for that.
             self._second = int(time.monotonic())
-
-
-WAITING = 8
-"""Programs that may wait to be compiled."""
 
 
 class ScriptCompiler:
@@ -112,9 +120,6 @@ class ScriptCompiler:
             except ScriptError as error:
                 self._compiled.put(error)
             self._wake.send(b"!")
-
-
-_STATES_HZ = 10
 
 
 class Broadcast:
@@ -196,17 +201,6 @@ class Broadcast:
 def _stream(client: Client) -> int:
     """The port whose packets a client gets."""
     return READ_ONLY.get(client.port, client.port)
-
-
-_EVENTS = 4
-_IDLE_S = 0.5
-STALLED_S = 2.0
-"""How long a client may read nothing before it is given up, in real time [s]."""
-_FAREWELL_S = 1.0
-CLIENTS = 128
-"""Clients of one port at the same time."""
-_NEWCOMER_S = 1.0
-"""How long a client may be silent before its place can be given to another [s]."""
 
 
 class ControllerServer:

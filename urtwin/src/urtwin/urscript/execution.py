@@ -21,6 +21,19 @@ another, who may have the section meanwhile; for what it had before. None: for t
 Frame = list[Value]
 Routine = Generator[str | None, None, Any]
 """A built-in that takes time; it yields what it waits for."""
+MAX_THREADS = 50
+"""Most threads at a time."""
+MAX_DEPTH = 40
+"""Deepest calls of one's own functions within each other."""
+MAX_SLOTS = 20_000
+"""Most variables alive at a time, over all calls and threads."""
+MAX_MEMORY = 2_000_000
+"""Most numbers and characters in all variables."""
+CYCLE_CPU_S = 0.05
+"""Processor time that a program may take in one control cycle [s]; what needs longer is an endless
+loop. Where the cycle is shorter, the cycles that follow are late and catch up."""
+_SOONEST_S = 0.001
+"""Least time between two looks at the processor's clock, slower than that of the wall [s]."""
 
 
 class Thread:
@@ -96,21 +109,6 @@ class CriticalSection:
             self.holder, self._depth = None, 0
         if thread in self._line:
             self._line.remove(thread)
-
-
-MAX_THREADS = 50
-"""Most threads at a time."""
-MAX_DEPTH = 40
-"""Deepest calls of one's own functions within each other."""
-MAX_SLOTS = 20_000
-"""Most variables alive at a time, over all calls and threads."""
-MAX_MEMORY = 2_000_000
-"""Most numbers and characters in all variables."""
-CYCLE_CPU_S = 0.05
-"""Processor time that a program may take in one control cycle [s]; what needs longer is an endless
-loop. Where the cycle is shorter, the cycles that follow are late and catch up."""
-_SOONEST_S = 0.001
-"""Least time between two looks at the processor's clock, slower than that of the wall [s]."""
 
 
 class ScriptRun:

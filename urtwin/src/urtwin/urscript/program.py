@@ -19,6 +19,8 @@ from urtwin.urscript.values import Builtin, ScriptError
 
 MAX_VARIABLES = 2_000
 """Most variables of a program or a function."""
+MAX_FUNCTIONS = 2_000
+"""Most functions of a program and of what is added to it."""
 
 
 def program_variables(
@@ -177,10 +179,6 @@ def compile_script(text: str, builtins: Mapping[str, Builtin]) -> CompiledProgra
     if main.parameters:
         raise ScriptError("a program takes no arguments", main.line, value=main.parameters)
     return Context(builtins).compiled(main)
-
-
-MAX_FUNCTIONS = 2_000
-"""Most functions of a program and of what is added to it."""
 
 
 def compile_addition(text: str, context: Context) -> CompiledProgram:
