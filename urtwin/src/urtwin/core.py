@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, InputError
+from dynid.core import Array
 from dynid.protocol import RobotMode
 from dynid.simulation import Servo
 from urtwin.arm import PROTECTIVE_STOP, ControlledArm, ForceMode, Rest
@@ -44,7 +44,7 @@ _SCALING_RATE = 4.0
 class Registers:
     """Registers of one direction, as scripts and RTDE see them: `int`, `double` and `bit`.
 
-    They are counted from zero; one that does not exist is an `InputError`.
+    They are counted from zero; who reads or writes one has checked that it exists.
     """
 
     def __init__(self) -> None:
@@ -56,18 +56,7 @@ class Registers:
 
     def write(self, kind: str, index: int, value: float) -> None:
         """Store a value in a register; integers are cut to 32 bits."""
-        self._check(kind, index)
         self.banks[kind][index] = _STORED[kind](value)
-
-    def read(self, kind: str, index: int) -> int | float | bool:
-        """The value of a register."""
-        self._check(kind, index)
-        return self.banks[kind][index]
-
-    def _check(self, kind: str, index: int) -> None:
-        limit = len(self.banks[kind])
-        if not 0 <= index < limit:
-            raise InputError(f"{kind} register", value=index, limit=(0, limit - 1))
 
     def word(self, first: int) -> int:
         """Thirty-two boolean registers from `first` on, as one number."""
@@ -112,7 +101,7 @@ class MessageKind(Enum):
     NOTE = "what a real controller would not say; for people beside the simulated one"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Message:
     """Something for the screen or the log of the controller."""
 
@@ -259,16 +248,8 @@ class Core:
         blocking: bool = False,
     ) -> None:
         """Put a message out; the oldest is dropped when nobody takes them."""
-        message = Message(
-            text=text[:_LONGEST],
-            source=source,
-            level=level,
-            timestamp=self.now,
-            kind=kind,
-            title=title[:_LONGEST],
-            line=line,
-            blocking=blocking,
-        )
+        text, title = text[:_LONGEST], title[:_LONGEST]
+        message = Message(text, source, level, self.now, kind, title, line, blocking)
         self.messages.append(message)
 
     def protective_stop(self, reason: str) -> None:

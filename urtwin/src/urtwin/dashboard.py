@@ -70,17 +70,12 @@ class DashboardSession:
         self._role = self._mode = "NONE"
         self.over = False
         """Whether the client said goodbye."""
-        fixed = {
-            "is in remote control": "true",
-            "get serial number": serial,
-            "get robot model": model,
-            "version": _dotted(machine),
-            "polyscopeversion": f"URSoftware {_dotted(machine)} (simulated by dynid)",
-        }
         self._answers: dict[str, Callable[[], str]] = {
-            command: lambda reply=reply: reply for command, reply in fixed.items()
-        }
-        self._answers |= {
+            "is in remote control": lambda: "true",
+            "get serial number": lambda: serial,
+            "get robot model": lambda: model,
+            "version": lambda: _dotted(machine),
+            "polyscopeversion": lambda: f"URSoftware {_dotted(machine)} (simulated by dynid)",
             "play": lambda: self._try("play", machine.play(), words.STARTING),
             # Stopping what stands still succeeds on the real pendant too.
             "stop": lambda: _after(machine.stop, words.STOPPED),

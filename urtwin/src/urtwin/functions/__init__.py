@@ -23,11 +23,10 @@ from urtwin.urscript import (
     LIBRARY,
     Builtin,
     Routine,
-    ScriptFault,
     Value,
     builtins,
-    number,
     truth,
+    within,
 )
 
 __all__ = [
@@ -57,9 +56,7 @@ def _sync(core: Core) -> Generator[None, None, None]:
 
 
 def _sleep(core: Core, t: Value) -> Generator[None, None, None]:
-    seconds = number(t)
-    if not 0.0 <= seconds <= _LONGEST_SLEEP_S:
-        raise ScriptFault("time to sleep [s]", value=seconds, limit=(0, _LONGEST_SLEEP_S))
+    seconds = within("time to sleep [s]", t, 0, _LONGEST_SLEEP_S)
     for _ in range(max(1, round(seconds / core.arm.cycle))):
         yield
 

@@ -4,34 +4,26 @@ import math
 from collections.abc import Callable, Generator, Sequence
 from typing import Any
 
-from urtwin.core import FLAGS, Core, InputWatchdog, MessageKind, Registers
-from urtwin.urscript import Builtin, ScriptFault, Value, number, shown, truth
+from urtwin.core import BITS, COUNT, FLAGS, Core, InputWatchdog, MessageKind, Registers
+from urtwin.urscript import Builtin, ScriptFault, Value, number, shown, truth, whole, within
 
 _ACTIONS = ("ignore", "pause", "stop")
 
 
-def _index(address: Value) -> int:
-    if address.__class__ is not int:
-        raise ScriptFault("an address must be a whole number", value=shown(address))
-    return address
-
-
-def _one_of(what: str, n: Value, count: int) -> int:
-    if not 0 <= _index(n) < count:
-        raise ScriptFault(what, value=n, limit=(0, count - 1))
-    return n
-
-
 def _pair(n: Value) -> int:
-    return _one_of("analog signal", n, 2)
+    return whole("analog signal", n, 0, 1)
 
 
 def _flag(n: Value) -> int:
-    return _one_of("flag", n, FLAGS)
+    return whole("flag", n, 0, FLAGS - 1)
+
+
+def _address(kind: str, address: Value) -> int:
+    return whole(f"{kind} register", address, 0, (BITS if kind == "bit" else COUNT) - 1)
 
 
 def _reader(kind: str, bank: Callable[[Core], Registers]) -> Callable[[Core, Value], Value]:
-    return lambda core, address: bank(core).read(kind, _index(address))
+    return lambda core, address: bank(core).banks[kind][_address(kind, address)]
 
 
 def _writer(kind: str) -> Callable[[Core, Value, Value], None]:
@@ -39,7 +31,7 @@ def _writer(kind: str) -> Callable[[Core, Value, Value], None]:
         stored = truth(value) if kind == "bit" else number(value)
         if kind == "int" and not math.isfinite(stored):
             raise ScriptFault("an integer register takes whole numbers", value=stored)
-        core.outputs.write(kind, _index(address), stored)
+        core.outputs.write(kind, _address(kind, address), stored)
 
     return write
 
@@ -69,23 +61,21 @@ def _rtde_set_watchdog(
         raise ScriptFault("a watchdog needs an RTDE input", value=name)
     if wanted not in _ACTIONS:
         raise ScriptFault("action of a watchdog", value=wanted, limit=_ACTIONS)
-    rate = number(min_frequency)
-    if not 0.0 <= rate <= core.rate_hz:
-        raise ScriptFault("frequency of a watchdog", value=rate, limit=(0, core.rate_hz))
+    rate = within("frequency of a watchdog", min_frequency, 0, core.rate_hz)
     period = 1.0 / rate if rate > 0.0 else math.inf
     core.watchdogs[name] = InputWatchdog(name, period, wanted, core.now)
 
 
 def _digital_out(shift: int, count: int) -> Callable[[Core, Value, Value], None]:
     return lambda core, n, b: core.signals.masked(
-        1, int(truth(b)), shift + _one_of("digital output", n, count)
+        1, int(truth(b)), shift + whole("digital output", n, 0, count - 1)
     )
 
 
 def _digital(shift: int, count: int, inputs: bool) -> Callable[[Core, Value], bool]:
     def get(core: Core, n: Value) -> bool:
         bits = core.signals.digital_in if inputs else core.signals.digital_out
-        return bool(bits >> (shift + _one_of("digital signal", n, count)) & 1)
+        return bool(bits >> (shift + whole("digital signal", n, 0, count - 1)) & 1)
 
     return get
 

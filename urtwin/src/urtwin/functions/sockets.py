@@ -16,10 +16,10 @@ from urtwin.urscript import (
     BACK,
     LISTENING,
     MAX_LENGTH,
-    ScriptFault,
     Value,
     number,
     shown,
+    whole,
 )
 
 T = TypeVar("T")
@@ -79,9 +79,7 @@ def _until(
 
 
 def _count(value: Value) -> int:
-    if value.__class__ is not int or not 0 < value <= _MOST:
-        raise ScriptFault("how many to read", value=shown(value), limit=(1, _MOST))
-    return value
+    return whole("how many to read", value, 1, _MOST)
 
 
 def _found(count: int, values: Sequence[float] | None) -> Value:

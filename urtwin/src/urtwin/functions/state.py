@@ -18,6 +18,8 @@ from urtwin.urscript import (
     numbers,
     pose_of,
     shown,
+    whole,
+    within,
 )
 from urtwin.variables import READERS, tool_speed
 
@@ -83,9 +85,7 @@ def _within_limits(core: Core, pose: Value) -> bool:
 
 
 def _history(core: Core, steps: Value = 0) -> Value:
-    if steps.__class__ is not int or not 0 <= steps < len(core.history):
-        raise ScriptFault("steps of the history", value=steps, limit=(0, len(core.history) - 1))
-    return list(core.history[int(steps)])
+    return list(core.history[whole("steps of the history", steps, 0, len(core.history) - 1)])
 
 
 def _is_steady(core: Core) -> bool:
@@ -95,12 +95,10 @@ def _is_steady(core: Core) -> bool:
 
 
 def _set_payload(core: Core, m: Value, cog: Value = None, inertia: Value = None) -> None:
-    mass = number(m)
-    if not 0.0 <= mass <= _MAX_PAYLOAD_KG:
-        raise ScriptFault("payload [kg]", value=mass, limit=(0, _MAX_PAYLOAD_KG))
+    mass = within("payload [kg]", m, 0, _MAX_PAYLOAD_KG)
     center = core.tcp[:3] if cog is None else numbers(cog, 3, "a centre of gravity")
     moments = [0.0] * 6 if inertia is None else numbers(inertia, 6, "inertias")
-    core.payload = ToolPayload(float(mass), list(center), moments)
+    core.payload = ToolPayload(mass, list(center), moments)
     core.believe()
 
 
@@ -120,9 +118,7 @@ def _set_tcp(core: Core, pose: Value, tcp_name: Value = "") -> None:
 
 
 def _joint_temperature(core: Core, j: Value) -> float:
-    if not isinstance(j, int) or not 0 <= j < 6:
-        raise ScriptFault("joint", value=j, limit=(0, 5))
-    return core.arm.measured("temperature")[j]
+    return core.arm.measured("temperature")[whole("joint", j, 0, 5)]
 
 
 def _rtde_value(core: Core, variable_name: Value) -> Value:
@@ -221,14 +217,7 @@ def _end_force_mode(core: Core) -> None:
 
 
 def _set_gain(core: Core, scaling: Value) -> None:
-    core.force_gain = _between("gain of force mode", scaling, _MOST_GAIN)
-
-
-def _between(what: str, value: Value, most: float) -> float:
-    found = float(number(value))
-    if not 0.0 <= found <= most:
-        raise ScriptFault(what, value=found, limit=(0, most))
-    return found
+    core.force_gain = within("gain of force mode", scaling, 0, _MOST_GAIN)
 
 
 def _teach(core: Core) -> None:
@@ -254,8 +243,8 @@ _AT_THE_TOOL: dict[str, Callable[[Core], Value]] = {
     "get_freedrive_status": lambda core: 0,
 }
 _FORCE: dict[str, Callable[[Core, Value], Value]] = {
-    "force_mode_set_damping": lambda core, damping: _between(
-        "damping of force mode", damping, _MOST_DAMPING
+    "force_mode_set_damping": lambda core, damping: within(
+        "damping of force mode", damping, 0, _MOST_DAMPING
     ),
     "force_mode_set_gain_scaling": _set_gain,
     # The tool touches nothing.

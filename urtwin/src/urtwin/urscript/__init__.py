@@ -20,6 +20,8 @@ from urtwin.urscript.values import (
     number,
     shown,
     truth,
+    whole,
+    within,
 )
 
 __all__ = [
@@ -46,4 +48,6 @@ __all__ = [
     "pose_of",
     "shown",
     "truth",
+    "whole",
+    "within",
 ]

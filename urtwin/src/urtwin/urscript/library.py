@@ -20,9 +20,11 @@ from urtwin.urscript.values import (
     Value,
     described,
     is_matrix,
+    limited,
     number,
     shown,
     truth,
+    whole,
 )
 
 
@@ -44,9 +46,7 @@ def _length(v: Value) -> int:
 
 
 def _make_list(length: Value, initial_value: Value, capacity: Value = 0) -> list[Value]:
-    if not 0 <= _whole(length) <= MAX_LENGTH:
-        raise ScriptFault("length of a list", value=length, limit=(0, MAX_LENGTH))
-    return [initial_value] * length
+    return [initial_value] * whole("length of a list", length, 0, MAX_LENGTH)
 
 
 def _whole(value: Value) -> int:
@@ -66,23 +66,14 @@ def _text(value: Value) -> str:
     return value
 
 
-def _to_str(val: Value) -> str:
-    text = shown(val)
-    if len(text) > MAX_LENGTH:
-        raise ScriptFault("the string is too long", value=len(text), limit=MAX_LENGTH)
-    return text
-
-
 def _to_num(str: Value) -> Value:
     text = _text(str).strip()
     return int(text) if text.lstrip("+-").isdigit() and len(text) < 10 else float(text)
 
 
 def _str_at(src: Value, index: Value) -> str:
-    text, place = _text(src), _whole(index)
-    if not 0 <= place < len(text):
-        raise ScriptFault("no such character", value=place, limit=(0, len(text) - 1))
-    return text[place]
+    text = _text(src)
+    return text[whole("no such character", index, 0, len(text) - 1)]
 
 
 def _str_find(src: Value, target: Value, start_from: Value = 0) -> int:
@@ -116,7 +107,7 @@ _OF_ONE: dict[str, Callable[[Value], Value]] = {
     "str_empty": lambda str: _text(str) == "",
     "str_len": lambda str: len(_text(str)),
     "to_num": _to_num,
-    "to_str": _to_str,
+    "to_str": lambda val: limited(shown(val)),
 }
 _OF_TWO: dict[str, Callable[[Value, Value], Value]] = {
     # Named as in URScript's manual, where the first argument is the ordinate.
@@ -124,7 +115,7 @@ _OF_TWO: dict[str, Callable[[Value, Value], Value]] = {
     "log": lambda b, f: math.log(number(f), number(b)),
     "pow": lambda base, exponent: math.pow(number(base), number(exponent)),
     "str_at": _str_at,
-    "str_cat": lambda op1, op2: _to_str(shown(op1) + shown(op2)),
+    "str_cat": lambda op1, op2: limited(shown(op1) + shown(op2)),
 }
 
 

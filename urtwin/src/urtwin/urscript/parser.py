@@ -1,10 +1,9 @@
 """From tokens to the syntax tree: expressions and statements.
 
-By hand, not with lark. Its LALR parser behind `tokenize`, with a grammar of 60 lines, makes a bare
-tree of the script of UR's drivers (50 kB) in 0.10 to 0.14 s of processor time, this the final tree
-in 0.02 to 0.04 s; of 2 000 lines of `servoj` in 0.69 and 0.22 s. Universal Robots' client library
-waits 0.5 s for that program to run, compiled while control cycles go on. Nodes, the limit of
-nesting and words for errors included, a grammar would save some 100 lines.
+By hand, not with lark: its LALR parser behind `tokenize` makes a bare tree of the script of UR's
+drivers (50 kB) in 0.10 to 0.14 s of processor time, this the final tree in 0.02 to 0.04 s. UR's
+client library waits 0.5 s for that program, which is compiled while control cycles go on. A
+grammar would save some 100 lines.
 """
 
 from collections.abc import Iterator

@@ -114,6 +114,28 @@ def number(value: Value) -> float:
     raise ScriptFault("a number expected", value=described(value))
 
 
+def within(what: str, value: Value, least: float, most: float) -> float:
+    """A number within limits; a `ScriptFault` that says what it is, if it is none."""
+    found = float(number(value))
+    if not least <= found <= most:
+        raise ScriptFault(what, value=found, limit=(least, most))
+    return found
+
+
+def whole(what: str, value: Value, least: int, most: int) -> int:
+    """As `within`, for a whole number."""
+    if value.__class__ is not int or not least <= value <= most:
+        raise ScriptFault(what, value=shown(value), limit=(least, most))
+    return value
+
+
+def limited(text: str) -> str:
+    """A string that is not too long; else a `ScriptFault`."""
+    if len(text) > MAX_LENGTH:
+        raise ScriptFault("the string is too long", value=len(text), limit=MAX_LENGTH)
+    return text
+
+
 def is_matrix(value: Value) -> bool:
     """Whether a value is a list of rows of one length."""
     rows = cast("list[Any]", value) if value.__class__ is list else []
@@ -187,10 +209,7 @@ def _joined(a: Value, b: Value) -> Value:
         return None
     if isinstance(a, list) or isinstance(b, list):
         raise ScriptFault("a list must be turned into text with to_str first")
-    text = shown(a) + shown(b)
-    if len(text) > MAX_LENGTH:
-        raise ScriptFault("the string is too long", value=len(text), limit=MAX_LENGTH)
-    return text
+    return limited(shown(a) + shown(b))
 
 
 def _product(a: Value, b: Value) -> Value:
