@@ -150,11 +150,11 @@ def test_a_paused_program_is_fed_again_by_play(arm: SimulatedArm) -> None:
         'def f():\n rtde_set_watchdog("input_int_register_24", 20, "pause")\n sleep(9)\nend'
     )
     ticks(machine, 0.2)
-    assert machine.program_state == "PAUSED"
+    assert machine.core.runtime.name == "PAUSED"
     assert machine.play()
     machine.set_input("input_int_register_24", 1)
     machine.tick()
-    assert machine.program_state == "PLAYING"
+    assert machine.core.runtime.name == "PLAYING"
 
 
 def test_an_arm_that_runs_away_is_switched_off(
@@ -213,11 +213,11 @@ def test_loaded_programs_and_popups(arm: SimulatedArm) -> None:
     assert machine.load("ask.urp", 'def ask():\n popup("go?", blocking=True)\nend')
     assert machine.play()
     ticks(machine, 0.5)
-    assert (machine.program_name, machine.program_state) == ("ask.urp", "PLAYING")
+    assert (machine.program_name, machine.core.runtime.name) == ("ask.urp", "PLAYING")
     assert any("go?" in text for text in said(machine))
     machine.core.blocking_popup = False
     ticks(machine, 0.1)
-    assert machine.program_state == "STOPPED"
+    assert machine.core.runtime.name == "STOPPED"
 
 
 def test_a_script_replaces_another_and_a_secondary_one_does_not(arm: SimulatedArm) -> None:

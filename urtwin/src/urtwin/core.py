@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dynid.core import Array
-from dynid.protocol import RobotMode
+from dynid.protocol import RobotMode, RuntimeState
 from dynid.simulation import Servo
 from urtwin.arm import PROTECTIVE_STOP, ControlledArm, ForceMode, Rest
 from urtwin.interpreter import Interpreter
@@ -195,6 +195,13 @@ class Core:
     def now(self) -> float:
         """Controller time [s]."""
         return (START_CYCLES_S * self.rate_hz + self.cycles) / self.rate_hz
+
+    @property
+    def runtime(self) -> RuntimeState:
+        """Whether a program plays, is paused, or neither."""
+        if not self.playing:
+            return RuntimeState.STOPPED
+        return RuntimeState.PAUSED if self.paused else RuntimeState.PLAYING
 
     def scale(self) -> None:
         """Let the speed scaling follow the slider, without a jump."""

@@ -84,7 +84,7 @@ class DashboardSession:
             "robotmode": lambda: f"Robotmode: {machine.core.mode.name}",
             "safetymode": lambda: f"Safetymode: {machine.core.safety.mode.name}",
             "safetystatus": lambda: f"Safetystatus: {machine.core.safety.mode.name}",
-            "programstate": lambda: f"{machine.program_state} {machine.program_name or 'null'}",
+            "programstate": lambda: f"{machine.core.runtime.name} {machine.program_name or 'null'}",
             "get loaded program": self._loaded,
             "isprogramsaved": lambda: f"true {machine.program_name or 'null'}",
             "power on": lambda: self._try("power on", machine.power_on(), words.POWERING_ON),

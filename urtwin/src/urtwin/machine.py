@@ -324,13 +324,6 @@ class ControllerMachine(Programs):
         """Whether a program runs or is paused."""
         return self.core.playing
 
-    @property
-    def program_state(self) -> str:
-        """`STOPPED`, `PLAYING` or `PAUSED`."""
-        if not self.core.playing:
-            return "STOPPED"
-        return "PAUSED" if self.core.paused else "PLAYING"
-
     def _switch(self, wanted: RobotMode) -> None:
         core = self.core
         self._wanted = wanted

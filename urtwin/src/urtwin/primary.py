@@ -125,12 +125,13 @@ def robot_state(machine: ControllerMachine, *, first: bool = False) -> bytes:
 
 
 def _mode(machine: ControllerMachine) -> bytes:
-    core, state = machine.core, machine.program_state
+    core = machine.core
     (timestamp,) = machine.numbers("timestamp")
     flags = (
         # The fourth: the emergency stop, which nobody can press here.
         *(True, True, core.mode > RobotMode.POWER_OFF, False),
-        *(core.safety.mode == SafetyMode.PROTECTIVE_STOP, state == "PLAYING", state == "PAUSED"),
+        *(core.safety.mode == SafetyMode.PROTECTIVE_STOP, core.playing and not core.paused),
+        core.playing and core.paused,
     )
     speeds = machine.numbers("target_speed_fraction", "speed_scaling")
     modes = (core.mode, _RUNNING_CONTROL)
