@@ -16,7 +16,8 @@ from dynid.robot import load_robot
 from dynid.trajectory import read_trajectory
 from dynid.workflow import DesignSettings, RunSettings, design, run_design
 from dynid.workflow.running import load_design
-from urtwin import UPRIGHT, controller_process, own_address
+from urtwin import controller_process, own_address
+from urtwin.machine import UPRIGHT
 
 JUDGE = safe_constraints(load_robot("ur5"))
 PERIOD_S, HARMONICS, CYCLES = 6.0, 4, 750

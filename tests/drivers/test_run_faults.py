@@ -26,7 +26,8 @@ from gentle_motion import CYCLES, write_gentle
 from dynid.cli.app import main
 from dynid.drivers.ur.link import Dashboard, RtdeLink, ScriptPort
 from dynid.recording import ExperimentRecord, read_record
-from urtwin import LEAD_S, RunningController, controller_process, own_address
+from urtwin import RunningController, controller_process, own_address
+from urtwin.server import LEAD_S
 
 STOP_S = 0.1
 """Controller time within which the robot must stop [s]."""

@@ -17,7 +17,8 @@ from dynid.trajectory import (
     rest_series,
     ur_program,
 )
-from urtwin import BUILTINS, compile_script
+from urtwin.functions import BUILTINS
+from urtwin.urscript import compile_script
 
 # Targets on the controller against `evaluate` [rad].
 SAME = 1e-12

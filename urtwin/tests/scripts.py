@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from urtwin import BUILTINS, ControllerMachine
+from urtwin import ControllerMachine
+from urtwin.functions import BUILTINS
 from urtwin.urscript import ScriptRun, compile_script
 
 HOME = np.array([0.0, -1.4, 1.2, -1.3, -1.2, 0.3])

@@ -13,7 +13,8 @@ from dynid.protocol import Kind, rtde
 from dynid.protocol.rtde import frame
 from rtde_client import TIMEOUT_S, RtdeClient, ask_dashboard, send_script, wait_for
 from urtwin import controller_process
-from urtwin.server.listeners import CLIENTS, PORTS
+from urtwin.server.loop import CLIENTS
+from urtwin.server.settings import PORTS, READ_ONLY
 
 pytestmark = pytest.mark.realtime
 
@@ -85,7 +86,7 @@ def pour(host, port, data):
 @pytest.mark.parametrize("seed", range(4))
 def test_garbage_on_every_port(host, good, seed):
     junk = random.Random(seed).randbytes(20_000)
-    for port in PORTS:
+    for port in (*PORTS.values(), *READ_ONLY):
         pour(host.host, port, junk)
     assert ask_dashboard(host.host, "robotmode") == ["Robotmode: RUNNING"]
 

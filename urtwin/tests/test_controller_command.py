@@ -4,6 +4,7 @@ import json
 import signal
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from dynid.core import JobError
 from dynid.robot import load_robot
 from dynid.simulation import SERIAL, simulated_arm
-from rtde_client import RtdeClient, ask_dashboard, wait_for
+from rtde_client import RtdeClient, ask_dashboard, send_script, wait_for
 from urtwin import controller_process, own_address
 
 pytestmark = pytest.mark.realtime
@@ -74,6 +75,15 @@ def test_sigterm_ends_it_cleanly_and_clients_are_hung_up():
         assert controller.process.wait(20) == 0
         with pytest.raises(ConnectionError):
             client.rows(10_000)
+
+
+def test_a_long_script_that_is_being_compiled_does_not_delay_the_end():
+    with controller_process("ur5") as controller:
+        send_script(controller.host, "def f():\n" + "x = [1, 2, 3, 4]\n" * 55_000 + "end\n")
+        time.sleep(0.5)
+        began = time.monotonic()
+        assert controller.end() == 0
+        assert time.monotonic() - began < 2.0
 
 
 def test_a_taken_address_is_told(real):

@@ -149,7 +149,7 @@ def test_power_goes_off_and_on_again(machine, session):
 
 
 def test_a_protective_stop_is_unlocked_after_five_seconds(machine, session):
-    machine.protective_stop("C153: test")
+    machine.core.protective_stop("C153: test")
     run(machine, 10)
     assert session.answer("safetymode") == "Safetymode: PROTECTIVE_STOP"
     assert session.answer("unlock protective stop") == words.UNLOCK_TOO_EARLY

@@ -4,9 +4,9 @@ import pytest
 
 from fuzzing import run
 from scripts import execution, finish, said, ticks
-from urtwin import ControllerMachine, compile_script
+from urtwin import ControllerMachine
 from urtwin.dashboard import program_folder
-from urtwin.urscript import Calling, builtins
+from urtwin.urscript import builtins, compile_script
 
 OPERATIONS = 60_000
 """More than UR's driver program needs in any cycle, five times what 500 Hz allowed once."""
@@ -37,7 +37,7 @@ def test_a_fault_of_a_built_in_ends_the_script_alone():
     def broken():
         return {}["nothing"]
 
-    program = compile_script("def f():\n broken()\nend", builtins({"broken": broken}, Calling.PURE))
+    program = compile_script("def f():\n broken()\nend", builtins({"broken": broken}))
     running = program.execution(None)
     running.step()
     assert running.finished

@@ -35,7 +35,7 @@ def moving(
 @pytest.mark.parametrize("rate_hz", [125.0, 500.0])
 def test_a_protective_stop_stops_in_time(arm: SimulatedArm, joint: int, rate_hz: float) -> None:
     machine = moving(arm, joint, 2.5, rate_hz)
-    machine.protective_stop("test")
+    machine.core.protective_stop("test")
     ticks(machine, STOP_WITHIN)
     assert abs(machine.output("actual_qd")[joint]) < STANDING
     assert machine.output("runtime_state") == 1
@@ -56,7 +56,7 @@ def test_a_stopped_program_stops_the_arm_in_time(arm: SimulatedArm, joint: int) 
 
 def test_nothing_moves_in_a_protective_stop(arm: SimulatedArm) -> None:
     machine = ControllerMachine(arm, pose=START, safety=OPEN)
-    machine.protective_stop("test")
+    machine.core.protective_stop("test")
     before = machine.output("target_q")
     machine.run_script(f"movej({(HOME + 0.3).tolist()})")
     ticks(machine, 0.5)
@@ -68,7 +68,7 @@ def test_nothing_moves_in_a_protective_stop(arm: SimulatedArm) -> None:
 def test_unlocking_takes_its_time(arm: SimulatedArm) -> None:
     machine = ControllerMachine(arm, pose=START)
     assert not machine.unlock_protective_stop(), "there is nothing to unlock"
-    machine.protective_stop("test")
+    machine.core.protective_stop("test")
     ticks(machine, 4.9)
     assert not machine.unlock_protective_stop()
     ticks(machine, 0.2)
@@ -150,11 +150,11 @@ def test_a_paused_program_is_fed_again_by_play(arm: SimulatedArm) -> None:
         'def f():\n rtde_set_watchdog("input_int_register_24", 20, "pause")\n sleep(9)\nend'
     )
     ticks(machine, 0.2)
-    assert machine.program_state == "PAUSED"
+    assert machine.core.runtime.name == "PAUSED"
     assert machine.play()
     machine.set_input("input_int_register_24", 1)
     machine.tick()
-    assert machine.program_state == "PLAYING"
+    assert machine.core.runtime.name == "PLAYING"
 
 
 def test_an_arm_that_runs_away_is_switched_off(
@@ -175,7 +175,7 @@ def test_an_arm_that_runs_away_is_switched_off(
     assert not machine.program_running
     assert not machine.power_on()
     assert not machine.unlock_protective_stop()
-    assert machine.restart_safety()
+    assert machine.core.safety.restart()
     assert machine.brake_release()
     ticks(machine, 2.0)
     assert machine.output("robot_mode") == 7
@@ -213,11 +213,11 @@ def test_loaded_programs_and_popups(arm: SimulatedArm) -> None:
     assert machine.load("ask.urp", 'def ask():\n popup("go?", blocking=True)\nend')
     assert machine.play()
     ticks(machine, 0.5)
-    assert (machine.program_name, machine.program_state) == ("ask.urp", "PLAYING")
+    assert (machine.program_name, machine.core.runtime.name) == ("ask.urp", "PLAYING")
     assert any("go?" in text for text in said(machine))
-    machine.close_popup()
+    machine.core.blocking_popup = False
     ticks(machine, 0.1)
-    assert machine.program_state == "STOPPED"
+    assert machine.core.runtime.name == "STOPPED"
 
 
 def test_a_script_replaces_another_and_a_secondary_one_does_not(arm: SimulatedArm) -> None:

@@ -10,7 +10,7 @@ from dynid.protocol.rtde import frame
 from dynid.robot import load_robot
 from dynid.simulation import simulated_arm
 from urtwin import ControllerMachine
-from urtwin.rtde import LONGEST, Owners, Packer, RtdeSession
+from urtwin.rtde import LONGEST, Owners, RtdeSession
 
 
 @pytest.fixture
@@ -25,6 +25,10 @@ def session(machine, owners):
         Kind.REQUEST_PROTOCOL_VERSION, True
     )
     return session
+
+
+def package(machine, recipe):
+    return recipe.packet(machine.numbers(*recipe.names))
 
 
 def answers(session, request):
@@ -107,7 +111,7 @@ def test_protocol_one_has_no_recipe_numbers(machine, owners):
     )
     session.receive(rtde.frame(rtde.Kind.START))
     machine.tick()
-    packet = Packer(machine).package(session.outputs)
+    packet = package(machine, session.outputs)
     assert packet[:3] == b"\x00\x3bU"
     assert struct.unpack_from(">d", packet, 3)[0] == machine.output("timestamp")
     assert Recipe.of(["a"], ["INT32"], 1).packet([5])[:4] == b"\x00\x08U\x01"
@@ -176,28 +180,16 @@ def test_pause_stops_the_stream(session):
     assert not session.streaming
 
 
-def test_clients_with_one_recipe_share_the_packing(machine, owners):
-    packer = Packer(machine)
-    recipe = Recipe.of(["timestamp", "actual_q"], ["DOUBLE", "VECTOR6D"], 1)
-    first = packer.package(recipe)
-    same = Recipe.of(["timestamp", "actual_q"], ["DOUBLE", "VECTOR6D"], 1)
-    assert packer.package(same) is first
-    machine.tick()
-    packer.next_cycle()
-    assert packer.package(recipe) != first
-
-
 def test_every_output_of_the_guide_can_be_packed(machine, e_machine):
     for controller in (machine, e_machine):
         controller.tick()
         session = RtdeSession(controller, Owners())
         session.receive(rtde.request_protocol(2))
-        packer = Packer(controller)
         for name, field in OUTPUTS.items():
             if field.exists_in(controller.core.version[:3]):
                 assert outputs(session, [name]) == (1, (field.type.name,))
                 recipe = session.outputs
-                assert len(packer.package(recipe)) == 3 + recipe.size
+                assert len(package(controller, recipe)) == 3 + recipe.size
 
 
 def test_every_input_of_the_guide_can_be_written(machine, session):
@@ -219,10 +211,9 @@ def test_no_number_in_an_input_breaks_the_controller(machine, session, number):
         session.receive(recipe.packet([extreme] * field.type.count))
     for _ in range(20):
         machine.tick()
-    packer = Packer(machine)
     for name in ("speed_scaling", "target_q", "actual_q", "standard_analog_output0"):
         outputs(session, [name])
-        values = session.outputs.unpack(packer.package(session.outputs)[3:])
+        values = session.outputs.unpack(package(machine, session.outputs)[3:])
         assert np.isfinite(values[name]).all(), name
 
 
@@ -277,5 +268,5 @@ def test_all_outputs_of_the_newest_software_fit_one_recipe():
     number, types = rtde.read_setup_answer(Kind.SETUP_OUTPUTS, payload, 2)
     assert number == 1
     recipe = Recipe.of(OUTPUTS, types, number)
-    package = Packer(machine).package(recipe)
-    assert recipe.unpack(package[3:])["robot_mode"] == 7
+    packed = package(machine, recipe)
+    assert recipe.unpack(packed[3:])["robot_mode"] == 7

@@ -100,7 +100,7 @@ def test_robot_mode_data(machine):
     assert stamp == round(1e6 * machine.output("timestamp"))
     assert flags == [True, True, True, False, False, False, False]
     assert (mode, control, target, scaling, limit) == (7, 0, 1.0, 1.0, 1.0)
-    machine.protective_stop("test")
+    machine.core.protective_stop("test")
     machine.tick()
     flags = struct.unpack_from(">Q7?", packages(robot_state(machine))[0])[1:]
     assert flags[4]
@@ -223,7 +223,7 @@ def test_a_fault_names_its_line(machine):
 
 def test_a_stop_has_its_code_and_its_mode(machine):
     # src/primary/robot_message/error_code_message.cpp and safety_mode_message.cpp
-    machine.protective_stop("C191A33: Joint 1 speed violation")
+    machine.core.protective_stop("C191A33: Joint 1 speed violation")
     ((_, code),) = heard(machine, ERROR_CODE)
     assert struct.unpack_from(">iii", code) == (191, 33, 3)
     assert code[20:] == b"C191A33: Joint 1 speed violation"

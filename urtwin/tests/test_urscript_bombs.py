@@ -6,7 +6,7 @@ import tracemalloc
 import pytest
 
 from scripts import execution, fault
-from urtwin import BUILTINS
+from urtwin.functions import BUILTINS
 from urtwin.urscript import ScriptError, compile_script
 
 MEGABYTE = 1_000_000

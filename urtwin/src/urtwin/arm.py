@@ -32,15 +32,11 @@ _OVERSHOOT, _MOVED = 1e-3, 0.1
 class ControlledArm:
     """Holds the set point; without a command in a cycle it brakes to standstill.
 
-    Args:
-        arm: The simulated arm, six joints.
-        rate_hz: Control cycles a second.
-        thermal: Temperatures at the start.
-        seed: Seed of the noise.
-        pose: (6) where it stands at the start [rad].
+    It begins at a pose (6) [rad], its joints as warm as `thermal` says; `rate_hz` is control cycles
+    a second, `seed` that of the noise.
 
     Raises:
-        InputError: Another number of joints, or what `Plant` refuses.
+        InputError: Another number of joints than six, or what `SimulatedPlant` refuses.
     """
 
     def __init__(
@@ -113,10 +109,7 @@ class ControlledArm:
         return self.truth.sensors.seen(quantity, true, self._noise[row]).tolist()
 
     def draw_anew(self, number: int) -> None:
-        """Begin the noise of a program: it does not depend on when the program was sent.
-
-        `number` counts the programs that were started.
-        """
+        """Begin the noise of the program of a number: it does not depend on when that was sent."""
         self._generator = np.random.default_rng((self._seed, number))
 
     def _measure(self) -> None:
@@ -213,12 +206,9 @@ class Trapezoid:
 
 
 def trapezoid(length: float, speed: float, acceleration: float, time: float = 0.0) -> Trapezoid:
-    """The profile of a move over a length, in m or rad and s.
+    """The profile of a move over a length, in m or rad and s; `InputError` for impossible numbers.
 
-    A positive time takes the place of speed and acceleration.
-
-    Raises:
-        InputError: A speed or acceleration that is not positive, or numbers that are not finite.
+    A positive time takes the place of speed and acceleration, which have to be positive else.
     """
     if not all(map(math.isfinite, (length, speed, acceleration, time))):
         raise InputError("a move needs finite numbers", value=(length, speed, acceleration, time))

@@ -21,10 +21,7 @@ _EXAMPLES = (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command `urtwin`.
-
-    Args:
-        arguments: The words after `urtwin`; None for those of the process.
+    """Run the command `urtwin` with the words after it; None for those of the process.
 
     Returns:
         0 on success, 2 on bad usage or input, 1 when the job failed, 130 on Ctrl-C.
@@ -45,9 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def run_command(arguments: Sequence[str], name: str) -> None:
     """Simulate a controller until Ctrl-C, as the command line says.
 
-    Args:
-        arguments: The words after the name.
-        name: What the user called: `urtwin` or `dynid controller`.
+    `name` is what the user called: `urtwin` or `dynid controller`.
 
     Raises:
         DynidError: Bad input, a taken port, an extra that is not installed.
@@ -169,11 +164,7 @@ def _controller(
 
 
 def _thermal(text: str) -> str | float:
-    """A thermal state: `cold`, `warm` or degC, whose range the simulated arm checks.
-
-    Raises:
-        InputError: Another word.
-    """
+    """`cold`, `warm` or degC, whose range the arm checks; else an `InputError`."""
     if text in ("cold", "warm"):
         return text
     try:
@@ -188,11 +179,7 @@ def _thermal(text: str) -> str | float:
 
 
 def _address(host: str, *, expose: bool) -> str:
-    """The address to listen on.
-
-    Raises:
-        InputError: It is no IPv4 address, or other machines can reach it.
-    """
+    """The address to listen on; `InputError` if it is none, or other machines can reach it."""
     try:
         address = ipaddress.IPv4Address("127.0.0.1" if host == "localhost" else host)
     except ValueError as error:
@@ -217,11 +204,7 @@ def _address(host: str, *, expose: bool) -> str:
 
 
 def _version(text: str) -> tuple[int, int, int]:
-    """The numbers of a version.
-
-    Raises:
-        InputError: It is none.
-    """
+    """The numbers of a version; `InputError` if it is none."""
     parts = text.split(".")
     if not 2 <= len(parts) <= 3 or not all(part.isdigit() and len(part) < 4 for part in parts):
         raise InputError(

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from dynid.core import Array, InputError
-from dynid.protocol import RobotMode
+from dynid.core import Array
+from dynid.protocol import RobotMode, RuntimeState
 from dynid.simulation import Servo
 from urtwin.arm import PROTECTIVE_STOP, ControlledArm, ForceMode, Rest
 from urtwin.interpreter import Interpreter
@@ -31,10 +31,21 @@ _STORED: dict[str, Callable[[float], float]] = {
     "bit": bool,
 }
 """What a register of each kind keeps of a value."""
+PROGRAM_STARTED, PROGRAM_STOPPED = "PROGRAM_XXX_STARTED", "PROGRAM_XXX_STOPPED"
+"""Titles by which clients know that a program began or ended."""
+MESSAGES_KEPT = 1000
+START_CYCLES_S = 60
+"""Controller time at the start [s]: clients take less than 40 s for a robot that just booted."""
+_HISTORY_S = 1.0
+_LONGEST = 2_000
+_SCALING_RATE = 4.0
 
 
 class Registers:
-    """Registers of one direction, as scripts and RTDE see them: `int`, `double` and `bit`."""
+    """Registers of one direction, as scripts and RTDE see them: `int`, `double` and `bit`.
+
+    They are counted from zero; who reads or writes one has checked that it exists.
+    """
 
     def __init__(self) -> None:
         self.banks: dict[str, list[Any]] = {
@@ -44,27 +55,8 @@ class Registers:
         }
 
     def write(self, kind: str, index: int, value: float) -> None:
-        """Store a value in a register, counted from zero; integers are cut to 32 bits.
-
-        Raises:
-            InputError: No such register.
-        """
-        self._check(kind, index)
+        """Store a value in a register; integers are cut to 32 bits."""
         self.banks[kind][index] = _STORED[kind](value)
-
-    def read(self, kind: str, index: int) -> int | float | bool:
-        """The value of a register, counted from zero.
-
-        Raises:
-            InputError: No such register.
-        """
-        self._check(kind, index)
-        return self.banks[kind][index]
-
-    def _check(self, kind: str, index: int) -> None:
-        limit = len(self.banks[kind])
-        if not 0 <= index < limit:
-            raise InputError(f"{kind} register", value=index, limit=(0, limit - 1))
 
     def word(self, first: int) -> int:
         """Thirty-two boolean registers from `first` on, as one number."""
@@ -98,10 +90,6 @@ class Signals:
         self.digital_out = keep | (value & mask) << shift
 
 
-PROGRAM_STARTED, PROGRAM_STOPPED = "PROGRAM_XXX_STARTED", "PROGRAM_XXX_STOPPED"
-"""Titles by which clients know that a program began or ended."""
-
-
 class MessageKind(Enum):
     """What sort of message it is."""
 
@@ -113,7 +101,7 @@ class MessageKind(Enum):
     NOTE = "what a real controller would not say; for people beside the simulated one"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Message:
     """Something for the screen or the log of the controller."""
 
@@ -136,14 +124,6 @@ class Message:
     def words(self) -> str:
         """All of it in one line, for people."""
         return f"{self.title}: {self.text}" if self.title and not self.line else self.text
-
-
-MESSAGES_KEPT = 1000
-START_CYCLES_S = 60
-"""Controller time at the start [s]: clients take less than 40 s for a robot that just booted."""
-_HISTORY_S = 1.0
-_LONGEST = 2_000
-_SCALING_RATE = 4.0
 
 
 @dataclass(slots=True)
@@ -216,6 +196,13 @@ class Core:
         """Controller time [s]."""
         return (START_CYCLES_S * self.rate_hz + self.cycles) / self.rate_hz
 
+    @property
+    def runtime(self) -> RuntimeState:
+        """Whether a program plays, is paused, or neither."""
+        if not self.playing:
+            return RuntimeState.STOPPED
+        return RuntimeState.PAUSED if self.paused else RuntimeState.PLAYING
+
     def scale(self) -> None:
         """Let the speed scaling follow the slider, without a jump."""
         wanted = 0.0 if self.safety.stopped else self.speed_fraction
@@ -225,8 +212,7 @@ class Core:
     def move(self, q: list[float], mover: object) -> None:
         """Send the arm to joint positions (6) in this cycle [rad].
 
-        Raises:
-            ScriptFault: Somebody else moves the arm in the same cycle.
+        Where somebody else moves it in the same cycle, that is a `ScriptFault`.
         """
         if self.arm.pending is not None and self._mover is not mover:
             raise ScriptFault("another thread moves the robot in the same cycle")
@@ -234,11 +220,7 @@ class Core:
         self.arm.pending = q
 
     def tune(self, lookahead: float, gain: float) -> None:
-        """The servo's lookahead [s] and gain from now on.
-
-        Raises:
-            InputError: Outside what `servoj` allows.
-        """
+        """The servo's lookahead [s] and gain from now on; `InputError` for impossible ones."""
         if (lookahead, gain) != self._tuning:
             self.arm.plant.tune(Servo(lookahead=lookahead, gain=gain))
             self._tuning = (lookahead, gain)
@@ -273,16 +255,8 @@ class Core:
         blocking: bool = False,
     ) -> None:
         """Put a message out; the oldest is dropped when nobody takes them."""
-        message = Message(
-            text=text[:_LONGEST],
-            source=source,
-            level=level,
-            timestamp=self.now,
-            kind=kind,
-            title=title[:_LONGEST],
-            line=line,
-            blocking=blocking,
-        )
+        text, title = text[:_LONGEST], title[:_LONGEST]
+        message = Message(text, source, level, self.now, kind, title, line, blocking)
         self.messages.append(message)
 
     def protective_stop(self, reason: str) -> None:

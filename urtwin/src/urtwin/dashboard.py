@@ -19,13 +19,14 @@ FindProgram = Callable[[str], str | None]
 """The text of a program, or None if there is none of that name."""
 _ON_THE_ROBOT = "programs"
 _SUFFIXES = (".urp", ".script")
+LONGEST_LINE = 4096
+"""The longest command taken [bytes]."""
+_SPEED = re.compile(r"set speed (\d+(?:\.\d*)?|\.\d+)")
+_LONGEST = 60
 
 
 def program_folder(folder: Path) -> FindProgram:
-    """Finds the programs of a folder; each is read when it is loaded.
-
-    Args:
-        folder: Stands for the robot's `/programs`.
+    """Finds the programs of a folder, the robot's `/programs`; each is read when it is loaded.
 
     Raises:
         InputError: It is no folder.
@@ -55,10 +56,6 @@ def _is_program(parts: tuple[str, ...]) -> bool:
     return bool(parts) and PurePosixPath(parts[-1]).suffix in _SUFFIXES
 
 
-LONGEST_LINE = 4096
-"""The longest command taken [bytes]."""
-
-
 class DashboardSession:
     """What the dashboard knows of one client.
 
@@ -73,26 +70,21 @@ class DashboardSession:
         self._role = self._mode = "NONE"
         self.over = False
         """Whether the client said goodbye."""
-        fixed = {
-            "is in remote control": "true",
-            "get serial number": serial,
-            "get robot model": model,
-            "version": _dotted(machine),
-            "polyscopeversion": f"URSoftware {_dotted(machine)} (simulated by dynid)",
-        }
         self._answers: dict[str, Callable[[], str]] = {
-            command: lambda reply=reply: reply for command, reply in fixed.items()
-        }
-        self._answers |= {
+            "is in remote control": lambda: "true",
+            "get serial number": lambda: serial,
+            "get robot model": lambda: model,
+            "version": lambda: _dotted(machine),
+            "polyscopeversion": lambda: f"URSoftware {_dotted(machine)} (simulated by dynid)",
             "play": lambda: self._try("play", machine.play(), words.STARTING),
             # Stopping what stands still succeeds on the real pendant too.
             "stop": lambda: _after(machine.stop, words.STOPPED),
             "pause": lambda: self._try("pause", machine.pause(), words.PAUSING),
             "running": lambda: f"Program running: {str(machine.program_running).lower()}",
-            "robotmode": lambda: f"Robotmode: {machine.robot_mode.name}",
-            "safetymode": lambda: f"Safetymode: {machine.safety_mode.name}",
-            "safetystatus": lambda: f"Safetystatus: {machine.safety_mode.name}",
-            "programstate": lambda: f"{machine.program_state} {machine.program_name or 'null'}",
+            "robotmode": lambda: f"Robotmode: {machine.core.mode.name}",
+            "safetymode": lambda: f"Safetymode: {machine.core.safety.mode.name}",
+            "safetystatus": lambda: f"Safetystatus: {machine.core.safety.mode.name}",
+            "programstate": lambda: f"{machine.core.runtime.name} {machine.program_name or 'null'}",
             "get loaded program": self._loaded,
             "isprogramsaved": lambda: f"true {machine.program_name or 'null'}",
             "power on": lambda: self._try("power on", machine.power_on(), words.POWERING_ON),
@@ -101,7 +93,7 @@ class DashboardSession:
                 "brake release", machine.brake_release(), words.RELEASING
             ),
             "unlock protective stop": self._unlock,
-            "close popup": lambda: _after(machine.close_popup, "closing popup"),
+            "close popup": self._close_popup,
             "close safety popup": lambda: "closing safety popup",
             "getuserrole": lambda: self._role,
             "get operational mode": lambda: self._mode,
@@ -187,8 +179,12 @@ class DashboardSession:
 
     def _restart_safety(self) -> str:
         self._machine.power_off()
-        self._machine.restart_safety()
+        self._machine.core.safety.restart()
         return "Restarting safety"
+
+    def _close_popup(self) -> str:
+        self._machine.core.blocking_popup = False
+        return "closing popup"
 
     def _end(self, reply: str) -> str:
         self.over = True
@@ -202,10 +198,6 @@ def _after(action: Callable[[], object], reply: str) -> str:
 
 def _dotted(machine: ControllerMachine) -> str:
     return ".".join(str(number) for number in machine.core.version)
-
-
-_SPEED = re.compile(r"set speed (\d+(?:\.\d*)?|\.\d+)")
-_LONGEST = 60
 
 
 _COMMANDS: dict[str, Callable[[ControllerMachine], object]] = {
@@ -224,11 +216,7 @@ _COMMANDS: dict[str, Callable[[ControllerMachine], object]] = {
 
 
 def obey(text: str, machine: ControllerMachine) -> bool:
-    """Do what a line of a script port says, if it is such a command; else it is a program.
-
-    Returns:
-        Whether it was one.
-    """
+    """Do what a line of a script port says; whether it is such a command, else it is a program."""
     if len(text) > _LONGEST:
         return False
     line = " ".join(text.split()).lower()

@@ -24,8 +24,8 @@ MOST_WAITING = 8_500
 _LARGEST = 8_000
 _A_CYCLE = 2_000
 """Characters that are compiled in a control cycle, about 2 ms."""
-_QUICK = 6_000
-"""Operations in a control cycle after which no further statement begins in it."""
+_QUICK_S = 0.001
+"""Processor time in a control cycle after which no further statement begins in it [s]."""
 _NOT_RUNNING = "Program is not running"
 _LAST_OF_ITS_KIND = frozenset(("clear_interpreter", "end_interpreter"))
 """What follows these waits until they have been run."""
@@ -95,12 +95,8 @@ class Interpreter:
     def run(self, clear_queue: bool, clear_on_end: bool) -> Routine:
         """The mode itself, in the program's main thread, until it is ended.
 
-        Args:
-            clear_queue: Forget what came before the mode began.
-            clear_on_end: Forget the functions and variables that were added, at the end.
-
-        Raises:
-            ScriptFault: It runs already, or in another thread.
+        `clear_queue` forgets what came before the mode began, `clear_on_end` the functions and
+        variables that were added. A second mode, or one in another thread, is a `ScriptFault`.
         """
         execution = self._execution
         if execution is None or self._active or execution.thread is not execution.threads[0]:
@@ -111,7 +107,7 @@ class Interpreter:
         self._active, self._ending, self._held = True, False, False
         while not self._ending:
             # Quick statements share a cycle, as long as there is time for another.
-            if not self._queue or execution.operations > _QUICK:
+            if not self._queue or execution.spent > _QUICK_S:
                 yield
                 continue
             self._executed, addition = self._queue.popleft()

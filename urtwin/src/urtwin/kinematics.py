@@ -15,6 +15,13 @@ from dynid.simulation import link_parameters, mujoco_model
 mujoco = require("mujoco", "sim")
 
 _SMALL = 1e-12
+_DAMPING = 1e-6
+_ELBOW = 2
+_ITERATIONS = 60
+_RESTARTS = 5
+_STEP = 0.5
+_RATE_STEP_S = 1e-4
+_FLAT = 1e-9
 
 
 def rotation_matrix(vector: Sequence[float] | Array) -> Array:
@@ -46,20 +53,10 @@ def to_pose(matrix: Array) -> list[float]:
     return [*matrix[:3, 3].tolist(), *rotation_vector(matrix[:3, :3]).tolist()]
 
 
-_DAMPING = 1e-6
-
-
 def joint_speeds(jacobian: Array, twist: Array) -> list[float]:
     """(n) joint speeds for a tool velocity (6), damped where the arm is singular."""
     gram = jacobian @ jacobian.T + _DAMPING * np.eye(6)
     return (jacobian.T @ np.linalg.solve(gram, twist)).tolist()
-
-
-_ELBOW = 2
-_ITERATIONS = 60
-_RESTARTS = 5
-_STEP = 0.5
-_RATE_STEP_S = 1e-4
 
 
 class ToolKinematics:
@@ -169,9 +166,6 @@ class ToolKinematics:
         return None
 
 
-_FLAT = 1e-9
-
-
 @dataclass(frozen=True, slots=True)
 class Arc:
     """A part of a circle; a straight line where the three points are in line."""
@@ -180,19 +174,17 @@ class Arc:
     """(3) [m]."""
     first: Array
     """(3) from the centre to the start [m]."""
-    axis: Array
-    """(3) the unit vector about which it turns."""
-    angle: float
-    """How far it turns [rad]."""
+    rotation: Array
+    """(3) the rotation vector of all of it [rad]."""
 
     @property
     def length(self) -> float:
         """How long the way is [m]."""
-        return self.angle * float(np.linalg.norm(self.first))
+        return float(np.linalg.norm(self.rotation) * np.linalg.norm(self.first))
 
     def turn(self, share: float) -> Array:
         """(3, 3) how the way has turned at a share of it."""
-        return rotation_matrix(share * self.angle * self.axis)
+        return rotation_matrix(share * self.rotation)
 
     def point(self, share: float) -> Array:
         """(3) the point at a share of the way [m]."""
@@ -200,11 +192,7 @@ class Arc:
 
 
 def arc_through(start: Array, via: Array, end: Array) -> Arc:
-    """The arc from a point (3) through another to a third [m].
-
-    Raises:
-        InputError: The points are in line, or two are the same: there is no circle.
-    """
+    """The arc from a point (3) through another to a third [m]; `InputError` for points in line."""
     b, c = via - start, end - start
     normal = np.cross(b, c)
     area = float(normal @ normal)
@@ -216,4 +204,4 @@ def arc_through(start: Array, via: Array, end: Array) -> Arc:
     side = np.cross(axis, first)
     last = end - centre
     angle = math.atan2(float(last @ side), float(last @ first)) % (2.0 * math.pi)
-    return Arc(centre, first, axis, angle)
+    return Arc(centre, first, angle * axis)

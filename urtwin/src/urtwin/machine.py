@@ -19,18 +19,17 @@ from urtwin.urscript import CompiledProgram, ScriptError, ScriptRun, compile_scr
 from urtwin.variables import READERS, Inputs, InputValue, OutputValue
 
 _SECONDARY = 10
-_TOO_MUCH: dict[type[Exception], str] = {
-    RecursionError: "nested too deeply to compile",
-    MemoryError: "the script needs more memory than there is",
-}
 _LINE = re.compile(r"\bline (\d+)\b")
+_BOOT_S, _RELEASE_S = 1.0, 0.5
+Version = tuple[int, int, int, int]
+UPRIGHT = (0.0, -math.pi / 2, 0.0, -math.pi / 2, 0.0, 0.0)
+"""Where UR arms stand when a new controller starts [rad]."""
 
 
 def compile_program(text: str) -> CompiledProgram:
     """Compile a script against the built-ins of the controller; touches nothing else.
 
-    Raises:
-        ScriptError: It does not compile, or is too long.
+    A `ScriptError` tells why it does not compile.
     """
     try:
         return compile_script(text, BUILTINS)
@@ -38,8 +37,7 @@ def compile_program(text: str) -> CompiledProgram:
         raise
     except Exception as error:
         # A fault of ours refuses one script; it ends neither the compiler nor the controller.
-        fault = f"internal fault: {type(error).__name__}: {error}"
-        raise ScriptError(_TOO_MUCH.get(type(error), fault), 1) from error
+        raise ScriptError(f"internal fault: {type(error).__name__}: {error}", 1) from error
 
 
 class Programs:
@@ -193,12 +191,6 @@ class Programs:
         self.core.say(f"{name}: {fault}", "program", 0, MessageKind.EXCEPTION, line=line)
 
 
-_BOOT_S, _RELEASE_S = 1.0, 0.5
-Version = tuple[int, int, int, int]
-UPRIGHT = (0.0, -math.pi / 2, 0.0, -math.pi / 2, 0.0, 0.0)
-"""Where UR arms stand when a new controller starts [rad]."""
-
-
 class ControllerMachine(Programs):
     """A simulated UR controller with its arm.
 
@@ -282,6 +274,14 @@ class ControllerMachine(Programs):
             raise InputError("unknown RTDE output", value=name)
         return reader(self.core)
 
+    def numbers(self, *names: str) -> list[float]:
+        """The values of RTDE outputs one after another, those of vectors too."""
+        found: list[float] = []
+        for name in names:
+            value = self.output(name)
+            found += value if isinstance(value, list) else [value]
+        return found
+
     def set_input(self, name: str, value: InputValue) -> None:
         """Write an RTDE input; it acts from the next cycle on and feeds its watchdog.
 
@@ -290,13 +290,9 @@ class ControllerMachine(Programs):
         """
         self._inputs.write(name, value)
 
-    def protective_stop(self, reason: str) -> None:
-        """Stop the arm hard and lock it."""
-        self.core.protective_stop(reason)
-
     def power_on(self) -> bool:
-        """Switch the arm on, brakes closed; not in a fault or an emergency stop."""
-        if self.core.safety.mode > SafetyMode.RECOVERY:
+        """Switch the arm on, brakes closed; not in a fault."""
+        if self.core.safety.mode == SafetyMode.FAULT:
             return False
         if self.core.mode == RobotMode.POWER_OFF:
             self._switch(RobotMode.IDLE)
@@ -323,35 +319,10 @@ class ControllerMachine(Programs):
             self.core.arm.braking = PROGRAM_STOP
         return unlocked
 
-    def restart_safety(self) -> bool:
-        """End a fault, with the power off; whether there was one."""
-        return self.core.safety.restart()
-
-    def close_popup(self) -> None:
-        """Close the program's message window."""
-        self.core.blocking_popup = False
-
     @property
     def program_running(self) -> bool:
         """Whether a program runs or is paused."""
         return self.core.playing
-
-    @property
-    def program_state(self) -> str:
-        """`STOPPED`, `PLAYING` or `PAUSED`."""
-        if not self.core.playing:
-            return "STOPPED"
-        return "PAUSED" if self.core.paused else "PLAYING"
-
-    @property
-    def robot_mode(self) -> RobotMode:
-        """The robot mode."""
-        return self.core.mode
-
-    @property
-    def safety_mode(self) -> SafetyMode:
-        """The safety mode."""
-        return self.core.safety.mode
 
     def _switch(self, wanted: RobotMode) -> None:
         core = self.core

@@ -8,6 +8,9 @@ Functions that scripts call have the parameters of the script manual:
   the tool [m/s^2, m/s; rad/s^2, rad/s where it only turns];
 - `t` is, if positive, how long it takes, in moves in place of the two [s];
 - `r` is the blend radius [m].
+
+Numbers that make no motion are an `InputError` (`ScriptFault` where they are not as many as they
+should be, or no numbers), a pose on the way that the arm cannot reach is a `JobError`.
 """
 
 import math
@@ -34,12 +37,7 @@ _NO_WAY = 1e-9
 def move_joints(
     core: Core, q: Value, a: Value = 1.4, v: Value = 1.05, t: Value = 0, r: Value = 0
 ) -> Motion:
-    """`movej`: all joints start and end together, the one with the longest way sets the pace.
-
-    Raises:
-        InputError: Numbers that make no move.
-        JobError: The pose cannot be reached.
-    """
+    """`movej`: all joints start and end together, the one with the longest way sets the pace."""
     end = numbers(q, 6, "joint positions")
     if isinstance(q, Pose):
         end = core.arm.kinematics.inverse(
@@ -65,12 +63,7 @@ def move_joints(
 def move_tool(
     core: Core, pose: Value, a: Value = 1.2, v: Value = 0.25, t: Value = 0, r: Value = 0
 ) -> Motion:
-    """`movel`: the tool moves on a straight line and turns evenly.
-
-    Raises:
-        InputError: Numbers that make no move.
-        JobError: A point of the line cannot be reached.
-    """
+    """`movel`: the tool moves on a straight line and turns evenly."""
     a, v, t, r = map(number, (a, v, t, r))
     core.untune()
     end = _tool_at(core, pose)
@@ -103,10 +96,6 @@ def move_circle(
     """`movec`: along the arc from where the tool is, through a point, to a goal.
 
     With `mode` 1 the tool turns with the arc; else it turns evenly to the goal's orientation.
-
-    Raises:
-        InputError: Numbers that make no arc.
-        JobError: A point of it cannot be reached.
     """
     a, v, r = map(number, (a, v, r))
     fixed = number(mode) == 1
@@ -213,11 +202,7 @@ def _settle(core: Core, mover: object) -> Motion:
 
 
 def _brake(core: Core, mover: object, a: float) -> Motion:
-    """Bring the set point to rest; a: deceleration of the fastest joint [rad/s^2].
-
-    Raises:
-        InputError: A deceleration that is not positive.
-    """
+    """Bring the set point to rest; a: deceleration of the fastest joint [rad/s^2]."""
     if not a > 0.0:
         raise InputError("deceleration must be positive", value=a)
     arm = core.arm
@@ -231,22 +216,14 @@ def _brake(core: Core, mover: object, a: float) -> Motion:
 
 
 def stop_joints(core: Core, a: Value) -> Motion:
-    """`stopj`: bring the arm to rest with a deceleration [rad/s^2].
-
-    Raises:
-        InputError: A deceleration that is not positive.
-    """
+    """`stopj`: bring the arm to rest with a deceleration [rad/s^2]."""
     mover = object()
     yield from _brake(core, mover, number(a))
     yield from _settle(core, mover)
 
 
 def stop_tool(core: Core, a: Value, aRot: Value = 0) -> Motion:
-    """`stopl`: bring the tool to rest along its way with a deceleration [m/s^2].
-
-    Raises:
-        InputError: A deceleration that is not positive.
-    """
+    """`stopl`: bring the tool to rest along its way with a deceleration [m/s^2]."""
     arm, mover, a = core.arm, object(), number(a)
     jacobian = arm.kinematics.jacobian(arm.setpoint, core.tcp_matrix)[1]
     tool = float(np.linalg.norm((jacobian @ arm.speed)[:3]))
@@ -262,9 +239,6 @@ def speed_joints(core: Core, qd: Value, a: Value = 1.4, t: Value = 0) -> Motion:
 
     `a` is that of the joint that changes most; with none and a time the arm keeps its speeds, as
     in the constant parts of the splines of UR's drivers.
-
-    Raises:
-        InputError: Numbers that make no motion.
     """
     a, t = number(a), number(t)
     wanted = numbers(qd, 6, "joint speeds")
@@ -290,9 +264,6 @@ def speed_tool(core: Core, xd: Value, a: Value = 1.2, t: Value = 0, aRot: Value 
     """`speedl`: the tool speeds up to a velocity and keeps it; without `t` until then.
 
     `xd` is linear [m/s] and angular [rad/s] velocity (6) in the base frame; `aRot` is not used.
-
-    Raises:
-        ScriptFault: Not six numbers.
     """
     a, t = number(a), number(t)
     wanted = np.array(numbers(xd, 6, "speeds"))
@@ -326,9 +297,6 @@ def servo_joints(
 
     The speed slider does not act on it; `a` and `v` are not used. `lookahead_time` is the delay
     from set point to target [s], `gain` the stiffness of the position loop.
-
-    Raises:
-        InputError: A lookahead or gain that `servoj` does not take.
     """
     end = numbers(q, 6, "joint positions")
     core.tune(float(number(lookahead_time)), float(number(gain)))
@@ -346,9 +314,6 @@ def servo_tool(core: Core, pose: Value, a: Value = 1.2, v: Value = 0.25, r: Valu
     """`servoc`: one cycle towards a pose, no faster than asked and able to stop at it.
 
     `r` is not used.
-
-    Raises:
-        ScriptFault: Not six numbers.
     """
     a, v = number(a), number(v)
     end = to_matrix(numbers(pose, 6, "a pose"))

@@ -2,7 +2,6 @@
 
 import errno
 import ipaddress
-import selectors
 import socket
 from collections.abc import Callable
 
@@ -10,7 +9,7 @@ SOCKETS = 16
 """Most sockets of a program."""
 BUFFER = 1 << 16
 """Most bytes that wait on either side of a socket."""
-_CONNECTING = (0, errno.EINPROGRESS, errno.EWOULDBLOCK)
+_CONNECTING = (errno.EINPROGRESS, errno.EALREADY)
 _PIECE = 4096
 
 
@@ -45,16 +44,13 @@ class Link:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._socket.setblocking(False)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._selector = selectors.DefaultSelector()
-        self._selector.register(self._socket, selectors.EVENT_WRITE)
-        if self._socket.connect_ex((host, port)) not in _CONNECTING:
-            self.close()
+        self._address = host, port
+        self._connect()
 
     def poll(self) -> None:
         """See to the connection, and take what has come."""
-        if self.opening and self._selector.select(0):
-            self.opening = False
-            self.open = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR) == 0
+        if self.opening:
+            self._connect()
         if not self.open:
             return
         self._flush()
@@ -91,8 +87,11 @@ class Link:
     def close(self) -> None:
         """Hang up."""
         self.open = self.opening = False
-        self._selector.close()
         self._socket.close()
+
+    def _connect(self) -> None:
+        state = self._socket.connect_ex(self._address)
+        self.opening, self.open = state in _CONNECTING, state in (0, errno.EISCONN)
 
     def _flush(self) -> None:
         if not self._unsent:
@@ -119,11 +118,7 @@ class Network:
         self._links: dict[str, Link] = {}
 
     def open(self, name: str, host: str, port: int) -> Link | str:
-        """Begin to connect; one that had the name is closed.
-
-        Returns:
-            The socket, or why there is none.
-        """
+        """Begin to connect; one that had the name is closed. The socket, or why there is none."""
         self.close(name)
         address = "127.0.0.1" if host == "localhost" else host
         if not self._allowed(address):

@@ -12,7 +12,6 @@ Measured values are as RTDE tells them.
 import math
 import re
 import struct
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -22,14 +21,30 @@ from dynid.robot import RobotModel
 from urtwin.core import Message, MessageKind
 from urtwin.machine import ControllerMachine
 
-
-def numbers(machine: ControllerMachine, *names: str) -> list[float]:
-    """The values of outputs one after another, those of a vector too."""
-    found: list[float] = []
-    for name in names:
-        value = machine.output(name)
-        found += map(float, value) if isinstance(value, Sequence) else [float(value)]
-    return found
+_NOT_CALIBRATED = (0xFFFFFFFF,) * 6
+_JOINT_DEFAULTS, _TOOL_DEFAULTS, _EQUIVALENT_RADIUS = (1.047, 1.396), (0.25, 1.2), 0.25
+"""Speed and acceleration of moves; the radius that turns rotations into metres."""
+_MASTERBOARD, _BOX = 6, 4
+_TYPES = {"ur5": 1, "ur10": 2, "ur3": 3, "ur16": 4, "ur20": 7, "ur30": 8}
+_CB_SUBTYPE, _E_SUBTYPE = 1, 3
+_AXES = 6
+_ROBOT_STATE = 16
+_MODE, _JOINTS, _TOOL, _BOARD_STATE, _CARTESIAN, _KINEMATICS, _CONFIGURATION = range(7)
+_FORCE_MODE, _ADDITIONAL, _CALIBRATION, _SAFETY, _TOOL_COMMUNICATION, _TOOL_MODE = range(7, 13)
+_RUNNING_CONTROL = 0
+_INTERNAL_CALIBRATION, _INTERNAL_SAFETY = bytes(48), bytes(38)
+"""Packages for UR's own software."""
+_NO_TOOL_COMMUNICATION = struct.pack(">?iiiff", False, 115_200, 0, 1, 1.5, 3.5)
+_ROBOT_MESSAGE = 20
+_TEXT, _POPUP, _VERSION, _SAFETY_MODE, _ERROR_CODE, _KEY, _EXCEPTION = 0, 2, 3, 5, 6, 7, 10
+_FROM_CONTROLLER, _FROM_PROGRAM = -2, -3
+_PROJECT = b"URControl"
+_BUILD_DATE = b"01-01-2024, 00:00:00"
+_CODE = re.compile(r"C(\d+)(?:A(\d+))?:?\s*")
+_VIOLATION = 3
+_LONGEST_TITLE = 255
+_UR_ONLY = "0"
+"""In the place of values that UR keeps to itself."""
 
 
 def packed(layout: str, *values: float) -> bytes:
@@ -42,15 +57,6 @@ def since(machine: ControllerMachine, cb: tuple[int, int], e_series: tuple[int, 
     """Whether the software is as new as the major and minor number given for its series."""
     version = machine.core.version[:2]
     return version >= (cb if version[0] < 5 else e_series)
-
-
-_NOT_CALIBRATED = (0xFFFFFFFF,) * 6
-_JOINT_DEFAULTS, _TOOL_DEFAULTS, _EQUIVALENT_RADIUS = (1.047, 1.396), (0.25, 1.2), 0.25
-"""Speed and acceleration of moves; the radius that turns rotations into metres."""
-_MASTERBOARD, _BOX = 6, 4
-_TYPES = {"ur5": 1, "ur10": 2, "ur3": 3, "ur16": 4, "ur20": 7, "ur30": 8}
-_CB_SUBTYPE, _E_SUBTYPE = 1, 3
-_AXES = 6
 
 
 def kinematics_info(machine: ControllerMachine) -> bytes:
@@ -94,15 +100,6 @@ def _subtype(machine: ControllerMachine) -> int:
     return _CB_SUBTYPE if machine.core.version[0] < 5 else _E_SUBTYPE
 
 
-_ROBOT_STATE = 16
-_MODE, _JOINTS, _TOOL, _BOARD_STATE, _CARTESIAN, _KINEMATICS, _CONFIGURATION = range(7)
-_FORCE_MODE, _ADDITIONAL, _CALIBRATION, _SAFETY, _TOOL_COMMUNICATION, _TOOL_MODE = range(7, 13)
-_RUNNING_CONTROL = 0
-_INTERNAL_CALIBRATION, _INTERNAL_SAFETY = bytes(48), bytes(38)
-"""Packages for UR's own software."""
-_NO_TOOL_COMMUNICATION = struct.pack(">?iiiff", False, 115_200, 0, 1, 1.5, 3.5)
-
-
 def robot_state(machine: ControllerMachine, *, first: bool = False) -> bytes:
     """The state that 30001 and 30002 send ten times a second; the first also tells limits."""
     packages = [
@@ -114,7 +111,7 @@ def robot_state(machine: ControllerMachine, *, first: bool = False) -> bytes:
         (_BOARD_STATE, _masterboard(machine)),
         (_TOOL, _tool(machine)),
         *([(_CONFIGURATION, configuration_data(machine))] if first else []),
-        (_FORCE_MODE, packed("d" * 7, *numbers(machine, "actual_TCP_force"), 0.0)),
+        (_FORCE_MODE, packed("d" * 7, *machine.numbers("actual_TCP_force"), 0.0)),
         (_ADDITIONAL, _additional(machine)),
     ]
     if since(machine, (4, 0), (5, 0)):
@@ -128,15 +125,16 @@ def robot_state(machine: ControllerMachine, *, first: bool = False) -> bytes:
 
 
 def _mode(machine: ControllerMachine) -> bytes:
-    safety, state = machine.safety_mode, machine.program_state
-    (timestamp,) = numbers(machine, "timestamp")
+    core = machine.core
+    (timestamp,) = machine.numbers("timestamp")
     flags = (
-        *(True, True, machine.robot_mode > RobotMode.POWER_OFF),
-        safety in (SafetyMode.SYSTEM_EMERGENCY_STOP, SafetyMode.ROBOT_EMERGENCY_STOP),
-        *(safety == SafetyMode.PROTECTIVE_STOP, state == "PLAYING", state == "PAUSED"),
+        # The fourth: the emergency stop, which nobody can press here.
+        *(True, True, core.mode > RobotMode.POWER_OFF, False),
+        *(core.safety.mode == SafetyMode.PROTECTIVE_STOP, core.playing and not core.paused),
+        core.playing and core.paused,
     )
-    speeds = numbers(machine, "target_speed_fraction", "speed_scaling")
-    modes = (machine.robot_mode, _RUNNING_CONTROL)
+    speeds = machine.numbers("target_speed_fraction", "speed_scaling")
+    modes = (core.mode, _RUNNING_CONTROL)
     body = packed("QBBBBBBBBBdd", round(1e6 * timestamp), *flags, *modes, *speeds)
     if since(machine, (3, 2), (5, 0)):
         body += struct.pack(">d", 1.0)
@@ -145,27 +143,26 @@ def _mode(machine: ControllerMachine) -> bytes:
 
 def _joints(machine: ControllerMachine) -> bytes:
     names = ("actual_q", "target_q", "actual_qd", "actual_current", "actual_joint_voltage")
-    columns = [numbers(machine, name) for name in (*names, "joint_temperatures")]
-    modes = numbers(machine, "joint_mode")
+    columns = [machine.numbers(name) for name in (*names, "joint_temperatures")]
+    modes = machine.numbers("joint_mode")
     rows = zip(*columns, columns[-1], modes, strict=True)
     return b"".join(packed("dddffffB", *row) for row in rows)
 
 
 def _cartesian(machine: ControllerMachine) -> bytes:
-    pose = numbers(machine, "actual_TCP_pose")
+    pose = machine.numbers("actual_TCP_pose")
     if since(machine, (3, 2), (5, 0)):
-        pose += numbers(machine, "tcp_offset")
+        pose += machine.numbers("tcp_offset")
     return packed("d" * len(pose), *pose)
 
 
 def _bits(machine: ControllerMachine, name: str, *places: int) -> list[int]:
-    (word,) = numbers(machine, name)
+    (word,) = machine.numbers(name)
     return [int(word) >> place & 1 for place in places]
 
 
 def _tool(machine: ControllerMachine) -> bytes:
-    values = numbers(
-        machine,
+    values = machine.numbers(
         *("tool_analog_input0", "tool_analog_input1", "actual_robot_voltage"),
         *("tool_output_voltage", "tool_output_current", "tool_temperature", "tool_mode"),
     )
@@ -173,17 +170,17 @@ def _tool(machine: ControllerMachine) -> bytes:
 
 
 def _masterboard(machine: ControllerMachine) -> bytes:
-    digital = numbers(machine, "actual_digital_input_bits", "actual_digital_output_bits")
+    digital = machine.numbers("actual_digital_input_bits", "actual_digital_output_bits")
     body = packed(
         "IIBBddBBddffffBBBI",
         *digital,
         *_bits(machine, "analog_io_types", 0, 1),
-        *numbers(machine, "standard_analog_input0", "standard_analog_input1"),
+        *machine.numbers("standard_analog_input0", "standard_analog_input1"),
         *_bits(machine, "analog_io_types", 2, 3),
-        *numbers(machine, "standard_analog_output0", "standard_analog_output1"),
-        *numbers(machine, "tool_temperature", "actual_robot_voltage"),
-        *numbers(machine, "actual_robot_current", "io_current"),
-        *(machine.safety_mode, machine.safety_mode == SafetyMode.REDUCED, 0, 0),
+        *machine.numbers("standard_analog_output0", "standard_analog_output1"),
+        *machine.numbers("tool_temperature", "actual_robot_voltage"),
+        *machine.numbers("actual_robot_current", "io_current"),
+        *(machine.core.safety.mode, 0, 0, 0),
     )
     # The selector of the operational mode and the three-position device; then UR's own byte.
     selectors = 3 * since(machine, (3, 5), (5, 0)) or 2 * since(machine, (3, 2), (5, 0))
@@ -194,16 +191,6 @@ def _additional(machine: ControllerMachine) -> bytes:
     """The teach button, whether it may be used, freedrive by an input."""
     length = 4 if since(machine, (4, 0), (5, 0)) else 3 if since(machine, (3, 5), (5, 0)) else 2
     return bytes((machine.core.teaching, True, False, False)[:length])
-
-
-_ROBOT_MESSAGE = 20
-_TEXT, _POPUP, _VERSION, _SAFETY_MODE, _ERROR_CODE, _KEY, _EXCEPTION = 0, 2, 3, 5, 6, 7, 10
-_FROM_CONTROLLER, _FROM_PROGRAM = -2, -3
-_PROJECT = b"URControl"
-_BUILD_DATE = b"01-01-2024, 00:00:00"
-_CODE = re.compile(r"C(\d+)(?:A(\d+))?:?\s*")
-_VIOLATION = 3
-_LONGEST_TITLE = 255
 
 
 def version_message(version: tuple[int, int, int, int], timestamp: float) -> bytes:
@@ -264,8 +251,6 @@ def _message(kind: int, source: int, body: bytes, timestamp: float) -> bytes:
     return struct.pack(">iB", 5 + len(head) + len(body), _ROBOT_MESSAGE) + head + body
 
 
-_UR_ONLY = "0"
-"""In the place of values that UR keeps to itself."""
 _REALTIME: tuple[tuple[tuple[int, int], tuple[int, int], str], ...] = (
     (
         (3, 0),
@@ -291,5 +276,5 @@ def realtime_state(machine: ControllerMachine) -> bytes:
     for cb, e_series, names in _REALTIME:
         if since(machine, cb, e_series):
             for name in names.split():
-                values += [0.0] if name == _UR_ONLY else numbers(machine, name)
+                values += [0.0] if name == _UR_ONLY else machine.numbers(name)
     return struct.pack(f">i{len(values)}d", 4 + 8 * len(values), *values)

@@ -85,20 +85,10 @@ def controller_process(
 ) -> Generator[RunningController]:
     """Start a controller, wait until clients can connect, and end it with the context.
 
-    It also ends when this process does, however that happens.
-
-    Args:
-        robot: Built-in name, URDF or robot file.
-        host: Loopback address; None: one that no other process of this kind uses.
-        thermal: `cold`, `warm` or the joint temperatures at the start [degC].
-        virtual_time: Whether time goes as fast as the clients read.
-        hold: Whether time stands still until the first client has started RTDE.
-        seed: Seed of the measurement noise.
-        rate_hz: 125 or 500 control cycles a second; None: by the robot's name.
-        software: Version to announce; None: the one usual for the rate.
-        programs: Folder of the programs that the dashboard can load.
-        truth: Where to write the simulated arm's true parameters.
-        report: Where to write, at the end, how time was kept.
+    It also ends when this process does, however that happens. The arguments are the options of
+    `urtwin` and the fields of `ControllerSettings`, but: `host` None is a loopback address that
+    no other process of this kind uses, `thermal` may be a number [degC], and `software` is the
+    version to announce, dotted; None: the one usual for the rate.
 
     Raises:
         JobError: It did not start; the message is its own.
@@ -139,11 +129,7 @@ def controller_process(
 
 
 def _ready(process: subprocess.Popen[bytes], log: Path) -> dict[str, Any]:
-    """The line that a controller prints when it listens.
-
-    Raises:
-        JobError: It ended, or took too long.
-    """
+    """The line that a controller prints when it listens; `JobError` if it does not."""
     stream = process.stdout
     # The line comes at once, or never.
     ready = stream is not None and select.select([stream], [], [], READY_S)[0]

@@ -31,6 +31,11 @@ a pause of its garbage collector."""
 MEMORY_S = 2.0
 """How long what clients write keeps its order after numbers that may be set points [s]."""
 _SETPOINTS, _STREAM = "input_double_register", 3
+LARGEST_REQUEST = 12_300
+"""The largest packet of a client [bytes]; inputs need less than 3000."""
+_RECIPES = 255
+_FIRST_PROTOCOL_HZ = 125.0
+_COMPLAINTS = 100
 
 
 class InputQueue:
@@ -97,43 +102,6 @@ class InputQueue:
             self._write(name, value)
 
 
-class Packer:
-    """Packs the machine's outputs; clients with the same recipe share the work."""
-
-    def __init__(self, machine: ControllerMachine) -> None:
-        self._machine = machine
-        self._packed: dict[Recipe, bytes] = {}
-
-    def next_cycle(self) -> None:
-        """Forget what was packed: the machine has moved on."""
-        self._packed.clear()
-
-    def package(self, recipe: Recipe) -> bytes:
-        """The data package of a recipe in this cycle, with its header."""
-        packed = self._packed.get(recipe)
-        if packed is None:
-            packed = self._packed[recipe] = recipe.packet(self._numbers(recipe))
-        return packed
-
-    def _numbers(self, recipe: Recipe) -> list[float | int | bool]:
-        numbers: list[float | int | bool] = []
-        output = self._machine.output
-        for name, kind in zip(recipe.names, recipe.types, strict=True):
-            value = output(name)
-            if isinstance(value, (bool, int, float)):
-                numbers.append(value)
-            else:
-                numbers.extend(value[: kind.count])
-        return numbers
-
-
-LARGEST_REQUEST = 12_300
-"""The largest packet of a client [bytes]; inputs need less than 3000."""
-_RECIPES = 255
-_FIRST_PROTOCOL_HZ = 125.0
-_COMPLAINTS = 100
-
-
 class Owners:
     """Who writes which input: one client each."""
 
@@ -194,11 +162,7 @@ class RtdeSession:
         """Whether it wants packages."""
 
     def receive(self, data: bytes) -> bytes:
-        """Take what the client sent; return the answers.
-
-        Raises:
-            ProtocolError: What it sent is no RTDE: close the connection.
-        """
+        """Take what the client sent; the answers. A `ProtocolError` says that it was no RTDE."""
         return b"".join([self._answer(packet) for packet in self._framer.feed(data)])
 
     @property
@@ -303,11 +267,7 @@ class RtdeSession:
         return b""
 
     def _complain(self, words: str) -> bytes:
-        """Tell the client what is wrong; give up on one that never learns.
-
-        Raises:
-            ProtocolError: A hundred complaints were not enough.
-        """
+        """Tell the client what is wrong; a `ProtocolError` for one that never learns."""
         self._complaints += 1
         if self._complaints > _COMPLAINTS:
             raise ProtocolError(f"too many mistakes, the last: {words}")

@@ -11,26 +11,20 @@ from urtwin.arm import ControlledArm
 
 _AT_REST = 1e-4
 """Too slow to break any limit [rad/s]."""
-_EMERGENCY = SafetyStatus.EMERGENCY_STOPPED
+_STOPPED = SafetyStatus.STOPPED_DUE_TO_SAFETY
 _BITS = {
     SafetyMode.NORMAL: SafetyStatus.NORMAL,
-    SafetyMode.REDUCED: SafetyStatus.REDUCED,
-    SafetyMode.PROTECTIVE_STOP: SafetyStatus.PROTECTIVE_STOPPED,
-    SafetyMode.RECOVERY: SafetyStatus.RECOVERY,
-    SafetyMode.SAFEGUARD_STOP: SafetyStatus.SAFEGUARD_STOPPED,
-    SafetyMode.SYSTEM_EMERGENCY_STOP: SafetyStatus.SYSTEM_EMERGENCY_STOPPED | _EMERGENCY,
-    SafetyMode.ROBOT_EMERGENCY_STOP: SafetyStatus.ROBOT_EMERGENCY_STOPPED | _EMERGENCY,
-    SafetyMode.VIOLATION: SafetyStatus.VIOLATION,
-    SafetyMode.FAULT: SafetyStatus.FAULT,
+    SafetyMode.PROTECTIVE_STOP: SafetyStatus.PROTECTIVE_STOPPED | _STOPPED,
+    SafetyMode.FAULT: SafetyStatus.FAULT | _STOPPED,
 }
+"""The modes that the simulated controller knows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchedLimits:
     """What must not be exceeded; the defaults are a UR5's in PolyScope (`safety.conf.UR5`).
 
-    Raises:
-        InputError: A limit that is not positive.
+    A limit that is negative or no number is an `InputError`.
     """
 
     joint_speed: float = 3.3416
@@ -71,9 +65,7 @@ class Safety:
     @property
     def bits(self) -> int:
         """The RTDE variable `safety_status_bits`."""
-        stopped = self.mode not in (SafetyMode.NORMAL, SafetyMode.REDUCED)
-        bit = _BITS[self.mode]
-        return int(bit | SafetyStatus.STOPPED_DUE_TO_SAFETY if stopped else bit)
+        return int(_BITS[self.mode])
 
     @property
     def stopped(self) -> bool:
@@ -110,25 +102,19 @@ class Safety:
 
         The tool `tcp` (4, 4) is given in the flange [m].
         """
-        return self._setpoint(arm) or self._state(arm, tcp)
-
-    def _setpoint(self, arm: ControlledArm) -> str | None:
-        beyond = self.limits.beyond_joint_range
+        state, limits = arm.state, self.limits
+        beyond = limits.beyond_joint_range
         for k, value in enumerate(arm.pending or ()):
             change = value - arm.setpoint[k]
             if not math.isfinite(value):
                 return "C204A5: Path sanity check failed: Invalid setpoint"
             if value < arm.lower[k] - beyond or value > arm.upper[k] + beyond:
                 return f"Joint {k}: position limit, set point {value:.4f} rad"
-            if abs(change) > self.limits.sudden_change:
+            if abs(change) > limits.sudden_change:
                 return (
                     "C204A1: Path sanity check failed: Sudden change in target position "
                     f"of joint {k}: {change:+.4f} rad in one cycle"
                 )
-        return None
-
-    def _state(self, arm: ControlledArm, tcp: Array) -> str | None:
-        state, limits = arm.state, self.limits
         speeds: list[float] = state.target.dq.tolist()
         fastest = max(map(abs, speeds))
         if fastest < _AT_REST and arm.still > 0:
@@ -142,16 +128,13 @@ class Safety:
         deviation = float(np.max(np.abs(state.q - state.target.q)))
         if deviation > limits.deviation:
             return f"C153: Position deviates from path: {deviation:.3f} rad"
-        if math.isfinite(limits.tool_speed):
-            speed = arm.plant.tracker.tool_speed(arm.tool_point(tcp))
-            if speed > limits.tool_speed:
-                return f"Tool speed limit: {speed:.3f} m/s, limit {limits.tool_speed:.3f} m/s"
-        if math.isfinite(limits.momentum):
-            momentum = arm.plant.tracker.momentum()
-            if momentum > limits.momentum:
-                return f"Momentum limit: {momentum:.2f} kg.m/s, limit {limits.momentum:.2f} kg.m/s"
-        if math.isfinite(limits.power):
-            power = float(np.sum(np.abs(state.torque * state.dq)))
-            if power > limits.power:
-                return f"Power limit: {power:.0f} W, limit {limits.power:.0f} W"
+        speed = arm.plant.tracker.tool_speed(arm.tool_point(tcp))
+        if speed > limits.tool_speed:
+            return f"Tool speed limit: {speed:.3f} m/s, limit {limits.tool_speed:.3f} m/s"
+        momentum = arm.plant.tracker.momentum()
+        if momentum > limits.momentum:
+            return f"Momentum limit: {momentum:.2f} kg.m/s, limit {limits.momentum:.2f} kg.m/s"
+        power = float(np.sum(np.abs(state.torque * state.dq)))
+        if power > limits.power:
+            return f"Power limit: {power:.0f} W, limit {limits.power:.0f} W"
         return None

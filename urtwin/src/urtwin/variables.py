@@ -12,7 +12,7 @@ from operator import attrgetter
 import numpy as np
 
 from dynid.core import Array, InputError
-from dynid.protocol import JointMode, RobotMode, RobotStatus, RuntimeState
+from dynid.protocol import JointMode, RobotMode, RobotStatus
 from dynid.simulation import PlantState, Target
 from urtwin.core import BITS, COUNT, Core, Registers
 from urtwin.kinematics import to_pose
@@ -79,12 +79,6 @@ def _status(core: Core) -> OutputValue:
         (RobotStatus.TEACH_BUTTON, core.teaching),
     )
     return sum(bit for bit, on in bits if on)
-
-
-def _runtime(core: Core) -> OutputValue:
-    if not core.playing:
-        return int(RuntimeState.STOPPED)
-    return int(RuntimeState.PAUSED if core.paused else RuntimeState.PLAYING)
 
 
 def _robot_current(core: Core) -> OutputValue:
@@ -178,7 +172,7 @@ READERS: dict[str, _Reader] = {
     "safety_status": lambda core: int(core.safety.mode),
     "safety_status_bits": lambda core: core.safety.bits,
     "robot_status_bits": _status,
-    "runtime_state": _runtime,
+    "runtime_state": lambda core: int(core.runtime),
     "speed_scaling": lambda core: 0.0 if core.paused else core.scaling,
     "target_speed_fraction": lambda core: core.speed_fraction,
     "actual_momentum": lambda core: core.arm.plant.tracker.momentum(),
@@ -240,11 +234,7 @@ class Inputs:
         }
 
     def write(self, name: str, value: InputValue) -> None:
-        """Take an input.
-
-        Raises:
-            InputError: No such input, or not as many numbers as it has.
-        """
+        """Take an input; `InputError` for an unknown one, or another number of values."""
         if name not in self._writers and name != _WRENCH:
             raise InputError("unknown RTDE input", value=name)
         size = len(value) if isinstance(value, Sequence) else 1

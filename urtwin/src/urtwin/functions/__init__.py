@@ -6,7 +6,7 @@ from typing import Any
 from urtwin.core import Core
 from urtwin.functions.io import ABSENT, IO
 from urtwin.functions.sockets import SOCKETS
-from urtwin.functions.state import FORCE, MODEL, STATE
+from urtwin.functions.state import STATE
 from urtwin.motion import (
     Motion,
     move_circle,
@@ -20,28 +20,23 @@ from urtwin.motion import (
     stop_tool,
 )
 from urtwin.urscript import (
-    MATHEMATICS,
-    MATRICES,
-    POSES,
+    LIBRARY,
     Builtin,
-    Calling,
     Routine,
-    ScriptFault,
     Value,
     builtins,
-    number,
     truth,
+    within,
 )
 
 __all__ = [
     "BUILTINS",
 ]
-_MOTION_WEIGHT = 200
 _LONGEST_SLEEP_S = 1e6
 
 
 def _movep(core: Core, pose: Value, a: Value = 1.2, v: Value = 0.25, r: Value = 0) -> Motion:
-    return move_tool(core, pose, a, v, 0, r)
+    yield from move_tool(core, pose, a, v, 0, r)
 
 
 def _direct_torque(
@@ -61,9 +56,7 @@ def _sync(core: Core) -> Generator[None, None, None]:
 
 
 def _sleep(core: Core, t: Value) -> Generator[None, None, None]:
-    seconds = number(t)
-    if not 0.0 <= seconds <= _LONGEST_SLEEP_S:
-        raise ScriptFault("time to sleep [s]", value=seconds, limit=(0, _LONGEST_SLEEP_S))
+    seconds = within("time to sleep [s]", t, 0, _LONGEST_SLEEP_S)
     for _ in range(max(1, round(seconds / core.arm.cycle))):
         yield
 
@@ -71,14 +64,14 @@ def _sleep(core: Core, t: Value) -> Generator[None, None, None]:
 def _interpreter_mode(
     core: Core, clearQueueOnEnter: Value = True, clearOnEnd: Value = True
 ) -> Routine:
-    return core.interpreter.run(truth(clearQueueOnEnter), truth(clearOnEnd))
+    yield from core.interpreter.run(truth(clearQueueOnEnter), truth(clearOnEnd))
 
 
 _INTERPRETER: dict[str, Callable[[Core], None]] = {
     "end_interpreter": lambda core: core.interpreter.end(),
     "clear_interpreter": lambda core: core.interpreter.clear(),
 }
-_MOTIONS: dict[str, Any] = {
+_SLOW: dict[str, Any] = {
     "movej": move_joints,
     "optimovej": move_joints,
     "movel": move_tool,
@@ -97,16 +90,7 @@ _MOTIONS: dict[str, Any] = {
     "interpreter_mode": _interpreter_mode,
 }
 BUILTINS: dict[str, Builtin] = {
-    **MATHEMATICS,
-    **POSES,
-    **MATRICES,
-    **IO,
-    **STATE,
-    **MODEL,
-    **FORCE,
-    **SOCKETS,
-    **builtins(_MOTIONS, Calling.BLOCKING, _MOTION_WEIGHT),
-    **builtins(_INTERPRETER, Calling.INSTANT),
+    **builtins({**LIBRARY, **IO, **STATE, **SOCKETS, **_SLOW, **_INTERPRETER}),
     **ABSENT,
 }
 """The functions that every script may call."""

@@ -1,38 +1,29 @@
 """Built-ins for registers, signals, messages and watchdogs, and those that are not simulated."""
 
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from typing import Any
 
-from urtwin.core import FLAGS, Core, InputWatchdog, MessageKind, Registers
-from urtwin.urscript import Builtin, Calling, ScriptFault, Value, builtins, number, shown, truth
+from urtwin.core import BITS, COUNT, FLAGS, Core, InputWatchdog, MessageKind, Registers
+from urtwin.urscript import Builtin, ScriptFault, Value, number, shown, truth, whole, within
 
-_MESSAGE_WEIGHT = 100
 _ACTIONS = ("ignore", "pause", "stop")
 
 
-def _index(address: Value) -> int:
-    if address.__class__ is not int:
-        raise ScriptFault("an address must be a whole number", value=shown(address))
-    return address
-
-
-def _one_of(what: str, n: Value, count: int) -> int:
-    if not 0 <= _index(n) < count:
-        raise ScriptFault(what, value=n, limit=(0, count - 1))
-    return n
-
-
 def _pair(n: Value) -> int:
-    return _one_of("analog signal", n, 2)
+    return whole("analog signal", n, 0, 1)
 
 
 def _flag(n: Value) -> int:
-    return _one_of("flag", n, FLAGS)
+    return whole("flag", n, 0, FLAGS - 1)
+
+
+def _address(kind: str, address: Value) -> int:
+    return whole(f"{kind} register", address, 0, (BITS if kind == "bit" else COUNT) - 1)
 
 
 def _reader(kind: str, bank: Callable[[Core], Registers]) -> Callable[[Core, Value], Value]:
-    return lambda core, address: bank(core).read(kind, _index(address))
+    return lambda core, address: bank(core).banks[kind][_address(kind, address)]
 
 
 def _writer(kind: str) -> Callable[[Core, Value, Value], None]:
@@ -40,7 +31,7 @@ def _writer(kind: str) -> Callable[[Core, Value, Value], None]:
         stored = truth(value) if kind == "bit" else number(value)
         if kind == "int" and not math.isfinite(stored):
             raise ScriptFault("an integer register takes whole numbers", value=stored)
-        core.outputs.write(kind, _index(address), stored)
+        core.outputs.write(kind, _address(kind, address), stored)
 
     return write
 
@@ -70,23 +61,21 @@ def _rtde_set_watchdog(
         raise ScriptFault("a watchdog needs an RTDE input", value=name)
     if wanted not in _ACTIONS:
         raise ScriptFault("action of a watchdog", value=wanted, limit=_ACTIONS)
-    rate = number(min_frequency)
-    if not 0.0 <= rate <= core.rate_hz:
-        raise ScriptFault("frequency of a watchdog", value=rate, limit=(0, core.rate_hz))
+    rate = within("frequency of a watchdog", min_frequency, 0, core.rate_hz)
     period = 1.0 / rate if rate > 0.0 else math.inf
     core.watchdogs[name] = InputWatchdog(name, period, wanted, core.now)
 
 
 def _digital_out(shift: int, count: int) -> Callable[[Core, Value, Value], None]:
     return lambda core, n, b: core.signals.masked(
-        1, int(truth(b)), shift + _one_of("digital output", n, count)
+        1, int(truth(b)), shift + whole("digital output", n, 0, count - 1)
     )
 
 
 def _digital(shift: int, count: int, inputs: bool) -> Callable[[Core, Value], bool]:
     def get(core: Core, n: Value) -> bool:
         bits = core.signals.digital_in if inputs else core.signals.digital_out
-        return bool(bits >> (shift + _one_of("digital signal", n, count)) & 1)
+        return bool(bits >> (shift + whole("digital signal", n, 0, count - 1)) & 1)
 
     return get
 
@@ -111,7 +100,7 @@ _READ: dict[str, Callable[[Core, Value], Value]] = {
     "get_tool_analog_in": lambda core, n: 0.0 * _pair(n),
     "get_flag": lambda core, n: core.signals.flags[_flag(n)],
 }
-_INSTANT: dict[str, Any] = {
+_ON_SIGNALS: dict[str, Any] = {
     **_READ,
     "rtde_set_watchdog": _rtde_set_watchdog,
     "get_analog_in": _READ["get_standard_analog_in"],
@@ -122,14 +111,14 @@ _INSTANT: dict[str, Any] = {
     "set_flag": _set_flag,
 }
 for _word, _kind in (("integer", "int"), ("float", "double"), ("boolean", "bit")):
-    _INSTANT[f"read_input_{_word}_register"] = _reader(_kind, lambda core: core.inputs)
-    _INSTANT[f"read_output_{_word}_register"] = _reader(_kind, lambda core: core.outputs)
-    _INSTANT[f"write_output_{_word}_register"] = _writer(_kind)
+    _ON_SIGNALS[f"read_input_{_word}_register"] = _reader(_kind, lambda core: core.inputs)
+    _ON_SIGNALS[f"read_output_{_word}_register"] = _reader(_kind, lambda core: core.outputs)
+    _ON_SIGNALS[f"write_output_{_word}_register"] = _writer(_kind)
 _GROUPS = (("", 0, 18), ("standard_", 0, 8), ("configurable_", 8, 8), ("tool_", 16, 2))
 for _group, _shift, _count in _GROUPS:
-    _INSTANT[f"set_{_group}digital_out"] = _digital_out(_shift, _count)
-    _INSTANT[f"get_{_group}digital_out"] = _digital(_shift, _count, inputs=False)
-    _INSTANT[f"get_{_group}digital_in"] = _digital(_shift, _count, inputs=True)
+    _ON_SIGNALS[f"set_{_group}digital_out"] = _digital_out(_shift, _count)
+    _ON_SIGNALS[f"get_{_group}digital_out"] = _digital(_shift, _count, inputs=False)
+    _ON_SIGNALS[f"get_{_group}digital_in"] = _digital(_shift, _count, inputs=True)
 
 
 def _add_signal(
@@ -194,7 +183,13 @@ def _delete_signal(core: Core, signal_name: Value) -> bool:
     return core.signals.modbus.pop(shown(signal_name), None) is not None
 
 
-_MODBUS: dict[str, Any] = {
+_TEXTMSG: dict[str, Callable[[Core, Value, Value], None]] = {
+    "textmsg": lambda core, s1, s2="": core.say(shown(s1) + shown(s2))
+}
+IO: dict[str, Any] = {
+    **_ON_SIGNALS,
+    **_TEXTMSG,
+    "popup": _popup,
     "modbus_add_signal": _add_signal,
     "modbus_add_rw_signal": _add_rw_signal,
     "modbus_delete_signal": _delete_signal,
@@ -202,18 +197,9 @@ _MODBUS: dict[str, Any] = {
     "modbus_set_output_register": _set_signal,
     "modbus_set_output_signal": _set_digital_signal,
 }
-_TEXTMSG: dict[str, Callable[[Core, Value, Value], None]] = {
-    "textmsg": lambda core, s1, s2="": core.say(shown(s1) + shown(s2))
-}
-IO = (
-    builtins({**_INSTANT, **_MODBUS}, Calling.INSTANT)
-    | builtins(_TEXTMSG, Calling.INSTANT, _MESSAGE_WEIGHT)
-    | builtins({"popup": _popup}, Calling.BLOCKING, _MESSAGE_WEIGHT)
-)
 """Built-ins that read and write what RTDE shows."""
 
 
-_WEIGHT = 20
 _YES: dict[int, str] = {
     0: """end_screw_driving stop_conveyor_tracking set_input_actions_to_default powerdown
         high_holding_torque_disable high_holding_torque_enable""",
@@ -253,31 +239,21 @@ _BY_NAME: dict[str, tuple[bool | int, str]] = {
 """Those whose arguments programs name: the answer, and the names."""
 
 
-def _absent(name: str, answer: bool | int, names: tuple[str, ...]) -> Builtin:
+def _absent(name: str, answer: bool | int, names: Sequence[str]) -> Builtin:
     def say(core: Core, *_: Value) -> Value:
         core.lacks(name)
         return answer
 
-    return Builtin(name, say, Calling.INSTANT, names, (0,) * len(names), _WEIGHT)
-
-
-def _all(answer: bool | int, table: dict[int, str]) -> list[Builtin]:
-    return [
-        _absent(name, answer, tuple(f"argument{k + 1}" for k in range(count)))
-        for count, names in table.items()
-        for name in names.split()
-    ]
+    return Builtin(say, tuple(names), dict.fromkeys(names, 0), controls=True, takes_time=False)
 
 
 ABSENT = {
-    item.name: item
-    for item in (
-        *_all(True, _YES),
-        *_all(0, _NOUGHT),
-        *(
-            _absent(name, answer, tuple(words.split()))
-            for name, (answer, words) in _BY_NAME.items()
-        ),
-    )
+    **{
+        name: _absent(name, answer, [f"argument{k + 1}" for k in range(count)])
+        for answer, table in ((True, _YES), (0, _NOUGHT))
+        for count, names in table.items()
+        for name in names.split()
+    },
+    **{name: _absent(name, answer, names.split()) for name, (answer, names) in _BY_NAME.items()},
 }
 """Built-ins that do nothing."""

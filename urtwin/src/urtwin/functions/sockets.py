@@ -16,12 +16,10 @@ from urtwin.urscript import (
     BACK,
     LISTENING,
     MAX_LENGTH,
-    Calling,
-    ScriptFault,
     Value,
-    builtins,
     number,
     shown,
+    whole,
 )
 
 T = TypeVar("T")
@@ -30,7 +28,7 @@ _NAME, _TIMEOUT_S, _CONNECT_S = "socket_0", 2.0, 2.0
 _OPENING_S = 0.01
 """How long it takes to connect, at least: a driver accepts each socket in a thread of its own, and
 what it sends before that thread was there is lost."""
-_WEIGHT, _MOST = 100, 255
+_MOST = 255
 _INT = 4
 _READS = 16
 """Answers of sockets in a control cycle; a program with more to read goes on in the next one, so
@@ -81,9 +79,7 @@ def _until(
 
 
 def _count(value: Value) -> int:
-    if value.__class__ is not int or not 0 < value <= _MOST:
-        raise ScriptFault("how many to read", value=shown(value), limit=(1, _MOST))
-    return value
+    return whole("how many to read", value, 1, _MOST)
 
 
 def _found(count: int, values: Sequence[float] | None) -> Value:
@@ -184,15 +180,6 @@ def _close(core: Core, socket_name: Value = _NAME) -> bool:
     return core.network.close(shown(socket_name))
 
 
-_WAITING: dict[str, Any] = {
-    "socket_open": _open,
-    "socket_read_binary_integer": _read_binary_integer,
-    "socket_read_byte_list": _read_byte_list,
-    "socket_read_ascii_float": _read_ascii_float,
-    "socket_read_string": _read_string,
-    "socket_read_line": _read_line,
-    "socket_get_var": _get_var,
-}
 _SEND: dict[str, Callable[[Core, Value, Value], bool]] = {
     "socket_send_int": lambda core, value, socket_name=_NAME: _send(
         core, struct.pack(">I", int(number(value)) & 0xFFFFFFFF), socket_name
@@ -207,8 +194,16 @@ _SEND: dict[str, Callable[[Core, Value, Value], bool]] = {
         core, shown(str).encode() + b"\n", socket_name
     ),
 }
-_AT_ONCE: dict[str, Any] = {**_SEND, "socket_set_var": _set_var, "socket_close": _close}
-SOCKETS = builtins(_WAITING, Calling.BLOCKING, _WEIGHT) | builtins(
-    _AT_ONCE, Calling.INSTANT, _WEIGHT
-)
+SOCKETS: dict[str, Any] = {
+    **_SEND,
+    "socket_set_var": _set_var,
+    "socket_close": _close,
+    "socket_open": _open,
+    "socket_read_binary_integer": _read_binary_integer,
+    "socket_read_byte_list": _read_byte_list,
+    "socket_read_ascii_float": _read_ascii_float,
+    "socket_read_string": _read_string,
+    "socket_read_line": _read_line,
+    "socket_get_var": _get_var,
+}
 """Built-ins that talk to other machines."""

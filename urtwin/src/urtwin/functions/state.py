@@ -10,22 +10,24 @@ from dynid.core import Array, JobError
 from urtwin.arm import ForceMode
 from urtwin.core import Core, ToolPayload
 from urtwin.urscript import (
-    Calling,
     Pose,
     ScriptFault,
     Value,
-    builtins,
     matrix_of,
     number,
     numbers,
     pose_of,
     shown,
+    whole,
+    within,
 )
 from urtwin.variables import READERS, tool_speed
 
-_KINEMATICS_WEIGHT, _INVERSE_WEIGHT = 400, 4_000
 _STEADY_S, _STANDSTILL = 0.5, 1e-3
 _MAX_PAYLOAD_KG = 50.0
+_MOST_DAMPING, _MOST_GAIN = 1.0, 2.0
+_TYPES = (1, 2, 3)
+_ALL_FREE = (1, 1, 1, 1, 1, 1)
 
 
 def _forward(core: Core, q: Value = None, tcp: Value = None) -> Pose:
@@ -83,9 +85,7 @@ def _within_limits(core: Core, pose: Value) -> bool:
 
 
 def _history(core: Core, steps: Value = 0) -> Value:
-    if steps.__class__ is not int or not 0 <= steps < len(core.history):
-        raise ScriptFault("steps of the history", value=steps, limit=(0, len(core.history) - 1))
-    return list(core.history[int(steps)])
+    return list(core.history[whole("steps of the history", steps, 0, len(core.history) - 1)])
 
 
 def _is_steady(core: Core) -> bool:
@@ -95,12 +95,10 @@ def _is_steady(core: Core) -> bool:
 
 
 def _set_payload(core: Core, m: Value, cog: Value = None, inertia: Value = None) -> None:
-    mass = number(m)
-    if not 0.0 <= mass <= _MAX_PAYLOAD_KG:
-        raise ScriptFault("payload [kg]", value=mass, limit=(0, _MAX_PAYLOAD_KG))
+    mass = within("payload [kg]", m, 0, _MAX_PAYLOAD_KG)
     center = core.tcp[:3] if cog is None else numbers(cog, 3, "a centre of gravity")
     moments = [0.0] * 6 if inertia is None else numbers(inertia, 6, "inertias")
-    core.payload = ToolPayload(float(mass), list(center), moments)
+    core.payload = ToolPayload(mass, list(center), moments)
     core.believe()
 
 
@@ -120,9 +118,7 @@ def _set_tcp(core: Core, pose: Value, tcp_name: Value = "") -> None:
 
 
 def _joint_temperature(core: Core, j: Value) -> float:
-    if not isinstance(j, int) or not 0 <= j < 6:
-        raise ScriptFault("joint", value=j, limit=(0, 5))
-    return core.arm.measured("temperature")[j]
+    return core.arm.measured("temperature")[whole("joint", j, 0, 5)]
 
 
 def _rtde_value(core: Core, variable_name: Value) -> Value:
@@ -159,8 +155,6 @@ _ASK: dict[str, Callable[[Core], Value]] = {
     "protective_stop": lambda core: core.protective_stop(
         "Protective stop asked for by the program"
     ),
-}
-_KINEMATICS: dict[str, Callable[[Core], Value]] = {
     "get_actual_tcp_pose": lambda core: _forward(core),
     "get_target_tcp_pose": lambda core: _forward(core, core.arm.state.target.q.tolist()),
     # No path offset and no conveyor moves the arm beside its path.
@@ -178,28 +172,6 @@ _SET: dict[str, Callable[[Core, Value], Value]] = {
     "get_joint_temp": _joint_temperature,
     "get_rtde_value": _rtde_value,
 }
-_WITH_ARGUMENTS: dict[str, Any] = {
-    **_SET,
-    "get_actual_joint_positions_history": _history,
-    "set_payload": _set_payload,
-    "set_target_payload": _set_target_payload,
-    "get_forward_kin": _forward,
-    "set_tcp": _set_tcp,
-}
-_SOLVE: dict[str, Any] = {
-    "get_inverse_kin": _inverse,
-    "get_inverse_kin_has_solution": _has_solution,
-    "is_within_safety_limits": _within_limits,
-}
-STATE = (
-    builtins(_ASK, Calling.INSTANT, 50)
-    | builtins({**_KINEMATICS, **_WITH_ARGUMENTS}, Calling.INSTANT, _KINEMATICS_WEIGHT)
-    | builtins(_SOLVE, Calling.INSTANT, _INVERSE_WEIGHT)
-)
-"""Built-ins about the arm's state."""
-
-
-_WEIGHT = 1_500
 
 
 def _mass_matrix(core: Core, q: Value = None, include_rotors_inertia: Value = False) -> Value:
@@ -217,22 +189,6 @@ def _jacobian(core: Core, q: Value = None, tcp: Value = None) -> Value:
 def _jacobian_rate(core: Core, q: Value = None, qd: Value = None, tcp: Value = None) -> Value:
     joints, speeds = _joints(core, q).tolist(), _speeds(core, qd)
     return core.arm.kinematics.jacobian_rate(joints, speeds, _tool(core, tcp)).tolist()
-
-
-_OF_MODEL: dict[str, Any] = {
-    "get_mass_matrix": _mass_matrix,
-    "get_coriolis_and_centrifugal_torques": _coriolis,
-    "get_jacobian": _jacobian,
-    "get_jacobian_time_derivative": _jacobian_rate,
-}
-MODEL = builtins(_OF_MODEL, Calling.INSTANT, _WEIGHT)
-"""Built-ins about the controller's model."""
-
-
-_FORCE_WEIGHT = 50
-_MOST_DAMPING, _MOST_GAIN = 1.0, 2.0
-_TYPES = (1, 2, 3)
-_ALL_FREE = (1, 1, 1, 1, 1, 1)
 
 
 def _force_mode(
@@ -261,14 +217,7 @@ def _end_force_mode(core: Core) -> None:
 
 
 def _set_gain(core: Core, scaling: Value) -> None:
-    core.force_gain = _between("gain of force mode", scaling, _MOST_GAIN)
-
-
-def _between(what: str, value: Value, most: float) -> float:
-    found = float(number(value))
-    if not 0.0 <= found <= most:
-        raise ScriptFault(what, value=found, limit=(0, most))
-    return found
+    core.force_gain = within("gain of force mode", scaling, 0, _MOST_GAIN)
 
 
 def _teach(core: Core) -> None:
@@ -294,13 +243,31 @@ _AT_THE_TOOL: dict[str, Callable[[Core], Value]] = {
     "get_freedrive_status": lambda core: 0,
 }
 _FORCE: dict[str, Callable[[Core, Value], Value]] = {
-    "force_mode_set_damping": lambda core, damping: _between(
-        "damping of force mode", damping, _MOST_DAMPING
+    "force_mode_set_damping": lambda core, damping: within(
+        "damping of force mode", damping, 0, _MOST_DAMPING
     ),
     "force_mode_set_gain_scaling": _set_gain,
     # The tool touches nothing.
     "tool_contact": lambda core, direction=0: 0,
 }
-_MORE: dict[str, Any] = {"force_mode": _force_mode, "freedrive_mode": _freedrive}
-FORCE = builtins({**_AT_THE_TOOL, **_FORCE, **_MORE}, Calling.INSTANT, _FORCE_WEIGHT)
-"""Built-ins about the force at the tool."""
+STATE: dict[str, Any] = {
+    **_ASK,
+    **_SET,
+    **_AT_THE_TOOL,
+    **_FORCE,
+    "get_actual_joint_positions_history": _history,
+    "set_payload": _set_payload,
+    "set_target_payload": _set_target_payload,
+    "get_forward_kin": _forward,
+    "set_tcp": _set_tcp,
+    "get_inverse_kin": _inverse,
+    "get_inverse_kin_has_solution": _has_solution,
+    "is_within_safety_limits": _within_limits,
+    "get_mass_matrix": _mass_matrix,
+    "get_coriolis_and_centrifugal_torques": _coriolis,
+    "get_jacobian": _jacobian,
+    "get_jacobian_time_derivative": _jacobian_rate,
+    "force_mode": _force_mode,
+    "freedrive_mode": _freedrive,
+}
+"""Built-ins about the arm's state, the controller's model of it, and the force at the tool."""

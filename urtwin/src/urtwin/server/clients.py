@@ -5,11 +5,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from dynid.core import DynidError, JobError
-from dynid.protocol import dashboard
-from urtwin.dashboard import DashboardSession
+from dynid.protocol import dashboard, rtde
+from urtwin.dashboard import DashboardSession, FindProgram, program_folder
 from urtwin.interpreter import Interpreter
-from urtwin.rtde import RtdeSession
+from urtwin.machine import ControllerMachine
+from urtwin.rtde import Owners, RtdeSession
 from urtwin.server.connection import LEFT, Connection, question
+from urtwin.server.settings import INTERPRETER, READ_ONLY, ControllerSettings
 
 LARGEST_SCRIPT = 2_000_000
 """The longest program taken [bytes]."""
@@ -21,10 +23,14 @@ _WORD = re.compile(
 )
 _LONGEST_KEYWORD = 6
 _CODE = re.compile(rb"^[^#\w\"'\n]*[\w\"']", re.MULTILINE)
+LONGEST_LINE = 65_536
+"""The longest line taken [bytes]."""
+_SERIAL = "20240001"
+"""What the dashboard says."""
 
 
 class ScriptRefused(JobError):
-    """A client sent text that can be no program; the connection is to be closed."""
+    """A client sent what can be no program, or too much; the connection is to be closed."""
 
 
 class Pool:
@@ -34,11 +40,7 @@ class Pool:
         self.size, self.taken = size, 0
 
     def take(self, count: int) -> None:
-        """Take room for `count` bytes; a negative count gives it back.
-
-        Raises:
-            ScriptRefused: There is none left.
-        """
+        """Take room for `count` bytes, or be refused; a negative count gives it back."""
         if self.taken + count > self.size:
             raise ScriptRefused(
                 "too many unfinished programs at once", limit=f"{self.size} bytes together"
@@ -59,11 +61,7 @@ class ScriptReader:
         self._counted = self._searched = self._depth = 0
 
     def feed(self, data: bytes) -> list[str]:
-        """Take text; return the programs that it completes.
-
-        Raises:
-            ScriptRefused: The text is too long, or no text.
-        """
+        """Take text; the programs that it completes. What is too long or no text is refused."""
         self._pool.take(len(data))
         self._text += data
         programs: list[str] = []
@@ -143,11 +141,7 @@ class Client(ABC):
 
     @abstractmethod
     def take(self, data: bytes) -> None:
-        """Do what the client asks for.
-
-        Raises:
-            DynidError: It asks for what nobody can give: it is refused and closed.
-        """
+        """Do what the client asks for; after a `DynidError` it is refused and closed."""
 
     def refuse(self, words: str) -> None:
         """Tell the client why it is closed, and close it."""
@@ -278,10 +272,6 @@ class LeavingClient(Client):
         """Throw it away."""
 
 
-LONGEST_LINE = 65_536
-"""The longest line taken [bytes]."""
-
-
 class InterpreterClient(LineClient):
     """A client of port 30020."""
 
@@ -299,3 +289,34 @@ class InterpreterClient(LineClient):
             text = line.decode(errors="replace").strip()
             if text:
                 self._interpreter.receive(text, self.answer)
+
+
+class Reception:
+    """Makes clients of connections; `submit` takes the programs of script ports."""
+
+    def __init__(
+        self,
+        machine: ControllerMachine,
+        settings: ControllerSettings,
+        submit: Callable[[str], None],
+    ) -> None:
+        self._machine, self._submit, self._orderly = machine, submit, settings.virtual_time
+        self._owners, self._pool = Owners(), Pool()
+        self._model = machine.core.arm.plant.arm.robot.name.removesuffix("e").upper()
+        folder = settings.programs
+        self._programs: FindProgram = program_folder(folder) if folder else lambda _: None
+
+    def client(self, connection: Connection) -> Client:
+        """The client behind a connection."""
+        machine, port = self._machine, connection.port
+        if port == rtde.PORT:
+            session = RtdeSession(machine, self._owners, orderly=self._orderly)
+            return RtdeClient(connection, session)
+        if port == dashboard.PORT:
+            desk = DashboardSession(machine, self._model, _SERIAL, self._programs)
+            return DashboardClient(connection, desk)
+        if port == INTERPRETER:
+            return InterpreterClient(connection, machine.core.interpreter)
+        if port in READ_ONLY:
+            return WatchingClient(connection)
+        return ScriptClient(connection, ScriptReader(self._pool), self._submit)

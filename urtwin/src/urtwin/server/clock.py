@@ -31,18 +31,27 @@ from urtwin.server.connection import UnreadBytes
 CATCH_UP_S = 0.1
 """How far behind the wall clock the controller may run before it gives the time up [s]."""
 _KEPT = 1 << 20
+STALLED_S = 10.0
+"""How long a client may read nothing before it is given up [s]."""
+LEAD_S = 0.024
+"""How far the controller may be ahead of its slowest client [s of controller time]."""
+TOGETHER_S = 0.012
+"""Packages of this much controller time are sent at once [s]."""
+_ROUNDING = 1e-9
+_SOON, _LATER, _PATIENCE = 50e-6, 1e-3, 20
+_SWITCH_S = 0.0005
+_PRIORITY, COMPILER_PRIORITY = 10, 9
+"""Of the loop; of the compiler, which may hold the interpreter lock that the loop waits for."""
+_FILES = 4096
+_YOUNG, _OLD, _OLDEST = 20_000, 20, 50
 
 
 class Pace:
-    """The rhythm of the control cycles, from wall times that it is told.
+    """The rhythm of the control cycles of a length [s], from wall times [s] that it is told.
 
     In real time cycle k is due at start + k dt. A late cycle is run at once and the next ones
     keep their times, so no cycle is lost; after a longer standstill than `CATCH_UP_S` (a
     suspended computer) the rhythm starts anew and the controller's time has simply stood still.
-
-    Args:
-        cycle: Length of a cycle [s].
-        now: The wall clock [s].
     """
 
     def __init__(self, cycle: float, now: float) -> None:
@@ -77,16 +86,6 @@ class Pace:
         ordered = sorted(self._late)
         last = len(ordered) - 1
         return [1e6 * ordered[round(last * share / 100)] for share in percentiles]
-
-
-STALLED_S = 10.0
-"""How long a client may read nothing before it is given up [s]."""
-LEAD_S = 0.024
-"""How far the controller may be ahead of its slowest client [s of controller time]."""
-TOGETHER_S = 0.012
-"""Packages of this much controller time are sent at once [s]."""
-_ROUNDING = 1e-9
-_SOON, _LATER, _PATIENCE = 50e-6, 1e-3, 20
 
 
 class VirtualPace:
@@ -153,13 +152,6 @@ class VirtualPace:
             if 0.0 < left <= watchdog.period:
                 wait = max(wait, min(left, _LATER))
         return wait
-
-
-_SWITCH_S = 0.0005
-_PRIORITY, COMPILER_PRIORITY = 10, 9
-"""Of the loop; of the compiler, which may hold the interpreter lock that the loop waits for."""
-_FILES = 4096
-_YOUNG, _OLD, _OLDEST = 20_000, 20, 50
 
 
 def keep_time(*, real_time: bool) -> bool:

@@ -1,8 +1,11 @@
-"""A client's socket that never blocks, and how much of what was sent is unread."""
+"""Sockets: those that listen, a client's that never blocks, what it has not read of the sent."""
 
 import socket
 import struct
 import time
+from collections.abc import Iterable
+
+from dynid.core import JobError
 
 _SOCK_DIAG, _BY_FAMILY, _REQUEST = 4, 20, 1
 _TCP = 6
@@ -11,6 +14,11 @@ _QUERY = struct.Struct("=BBBxI")
 _RECEIVE_QUEUE = struct.Struct("=I")
 _QUEUE_AT = _HEADER.size + 4 + 48 + 4
 _ANY_COOKIE = b"\xff" * 8
+# Where the kernel's queue is full, a client believes itself connected and nobody knows of it.
+_BACKLOG = 1024
+_SEND_BUFFER = 1 << 17
+LEFT = "the client has left"
+_REPLIES = 1 << 16
 
 
 class UnreadBytes:
@@ -59,8 +67,34 @@ def question(sock: socket.socket) -> bytes:
     return _HEADER.pack(_HEADER.size + len(body), _BY_FAMILY, _REQUEST, 0, 0) + body
 
 
-LEFT = "the client has left"
-_REPLIES = 1 << 16
+def open_listeners(host: str, ports: Iterable[int]) -> list[socket.socket]:
+    """Listen on the ports of a controller.
+
+    Raises:
+        JobError: A port is taken or the address is not of this machine.
+    """
+    listeners: list[socket.socket] = []
+    for port in ports:
+        sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        # Inherited by every client's socket.
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
+        sock.setblocking(False)
+        try:
+            sock.bind((host, port))
+            sock.listen(_BACKLOG)
+        except OSError as error:
+            sock.close()
+            for listener in listeners:
+                listener.close()
+            raise JobError(
+                f"cannot listen on port {port}: {error.strerror}",
+                where=host,
+                next_step="A controller may run there already; each needs an address of its own, "
+                "for example --host 127.0.0.2",
+            ) from error
+        listeners.append(sock)
+    return listeners
 
 
 class Connection:

@@ -4,12 +4,12 @@ import select
 import socket
 import time
 import traceback
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from functools import partial
 from pathlib import Path
+from queue import SimpleQueue
+from threading import Thread
 from typing import TextIO
 
 from dynid.protocol import rtde
@@ -18,23 +18,26 @@ from urtwin.dashboard import obey
 from urtwin.machine import ControllerMachine, compile_program
 from urtwin.network import Network, on_this_machine
 from urtwin.primary import packets, realtime_state, robot_state, version_message
-from urtwin.rtde import Packer
-from urtwin.server.clients import Client, LeavingClient, RtdeClient, WatchingClient
+from urtwin.server.clients import Client, LeavingClient, Reception, RtdeClient, WatchingClient
 from urtwin.server.clock import COMPILER_PRIORITY, TOGETHER_S, Pace, VirtualPace, first_in_first_out
-from urtwin.server.connection import Connection
-from urtwin.server.listeners import (
-    PRIMARY,
-    READ_ONLY,
-    REALTIME,
-    ControllerSettings,
-    Reception,
-    open_listeners,
-    place_for_another,
-)
+from urtwin.server.connection import Connection, open_listeners
+from urtwin.server.settings import PORTS, PRIMARY, READ_ONLY, REALTIME, ControllerSettings
 from urtwin.urscript import CompiledProgram, ScriptError
 
 _PER_SECOND = 100
 _SAME_PER_SECOND = 3
+WAITING = 8
+"""Programs that may wait to be compiled."""
+_STATES_HZ = 10
+_EVENTS = 4
+_IDLE_S = 0.5
+STALLED_S = 2.0
+"""How long a client may read nothing before it is given up, in real time [s]."""
+_FAREWELL_S = 1.0
+CLIENTS = 128
+"""Clients of one port at the same time."""
+_NEWCOMER_S = 1.0
+"""How long a client may be silent before its place can be given to another [s]."""
 
 
 class Log:
@@ -72,54 +75,51 @@ class Log:
             self._second = int(time.monotonic())
 
 
-WAITING = 8
-"""Programs that may wait to be compiled."""
-
-
 class ScriptCompiler:
     """A thread that compiles, and a socket that becomes readable when it has.
 
     Compiling takes tens of milliseconds, many control cycles. In real time the thread has a
-    real-time priority, as the loop has.
+    real-time priority, as the loop has. Nobody waits for it at the end of the process.
     """
 
     def __init__(self, *, real_time: bool) -> None:
-        urgent = partial(first_in_first_out, COMPILER_PRIORITY) if real_time else None
-        self._pool = ThreadPoolExecutor(1, "urscript", urgent)
-        self._pending: deque[Future[CompiledProgram]] = deque()
+        self._texts: SimpleQueue[str] = SimpleQueue()
+        self._compiled: SimpleQueue[CompiledProgram | ScriptError] = SimpleQueue()
+        self._pending = 0
         self.signal, self._wake = socket.socketpair()
         self.signal.setblocking(False)
+        Thread(target=self._work, args=(real_time,), name="urscript", daemon=True).start()
 
     @property
     def busy(self) -> bool:
         """Whether a script has been taken that did not come back yet."""
-        return bool(self._pending)
+        return self._pending > 0
 
     def submit(self, text: str) -> bool:
         """Take a script; whether there was room for it."""
-        if len(self._pending) >= WAITING:
+        if self._pending >= WAITING:
             return False
-        self._pending.append(self._pool.submit(compile_program, text))
-        self._pending[-1].add_done_callback(lambda _: self._wake.send(b"!"))
+        self._pending += 1
+        self._texts.put(text)
         return True
 
-    def take(self) -> list[Future[CompiledProgram]]:
-        """Scripts that were compiled since the last call, oldest first."""
+    def take(self) -> Generator[CompiledProgram | ScriptError]:
+        """Scripts that were compiled since the last call, oldest first, or why they were not."""
         with suppress(BlockingIOError):
             self.signal.recv(WAITING)
-        found: list[Future[CompiledProgram]] = []
-        while self._pending and self._pending[0].done():
-            found.append(self._pending.popleft())
-        return found
+        while not self._compiled.empty():
+            self._pending -= 1
+            yield self._compiled.get()
 
-    def close(self) -> None:
-        """End the thread; what it compiles just now is thrown away."""
-        self._pool.shutdown(cancel_futures=True)
-        self.signal.close()
-        self._wake.close()
-
-
-_STATES_HZ = 10
+    def _work(self, real_time: bool) -> None:
+        if real_time:
+            first_in_first_out(COMPILER_PRIORITY)
+        while True:
+            try:
+                self._compiled.put(compile_program(self._texts.get()))
+            except ScriptError as error:
+                self._compiled.put(error)
+            self._wake.send(b"!")
 
 
 class Broadcast:
@@ -130,12 +130,12 @@ class Broadcast:
     """
 
     def __init__(self, machine: ControllerMachine, together_s: float = 0.0) -> None:
-        self._machine, self._packer = machine, Packer(machine)
+        self._machine = machine
         self._together = together_s / machine.cycle
         self._states, self._due = 0, False
         self._messages: Sequence[Message] = ()
         self._news = b""
-        self._packed: dict[tuple[bool, bool], bytes] = {}
+        self._packed: dict[object, bytes] = {}
 
     def greet(self, client: Client) -> None:
         """What a client reads before it says anything."""
@@ -148,7 +148,6 @@ class Broadcast:
     def next_cycle(self, messages: Sequence[Message]) -> None:
         """A control cycle is over, in which the machine has said some messages."""
         machine = self._machine
-        self._packer.next_cycle()
         self._packed.clear()
         # Ten states a second, also where 10 Hz is no whole number of cycles.
         states = int(machine.core.cycles * machine.cycle * _STATES_HZ + 1e-9)
@@ -180,18 +179,23 @@ class Broadcast:
         recipe = session.outputs
         if recipe is not None and self._machine.core.cycles % session.every == 0:
             together = int(self._together / session.every + 1e-9)
-            client.connection.offer(self._packer.package(recipe), together)
+            package = self._packed_once(
+                recipe, lambda: recipe.packet(self._machine.numbers(*recipe.names))
+            )
+            client.connection.offer(package, together)
             session.queue.asked = True
 
     def _state(self, stream: int, *, first: bool) -> bytes:
-        """What a port sends in this cycle, packed once for all."""
-        realtime = stream == REALTIME
-        key = (realtime, first and not realtime)
-        packed = self._packed.get(key)
-        if packed is None:
-            state = realtime_state if realtime else partial(robot_state, first=first)
-            packed = self._packed[key] = state(self._machine)
-        return packed
+        """What a port sends in this cycle."""
+        if stream == REALTIME:
+            return self._packed_once(REALTIME, lambda: realtime_state(self._machine))
+        return self._packed_once(first, lambda: robot_state(self._machine, first=first))
+
+    def _packed_once(self, key: object, pack: Callable[[], bytes]) -> bytes:
+        """What all get who ask for the same in a cycle."""
+        if key not in self._packed:
+            self._packed[key] = pack()
+        return self._packed[key]
 
 
 def _stream(client: Client) -> int:
@@ -199,17 +203,11 @@ def _stream(client: Client) -> int:
     return READ_ONLY.get(client.port, client.port)
 
 
-_EVENTS = 4
-_IDLE_S = 0.5
-STALLED_S = 2.0
-"""How long a client may read nothing before it is given up, in real time [s]."""
-_FAREWELL_S = 1.0
-
-
 class ControllerServer:
     """Listens on the ports of a UR controller and serves its clients.
 
     Raises:
+        InputError: There is no such folder.
         JobError: A port is taken.
     """
 
@@ -217,7 +215,10 @@ class ControllerServer:
         self._machine, self._log = machine, log
         # A socket of the loop's waits in this one: its time-outs are not rounded up to 1 ms.
         self._epoll = select.epoll()
-        self._listeners = {sock.fileno(): sock for sock in open_listeners(settings.host)}
+        self._listeners = {
+            sock.fileno(): sock
+            for sock in open_listeners(settings.host, (*PORTS.values(), *READ_ONLY))
+        }
         self._clients: dict[int, Client] = {}
         self._rtde: list[RtdeClient] = []
         self._reception = Reception(machine, settings, self._submit)
@@ -264,7 +265,6 @@ class ControllerServer:
             self._close(client)
         for listener in self._listeners.values():
             listener.close()
-        self._compiler.close()
         if self._virtual is not None:
             self._virtual.close()
         self._epoll.close()
@@ -341,10 +341,10 @@ class ControllerServer:
 
     def _run_compiled(self) -> None:
         for compiled in self._compiler.take():
-            try:
-                self._machine.run_program(compiled.result())
-            except ScriptError as error:
-                self._machine.refuse(error)
+            if isinstance(compiled, ScriptError):
+                self._machine.refuse(compiled)
+            else:
+                self._machine.run_program(compiled)
 
     def _submit(self, text: str) -> None:
         if obey(text, self._machine):
@@ -366,12 +366,7 @@ class ControllerServer:
             # It has left while it waited to be let in.
             accepted.close()
             return
-        others = [c for c in self._clients.values() if c.port == port]
-        free, leaver = place_for_another(others, now)
-        if leaver is not None:
-            leaver.refuse("another client needs this place: you have been silent")
-            self._part(leaver, now)
-        if not free:
+        if not self._make_room(port, now):
             client.refuse("too many clients on this port")
             self._log.say(f"{connection.peer} refused: too many clients on port {port}")
             connection.close()
@@ -381,6 +376,22 @@ class ControllerServer:
             self._rtde.append(client)
         self._epoll.register(connection.socket.fileno(), select.EPOLLIN)
         self._broadcast.greet(client)
+
+    def _make_room(self, port: int, now: float) -> bool:
+        """Whether one more client of a port may come in.
+
+        A full port gives up the client that has been connected for longest without a word.
+        """
+        present = [client.connection for client in self._clients.values() if client.port == port]
+        if len(present) < CLIENTS:
+            return True
+        silent = [each for each in present if each.silent and now - each.since > _NEWCOMER_S]
+        if silent:
+            leaver = min(silent, key=lambda connection: connection.since)
+            client = self._clients[leaver.socket.fileno()]
+            client.refuse("another client needs this place: you have been silent")
+            self._part(client, now)
+        return bool(silent)
 
     def _part(self, client: Client, now: float) -> None:
         """Say goodbye: at once to who has left, politely to who is sent away."""

@@ -7,31 +7,14 @@ from collections.abc import Callable
 from typing import Any, TextIO
 
 from dynid.core import write_json
-from dynid.protocol import dashboard, rtde
 from dynid.robot import load_robot
 from dynid.simulation import SERIAL, simulated_arm
 from urtwin.machine import ControllerMachine
 from urtwin.server.clock import keep_time
-from urtwin.server.listeners import (
-    CB_HZ,
-    E_SERIES_HZ,
-    INTERPRETER,
-    PRIMARY,
-    REALTIME,
-    SECONDARY,
-    ControllerSettings,
-)
 from urtwin.server.loop import ControllerServer, Log
+from urtwin.server.settings import CB_HZ, E_SERIES_HZ, PORTS, ControllerSettings
 
 _CB, _E_SERIES = (3, 15, 8, 106339), (5, 12, 0, 1101319)
-_PORT_NAMES = {
-    "dashboard": dashboard.PORT,
-    "primary": PRIMARY,
-    "secondary": SECONDARY,
-    "realtime": REALTIME,
-    "rtde": rtde.PORT,
-    "interpreter": INTERPRETER,
-}
 
 
 def serve(
@@ -41,10 +24,8 @@ def serve(
 ) -> None:
     """Simulate a controller until Ctrl-C, SIGTERM, or the end of the parent process.
 
-    Args:
-        settings: What to simulate, and where.
-        stream: Where to tell people what happens.
-        ready: Called once, when clients can connect, with what they need to know.
+    `stream` tells people what happens; `ready` is called once, when clients can connect, with
+    what they need to know.
 
     Raises:
         InputError: A robot that cannot be simulated, an address that is none, or no such folder.
@@ -68,7 +49,7 @@ def serve(
         about = {
             "robot": robot.name,
             "host": settings.host,
-            "ports": _PORT_NAMES,
+            "ports": PORTS,
             "rate_hz": rate,
             "version": ".".join(map(str, version)),
             "virtual_time": settings.virtual_time,

@@ -1,7 +1,7 @@
 """URScript: from text to a program that runs one control cycle at a time."""
 
 from urtwin.urscript.execution import BACK, LISTENING, Routine, ScriptRun
-from urtwin.urscript.library import MATHEMATICS, MATRICES, POSES, matrix_of, numbers, pose_of
+from urtwin.urscript.library import LIBRARY, matrix_of, numbers, pose_of
 from urtwin.urscript.program import (
     CompiledProgram,
     Context,
@@ -12,7 +12,6 @@ from urtwin.urscript.syntax import MAX_CHARACTERS
 from urtwin.urscript.values import (
     MAX_LENGTH,
     Builtin,
-    Calling,
     Pose,
     ScriptError,
     ScriptFault,
@@ -21,18 +20,17 @@ from urtwin.urscript.values import (
     number,
     shown,
     truth,
+    whole,
+    within,
 )
 
 __all__ = [
     "BACK",
+    "LIBRARY",
     "LISTENING",
-    "MATHEMATICS",
-    "MATRICES",
     "MAX_CHARACTERS",
     "MAX_LENGTH",
-    "POSES",
     "Builtin",
-    "Calling",
     "CompiledProgram",
     "Context",
     "Pose",
@@ -50,4 +48,6 @@ __all__ = [
     "pose_of",
     "shown",
     "truth",
+    "whole",
+    "within",
 ]

@@ -21,6 +21,19 @@ another, who may have the section meanwhile; for what it had before. None: for t
 Frame = list[Value]
 Routine = Generator[str | None, None, Any]
 """A built-in that takes time; it yields what it waits for."""
+MAX_THREADS = 50
+"""Most threads at a time."""
+MAX_DEPTH = 40
+"""Deepest calls of one's own functions within each other."""
+MAX_SLOTS = 20_000
+"""Most variables alive at a time, over all calls and threads."""
+MAX_MEMORY = 2_000_000
+"""Most numbers and characters in all variables."""
+CYCLE_CPU_S = 0.05
+"""Processor time that a program may take in one control cycle [s]; what needs longer is an endless
+loop. Where the cycle is shorter, the cycles that follow are late and catch up."""
+_SOONEST_S = 0.001
+"""Least time between two looks at the processor's clock, slower than that of the wall [s]."""
 
 
 class Thread:
@@ -56,7 +69,7 @@ class CriticalSection:
         return self.holder is thread or not (self.holder or self._line or self.passed)
 
     def enter(self, thread: Thread) -> None:
-        """The thread is in, once more."""
+        """A call begins."""
         self.holder = thread
         self._depth += 1
 
@@ -98,30 +111,16 @@ class CriticalSection:
             self._line.remove(thread)
 
 
-MAX_THREADS = 50
-"""Most threads at a time."""
-MAX_DEPTH = 40
-"""Deepest calls of one's own functions within each other."""
-MAX_SLOTS = 20_000
-"""Most variables alive at a time, over all calls and threads."""
-MAX_MEMORY = 2_000_000
-"""Most numbers and characters in all variables."""
-CYCLE_CPU_S = 0.05
-"""Processor time that a program may take in one control cycle [s]; what needs longer is an endless
-loop. Where the cycle is shorter, the cycles that follow are late and catch up."""
-_LOOK = 5_000
-"""Operations between two looks at the clock, 1 ms or less."""
-
-
 class ScriptRun:
-    """The state that compiled code works on; `port` is the controller, handed to built-ins."""
+    """The state that compiled code works on; `port` is the controller, handed to built-ins.
+
+    A program that wants too much (threads, calls, variables, memory, time) is a `ScriptFault`.
+    """
 
     def __init__(self, port: Any, slots: int) -> None:
         self.port = port
         self.shared: Frame = [None] * slots
-        self.left = self._granted = _LOOK
-        """Operations until the next look at the clock."""
-        self._began = 0.0
+        self._began = self._next_look = 0.0
         self.copied = 0
         self.threads: list[Thread] = []
         self.thread = Thread(0, lambda: None, None)
@@ -134,17 +133,9 @@ class ScriptRun:
         self._outside = getcurrent()
 
     def start(self, work: Callable[[], object], function: object = None) -> int:
-        """Add a thread that runs for the first time in this cycle.
+        """Add a thread that runs for the first time in this cycle; its handle.
 
-        Args:
-            work: What it does.
-            function: Which of the script's threads it is; None for the main thread.
-
-        Returns:
-            Its handle.
-
-        Raises:
-            ScriptFault: Too many threads.
+        `work` is what it does, `function` the script's thread that it is; None for the main one.
         """
         if len(self.threads) >= MAX_THREADS:
             raise ScriptFault("too many threads", limit=MAX_THREADS)
@@ -170,8 +161,8 @@ class ScriptRun:
         Who stands before a critical section runs as soon as it is free, in the same cycle,
         those who came first before the others.
         """
-        self.left = self._granted = _LOOK
         self._began, self._outside = time.thread_time(), getcurrent()
+        self._next_look = time.perf_counter() + CYCLE_CPU_S
         section = self.section
         pending, progress = self.threads, True
         while pending and progress:
@@ -220,36 +211,28 @@ class ScriptRun:
         self._slots -= len(self.thread.frames.pop())
 
     @property
-    def operations(self) -> int:
-        """Operations of this cycle until now."""
-        return self._granted - self.left
+    def spent(self) -> float:
+        """Processor time of this cycle until now [s]."""
+        return time.thread_time() - self._began
 
     def look(self) -> None:
-        """Enough is done to look at the clock.
-
-        Raises:
-            ScriptFault: The time of this cycle is used up.
-        """
-        if time.thread_time() - self._began > CYCLE_CPU_S:
+        """Look at the clock: the time of this cycle may be used up."""
+        if time.perf_counter() < self._next_look:
+            return
+        left = CYCLE_CPU_S - self.spent
+        if left < 0.0:
             raise ScriptFault(
                 "endless loop: the program does too much without waiting",
                 limit=f"{CYCLE_CPU_S:g} s of processor time in a control cycle",
                 next_step="Call sync() in the loop.",
             )
-        self._granted += _LOOK - self.left
-        self.left = _LOOK
+        self._next_look = time.perf_counter() + max(left, _SOONEST_S)
 
     def charge(self, value: Value) -> None:
-        """Account for a copy of a value.
-
-        Raises:
-            ScriptFault: The program holds too much, or does too much in this cycle.
-        """
+        """Account for a copy of a value."""
         amount = size(value)
-        self.left -= amount >> 3
         self.copied += amount
-        if self.left < 0:
-            self.look()
+        self.look()
         if self.copied > MAX_MEMORY // 4:
             self.copied = 0
             frames = [self.shared, *(frame for each in self.threads for frame in each.frames)]
@@ -260,8 +243,7 @@ class ScriptRun:
     def kill(self, handle: Value) -> None:
         """End a thread; a handle of none does nothing, as on the robot.
 
-        Raises:
-            ScriptFault: Not a handle.
+        What is no handle is a `ScriptFault`.
         """
         if handle.__class__ is not int:
             raise ScriptFault("a thread handle expected", value=handle)

@@ -6,20 +6,19 @@ A list may grow to the longest that there is; capacities are not kept.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, cast
+from dataclasses import dataclass, field
+from typing import Any, Concatenate, cast
 
 from urtwin.urscript import syntax
-from urtwin.urscript.code import LOGIC, Code, Combine, Function, arithmetic, compose, logic
 from urtwin.urscript.execution import Frame, ScriptRun
 from urtwin.urscript.values import (
     MAX_LENGTH,
+    OPERATORS,
     SIGNS,
     UNKNOWN_FUNCTION,
     UNKNOWN_NAME,
     UNKNOWN_THREAD,
     Builtin,
-    Calling,
     Pose,
     ScriptError,
     ScriptFault,
@@ -30,7 +29,94 @@ from urtwin.urscript.values import (
     number,
     shown,
     size,
+    truth,
 )
+
+Runner = Callable[[ScriptRun, Frame], Any]
+"""Compiled code: gives a value; where it takes time, other threads run meanwhile."""
+Combine = Callable[Concatenate[ScriptRun, ...], Any]
+"""Takes the execution and the values of the operands."""
+
+
+def compose(operands: list[Runner], combine: Combine) -> Runner:
+    """Runner that combines the values of operands, which are evaluated in order."""
+    match operands:
+        case []:
+            return lambda x, v: combine(x)
+        case [one]:
+            return lambda x, v: combine(x, one(x, v))
+        case [first, second]:
+            return lambda x, v: combine(x, first(x, v), second(x, v))
+        case _:
+            return lambda x, v: combine(x, *[run(x, v) for run in operands])
+
+
+@dataclass(slots=True)
+class Function:
+    """A `def` or `thread` of a script; its body is compiled after those who call it."""
+
+    definition: syntax.Definition
+    places: dict[str, int]
+    """Its own variables."""
+    body: Runner = field(init=False)
+    """Its code, once that is compiled."""
+
+    def caller(self) -> Callable[..., Any]:
+        """What a call does with the arguments."""
+        blank: list[Value] = [None] * (len(self.places) - len(self.definition.parameters))
+
+        def call(x: ScriptRun, *values: Value) -> Value:
+            frame = [*values, *blank]
+            x.enter(frame)
+            signal = self.body(x, frame)
+            x.leave()
+            return signal[0] if signal.__class__ is tuple else None
+
+        return call
+
+    def starter(self) -> Callable[..., int]:
+        """What `run` does with the arguments: it gives the handle of the new thread."""
+        call = self.caller()
+
+        def start(x: ScriptRun, *values: Value) -> int:
+            return x.start(lambda: call(x, *values), self)
+
+        return start
+
+
+_LOGIC = ("and", "or", "xor")
+
+
+def _arithmetic(head: Runner, others: list[Runner], signs: list[str]) -> Runner:
+    """Operators of one rank, from left to right."""
+    steps = [(OPERATORS[sign], other) for sign, other in zip(signs, others, strict=True)]
+    if len(steps) == 1:
+        only, other = steps[0]
+        return lambda x, v: only(head(x, v), other(x, v))
+
+    def run(x: ScriptRun, v: Frame) -> Value:
+        value = head(x, v)
+        for operation, operand in steps:
+            value = operation(value, operand(x, v))
+        return value
+
+    return run
+
+
+def _logic(head: Runner, others: list[Runner], signs: list[str]) -> Runner:
+    """`and`, `or` and `xor` from left to right; what cannot matter is not looked at."""
+    parts = list(zip(signs, others, strict=True))
+
+    def run(x: ScriptRun, v: Frame) -> bool:
+        value = truth(head(x, v))
+        for sign, part in parts:
+            if sign == "xor":
+                value = value != truth(part(x, v))
+            elif value is (sign == "and"):
+                value = truth(part(x, v))
+        return value
+
+    return run
 
 
 def _listed(x: ScriptRun, *items: Value) -> Value:
@@ -56,11 +142,7 @@ def _element(x: ScriptRun, base: Value, *indices: Value) -> Value:
 
 
 def store(base: Value, indices: list[Value], value: Value) -> None:
-    """Change an element.
-
-    Raises:
-        ScriptFault: No list, no such element, or a value that does not belong there.
-    """
+    """Change an element; `ScriptFault` for no list, no such element, or no value for one."""
     for index in indices[:-1]:
         base = _base_list(base)[_place(base, index)]
     items = _base_list(base)
@@ -99,10 +181,6 @@ def _check_size(items: list[Any]) -> None:
         any(isinstance(item, list) for item in items) and size(items) > MAX_LENGTH
     ):
         raise ScriptFault("the list is too long", value=size(items), limit=MAX_LENGTH)
-
-
-_CALL_WEIGHT, _METHOD_WEIGHT = 12, 20
-"""What calls cost, in operations."""
 
 
 def _insert(x: ScriptRun, items: list[Any], index: Value, value: Value) -> None:
@@ -158,7 +236,10 @@ _STRUCT = "struct"
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """What an expression can see."""
+    """What an expression can see.
+
+    An unknown name, or arguments that do not fit, are a `ScriptError`.
+    """
 
     own: Mapping[str, int]
     """Variables of the function, by place."""
@@ -167,15 +248,10 @@ class Scope:
     functions: Mapping[str, Function]
     builtins: Mapping[str, Builtin]
 
-    def expression(self, tree: syntax.Expression) -> Code:
-        """Compile an expression.
-
-        Raises:
-            ScriptError: An unknown name, or arguments that do not fit.
-        """
+    def expression(self, tree: syntax.Expression) -> Runner:
+        """Compile an expression."""
         if isinstance(tree, syntax.Constant):
-            value = tree.value
-            return Code(lambda x, v: value, 1)
+            return _constant(tree.value)
         if isinstance(tree, syntax.Variable):
             return self._variable(tree)
         if isinstance(tree, syntax.ListOf):
@@ -185,8 +261,7 @@ class Scope:
                 )
             return compose(self._all(tree.items), _posed if tree.pose else _listed)
         if isinstance(tree, syntax.Index):
-            code = compose(self._all([tree.base, *tree.indices]), _element)
-            return Code(code.run, code.weight, fresh=False)
+            return compose(self._all([tree.base, *tree.indices]), _element)
         if isinstance(tree, syntax.StartThread):
             return self._start(tree)
         if isinstance(tree, syntax.Call):
@@ -197,24 +272,21 @@ class Scope:
             operation = SIGNS[tree.operator]
             return compose([self.expression(tree.operand)], lambda x, *of: operation(*of))
         if isinstance(tree, syntax.Chain):
-            operands = self._all([tree.first, *(part for _, part in tree.rest)])
+            head, others = self.expression(tree.first), self._all([part for _, part in tree.rest])
             signs = [sign for sign, _ in tree.rest]
-            return logic(operands, signs) if signs[0] in LOGIC else arithmetic(operands, signs)
+            return (_logic if signs[0] in _LOGIC else _arithmetic)(head, others, signs)
         raise TypeError(tree)
 
-    def kept(self, tree: syntax.Expression) -> Code:
-        """As `expression`; the value is copied where somebody else owns it.
+    def kept(self, tree: syntax.Expression) -> Runner:
+        """As `expression`; the value is copied where somebody else owns it."""
+        run = self.expression(tree)
+        owned = isinstance(tree, syntax.Variable | syntax.Index)
+        return compose([run], _copy) if owned else run
 
-        Raises:
-            ScriptError: As `expression`.
-        """
-        code = self.expression(tree)
-        return code if code.fresh else compose([code], _copy)
-
-    def _all(self, trees: list[syntax.Expression]) -> list[Code]:
+    def _all(self, trees: list[syntax.Expression]) -> list[Runner]:
         return [self.expression(tree) for tree in trees]
 
-    def _variable(self, tree: syntax.Variable) -> Code:
+    def _variable(self, tree: syntax.Variable) -> Runner:
         name = tree.name
         own = name in self.own
         if not own and name not in self.shared:
@@ -227,27 +299,27 @@ class Scope:
                 raise ScriptFault(f"variable '{name}' has no value")
             return value
 
-        return Code(run, 1, fresh=False)
+        return run
 
-    def _call(self, tree: syntax.Call) -> Code:
+    def _call(self, tree: syntax.Call) -> Runner:
         function = self.functions.get(tree.name)
         if function is not None:
-            return compose(self._own(tree, function), function.caller(), weight=_CALL_WEIGHT)
+            return compose(self._own(tree, function), function.caller())
         if tree.name == _STRUCT:
             return self._struct(tree)
         known = self.builtins.get(tree.name)
         if known is None:
             raise ScriptError(UNKNOWN_FUNCTION, tree.line, value=tree.name)
-        operands = self._arguments(tree, known.parameters, _constants(known))
+        defaults = {name: _constant(value) for name, value in known.defaults.items()}
+        operands = self._arguments(tree, known.parameters, defaults)
         call = known.function
-        runs: dict[Calling, Combine] = {
-            Calling.PURE: lambda x, *values: call(*values),
-            Calling.INSTANT: lambda x, *values: call(x.port, *values),
-            Calling.BLOCKING: lambda x, *values: x.finish(call(x.port, *values)),
-        }
-        return compose(operands, runs[known.kind], weight=known.weight)
+        if known.takes_time:
+            return compose(operands, lambda x, *values: x.finish(call(x.port, *values)))
+        if known.controls:
+            return compose(operands, lambda x, *values: call(x.port, *values))
+        return compose(operands, lambda x, *values: call(*values))
 
-    def _struct(self, tree: syntax.Call) -> Code:
+    def _struct(self, tree: syntax.Call) -> Runner:
         names = tuple(tree.named)
         if tree.positional or not names:
             raise ScriptError("a struct needs a name for each value", tree.line)
@@ -257,7 +329,7 @@ class Scope:
 
         return compose([self.kept(value) for value in tree.named.values()], made)
 
-    def _method(self, tree: syntax.Method) -> Code:
+    def _method(self, tree: syntax.Method) -> Runner:
         name = tree.name
         if name not in _METHODS:
             raise ScriptError(UNKNOWN_FUNCTION, tree.line, value=name)
@@ -274,23 +346,23 @@ class Scope:
             return method(x, items, *arguments)
 
         operands = [self.expression(tree.base), *(self.kept(part) for part in tree.arguments)]
-        return compose(operands, call, weight=_METHOD_WEIGHT)
+        return compose(operands, call)
 
-    def _start(self, tree: syntax.StartThread) -> Code:
+    def _start(self, tree: syntax.StartThread) -> Runner:
         function = self.functions.get(tree.name)
         if function is None:
             raise ScriptError(UNKNOWN_THREAD, tree.line, value=tree.name)
-        return compose(self._own(tree, function), function.starter(), weight=_CALL_WEIGHT)
+        return compose(self._own(tree, function), function.starter())
 
-    def _own(self, tree: syntax.Call, function: Function) -> list[Code]:
+    def _own(self, tree: syntax.Call, function: Function) -> list[Runner]:
         """The arguments of a function of the script."""
         definition = function.definition
         defaults = {name: self.expression(value) for name, value in definition.defaults.items()}
         return self._arguments(tree, tuple(definition.parameters), defaults)
 
     def _arguments(
-        self, tree: syntax.Call, parameters: tuple[str, ...], defaults: Mapping[str, Code]
-    ) -> list[Code]:
+        self, tree: syntax.Call, parameters: tuple[str, ...], defaults: Mapping[str, Runner]
+    ) -> list[Runner]:
         if len(tree.positional) > len(parameters):
             raise ScriptError(
                 f"too many arguments for {tree.name}",
@@ -305,7 +377,7 @@ class Scope:
                     f"argument of {tree.name}", tree.line, value=name, limit=parameters
                 )
             given[name] = value
-        found: list[Code] = []
+        found: list[Runner] = []
         for name in parameters:
             if name in given:
                 found.append(self.kept(given[name]))
@@ -316,12 +388,8 @@ class Scope:
         return found
 
 
-def _constants(known: Builtin) -> dict[str, Code]:
-    names = known.parameters[known.required :]
-    return {
-        name: Code(lambda x, v, value=value: value, 0)
-        for name, value in zip(names, known.defaults, strict=True)
-    }
+def _constant(value: Value) -> Runner:
+    return lambda x, v: value
 
 
 def _copy(x: ScriptRun, value: Value) -> Value:

@@ -15,16 +15,16 @@ from dynid.robot import from_xyz_rpy, inverse
 from urtwin.kinematics import rotation_matrix, rotation_vector, to_matrix, to_pose
 from urtwin.urscript.values import (
     MAX_LENGTH,
-    Calling,
     Pose,
     ScriptFault,
     Value,
-    builtins,
     described,
     is_matrix,
+    limited,
     number,
     shown,
     truth,
+    whole,
 )
 
 
@@ -46,9 +46,7 @@ def _length(v: Value) -> int:
 
 
 def _make_list(length: Value, initial_value: Value, capacity: Value = 0) -> list[Value]:
-    if not 0 <= _whole(length) <= MAX_LENGTH:
-        raise ScriptFault("length of a list", value=length, limit=(0, MAX_LENGTH))
-    return [initial_value] * length
+    return [initial_value] * whole("length of a list", length, 0, MAX_LENGTH)
 
 
 def _whole(value: Value) -> int:
@@ -68,23 +66,14 @@ def _text(value: Value) -> str:
     return value
 
 
-def _to_str(val: Value) -> str:
-    text = shown(val)
-    if len(text) > MAX_LENGTH:
-        raise ScriptFault("the string is too long", value=len(text), limit=MAX_LENGTH)
-    return text
-
-
 def _to_num(str: Value) -> Value:
     text = _text(str).strip()
     return int(text) if text.lstrip("+-").isdigit() and len(text) < 10 else float(text)
 
 
 def _str_at(src: Value, index: Value) -> str:
-    text, place = _text(src), _whole(index)
-    if not 0 <= place < len(text):
-        raise ScriptFault("no such character", value=place, limit=(0, len(text) - 1))
-    return text[place]
+    text = _text(src)
+    return text[whole("no such character", index, 0, len(text) - 1)]
 
 
 def _str_find(src: Value, target: Value, start_from: Value = 0) -> int:
@@ -118,6 +107,7 @@ _OF_ONE: dict[str, Callable[[Value], Value]] = {
     "str_empty": lambda str: _text(str) == "",
     "str_len": lambda str: len(_text(str)),
     "to_num": _to_num,
+    "to_str": lambda val: limited(shown(val)),
 }
 _OF_TWO: dict[str, Callable[[Value, Value], Value]] = {
     # Named as in URScript's manual, where the first argument is the ordinate.
@@ -125,33 +115,17 @@ _OF_TWO: dict[str, Callable[[Value, Value], Value]] = {
     "log": lambda b, f: math.log(number(f), number(b)),
     "pow": lambda base, exponent: math.pow(number(base), number(exponent)),
     "str_at": _str_at,
-    "str_cat": lambda op1, op2: _to_str(shown(op1) + shown(op2)),
+    "str_cat": lambda op1, op2: limited(shown(op1) + shown(op2)),
 }
-_OF_MORE: dict[str, Any] = {"make_list": _make_list, "str_find": _str_find, "str_sub": _str_sub}
-MATHEMATICS = builtins({**_OF_ONE, **_OF_TWO, **_OF_MORE}, Calling.PURE) | builtins(
-    {"to_str": _to_str}, Calling.PURE, 200
-)
-"""Built-ins that only compute."""
-
-
-_WEIGHT = 400
 
 
 def matrix_of(pose: Value) -> Array:
-    """(4, 4) the transform of a script's pose.
-
-    Raises:
-        ScriptFault: No pose.
-    """
+    """(4, 4) the transform of a script's pose; `ScriptFault` if it is none."""
     return to_matrix(numbers(pose, 6, "a pose"))
 
 
 def numbers(value: Value, count: int, what: str) -> list[float]:
-    """A list of so many numbers.
-
-    Raises:
-        ScriptFault: It is none.
-    """
+    """A list of so many numbers; `ScriptFault` if it is none."""
     items = cast("list[Any]", value) if isinstance(value, list) else []
     if len(items) != count:
         raise ScriptFault(f"{what} of {count} numbers expected", value=described(value))
@@ -213,22 +187,13 @@ def _apart(place: Array, rotation: Array) -> Pose:
     return pose_of(matrix)
 
 
-_BETWEEN_POSES: dict[str, Callable[[Value, Value], Value]] = {
+_OF_TWO_POSES: dict[str, Callable[[Value, Value], Value]] = {
     "pose_trans": lambda p_from, p_from_to: pose_of(matrix_of(p_from) @ matrix_of(p_from_to)),
     "pose_add": _pose_add,
     "pose_sub": _pose_sub,
     "pose_dist": lambda p_from, p_to: math.sqrt(sum(d * d for d in _pose_sub(p_to, p_from))),
     "point_dist": lambda p_from, p_to: math.dist(_point(p_from), _point(p_to)),
 }
-_OF_POSES: dict[str, Any] = {
-    **_BETWEEN_POSES,
-    "pose_inv": _pose_inv,
-    "interpolate_pose": _interpolate_pose,
-    "rpy2rotvec": _rpy2rotvec,
-    "rotvec2rpy": _rotvec2rpy,
-}
-POSES = builtins(_OF_POSES, Calling.PURE, _WEIGHT)
-"""Built-ins for poses."""
 
 
 def _rows(value: Value) -> list[list[Any]]:
@@ -260,7 +225,19 @@ def _wrench_trans(T_from_to: Value, w_from: Value) -> Value:
     return [*force.tolist(), *moment.tolist()]
 
 
-MATRICES = builtins(
-    {"transpose": _transpose, "inv": _inv, "wrench_trans": _wrench_trans}, Calling.PURE, _WEIGHT
-)
-"""Built-ins for matrices, and for poses and wrenches as such."""
+LIBRARY: dict[str, Any] = {
+    **_OF_ONE,
+    **_OF_TWO,
+    **_OF_TWO_POSES,
+    "make_list": _make_list,
+    "str_find": _str_find,
+    "str_sub": _str_sub,
+    "pose_inv": _pose_inv,
+    "interpolate_pose": _interpolate_pose,
+    "rpy2rotvec": _rpy2rotvec,
+    "rotvec2rpy": _rotvec2rpy,
+    "transpose": _transpose,
+    "inv": _inv,
+    "wrench_trans": _wrench_trans,
+}
+"""Built-ins that only compute."""

@@ -1,10 +1,9 @@
 """From tokens to the syntax tree: expressions and statements.
 
-By hand, not with lark. Its LALR parser behind `tokenize`, with a grammar of 60 lines, makes a bare
-tree of the script of UR's drivers (50 kB) in 0.10 to 0.14 s of processor time, this the final tree
-in 0.02 to 0.04 s; of 2 000 lines of `servoj` in 0.69 and 0.22 s. Universal Robots' client library
-waits 0.5 s for that program to run, compiled while control cycles go on. Nodes, the limit of
-nesting and words for errors included, a grammar would save some 100 lines.
+By hand, not with lark: its LALR parser behind `tokenize` makes a bare tree of the script of UR's
+drivers (50 kB) in 0.10 to 0.14 s of processor time, this the final tree in 0.02 to 0.04 s. UR's
+client library waits 0.5 s for that program, which is compiled while control cycles go on. A
+grammar would save some 100 lines.
 """
 
 from collections.abc import Iterator
@@ -56,8 +55,7 @@ class _Parser:
 
     def at(self, *texts: str) -> bool:
         """Whether the next word is one of these signs or keywords."""
-        token = self.token
-        return token.kind in ("sign", "keyword") and token.text in texts
+        return self.token.text in texts
 
     def accept(self, text: str) -> bool:
         if self.at(text):
@@ -101,7 +99,7 @@ class _Parser:
         positional: list[syntax.Expression] = []
         named: dict[str, syntax.Expression] = {}
         for _ in self._items(")"):
-            if self.token.kind == "name" and self.peek().text == "=" and self.peek().kind == "sign":
+            if self.token.kind == "name" and self.peek().text == "=":
                 key = self.name()
                 self.expect("=")
                 if key in named:
@@ -126,8 +124,7 @@ class _Parser:
                 self.expect(",")
 
     def _rank(self) -> int:
-        token = self.token
-        return _RANKS.get(token.text, 0) if token.kind in ("sign", "keyword") else 0
+        return _RANKS.get(self.token.text, 0)
 
     def _chain(self, least: int) -> syntax.Expression:
         """Operands between operators that bind as strongly as that, or more."""
@@ -179,7 +176,7 @@ class _Parser:
     def _member(self, base: syntax.Expression) -> syntax.Expression:
         """A member of a struct, or a call of a method."""
         line = self.expect(".").line
-        if self.peek().kind == "sign" and self.peek().text == "(":
+        if self.peek().text == "(":
             call = self.call()
             if call.named:
                 raise ScriptError("a method takes no names", line, value=call.name)
@@ -193,7 +190,7 @@ class _Parser:
             return syntax.Constant(token.line, syntax.number_of(token.text))
         if token.kind == "string":
             self.take()
-            return syntax.Constant(token.line, token.text)
+            return syntax.Constant(token.line, token.text[1:-1])
         if self.at("True", "False"):
             self.take()
             return syntax.Constant(token.line, token.text == "True")
@@ -207,21 +204,24 @@ class _Parser:
             call = self.call()
             return syntax.StartThread(call.line, call.name, call.positional, call.named)
         if token.kind == "name":
-            if self.peek().kind == "sign" and self.peek().text == "(":
+            if self.peek().text == "(":
                 return self.call()
             self.take()
             return syntax.Variable(token.line, token.text)
         raise self.wrong("an expression expected")
 
-    def script(self) -> syntax.Script:
-        definitions: list[syntax.Definition] = []
-        statements: list[syntax.Statement] = []
+    def script(self) -> syntax.Definition:
+        found = syntax.Definition(self.token.line, "def", "unnamed", [], {}, [])
         while self.token.kind != "end of text":
-            if self.at(*_DEFINITIONS):
-                definitions.append(self._definition())
-            else:
-                statements.append(self._statement())
-        return syntax.Script(definitions, statements)
+            self._part(found)
+        return found
+
+    def _part(self, whole: syntax.Definition) -> None:
+        """A definition or a statement of a definition."""
+        if self.at(*_DEFINITIONS):
+            whole.inner.append(self._definition())
+        else:
+            whole.body.append(self._statement())
 
     def _definition(self) -> syntax.Definition:
         self.deeper()
@@ -242,22 +242,19 @@ class _Parser:
         self.expect(":")
         found = syntax.Definition(head.line, head.text, name, parameters, defaults, [])
         while not self.accept("end"):
-            if self.at(*_DEFINITIONS):
-                found.inner.append(self._definition())
-            else:
-                found.body.append(self._statement())
+            self._part(found)
         self.higher()
         return found
 
-    def _block(self, *ends: str) -> list[syntax.Statement]:
+    def _block(self, *ends: str) -> list[syntax.Node]:
         self.deeper()
-        found: list[syntax.Statement] = []
+        found: list[syntax.Node] = []
         while not self.at(*ends):
             found.append(self._statement())
         self.higher()
         return found
 
-    def _statement(self) -> syntax.Statement:
+    def _statement(self) -> syntax.Node:
         token = self.token
         if self.accept("if"):
             return self._if(token.line)
@@ -284,23 +281,21 @@ class _Parser:
         expression = self.expression()
         if self.at("="):
             return self._signal(expression) or self._assignment(expression, "")
-        return syntax.Do(token.line, expression)
+        return expression
 
-    def _signal(self, target: syntax.Expression) -> syntax.Do | None:
+    def _signal(self, target: syntax.Expression) -> syntax.Call | None:
         """`digital_out[2] = True` and its like."""
         if not isinstance(target, syntax.Signal) or target.name not in _SETTABLE:
             return None
         self.expect("=")
         values = [*target.positional, self.expression()]
-        return syntax.Do(
-            target.line, syntax.Call(target.line, target.name.replace("get", "set"), values, {})
-        )
+        return syntax.Call(target.line, target.name.replace("get", "set"), values, {})
 
     def _if(self, line: int) -> syntax.If:
         branches = [(self._condition(), self._block("elif", "else", "end"))]
         while self.accept("elif"):
             branches.append((self._condition(), self._block("elif", "else", "end")))
-        otherwise: list[syntax.Statement] = []
+        otherwise: list[syntax.Node] = []
         if self.accept("else"):
             self.expect(":")
             otherwise = self._block("end")
@@ -325,10 +320,9 @@ class _Parser:
         return syntax.Assign(target.line, base.name, indices, self.expression(), scope)
 
 
-def parse(text: str) -> syntax.Script:
-    """The tree of a script.
+def parse(text: str) -> syntax.Definition:
+    """The tree of a script: what stands in it, as if it were the body of a function.
 
-    Raises:
-        ScriptError: The script breaks the grammar, is too long or nested too deeply.
+    A `ScriptError` tells where it breaks the grammar, is too long or nested too deeply.
     """
     return _Parser(syntax.tokenize(text)).script()

@@ -11,25 +11,22 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from urtwin.urscript import syntax
-from urtwin.urscript.code import Code, Function
 from urtwin.urscript.execution import Frame, ScriptRun
-from urtwin.urscript.expressions import Scope
+from urtwin.urscript.expressions import Function, Runner, Scope
 from urtwin.urscript.parser import parse
 from urtwin.urscript.statements import block
-from urtwin.urscript.values import Builtin, Calling, ScriptError
+from urtwin.urscript.values import Builtin, ScriptError
 
 MAX_VARIABLES = 2_000
 """Most variables of a program or a function."""
+MAX_FUNCTIONS = 2_000
+"""Most functions of a program and of what is added to it."""
 
 
 def program_variables(
     program: syntax.Definition, definitions: Mapping[str, syntax.Definition], known: dict[str, int]
 ) -> dict[str, int]:
-    """Variables of a program and their places; those that are `known` already keep theirs.
-
-    Raises:
-        ScriptError: Too many variables.
-    """
+    """Variables of a program and their places; those that are `known` already keep theirs."""
     shared = dict(known)
     for statement in assignments(program.body):
         if statement.scope != "local":
@@ -44,11 +41,7 @@ def program_variables(
 
 
 def own_variables(definition: syntax.Definition, shared: Mapping[str, int]) -> dict[str, int]:
-    """Variables of one function and their places, parameters first.
-
-    Raises:
-        ScriptError: Too many variables.
-    """
+    """Variables of one function and their places, parameters first."""
     own = {name: place for place, name in enumerate(definition.parameters)}
     for statement in assignments(definition.body):
         elsewhere = statement.scope != "local" and statement.name in shared
@@ -59,7 +52,7 @@ def own_variables(definition: syntax.Definition, shared: Mapping[str, int]) -> d
     return own
 
 
-def assignments(block: list[syntax.Statement]) -> Iterator[syntax.Assign]:
+def assignments(block: list[syntax.Node]) -> Iterator[syntax.Assign]:
     """All assignments of a block, nested ones too."""
     return (
         node for node in syntax.nodes(block, syntax.Statement) if isinstance(node, syntax.Assign)
@@ -79,10 +72,6 @@ def _collect(definition: syntax.Definition, found: dict[str, syntax.Definition])
             raise ScriptError("defined twice", inner.line, value=inner.name)
         found[inner.name] = inner
         _collect(inner, found)
-
-
-UNNAMED = "unnamed"
-"""The name of a program that is a few statements without a `def`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +97,7 @@ class Context:
             functions[name] = Function(definition, own_variables(definition, shared))
         wider = Context(self.builtins, shared, functions)
         for name, definition in definitions.items():
-            functions[name].code = wider.code(definition, functions[name].places)
+            functions[name].body = wider.code(definition, functions[name].places)
         own, secondary = own_variables(main, shared), main.kind == "sec"
         slow = wider.delay(main.body, set()) if secondary else None
         if slow is not None:
@@ -117,23 +106,19 @@ class Context:
         body = wider.code(main, own)
         return CompiledProgram(main.name, secondary, wider, len(own), body, called_in(main))
 
-    def code(self, definition: syntax.Definition, own: Mapping[str, int]) -> Code:
-        """The body of a function or a program with its own variables.
-
-        Raises:
-            ScriptError: An unknown name, or arguments that do not fit.
-        """
+    def code(self, definition: syntax.Definition, own: Mapping[str, int]) -> Runner:
+        """The body of a function or a program with its own variables."""
         scope = Scope(own, self.shared, self.functions, self.builtins)
         return block(scope, definition.body, in_loop=False)
 
-    def delay(self, body: list[syntax.Statement], seen: set[str]) -> syntax.Node | None:
+    def delay(self, body: list[syntax.Node], seen: set[str]) -> syntax.Node | None:
         """The first part of a body that takes time; functions that were `seen` do not."""
         for node in syntax.nodes(body):
             waits = isinstance(node, syntax.Control) and node.word == "join"
             if isinstance(node, syntax.Call) and not isinstance(node, syntax.StartThread):
                 function, known = self.functions.get(node.name), self.builtins.get(node.name)
                 if function is None:
-                    waits = known is not None and known.kind == Calling.BLOCKING
+                    waits = known is not None and known.takes_time
                 elif node.name not in seen:
                     seen.add(node.name)
                     waits = self.delay(function.definition.body, seen) is not None
@@ -153,7 +138,7 @@ class CompiledProgram:
     """What it defines."""
     locals: int
     """How many variables of its body are declared `local`."""
-    body: Code
+    body: Runner
     called: frozenset[str]
     """The functions that its body calls."""
 
@@ -171,33 +156,24 @@ class CompiledProgram:
     def run(self, execution: ScriptRun) -> None:
         """Run it to its end, in a thread of an execution."""
         frame: Frame = [None] * self.locals
-        self.body.run(execution, frame)
+        self.body(execution, frame)
 
 
 def compile_script(text: str, builtins: Mapping[str, Builtin]) -> CompiledProgram:
-    """Compile a script.
+    """Compile a script, which may call `builtins` besides its own functions.
 
     A lone `def` is the program; of several the last one is. Statements outside any definition
     are a program of their own, which knows the definitions.
 
-    Args:
-        text: The script.
-        builtins: The functions that it may call besides its own.
-
     Raises:
         ScriptError: It breaks the grammar, uses unknown names, or is too big.
     """
-    script = parse(text)
-    if script.statements:
-        line = script.statements[0].line
-        main = syntax.Definition(
-            line, "def", UNNAMED, [], {}, script.statements, script.definitions
-        )
-    elif script.definitions:
-        main = script.definitions[-1]
-        main.inner = [*script.definitions[:-1], *main.inner]
-    else:
-        raise ScriptError("the script is empty", 1)
+    main = parse(text)
+    if not main.body:
+        if not main.inner:
+            raise ScriptError("the script is empty", 1)
+        *others, main = main.inner
+        main.inner = [*others, *main.inner]
     if main.kind == "thread":
         raise ScriptError("a thread is no program", main.line, value=main.name)
     if main.parameters:
@@ -205,27 +181,18 @@ def compile_script(text: str, builtins: Mapping[str, Builtin]) -> CompiledProgra
     return Context(builtins).compiled(main)
 
 
-MAX_FUNCTIONS = 2_000
-"""Most functions of a program and of what is added to it."""
-
-
 def compile_addition(text: str, context: Context) -> CompiledProgram:
-    """Compile statements in the scope of a running program.
+    """Compile statements in the scope of a running program, its context so far.
 
     Definitions stay for the statements after these; a variable is the interpreter's own where the
     program has none of its name.
 
-    Args:
-        text: The statements.
-        context: What the program knows so far.
-
     Raises:
         ScriptError: They break the grammar, use unknown names, or declare a new global variable.
     """
-    script = parse(text)
-    if not script.statements and not script.definitions:
+    main = parse(text)
+    if not main.body and not main.inner:
         raise ScriptError("the statement is empty", 1)
-    main = syntax.Definition(1, "def", UNNAMED, [], {}, script.statements, script.definitions)
     for statement in assignments([*main.body, *(part for x in main.inner for part in x.body)]):
         if statement.scope == "global" and statement.name not in context.shared:
             raise ScriptError(

@@ -1,25 +1,19 @@
 """From the syntax tree of statements to code."""
 
-from itertools import accumulate
 from typing import Any, NoReturn
 
 from dynid.core import DynidError
-from urtwin.urscript.code import Code, Combine, Runner, compose
 from urtwin.urscript.execution import BACK, ENTERING, LISTENING, Frame, ScriptRun
-from urtwin.urscript.expressions import Scope, store
-from urtwin.urscript.syntax import Assign, Control, Do, If, Statement, Variable, While
+from urtwin.urscript.expressions import Combine, Runner, Scope, compose, store
+from urtwin.urscript.syntax import Assign, Control, Expression, If, Node, Variable, While
 from urtwin.urscript.values import ScriptError, ScriptFault, ScriptHalt, Value, truth
 
 _FAULTS = (DynidError, ArithmeticError, TypeError, ValueError, IndexError)
 
 
-def _in_order(codes: list[Code], lines: list[int], weight: int) -> Runner:
-    steps = [code.run for code in codes]
-
+def _in_order(steps: list[Runner], lines: list[int]) -> Runner:
     def run(x: ScriptRun, v: Frame) -> Any:
-        x.left -= weight
-        if x.left < 0:
-            x.look()
+        x.look()
         done = 0
         try:
             for step in steps:
@@ -52,24 +46,18 @@ BREAK, CONTINUE = "break", "continue"
 """What a block answers when a loop is to end or to go on; a tuple is a return value."""
 
 
-def block(scope: Scope, statements: list[Statement], *, in_loop: bool, extra: int = 0) -> Code:
+def block(scope: Scope, statements: list[Node], *, in_loop: bool) -> Runner:
     """Compile a block: it runs in order, until a statement answers with a signal.
 
-    `break` and `continue` make sense `in_loop` alone; `extra` operations count besides those of
-    the statements.
-
-    Raises:
-        ScriptError: An unknown name, arguments that do not fit, or `break` outside a loop.
+    `break` and `continue` make sense `in_loop` alone: elsewhere they are a `ScriptError`.
     """
-    codes = [_statement(scope, statement, in_loop) for statement in statements]
-    lines = [statement.line for statement in statements]
-    weight = 1 + extra + sum(code.weight for code in codes)
-    return Code(_in_order(codes, lines, weight), 0)
+    steps = [_statement(scope, statement, in_loop) for statement in statements]
+    return _in_order(steps, [statement.line for statement in statements])
 
 
-def _statement(scope: Scope, statement: Statement, in_loop: bool) -> Code:
-    if isinstance(statement, Do):
-        return _for_effect(scope.expression(statement.expression))
+def _statement(scope: Scope, statement: Node, in_loop: bool) -> Runner:
+    if isinstance(statement, Expression):
+        return _for_effect(scope.expression(statement))
     if isinstance(statement, Assign):
         return _assign(scope, statement)
     if isinstance(statement, If):
@@ -81,16 +69,14 @@ def _statement(scope: Scope, statement: Statement, in_loop: bool) -> Code:
     raise TypeError(statement)
 
 
-def _for_effect(code: Code) -> Code:
-    inner = code.run
-
+def _for_effect(inner: Runner) -> Runner:
     def run(x: ScriptRun, v: Frame) -> None:
         inner(x, v)
 
-    return Code(run, code.weight)
+    return run
 
 
-def _assign(scope: Scope, statement: Assign) -> Code:
+def _assign(scope: Scope, statement: Assign) -> Runner:
     name, value = statement.name, scope.kept(statement.value)
     local = name in scope.own and statement.scope != "global"
     place = scope.own[name] if local else scope.shared[name]
@@ -102,53 +88,46 @@ def _assign(scope: Scope, statement: Assign) -> Code:
             store(base, list(indices), value)
 
         return compose([value, base, *indices], change)
-    inner = value.run
 
     def run(x: ScriptRun, v: Frame) -> None:
-        result = inner(x, v)
+        result = value(x, v)
         if result is None:
             raise ScriptFault(f"'{name}' gets no value: the function returns nothing")
         (v if local else x.shared)[place] = result
 
-    return Code(run, value.weight + 1)
+    return run
 
 
-def _if(scope: Scope, statement: If, in_loop: bool) -> Code:
+def _if(scope: Scope, statement: If, in_loop: bool) -> Runner:
     branches = [
         (scope.expression(condition), block(scope, body, in_loop=in_loop))
         for condition, body in statement.branches
     ]
-    last = block(scope, statement.otherwise, in_loop=in_loop).run
-    # A chain of conditions costs what is looked at, not all of it.
-    costs = list(accumulate(condition.weight for condition, _ in branches))
-    parts = [(cost, ask.run, body.run) for cost, (ask, body) in zip(costs, branches, strict=True)]
+    otherwise = block(scope, statement.otherwise, in_loop=in_loop)
 
     def run(x: ScriptRun, v: Frame) -> Any:
-        for cost, condition, body in parts:
+        for condition, body in branches:
             if truth(condition(x, v)):
-                x.left -= cost
                 return body(x, v)
-        x.left -= costs[-1]
-        return last(x, v)
+        return otherwise(x, v)
 
-    return Code(run, 1)
+    return run
 
 
-def _while(scope: Scope, statement: While) -> Code:
+def _while(scope: Scope, statement: While) -> Runner:
     condition = scope.expression(statement.condition)
-    body = block(scope, statement.body, in_loop=True, extra=condition.weight)
-    ask, do = condition.run, body.run
+    body = block(scope, statement.body, in_loop=True)
 
     def run(x: ScriptRun, v: Frame) -> Any:
-        while truth(ask(x, v)):
-            signal = do(x, v)
+        while truth(condition(x, v)):
+            signal = body(x, v)
             if signal is BREAK:
                 break
             if signal is not None and signal is not CONTINUE:
                 return signal
         return None
 
-    return Code(run, condition.weight)
+    return run
 
 
 def _join(x: ScriptRun, handle: Value) -> None:
@@ -161,13 +140,13 @@ def _join(x: ScriptRun, handle: Value) -> None:
         x.wait(BACK)
 
 
-def _control(scope: Scope, statement: Control, in_loop: bool) -> Code:
+def _control(scope: Scope, statement: Control, in_loop: bool) -> Runner:
     word = statement.word
     if statement.value is not None:
         return compose([scope.kept(statement.value)], _WITH_VALUE[word])
     if word in (BREAK, CONTINUE) and not in_loop:
         raise ScriptError(f"'{word}' outside a loop", statement.line)
-    return Code(_ALONE[word], 1)
+    return _ALONE[word]
 
 
 def _enter(x: ScriptRun, v: Frame) -> None:

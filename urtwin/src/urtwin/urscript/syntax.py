@@ -112,14 +112,7 @@ class Chain(Expression):
 
 @dataclass(slots=True)
 class Statement(Node):
-    """Something to do."""
-
-
-@dataclass(slots=True)
-class Do(Statement):
-    """An expression for its effect."""
-
-    expression: Expression
+    """Something to do; an expression may stand in its place, for its effect."""
 
 
 @dataclass(slots=True)
@@ -137,8 +130,8 @@ class Assign(Statement):
 class If(Statement):
     """Conditions with their blocks, and what is done otherwise."""
 
-    branches: list[tuple[Expression, list[Statement]]]
-    otherwise: list[Statement]
+    branches: list[tuple[Expression, list[Node]]]
+    otherwise: list[Node]
 
 
 @dataclass(slots=True)
@@ -146,7 +139,7 @@ class While(Statement):
     """A loop."""
 
     condition: Expression
-    body: list[Statement]
+    body: list[Node]
 
 
 @dataclass(slots=True)
@@ -165,16 +158,8 @@ class Definition(Statement):
     name: str
     parameters: list[str]
     defaults: dict[str, Expression]
-    body: list[Statement]
+    body: list[Node]
     inner: list[Definition] = field(default_factory=list["Definition"])
-
-
-@dataclass(slots=True)
-class Script:
-    """A whole text: definitions and what stands between them."""
-
-    definitions: list[Definition]
-    statements: list[Statement]
 
 
 MAX_CHARACTERS = 1_000_000
@@ -195,7 +180,8 @@ _TOKEN = re.compile(
     |(?P<name>[A-Za-z_]\w*)
     |(?P<string>"[^"\n]*")
     |(?P<label>\$[ \t]*\d+[ \t]*"[^"\n]*"(?:[ \t]*"noBreak")?)
-    |(?P<sign>==|!=|<=|>=|[-+*/%<>=()\[\],:.])""",
+    |(?P<sign>==|!=|<=|>=|[-+*/%<>=()\[\],:.])
+    |(?P<unknown>.)""",
     re.VERBOSE | re.ASCII,
 )
 
@@ -207,6 +193,7 @@ class Token:
     kind: str
     """`number`, `name`, `keyword`, `string`, `sign` or `end of text`."""
     text: str
+    """As it stands in the script; that of no kind is that of another."""
     line: int
     """Counted from one."""
 
@@ -214,29 +201,22 @@ class Token:
 def tokenize(text: str) -> list[Token]:
     """The words of a script; the last one is the end of the text.
 
-    Raises:
-        ScriptError: A character that no word begins with, or a script that is too long.
+    Too long a script or string, or a character that begins no word, is a `ScriptError`.
     """
     if len(text) > MAX_CHARACTERS:
         raise ScriptError("the script is too long", 1, value=len(text), limit=MAX_CHARACTERS)
     tokens: list[Token] = []
-    place, line = 0, 1
-    while place < len(text):
-        match = _TOKEN.match(text, place)
-        if match is None:
-            raise ScriptError("unexpected character", line, value=text[place])
+    line = 1
+    for match in _TOKEN.finditer(text):
         kind, word = str(match.lastgroup), match.group()
-        place = match.end()
         if kind == "newline":
             line += 1
-        elif kind == "name":
-            tokens.append(Token("keyword" if word in KEYWORDS else "name", word, line))
-        elif kind == "string":
-            if len(word) > MAX_STRING:
-                raise ScriptError("the string is too long", line, limit=MAX_STRING)
-            tokens.append(Token(kind, word[1:-1], line))
-        elif kind in ("number", "sign"):
-            tokens.append(Token(kind, word, line))
+        elif kind == "unknown":
+            raise ScriptError("unexpected character", line, value=word)
+        elif kind == "string" and len(word) > MAX_STRING:
+            raise ScriptError("the string is too long", line, limit=MAX_STRING)
+        elif kind not in ("space", "label"):
+            tokens.append(Token("keyword" if word in KEYWORDS else kind, word, line))
     tokens.append(Token("end of text", "", line))
     return tokens
 

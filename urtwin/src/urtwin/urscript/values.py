@@ -9,7 +9,6 @@ import math
 import operator
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from typing import Any, cast
 
 from dynid.core import InputError, JobError
@@ -102,25 +101,39 @@ def shown(value: Value) -> str:
 
 
 def truth(value: Value) -> bool:
-    """A condition's value.
-
-    Raises:
-        ScriptFault: It is neither a truth value nor a number.
-    """
+    """A condition's value; `ScriptFault` if it is neither a truth value nor a number."""
     if value is True or value is False:
         return value
     return bool(number(value))
 
 
 def number(value: Value) -> float:
-    """A number.
-
-    Raises:
-        ScriptFault: It is none.
-    """
+    """A number; `ScriptFault` if it is none."""
     if value.__class__ is float or value.__class__ is int:
         return value
     raise ScriptFault("a number expected", value=described(value))
+
+
+def within(what: str, value: Value, least: float, most: float) -> float:
+    """A number within limits; a `ScriptFault` that says what it is, if it is none."""
+    found = float(number(value))
+    if not least <= found <= most:
+        raise ScriptFault(what, value=found, limit=(least, most))
+    return found
+
+
+def whole(what: str, value: Value, least: int, most: int) -> int:
+    """As `within`, for a whole number."""
+    if value.__class__ is not int or not least <= value <= most:
+        raise ScriptFault(what, value=shown(value), limit=(least, most))
+    return value
+
+
+def limited(text: str) -> str:
+    """A string that is not too long; else a `ScriptFault`."""
+    if len(text) > MAX_LENGTH:
+        raise ScriptFault("the string is too long", value=len(text), limit=MAX_LENGTH)
+    return text
 
 
 def is_matrix(value: Value) -> bool:
@@ -196,10 +209,7 @@ def _joined(a: Value, b: Value) -> Value:
         return None
     if isinstance(a, list) or isinstance(b, list):
         raise ScriptFault("a list must be turned into text with to_str first")
-    text = shown(a) + shown(b)
-    if len(text) > MAX_LENGTH:
-        raise ScriptFault("the string is too long", value=len(text), limit=MAX_LENGTH)
-    return text
+    return limited(shown(a) + shown(b))
 
 
 def _product(a: Value, b: Value) -> Value:
@@ -265,49 +275,34 @@ SIGNS: dict[str, Callable[[Value], Value]] = {
 Function = Callable[..., Any]
 
 
-class Calling(Enum):
-    """How a built-in runs."""
-
-    PURE = "arithmetic alone"
-    INSTANT = "asks or changes the controller, within the cycle"
-    BLOCKING = "a generator: one yield a control cycle"
-
-
 @dataclass(frozen=True, slots=True)
 class Builtin:
     """A function that every script knows."""
 
-    name: str
     function: Function
-    """Takes the controller first, unless it is pure."""
-    kind: Calling
     parameters: tuple[str, ...]
     """Names of its arguments in a script."""
-    defaults: tuple[Any, ...]
-    """Values of the last of them, where they are not given."""
-    weight: int
-    """What a call costs, in operations (about 0.1 us each)."""
-
-    @property
-    def required(self) -> int:
-        """How many arguments it needs."""
-        return len(self.parameters) - len(self.defaults)
+    defaults: Mapping[str, Any]
+    """Values of those that need not be given."""
+    controls: bool
+    """Whether it asks or changes the controller, which it takes first; else it only computes."""
+    takes_time: bool
+    """Whether it is a generator: one yield a control cycle."""
 
 
-def builtins(
-    functions: Mapping[str, Function], kind: Calling, weight: int = 5
-) -> dict[str, Builtin]:
-    """Built-ins whose arguments are those of Python functions.
+def builtins(functions: Mapping[str, Function]) -> dict[str, Builtin]:
+    """Built-ins from Python functions by their names in scripts.
 
-    Args:
-        functions: By their names in scripts; instant and blocking ones take the controller first.
-        kind: How they run.
-        weight: What a call costs, in operations.
+    Arguments in a script are those of the function, but for a first one with the name `core`.
+    Generator functions take time.
     """
     found: dict[str, Builtin] = {}
     for name, function in functions.items():
-        own = list(inspect.signature(function).parameters.values())[kind != Calling.PURE :]
-        names = tuple(item.name for item in own)
-        defaults = tuple(item.default for item in own if item.default is not item.empty)
-        found[name] = Builtin(name, function, kind, names, defaults, weight)
+        own = dict(inspect.signature(function).parameters)
+        controls = own.pop("core", None) is not None
+        defaults = {
+            key: each.default for key, each in own.items() if each.default is not each.empty
+        }
+        takes_time = inspect.isgeneratorfunction(function)
+        found[name] = Builtin(function, tuple(own), defaults, controls, takes_time)
     return found
