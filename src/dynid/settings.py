@@ -206,14 +206,14 @@ def parse_thermal(text: str, where: str = "--thermal") -> "Thermal":
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Surroundings(Settings):
+class SceneSettings(Settings):
     """Around what a motion is judged; None for what the design says, or for the robot's own."""
 
     mount: str | None = option(
         None, "floor|wall|ceiling|tilt:DEG", "Mounting; default: that of the file."
     )
     scene: str | Path | None = option(
-        None, "SCENE.json", "Surroundings; default: those of the design."
+        None, "SCENE.json", "SceneSettings; default: those of the design."
     )
     mesh_dirs: tuple[str | Path, ...] | None = option(
         None,
@@ -241,7 +241,7 @@ class Surroundings(Settings):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LimitSettings(Surroundings):
+class LimitSettings(SceneSettings):
     """What a motion is held to; None for what the design says, or for the usual."""
 
     limits: str = option(
@@ -413,7 +413,7 @@ def _names(paths: Sequence[object] | None, setting: str) -> tuple[str, ...] | No
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunSettings(Surroundings):
+class RunSettings(SceneSettings):
     """How to run a design; what is None is not asked for.
 
     Raises:

@@ -16,7 +16,7 @@ from cli_runs import COMMANDS, LISTED, Run
 import dynid
 from dynid.core import CODES
 from dynid.settings import LimitSettings
-from dynid.workflow.design_limits import given_limits
+from dynid.workflow import given_limits
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()

@@ -17,9 +17,8 @@ from known_exports import (
 )
 
 from dynid.cli.app import main
-from dynid.export import ExportModel
+from dynid.export import ExportModel, completed_model
 from dynid.export.c_code import c_code, c_prefix, number, safe
-from dynid.export.model import completed_model
 from dynid.export.python_code import python_code
 from dynid.export.writing import FORMATS, model_from_json, model_to_json
 from dynid.identification import write_estimate

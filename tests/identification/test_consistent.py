@@ -18,6 +18,7 @@ from dynid.identification import (
     IdentificationProblem,
     PhysicallyConsistent,
     WeightedLeastSquares,
+    estimate_to_json,
     inertial_prior,
     read_estimate,
     write_estimate,
@@ -30,7 +31,6 @@ from dynid.identification.consistent import (
     sign_constraints,
     solve_conic,
 )
-from dynid.identification.estimate import estimate_to_json
 from dynid.identification.physical import EXCESS, residual_sum
 from dynid.identification.problem import joint_factors
 from dynid.reduction import reduce_model

@@ -3,15 +3,18 @@ import pytest
 from known_robot import NOISE, recording, ur5
 
 from dynid.core import InputError, JobError
-from dynid.identification import IdentificationProblem, WeightedLeastSquares, autocorrelation
-from dynid.identification.least_squares import HuberRegression, OrdinaryLeastSquares
-from dynid.identification.problem import block_mean
-from dynid.identification.statistics import (
+from dynid.identification import (
+    HuberRegression,
+    IdentificationProblem,
+    OrdinaryLeastSquares,
+    WeightedLeastSquares,
+    autocorrelation,
     essential_parameters,
     hac_covariance,
     long_run_covariance,
     naive_covariance,
 )
+from dynid.identification.problem import block_mean
 from dynid.recording import ExperimentRecord
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel

@@ -23,10 +23,11 @@ from dynid.identification import (
     WeightedLeastSquares,
     deviations,
     inertial_prior,
+    not_negative,
+    published_prior,
     read_estimate,
     write_estimate,
 )
-from dynid.identification.bayesian import not_negative, published_prior
 from dynid.identification.selection import NormalEquations, find_regions, gram_blocks
 from dynid.identification.selection.columns import (
     DISPLACEMENTS,

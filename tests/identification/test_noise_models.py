@@ -11,9 +11,7 @@ from scipy.signal import lfilter
 
 from dynid import identify
 from dynid.core import Array
-from dynid.identification import IdentificationProblem
-from dynid.identification.least_squares import OrdinaryLeastSquares
-from dynid.identification.statistics import hac_covariance
+from dynid.identification import IdentificationProblem, OrdinaryLeastSquares, hac_covariance
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.signals import ProcessingSettings, process

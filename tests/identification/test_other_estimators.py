@@ -11,27 +11,28 @@ from known_robot import oracle, recording, torques, ur5
 from dynid import identify
 from dynid.identification import (
     ESTIMATORS,
+    BayesianRegression,
     ClosedLoop,
     IdentificationProblem,
-    WeightedLeastSquares,
-    inertial_prior,
-)
-from dynid.identification.bayesian import BayesianRegression, posterior, published_prior
-from dynid.identification.instrumental import (
     InstrumentalVariables,
-    OutputError,
-    smooth_motion,
-    solve_instrumental,
-)
-from dynid.identification.least_squares import (
+    Likelihood,
+    MaximumLikelihood,
     OrdinaryLeastSquares,
+    OutputError,
     RecursiveLeastSquares,
     TotalLeastSquares,
+    WeightedLeastSquares,
+    hac_covariance,
+    inertial_prior,
+    motion_noise,
+    naive_covariance,
+    posterior,
+    published_prior,
+    smooth_motion,
+    solve_instrumental,
     solve_total,
 )
-from dynid.identification.likelihood import Likelihood, MaximumLikelihood, motion_noise
 from dynid.identification.problem import base_mapping, joint_factors, observation_root
-from dynid.identification.statistics import hac_covariance, naive_covariance
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
 from dynid.robot import from_pseudo_inertia, is_physical, move, to_pseudo_inertia

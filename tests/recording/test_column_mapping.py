@@ -3,9 +3,8 @@ from __future__ import annotations
 import pytest
 
 from dynid.core import RecordError
+from dynid.recording import match_headers, parse_name, says_degrees
 from dynid.recording.columns import parse_columns, select
-from dynid.recording.headers import match_headers
-from dynid.recording.names import parse_name, says_degrees
 
 
 def test_mapping_is_taken_apart() -> None:

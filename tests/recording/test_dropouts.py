@@ -10,9 +10,7 @@ import pytest
 from recorded_motions import Motion
 
 from dynid.core import RecordError
-from dynid.recording import ExperimentRecord
-from dynid.recording.repair.pipeline import RepairSettings, repair
-from dynid.recording.table import RawTable
+from dynid.recording import ExperimentRecord, RawTable, RepairSettings, repair
 from dynid.signals.resample import GAP_STEPS
 
 MOTION = Motion(samples=1500)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from dynid.core import RecordError
-from dynid.recording import read_recording
-from dynid.recording.units import factor_of
+from dynid.recording import factor_of, read_recording
 from dynid.robot import load_robot
 
 JOINTS = range(1, 7)

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from dynid.core import RecordError
-from dynid.recording import ExperimentRecord, checked_records, read_recording
-from dynid.recording.repair.pipeline import check_channels
+from dynid.recording import ExperimentRecord, check_channels, checked_records, read_recording
 
 
 def record(seed: int = 0, **changes) -> ExperimentRecord:

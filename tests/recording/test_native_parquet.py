@@ -12,8 +12,13 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from dynid.core import CODES, Finding, InputError, RecordError
-from dynid.recording import ExperimentRecord, RecordMetadata, read_record, write_record
-from dynid.recording.record import JOINT_QUANTITIES
+from dynid.recording import (
+    JOINT_QUANTITIES,
+    ExperimentRecord,
+    RecordMetadata,
+    read_record,
+    write_record,
+)
 from dynid.recording.store import KEY
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)

@@ -8,9 +8,14 @@ import pytest
 from recorded_motions import Motion, write_rtde_csv
 
 from dynid.core import RecordError
-from dynid.recording import ExperimentRecord, at_limit, read_recording
-from dynid.recording.repair.pipeline import RepairSettings, repair
-from dynid.recording.table import RawTable
+from dynid.recording import (
+    ExperimentRecord,
+    RawTable,
+    RepairSettings,
+    at_limit,
+    read_recording,
+    repair,
+)
 from dynid.robot import Drives, load_robot
 from dynid.signals.resample import GAP_STEPS
 

@@ -18,9 +18,8 @@ from recorded_motions import (
 )
 
 from dynid.core import RecordError
-from dynid.recording import read_recording
+from dynid.recording import MessageDecoder, MessageError, read_recording
 from dynid.recording.bagfiles import Topic
-from dynid.recording.messages import MessageDecoder, MessageError
 from dynid.robot import load_robot
 
 

@@ -15,9 +15,8 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from dynid.core import RecordError
-from dynid.recording import read_recording
+from dynid.recording import MessageDecoder, MessageError, read_recording
 from dynid.recording.bagfiles import Topic
-from dynid.recording.messages import MessageDecoder, MessageError
 from dynid.robot import load_robot
 
 ARM7 = Motion(samples=150, joints=7, rate=1000.0)

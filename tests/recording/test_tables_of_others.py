@@ -18,8 +18,7 @@ from pyarrow import feather, parquet
 from recorded_motions import Motion, write_db3, write_mat, write_rtde_csv
 
 from dynid.core import RecordError
-from dynid.recording import read_recording
-from dynid.recording.formats import content_kind
+from dynid.recording import content_kind, read_recording
 from dynid.robot import load_robot
 from dynid.workflow import open_records
 

@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from dynid.core import InputError
-from dynid.recording.headers import match_headers
+from dynid.recording import match_headers
 from dynid.trajectory import (
     FAMILY_NAMES,
     Quintic,

@@ -19,8 +19,7 @@ import dynid
 from dynid.cli.app import main
 from dynid.settings import LimitSettings
 from dynid.trajectory import FAMILY_NAMES
-from dynid.workflow.design_limits import given_limits
-from dynid.workflow.designing import DEFAULT_STARTS
+from dynid.workflow import DEFAULT_STARTS, given_limits
 
 QUICK = ("--no-collision", "--harmonics", "3", "--period", "6", "--starts", "2", "--jobs", "1")
 BINDING = {

@@ -15,8 +15,7 @@ import pytest
 import dynid
 from dynid.bench import Plant, motion, plant
 from dynid.cli.app import main
-from dynid.identification import repeated_motions, trend
-from dynid.identification.trends import holm
+from dynid.identification import holm, repeated_motions, trend
 from dynid.workflow import identify_files
 
 START = datetime(2026, 1, 5, tzinfo=UTC)

@@ -19,8 +19,7 @@ import dynid
 from dynid.core import InputError, RecordError, Workers
 from dynid.identification import IdentificationProblem, PanelRows, PassPlan, RowSums, sum_rows
 from dynid.identification.problem import joint_factors
-from dynid.recording import ExperimentRecord
-from dynid.recording.stored import open_stored
+from dynid.recording import ExperimentRecord, open_stored
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, Gear, InverseDynamicModel, LoadFriction, TorqueRipple
 from dynid.robot import load_robot

@@ -18,8 +18,8 @@ from dynid.workflow.design_files import (
     read_design,
     write_design,
 )
-from dynid.workflow.design_limits import DesignLimits
-from dynid.workflow.designing import design
+from dynid.workflow.design_limits import DesignLimits, given_limits
+from dynid.workflow.designing import DEFAULT_STARTS, design
 from dynid.workflow.fitting import LogFit, check_suffix, export_file, fit
 from dynid.workflow.fleet import Fleet, fleet
 from dynid.workflow.identify import Identification, identify
@@ -39,6 +39,7 @@ from dynid.workflow.until import RunUntil, run_until
 from dynid.workflow.validating import Verdict, identify_files, validate_files, verdict
 
 __all__ = [
+    "DEFAULT_STARTS",
     "Analysis",
     "Check",
     "DesignLimits",
@@ -67,6 +68,7 @@ __all__ = [
     "export_motion",
     "fit",
     "fleet",
+    "given_limits",
     "identify",
     "identify_files",
     "identify_gains",

@@ -17,7 +17,7 @@ from dynid.constraints import (
 )
 from dynid.core import InputError, JsonFields, check_word, load_object
 from dynid.robot import RobotModel, with_tool
-from dynid.settings import LimitSettings, Surroundings
+from dynid.settings import LimitSettings, SceneSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,10 +101,10 @@ def _with_lists(fields: Mapping[str, Any]) -> dict[str, Any]:
     return {name: list(x) if isinstance(x, tuple) else x for name, x in fields.items()}  # pyright: ignore[reportUnknownArgumentType]
 
 
-def given_limits(asked: Surroundings, base: DesignLimits | None = None) -> DesignLimits:
+def given_limits(asked: SceneSettings, base: DesignLimits | None = None) -> DesignLimits:
     """The limits that are asked for; what is None is that of `base`.
 
-    Surroundings alone are asked for with all safe limits.
+    SceneSettings alone are asked for with all safe limits.
 
     Raises:
         InputError: A scene that cannot be read, or surroundings that would not be looked at.
