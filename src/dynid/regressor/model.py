@@ -173,7 +173,8 @@ class InverseDynamicModel:
             if array.shape != expected:
                 raise InputError(f"{name} does not fit", value=array.shape, limit=expected)
         # A copy, never a view: read-only arrays would make Numba compile the kernels once more.
-        return np.stack([q.T, dq.T, ddq.T])
+        # Samples next to each other: stack() would keep the order of the transposes.
+        return np.stack([q.T, dq.T, ddq.T], out=np.empty((3, *q.T.shape)))
 
     def fill_beside(self, dq: Array, ddq: Array, out: Array) -> None:
         """Write the blocks' columns for dq, ddq (n, N) into out (p - 10 n, n, N)."""
