@@ -282,7 +282,7 @@ ORDERS = (6.0, 400.0)
 """Waves a turn that are looked for."""
 FINER = 21
 """Orders that are looked at beside the best."""
-PROMINENT = 60.0
+PROMINENT = 100.0
 """Power of a wave over the median of all others without it."""
 
 
