@@ -24,8 +24,9 @@ MOST_WAITING = 8_500
 _LARGEST = 8_000
 _A_CYCLE = 2_000
 """Characters that are compiled in a control cycle, about 2 ms."""
-_QUICK_S = 0.001
-"""Processor time in a control cycle after which no further statement begins in it [s]."""
+_QUICK = 8
+"""Blocks in a control cycle after which no further statement begins in it. They are counted, not
+timed: the same statements take the same cycles on every machine."""
 _NOT_RUNNING = "Program is not running"
 _LAST_OF_ITS_KIND = frozenset(("clear_interpreter", "end_interpreter"))
 """What follows these waits until they have been run."""
@@ -106,8 +107,8 @@ class Interpreter:
                 self._lines.popleft().discard("Cleaned up before interpretation")
         self._active, self._ending, self._held = True, False, False
         while not self._ending:
-            # Quick statements share a cycle, as long as there is time for another.
-            if not self._queue or execution.spent > _QUICK_S:
+            # Quick statements share a cycle, as long as they are few.
+            if not self._queue or execution.looks >= _QUICK:
                 yield
                 continue
             self._executed, addition = self._queue.popleft()
