@@ -246,7 +246,7 @@ def test_a_cleared_variable_leaves_nothing_to_the_next(send: Sender) -> None:
 def test_dear_statements_take_as_many_cycles_as_they_need(send: Sender) -> None:
     for _ in range(100):
         send.machine.core.interpreter.receive(
-            "q = get_inverse_kin(get_forward_kin())", send.replies.append
+            "can = get_inverse_kin_has_solution(p[3, 3, 3, 0, 0, 0])", send.replies.append
         )
     ticks(send.machine, 2.0)
     assert send.machine.program_running, said(send.machine)

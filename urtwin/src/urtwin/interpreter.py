@@ -49,7 +49,7 @@ class Interpreter:
         self._base = self._context = Context({})
         self._lines: deque[_Received] = deque()
         self._queue: deque[tuple[int, CompiledProgram]] = deque()
-        self._active = self._ending = self._held = self._abort = False
+        self._active = self._ending = self._held = self._abort = self._enough = False
         self._interpreted = self._executed = self._cleared = 0
         self._commands: dict[str, Callable[[], str]] = {
             "skipbuffer": self._skip,
@@ -108,8 +108,9 @@ class Interpreter:
         self._active, self._ending, self._held = True, False, False
         while not self._ending:
             # Quick statements share a cycle, as long as they are few.
-            if not self._queue or execution.looks >= _QUICK:
+            if not self._queue or self._enough or execution.looks >= _QUICK:
                 yield
+                self._enough = False
                 continue
             self._executed, addition = self._queue.popleft()
             new = len(addition.context.shared) - len(execution.shared)
@@ -120,6 +121,10 @@ class Interpreter:
         self._queue.clear()
         if clear_on_end:
             self.clear()
+
+    def enough(self) -> None:
+        """Something that takes long was done: no further statement begins in this cycle."""
+        self._enough = True
 
     def end(self) -> None:
         """End the mode once the statement that runs is over."""
