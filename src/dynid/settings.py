@@ -7,7 +7,7 @@ nothing heavy is loaded.
 
 import math
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import partial
@@ -113,9 +113,10 @@ def check_options(settings: object) -> None:
     """
     for name, declared in options_of(type(settings)).items():
         value: Any = getattr(settings, name)
-        if declared.words and isinstance(value, str) and value != declared.default:
+        worded = declared.kind is str or isinstance(value, str)
+        if declared.words and worded and value != declared.default:
             check_word(value, declared.words, declared.name)
-        several = cast("tuple[object, ...]", value) if isinstance(value, tuple) else (value,)
+        several = cast("Iterable[object]", value) if isinstance(value, Iterable) else (value,)
         for one in several:
             if isinstance(one, int | float) and not declared.least <= one <= declared.most:
                 raise InputError(
@@ -213,7 +214,7 @@ class SceneSettings(Settings):
         None, "floor|wall|ceiling|tilt:DEG", "Mounting; default: that of the file."
     )
     scene: str | Path | None = option(
-        None, "SCENE.json", "SceneSettings; default: those of the design."
+        None, "SCENE.json", "Surroundings; default: those of the design."
     )
     mesh_dirs: tuple[str | Path, ...] | None = option(
         None,
@@ -354,7 +355,7 @@ class DesignSettings(LimitSettings):
                 value=self.order,
                 limit=f"{least} to {MOST_HARMONICS}",
             )
-        if self.noise is not None and min(self.noise) <= 0:
+        if self.noise is not None and not all(one > 0 for one in self.noise):
             raise InputError("must be positive", where="--noise", value=list(self.noise))
 
     @property

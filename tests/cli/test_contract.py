@@ -64,6 +64,7 @@ def test_help_shows_an_example_and_json(run: Run, command: str) -> None:
     assert outcome.code == 0
     assert f"dynid {command}" in outcome.out.split("Example:")[1]
     assert "--json" in outcome.out
+    assert "Settings" not in outcome.out, "words for users, not names of classes"
     assert all(len(line) <= 100 for line in outcome.out.splitlines())
 
 

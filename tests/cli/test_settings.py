@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import dynid
@@ -38,3 +39,11 @@ def test_python_and_the_command_line_are_held_to_the_same_bounds() -> None:
     for share in (0.0, 1.0, 2.0):
         with pytest.raises(InputError, match="--false-alarms"):
             dynid.FleetSettings(false_alarms=share)
+
+
+def test_python_may_pass_what_no_command_line_can() -> None:
+    lists = [{"noise": [1.0, np.nan]}, {"start_pose": np.array([np.nan])}]
+    for wrong in (*lists, {"method": None}, {"limits": ["safe"]}, {"criterion": 3}):
+        with pytest.raises(InputError, match=f"--{next(iter(wrong)).removesuffix('_pose')}"):
+            dynid.DesignSettings(**wrong)  # type: ignore[arg-type]
+    assert dynid.DesignSettings(noise=()).noise == ()

@@ -2,6 +2,7 @@
 
 import re
 import socket
+import time
 
 import pytest
 
@@ -245,8 +246,29 @@ def test_a_cleared_variable_leaves_nothing_to_the_next(send: Sender) -> None:
 def test_dear_statements_take_as_many_cycles_as_they_need(send: Sender) -> None:
     for _ in range(100):
         send.machine.core.interpreter.receive(
-            "q = get_inverse_kin(get_forward_kin())", send.replies.append
+            "can = get_inverse_kin_has_solution(p[3, 3, 3, 0, 0, 0])", send.replies.append
         )
     ticks(send.machine, 2.0)
     assert send.machine.program_running, said(send.machine)
     assert send("statelastexecuted") == "state: 100: statelastexecuted"
+
+
+def test_how_many_statements_share_a_cycle_does_not_depend_on_the_processor(
+    send: Sender, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def cycles(slower: float) -> list[int]:
+        read = time.thread_time
+        with monkeypatch.context() as patch:
+            patch.setattr(time, "thread_time", lambda: slower * read())
+            send("write_output_integer_register(5, outside)")
+            send("sleep(0.2)", seconds=0.0)
+            for _ in range(60):
+                send("n = get_forward_kin() write_output_integer_register(5, outside)", seconds=0.0)
+                send("outside = outside + 1", seconds=0.0)
+            seen: list[int] = []
+            for _ in range(100):
+                send.machine.tick()
+                seen.append(int(str(send.machine.output("output_int_register_5"))))
+        return [value - seen[0] for value in seen]
+
+    assert cycles(1.0) == cycles(5.0)

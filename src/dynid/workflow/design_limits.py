@@ -104,7 +104,7 @@ def _with_lists(fields: Mapping[str, Any]) -> dict[str, Any]:
 def given_limits(asked: SceneSettings, base: DesignLimits | None = None) -> DesignLimits:
     """The limits that are asked for; what is None is that of `base`.
 
-    SceneSettings alone are asked for with all safe limits.
+    Surroundings alone are asked for with all safe limits.
 
     Raises:
         InputError: A scene that cannot be read, or surroundings that would not be looked at.

@@ -24,8 +24,9 @@ MOST_WAITING = 8_500
 _LARGEST = 8_000
 _A_CYCLE = 2_000
 """Characters that are compiled in a control cycle, about 2 ms."""
-_QUICK_S = 0.001
-"""Processor time in a control cycle after which no further statement begins in it [s]."""
+_QUICK = 8
+"""Blocks in a control cycle after which no further statement begins in it. They are counted, not
+timed: the same statements take the same cycles on every machine."""
 _NOT_RUNNING = "Program is not running"
 _LAST_OF_ITS_KIND = frozenset(("clear_interpreter", "end_interpreter"))
 """What follows these waits until they have been run."""
@@ -48,7 +49,7 @@ class Interpreter:
         self._base = self._context = Context({})
         self._lines: deque[_Received] = deque()
         self._queue: deque[tuple[int, CompiledProgram]] = deque()
-        self._active = self._ending = self._held = self._abort = False
+        self._active = self._ending = self._held = self._abort = self._enough = False
         self._interpreted = self._executed = self._cleared = 0
         self._commands: dict[str, Callable[[], str]] = {
             "skipbuffer": self._skip,
@@ -106,9 +107,10 @@ class Interpreter:
                 self._lines.popleft().discard("Cleaned up before interpretation")
         self._active, self._ending, self._held = True, False, False
         while not self._ending:
-            # Quick statements share a cycle, as long as there is time for another.
-            if not self._queue or execution.spent > _QUICK_S:
+            # Quick statements share a cycle, as long as they are few.
+            if not self._queue or self._enough or execution.looks >= _QUICK:
                 yield
+                self._enough = False
                 continue
             self._executed, addition = self._queue.popleft()
             new = len(addition.context.shared) - len(execution.shared)
@@ -119,6 +121,10 @@ class Interpreter:
         self._queue.clear()
         if clear_on_end:
             self.clear()
+
+    def enough(self) -> None:
+        """Something that takes long was done: no further statement begins in this cycle."""
+        self._enough = True
 
     def end(self) -> None:
         """End the mode once the statement that runs is over."""

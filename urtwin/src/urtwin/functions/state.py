@@ -54,6 +54,7 @@ def _inverse(
     maxOrientationError: Value = 1e-10,
     tcp: Value = None,
 ) -> Value:
+    core.interpreter.enough()
     near = core.arm.setpoint if qnear is None else numbers(qnear, 6, "joint positions")
     found = core.arm.kinematics.inverse(
         matrix_of(x),

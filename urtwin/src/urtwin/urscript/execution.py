@@ -121,6 +121,8 @@ class ScriptRun:
         self.port = port
         self.shared: Frame = [None] * slots
         self._began = self._next_look = 0.0
+        self.looks = 0
+        """Blocks run and values copied in this cycle: what it did, whatever the processor."""
         self.copied = 0
         self.threads: list[Thread] = []
         self.thread = Thread(0, lambda: None, None)
@@ -163,6 +165,7 @@ class ScriptRun:
         """
         self._began, self._outside = time.thread_time(), getcurrent()
         self._next_look = time.perf_counter() + CYCLE_CPU_S
+        self.looks = 0
         section = self.section
         pending, progress = self.threads, True
         while pending and progress:
@@ -210,16 +213,12 @@ class ScriptRun:
         """A call ends."""
         self._slots -= len(self.thread.frames.pop())
 
-    @property
-    def spent(self) -> float:
-        """Processor time of this cycle until now [s]."""
-        return time.thread_time() - self._began
-
     def look(self) -> None:
         """Look at the clock: the time of this cycle may be used up."""
+        self.looks += 1
         if time.perf_counter() < self._next_look:
             return
-        left = CYCLE_CPU_S - self.spent
+        left = CYCLE_CPU_S - (time.thread_time() - self._began)
         if left < 0.0:
             raise ScriptFault(
                 "endless loop: the program does too much without waiting",
