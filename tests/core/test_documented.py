@@ -55,6 +55,13 @@ def test_fields_of_exported_classes_are_documented_with_shapes() -> None:
             field, kind = line.target.id, ast.unparse(line.annotation)
             is_text = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
             said = str(after.value.value) if is_text else ""
+            if isinstance(line.value, ast.Call):
+                # The help of its option.
+                said = said or " ".join(
+                    str(word.value)
+                    for word in line.value.args[1:]
+                    if isinstance(word, ast.Constant)
+                )
             named = re.search(rf"\b{field}\b.*", text)
             said = said or (named[0] if named else "")
             seen += 1

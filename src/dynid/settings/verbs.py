@@ -1,18 +1,11 @@
-"""What can be asked for: the settings of the verbs, each declared once, with its option.
-
-Python sets the fields; the command line makes options of them (`dynid.cli.options`), and both are
-checked here. A field without an option is for Python alone. Help pages are made of this module:
-nothing heavy is loaded.
-"""
+"""The settings of the verbs."""
 
 import math
-import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import asdict, dataclass, field, fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from dynid.core import InputError, check_word
 
@@ -22,135 +15,7 @@ if TYPE_CHECKING:
     from dynid.robot import RobotLike
     from dynid.simulation import Thermal
 
-FINITE = sys.float_info.max
-Parse = Callable[[str, str], Any]
-"""From the text and the name of an option to its value; raises `InputError`."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Option:
-    """How a field is asked for on the command line, and which values it takes."""
-
-    name: str
-    """Such as `--repeat`."""
-    metavar: str
-    """What stands for the value in help pages; empty for a flag."""
-    help: str
-    words: tuple[str, ...] = ()
-    """The only words that it takes."""
-    parse: Parse | None = None
-    """Reads the text; None where it is the value already."""
-    many: bool = False
-    """Whether it may be repeated."""
-    least: float = -FINITE
-    most: float = FINITE
-    """Bounds of a number, or of each number of several."""
-    default: Any = None
-    kind: Any = None
-    """Default and annotation of the field."""
-
-    @property
-    def bounds(self) -> str:
-        """The bounds in words."""
-        if self.most < FINITE:
-            return f"{self.least:g} to {self.most:g}"
-        return "finite" if self.least == -FINITE else f"{self.least:g} or more"
-
-    def read(self, given: Any) -> Any:
-        """The value of the field from what was given: text, texts, a number, or a flag.
-
-        Raises:
-            InputError: A text that makes no sense.
-        """
-        if not self.metavar:
-            return self.default is False if given else self.default
-        if self.parse is None:
-            return tuple(given) if self.many else given
-        if self.many:
-            return tuple(self.parse(one, self.name) for one in given)
-        return self.parse(given, self.name)
-
-
-def option(
-    default: object, metavar: str | tuple[str, ...], help: str, name: str = "", **more: Any
-) -> Any:
-    """A field with an option.
-
-    Args:
-        default: Of the field, and of the option.
-        metavar: What stands for the value; or the words that it takes.
-        help: For the help page.
-        name: Of the option; empty for that of the field.
-        **more: Of `Option`.
-    """
-    words = () if isinstance(metavar, str) else metavar
-    shown = metavar if isinstance(metavar, str) else "|".join(metavar)
-    declared = Option(name=name, metavar=shown, help=help, words=words, **more)
-    return field(default=default, metadata={"option": declared})
-
-
-def flag(default: bool | None, name: str, help: str) -> Any:
-    """A field with an option that has no value: it gives True, or False where that is not so."""
-    return option(default, "", help, name)
-
-
-def options_of(kind: type) -> dict[str, Option]:
-    """The options of the fields of settings, by the name of the field."""
-    found: dict[str, Option] = {}
-    for item in fields(kind):
-        declared: Option | None = item.metadata.get("option")
-        if declared is not None:
-            name = declared.name or f"--{item.name.replace('_', '-')}"
-            found[item.name] = replace(declared, name=name, default=item.default, kind=item.type)
-    return found
-
-
-def check_options(settings: object) -> None:
-    """Refuse what no option takes.
-
-    Raises:
-        InputError: A word that is not known, or a number out of bounds.
-    """
-    for name, declared in options_of(type(settings)).items():
-        value: Any = getattr(settings, name)
-        worded = declared.kind is str or isinstance(value, str)
-        if declared.words and worded and value != declared.default:
-            check_word(value, declared.words, declared.name)
-        several = cast("Iterable[object]", value) if isinstance(value, Iterable) else (value,)
-        for one in several:
-            if isinstance(one, int | float) and not declared.least <= one <= declared.most:
-                raise InputError(
-                    "out of bounds", where=declared.name, value=one, limit=declared.bounds
-                )
-
-
-class Settings:
-    """Settings are checked when they are made.
-
-    Raises:
-        InputError: See `check_options`.
-    """
-
-    __slots__ = ()
-
-    def __post_init__(self) -> None:
-        check_options(self)
-
-
-def numbers(
-    text: str, where: str, counts: tuple[int, ...] = (), form: str = ""
-) -> tuple[float, ...]:
-    """Finite numbers with commas between, such as `13.6,13.7`.
-
-    Raises:
-        InputError: Something else, or another number of them than one of the counts.
-    """
-    with suppress(ValueError):
-        found = tuple(float(part) for part in text.split(","))
-        if all(map(math.isfinite, found)) and (not counts or len(found) in counts):
-            return found
-    said = "needs finite numbers with commas between"
-    raise InputError(said, where=where, value=text, limit=form or None)
+from dynid.settings.options import Settings, check_options, flag, numbers, option
 
 
 def _height(text: str, where: str) -> float | str:
