@@ -172,8 +172,9 @@ class InverseDynamicModel:
         for name, array in (("q", q), ("dq", dq), ("ddq", ddq)):
             if array.shape != expected:
                 raise InputError(f"{name} does not fit", value=array.shape, limit=expected)
-        # A copy, never a view: read-only arrays would make Numba compile the kernels once more.
-        return np.stack([q.T, dq.T, ddq.T])
+        # A copy in C order, which `stack` would not give: Numba compiles the kernels once more for
+        # read-only and for other orders, and those are slower.
+        return np.array([q.T, dq.T, ddq.T], dtype=np.float64, order="C")
 
     def fill_beside(self, dq: Array, ddq: Array, out: Array) -> None:
         """Write the blocks' columns for dq, ddq (n, N) into out (p - 10 n, n, N)."""
