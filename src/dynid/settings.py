@@ -113,7 +113,8 @@ def check_options(settings: object) -> None:
     """
     for name, declared in options_of(type(settings)).items():
         value: Any = getattr(settings, name)
-        if declared.words and isinstance(value, str) and value != declared.default:
+        # An estimator of one's own stands in place of a word.
+        if declared.words and value != declared.default and not hasattr(value, "fit"):
             check_word(value, declared.words, declared.name)
         several = cast("tuple[object, ...]", value) if isinstance(value, tuple) else (value,)
         for one in several:
