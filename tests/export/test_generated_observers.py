@@ -87,3 +87,14 @@ def test_c_observer_is_the_librarys(heavy: Estimate, tmp_path: Path) -> None:
     got = np.array([line.split() for line in done.stdout.splitlines()], dtype=float)
     expected = MomentumObserver(estimate=heavy, bandwidth=40.0).residuals(t, q, dq, torque)
     np.testing.assert_allclose(got, expected, rtol=0, atol=SAME)
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="no C++ compiler")
+def test_the_header_is_one_of_cpp_too(heavy: Estimate, tmp_path: Path) -> None:
+    plain = estimate_of(mixed_chain(), parameters_of(mixed_chain(), 1))
+    for name, estimate in (("heavy", heavy), ("plain", plain)):
+        write_model(estimate, tmp_path / f"{name}.h", "c")
+    source = tmp_path / "main.cpp"
+    source.write_text('#include "heavy.h"\n#include "plain.h"\n')
+    flags = ("-std=c++11", "-fsyntax-only", *C_FLAGS[1:])
+    subprocess.run(["g++", *flags, str(source)], check=True)

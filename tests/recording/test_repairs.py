@@ -252,6 +252,14 @@ def test_jump_without_return_is_reported() -> None:
     assert "corrupt_rows" in codes(record) or "clock_mismatch" in codes(record)
 
 
+@pytest.mark.parametrize("lost", [1, 2, 3])
+def test_lost_rows_show_where_time_is_counted(lost: int) -> None:
+    table = replace(raw(), t=None)
+    kept = replace(table.keep(~np.isin(np.arange(1500), np.arange(700, 700 + lost))), dropped=0)
+    assert "clock_mismatch" in codes(run(kept, rate_hz=125.0))
+    assert codes(run(table, rate_hz=125.0)) == []
+
+
 def test_repeated_stamps_are_dropped() -> None:
     table = raw(noise=1)
     t = table.t.copy()

@@ -172,6 +172,12 @@ def test_strange_names_are_taken_in_their_order_and_reported(tmp_path: Path) -> 
         read_recording(path, joint_order=["nobody"] * 6)
 
 
+def test_an_order_that_is_given_goes_before_that_of_known_names(tmp_path: Path) -> None:
+    path = write_db3(Motion(), tmp_path / "bag.db3")
+    assert read_recording(path).metadata.joint_names == UR_JOINTS
+    assert read_recording(path, joint_order=ALPHABETICAL).metadata.joint_names == ALPHABETICAL
+
+
 def test_receive_times_where_headers_are_empty(tmp_path: Path) -> None:
     motion = Motion()
     path = write_db3(motion, tmp_path / "bag.db3", messages(motion, stamped=False))

@@ -253,6 +253,8 @@ def test_controller_state_by_joint_names(tmp_path: Path) -> None:
     assert_true(record, MOTION)
     with pytest.raises(RecordError, match="neither current nor effort"):
         read_recording(write_controller(tmp_path / "b", MOTION, False))
+    with pytest.raises(RecordError, match=r"b.mcap: topic /controller0/state: .*'nothing'"):
+        read_recording(tmp_path / "b", topic="/controller0/state", columns="q=nothing")
     two = write_controller(tmp_path / "c", MOTION, True, copies=2)
     with pytest.raises(RecordError, match=r"2 topics can be.*--topic /controller0/state"):
         read_recording(two)

@@ -3,10 +3,13 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -71,6 +74,21 @@ def test_stop_stops_the_robot_and_keeps_what_was_recorded(motion: Path, tmp_path
     record = read_record(path)
     assert tail.samples <= record.samples == state.result["samples"] < 1000 * CYCLES
     assert record.metadata.extra["abort"] == "interrupted"
+
+
+def test_half_a_line_of_a_killed_process_ends_the_job(
+    motion: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begin, half = subprocess.Popen, 'import os; os.write(1, b\'{"result": {"wor\')'
+
+    def killed(_: object, **options: Any) -> subprocess.Popen[str]:
+        return begin([sys.executable, "-c", half], **options)
+
+    monkeypatch.setattr(subprocess, "Popen", killed)
+    state = Supervisor(run_job(motion, tmp_path / "run.parquet")).wait(PATIENCE)
+    assert (state.ended, state.result) == (True, None)
+    assert state.error is not None
+    assert "ended with code 0" in state.error
 
 
 def test_a_page_that_is_gone_is_a_stop(motion: Path, tmp_path: Path) -> None:

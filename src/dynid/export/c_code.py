@@ -81,7 +81,8 @@ def c_code(model: ExportModel, comment: str = "") -> str:
         "static const struct {",
         "    int joint;",
         "    double outer, inner, rest_length, offset, piston_area, gas_work, gas_volume;",
-        f"}} @_counterbalances[] = {literal(springs) if springs else '{{0}}'};",
+        # C has no empty tables, and C++ wants every number.
+        f"}} @_counterbalances[] = {literal(springs or [(0, *[0.0] * 7)])};",
         *_functions(model, words),
         "#endif",
         "",

@@ -182,7 +182,7 @@ def content_kind(path: Path) -> str:
     if looks_like_text(head):
         return "json" if _is_json(head) else "csv"
     raise RecordError(
-        "this is none of the formats that dynid reads",
+        "this is none of the formats that dynid reads, or its beginning is damaged",
         where=path.name,
         limit="UR logs, CSV, Excel, ROS bags, MCAP, MATLAB, HDF5, NumPy, JSON, Parquet",
     )

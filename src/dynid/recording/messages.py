@@ -13,8 +13,8 @@ import functools
 import re
 import struct
 from array import array
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from dynid.core import Array, RecordError, printable, require
 from dynid.recording.bagfiles import Catalog, Message, Topic
 from dynid.recording.columns import assign
-from dynid.recording.content import ZSTD_MAGIC, inflate, located
+from dynid.recording.content import ZSTD_MAGIC, changed, inflate
 from dynid.recording.headers import NotRecognised, match_headers
 from dynid.recording.table import TORQUE_SOURCES, RawTable, ReadOptions
 
@@ -284,7 +284,7 @@ def read_states(read: Reader, topics: Mapping[str, Topic], options: ReadOptions)
     joints, columns, topic = options.joints, options.columns, options.topic
     chosen, first = _choose(read, topics, topic, joints)
     names = _field_names(first)
-    with located(f"topic {chosen.name}"):
+    with _of_topic(chosen):
         found = assign(names, columns, len(names), joints)
     if columns is None:
         # The messages' own stamps are the clock.
@@ -338,6 +338,15 @@ def read_states(read: Reader, topics: Mapping[str, Topic], options: ReadOptions)
     return table
 
 
+@contextmanager
+def _of_topic(topic: Topic) -> Generator[None]:
+    """The topic in the words of an error; where it is, the file tells."""
+    try:
+        yield
+    except RecordError as error:
+        raise changed(error, what=f"topic {printable(topic.name)}: {error.what}") from error
+
+
 def _choose(
     read: Reader, topics: Mapping[str, Topic], wanted: str | None, joints: Sequence[str]
 ) -> tuple[Topic, Decoded]:
@@ -355,7 +364,8 @@ def _choose(
         if wanted is not None:
             return item, samples[item.name]
         try:
-            match = match_headers(_field_names(samples[item.name]), joints)
+            with _of_topic(item):
+                match = match_headers(_field_names(samples[item.name]), joints)
         except NotRecognised:
             continue
         except RecordError as error:
@@ -379,7 +389,7 @@ def _choose(
     bare = [item for item in asked if not item.definition and not item.is_joint_state]
     raise RecordError(
         "the bag has no readable sensor_msgs/JointState topic, nor another with positions",
-        value=described,
+        value=described or None,
         next_step=_RECORD + (_CONVERT if bare else ""),
     )
 

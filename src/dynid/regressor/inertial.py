@@ -299,8 +299,12 @@ def inertial_columns(constants: ChainConstants, state: Array, out: Array) -> Non
 
 def in_lanes(state: Array) -> Array:
     """(.., n, N or `LANES`) of (.., n, N): the kernels' samples, zero where they are too few."""
-    missing = LANES - state.shape[2]
-    return state if missing <= 0 else np.pad(state, ((0, 0), (0, 0), (0, missing)))
+    samples = state.shape[2]
+    if samples >= LANES:
+        return state
+    out = np.zeros((*state.shape[:2], LANES))
+    out[:, :, :samples] = state
+    return out
 
 
 def every_row(joints: int) -> Places:

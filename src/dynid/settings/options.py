@@ -108,8 +108,8 @@ def check_options(settings: object) -> None:
     """
     for name, declared in options_of(type(settings)).items():
         value: Any = getattr(settings, name)
-        worded = declared.kind is str or isinstance(value, str)
-        if declared.words and worded and value != declared.default:
+        # An estimator of one's own stands in place of a word.
+        if declared.words and value != declared.default and not hasattr(value, "fit"):
             check_word(value, declared.words, declared.name)
         several = cast("Iterable[object]", value) if isinstance(value, Iterable) else (value,)
         for one in several:

@@ -144,7 +144,11 @@ class Supervisor:
     def _read(self) -> None:
         stream = self._process.stdout
         for text in stream or ():
-            message = json.loads(text)
+            try:
+                message = json.loads(text)
+            except ValueError:
+                # Half a line of a process that was killed.
+                continue
             if "criterion" in message:
                 now = time.monotonic() - self._began
                 message = {"history": (*self.state.history, (now, message["criterion"]))}

@@ -56,7 +56,7 @@ def settle_joints(
         table = _by_name(table, robot)
     if robot is not None:
         return replace(table, joint_names=robot.joint_names)
-    place = () if ordered else places_of(UR_JOINTS, table.joint_names)
+    place = () if joint_order is not None else places_of(UR_JOINTS, table.joint_names)
     return _reorder(table, place) if len(place) == joints else table
 
 

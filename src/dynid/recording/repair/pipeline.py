@@ -374,6 +374,7 @@ RULES: tuple[Rule, ...] = (
     Rule(clock.settle_unit, "kinova_gen3: time in milliseconds"),
     Rule(joints.refuse_degrees, "degrees that nobody announced", ("robot",)),
     Rule(clock.report_clock, "panda_gaz: jitter and lost rows"),
+    Rule(motion.check_counted_rows, "rows lost where nothing has a stamp"),
     Rule(motion.check_velocities, "velocities in another unit", ("rate_hz",)),
     Rule(_report_saturation, "torques that are clipped"),
     Rule(_report_rest, "long standstill at an end"),
