@@ -194,8 +194,8 @@ def _signals(
     if not made:
         found += [_touched(c, robot) for c in touched if not set(c.joints) <= set(stopped)]
     for j in range(robot.joints):
-        wave = ripple(rec, error, j, touched)
-        if wave is not None and wave[1] > LEAST_RIPPLE * limit[j]:
+        wave = ripple(rec, error, j, LEAST_RIPPLE * float(limit[j]), touched)
+        if wave is not None:
             text = (
                 f"torque of {robot.joint_names[j]} ripples with {wave[1]:.2g} (amplitude), "
                 f"{wave[0]:.0f} waves a turn"

@@ -287,7 +287,7 @@ PROMINENT = 100.0
 
 
 def ripple(
-    rec: Recording, error: Array, joint: int, touched: tuple[Contact, ...] = ()
+    rec: Recording, error: Array, joint: int, least: float, touched: tuple[Contact, ...] = ()
 ) -> tuple[float, float] | None:
     """Waves a turn (or m) and amplitude [N.m or N] of a gear's ripple, if one stands out.
 
@@ -295,6 +295,7 @@ def ripple(
         rec: The recording.
         error: (N, n) torques that the model leaves.
         joint: The joint.
+        least: Amplitude from which it matters [N.m or N].
         touched: Contacts, which are left out.
     """
     step = float(rec.t[1] - rec.t[0])
@@ -315,7 +316,10 @@ def ripple(
         return None
     best = int(np.argmax(_powers(q, left, orders)))
     near = orders[best] + spacing * np.linspace(-1, 1, FINER)
-    order = float(near[np.argmax(_powers(q, left, near))])
+    powers = _powers(q, left, near)
+    if 2 * np.sqrt(powers.max()) < least:
+        return None
+    order = float(near[np.argmax(powers)])
     wave = np.column_stack([np.cos(order * q), np.sin(order * q)])
     size: Array = np.asarray(np.linalg.lstsq(wave, left, rcond=None)[0], dtype=np.float64)
     # A motion that dwells in some places spreads a large wave over all orders: without it the
