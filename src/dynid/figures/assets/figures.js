@@ -1,6 +1,4 @@
-/* Plots with the same data-link share one cursor and one zoom.
-   window.dynidPlots.cursor(link, value) places the cursor from outside, .zoom(link, low, high) zooms;
-   the document hears "plotcursor" {link, value} and "plotzoom" {link, low, high}. */
+/* Plots with the same data-link share one cursor and one zoom. */
 (() => {
   "use strict";
   const W = 20000, H = 10000, NS = "http://www.w3.org/2000/svg";
@@ -47,7 +45,7 @@
     }
   }
 
-  function cursor(link, value, quiet) {
+  function cursor(link, value) {
     for (const plot of all(link)) {
       const [a, b] = full(plot), [low, high] = view(plot);
       let line = plot.querySelector(":scope > line.cursor");
@@ -69,7 +67,6 @@
       if (place.tagName === "INPUT") { if (value !== null) place.value = value; }
       else place.textContent = value === null ? "" : value.toFixed(2);
     }
-    if (!quiet) document.dispatchEvent(new CustomEvent("plotcursor", { detail: { link, value } }));
   }
 
   function zoom(link, low, high) {
@@ -79,16 +76,13 @@
     const least = (b - a) / 400;
     low = Math.max(a, low); high = Math.min(b, high);
     if (!(high - low >= least)) return;
-    const whole = low <= a && high >= b;
-    if (whole) views.delete(link); else views.set(link, [low, high]);
+    if (low <= a && high >= b) views.delete(link); else views.set(link, [low, high]);
     for (const plot of plots) {
       const x0 = ((low - a) / (b - a)) * W, x1 = ((high - a) / (b - a)) * W;
       plot.querySelector("svg.in").setAttribute("viewBox", `${x0} 0 ${x1 - x0} ${H}`);
       const ticks = plot.querySelector("g.xt");
       if (ticks) label(ticks, low, high);
     }
-    document.dispatchEvent(new CustomEvent("plotzoom", { detail: { link, low, high, whole } }));
-    try { if (whole) sessionStorage.removeItem("zoom " + link); else sessionStorage.setItem("zoom " + link, `${low},${high}`); } catch { /* no storage */ }
   }
 
   function label(group, low, high) {
@@ -166,12 +160,4 @@
     const start = Math.min(Math.max(a, middle - width / 2), b - width);
     zoom(link, start, start + width);
   });
-  const restore = () => {
-    const links = new Set([...document.querySelectorAll("svg.plot[data-link]")].map((p) => p.dataset.link));
-    for (const link of links) {
-      try { const kept = sessionStorage.getItem("zoom " + link); if (kept) zoom(link, ...pair(kept)); } catch { /* no storage */ }
-    }
-  };
-  window.dynidPlots = { cursor, zoom };
-  if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", restore); else restore();
 })();

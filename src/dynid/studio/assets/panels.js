@@ -18,9 +18,6 @@ export function h(tag, props = {}, ...children) {
   node.append(...children.filter((child) => child !== null && child !== undefined));
   return node;
 }
-export function say(words) {
-  $("title").children[0].textContent = words;
-}
 
 // What was typed survives a new drawing of the panel.
 const typed = {
@@ -88,7 +85,7 @@ function motionPicker(app, wanted, label) {
   return region(`motion-${app.step}`, [names, state.motion, app.step], () => {
     const options = [["", "none"], ...names.map((name) => [name, name])];
     typed.motion = names.includes(state.motion) ? state.motion : "";
-    return h("section", {}, pick(label, "motion", options, (name) => app.choose(name)));
+    return h("section", {}, pick(label, "motion", options, (name) => app.do("choose", { name })));
   });
 }
 
@@ -295,7 +292,7 @@ const identify = {
     const form = region("identify", [records, typed.record, app.state.files.identify], () => h("section", {},
       h("h3", { text: "A model from a recording" }),
       records.length ? null : h("p", { class: "hint", text: "There is no recording yet: run a design, or drop a log onto this page." }),
-      pick("Recording", "record", records.map((name) => [name, name]), (name) => app.choose(name)),
+      pick("Recording", "record", records.map((name) => [name, name]), (name) => app.do("choose", { name })),
       pick("Validate on", "validate", [["", "nothing"], ...records.map((name) => [name, name])]),
       pick("Preset", "preset", [["best", "best"], ["paper", "paper"]]), fileField(app, "identify")));
     fill(app, form, marginList(app), dropHint(app), notes(app));
@@ -315,7 +312,7 @@ const use = {
     const list = region("results", [results, estimates, shown && shown.name], () => h("section", {},
       results.length ? pick("Estimate", "estimate", results.map((item) => [item.name, item.name]), (name) => {
         const item = results.find((one) => one.name === name);
-        if (item.record) app.choose(item.record);
+        if (item.record) app.do("choose", { name: item.record });
         app.render();
       }) : h("p", { class: "hint", text: estimates.length ? "The estimates of this folder are not evaluated yet." : "There is no model yet: identify a recording first." }),
       ...(shown ? verdict(shown) : []),

@@ -2,7 +2,7 @@
 
 import { unpack } from "/view.js";
 
-const ROW = 31, AXIS = 34;
+const ROW = 31, AXIS = 34, LEFT = 4, RIGHT = 10;
 
 export const digits = (x) => {
   const size = Math.abs(x);
@@ -54,10 +54,9 @@ export class Plots {
     this.at = 0;
     this.onSeek = () => {};
     this.shown = [];
-    this.left = 4;
     const seek = (e) => {
       const box = canvas.getBoundingClientRect();
-      const share = (e.clientX - box.left - this.left) / (box.width - this.left - this.right);
+      const share = (e.clientX - box.left - LEFT) / (box.width - LEFT - RIGHT);
       this.onSeek(Math.min(Math.max(share, 0), 1) * this.duration);
     };
     canvas.addEventListener("pointerdown", (e) => {
@@ -73,9 +72,6 @@ export class Plots {
       else return;
       e.preventDefault();
     });
-  }
-  get right() {
-    return 10;
   }
   setJoints(names) {
     this.joints = names;
@@ -146,8 +142,8 @@ export class Plots {
     this.say(at);
   }
   x(t) {
-    const wide = this.canvas.clientWidth - this.left - this.right;
-    return this.left + wide * t / Math.max(this.duration, 1e-9);
+    const wide = this.canvas.clientWidth - LEFT - RIGHT;
+    return LEFT + wide * t / Math.max(this.duration, 1e-9);
   }
   say(at) {
     const all = this.all();
@@ -175,7 +171,7 @@ export class Plots {
     const end = this.x(this.duration);
     for (let j = 0; j < n; j++) {
       pen.fillStyle = ink.line;
-      pen.fillRect(this.left, Math.round((j + 0.5) * ROW) - 0.5, end - this.left, 1);
+      pen.fillRect(LEFT, Math.round((j + 0.5) * ROW) - 0.5, end - LEFT, 1);
     }
     if (this.period)
       for (let t = this.period; t < this.duration - 1e-6; t += this.period) {
@@ -232,7 +228,7 @@ export class Plots {
     }
   }
   // The criterion of a search as it falls.
-  drawSearch(history, ink, title) {
+  drawSearch(history, ink) {
     const canvas = this.canvas, ratio = Math.min(devicePixelRatio || 1, 2);
     const wide = canvas.clientWidth, height = this.joints.length * ROW + AXIS;
     canvas.style.height = `${height}px`;
@@ -241,7 +237,7 @@ export class Plots {
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.font = "12px system-ui, sans-serif";
     pen.fillStyle = ink.ink2;
-    pen.fillText(`${title}, best so far (logarithmic)`, 52, 14);
+    pen.fillText("Criterion, best so far (logarithmic)", 52, 14);
     pen.textAlign = "end";
     pen.fillText("time [s]", wide - 6, height - 2);
     if (history.length < 1) return;

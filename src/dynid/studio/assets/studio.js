@@ -1,9 +1,8 @@
 // The page: its steps, what plays, and the news of the server.
 
-import { View } from "/view.js";
+import { View, unpack } from "/view.js";
 import { Plots, between, decode } from "/plots.js";
-import { unpack } from "/view.js";
-import { steps, h, say } from "/panels.js";
+import { steps, h } from "/panels.js";
 
 const $ = (id) => document.getElementById(id);
 const dark = matchMedia("(prefers-color-scheme: dark)");
@@ -15,7 +14,7 @@ export const app = {
   motion: null, at: 0, playing: false, speed: 1, pose: null, quantity: "Torque",
   margins: [], near: [], chosen: null, live: null, made: { use: false }, words: null,
   path: true, distances: true,
-  do: act, look, choose, render, go, togglePlay, showPose,
+  do: act, render, go, showPose,
 };
 let view, plots, dirty = true, last = 0, asked = 0, frames = [], ink = {};
 
@@ -62,14 +61,11 @@ async function start() {
   take(await look("state"));
   const news = new EventSource("/news");
   news.onmessage = (event) => take(JSON.parse(event.data));
-  news.onopen = () => cut(false);
-  news.onerror = () => cut(true);
+  news.onopen = news.onerror = (event) => {
+    app.cut = event.type === "error";
+    render();
+  };
   requestAnimationFrame(frame);
-}
-
-function cut(is) {
-  app.cut = is;
-  render();
 }
 
 let taking = Promise.resolve();
@@ -227,12 +223,12 @@ function slow(ms) {
 
 function draw() {
   const q = poseNow(), at = app.live ? app.live.at : app.at;
-  view.setPose(q);
+  view.poses = view.kinematics(q);
   drawPath(at);
   view.near = app.distances ? app.near : [];
   view.draw(dark.matches);
   const job = app.state.job;
-  if (job && job.kind === "design" && !job.ended) plots.drawSearch(job.history, ink, "Criterion");
+  if (job && job.kind === "design" && !job.ended) plots.drawSearch(job.history, ink);
   else if (app.motion) plots.draw(at, ink);
   headline(at);
 }
@@ -322,9 +318,6 @@ function showPose(q) {
   app.playing = false;
   app.pose = q;
   changed();
-}
-async function choose(name) {
-  await act("choose", { name });
 }
 function go(step) {
   app.step = step;
@@ -509,4 +502,4 @@ function tint() {
   dirty = true;
 }
 
-start().catch((error) => say(`The page cannot be drawn: ${error.message}`));
+start().catch((error) => set($("title").children[0], `The page cannot be drawn: ${error.message}`));

@@ -1,7 +1,7 @@
 // The arm, its floor and the scene in WebGL2; the tool's path and handles on a canvas above.
 
 const SHADOW = 1024;
-const LIGHT = normal([0.5, -0.62, 1.25]);
+const LIGHT = normal([0.5, -0.62, 1.25]), FIELD = 0.62;
 
 export function unpack(text) {
   const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
@@ -290,9 +290,6 @@ export class View {
     const poses = this.kinematics(q);
     return apply(this.base, apply(poses[poses.length - 1], this.robot.tool));
   }
-  setPose(q) {
-    this.poses = this.kinematics(q);
-  }
   // Places of the joints and the tool at some poses: what a picture has to hold.
   frame(rows) {
     const points = [[0, 0, this.ground]];
@@ -322,7 +319,7 @@ export class View {
         else high = this.camera.far;
       }
       const { wide, tall } = this.extent(points, room);
-      const reach = this.camera.far * Math.tan(this.angle / 2);
+      const reach = this.camera.far * Math.tan(FIELD / 2);
       const { x, y } = this.axes();
       const shift = [(wide[0] + wide[1]) / 2 * this.aspect * reach, ((tall[0] + tall[1]) / 2 + 0.04) * reach];
       this.camera.target = add(add(this.camera.target, x, shift[0]), y, shift[1]);
@@ -330,7 +327,7 @@ export class View {
   }
   extent(points, room) {
     const view = lookAt(this.eye(), this.camera.target, [0, 0, 1]);
-    const f = 1 / Math.tan(this.angle / 2), wide = [9, -9], tall = [9, -9];
+    const f = 1 / Math.tan(FIELD / 2), wide = [9, -9], tall = [9, -9];
     for (const p of points) {
       const [x, y, z] = apply(view, p);
       const depth = Math.max(-z, 0.05);
@@ -344,9 +341,6 @@ export class View {
   }
   get aspect() {
     return Math.max(this.canvas.clientWidth, 1) / Math.max(this.canvas.clientHeight, 1);
-  }
-  get angle() {
-    return 0.62;
   }
   eye() {
     const { turn: a, rise: b, far, target } = this.camera;
@@ -363,15 +357,14 @@ export class View {
     const height = Math.round(canvas.clientHeight * this.scale);
     if (!width || !height || !this.robot) return;
     if (canvas.width !== width || canvas.height !== height) {
-      canvas.width = width;
-      canvas.height = height;
+      [canvas.width, canvas.height] = [width, height];
       if (!this.moved && this.framed) this.fit();
     }
     const size = 1.3 * this.robot.reach, eye = this.eye();
     const middle = [0, 0, this.ground + 0.45 * size];
     const sun = times(box(size, 6 * size), lookAt(add(middle, LIGHT, 1), middle, [0, 1, 0]));
     this.projection = times(
-      perspective(this.angle, this.aspect, 0.03 * this.camera.far, this.camera.far + 12 * size),
+      perspective(FIELD, this.aspect, 0.03 * this.camera.far, this.camera.far + 12 * size),
       lookAt(eye, this.camera.target, [0, 0, 1]),
     );
     gl.enable(gl.DEPTH_TEST);
@@ -430,10 +423,7 @@ export class View {
   drawOver(dark) {
     const over = this.over, ratio = Math.min(devicePixelRatio || 1, 2);
     const width = Math.round(over.clientWidth * ratio), height = Math.round(over.clientHeight * ratio);
-    if (over.width !== width || over.height !== height) {
-      over.width = width;
-      over.height = height;
-    }
+    if (over.width !== width || over.height !== height) [over.width, over.height] = [width, height];
     const pen = over.getContext("2d");
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.clearRect(0, 0, width, height);
@@ -583,7 +573,7 @@ export class View {
   }
   pan(dx, dy) {
     const { x, y } = this.axes();
-    const step = 2 * this.camera.far * Math.tan(this.angle / 2) / Math.max(this.over.clientHeight, 1);
+    const step = 2 * this.camera.far * Math.tan(FIELD / 2) / Math.max(this.over.clientHeight, 1);
     this.camera.target = add(add(this.camera.target, x, -dx * step), y, dy * step);
     this.look();
   }
