@@ -1,10 +1,13 @@
 """Bounds over all time, against motions looked at far more finely, and against hidden spikes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dynid.constraints import certify, paper_constraints, safe_constraints
-from dynid.constraints.extremes import dense_times, extremes
+from dynid.constraints.extremes import dense_times, extremes, least_value
+from dynid.core import InputError
 from dynid.robot import load_robot
 from dynid.trajectory import (
     BSpline,
@@ -99,3 +102,36 @@ def test_the_period_of_a_long_repetition_is_looked_at_as_closely_as_alone() -> N
     one, many = certify(once, judge), certify(often, judge)
     assert many.margins["torque"] == one.margins["torque"]
     assert many.broken == one.broken
+
+
+def test_a_motion_of_hours_is_looked_at_no_more_often_than_memory_allows() -> None:
+    hours = FourierSeries(period=7200.0, offset=HOME, a=np.full((6, 1), 0.1), b=np.zeros((6, 1)))
+    assert len(dense_times(hours)) == 60_001
+
+
+def test_of_equally_low_places_the_first_is_named() -> None:
+    found = least_value(
+        lambda t, half: (np.ones(len(t)), np.ones(len(t)) - half),
+        1e4,
+        first=8192,
+        threshold=0.0,
+        tolerance=0.2,
+    )
+    assert found.value == 1.0
+    assert found.t == pytest.approx(1e4 / 8192 / 2)
+
+
+def test_a_joint_without_position_limits_is_used_nowhere() -> None:
+    robot = load_robot("ur5")
+    lower, upper = robot.limits.lower.copy(), robot.limits.upper.copy()
+    lower[2], upper[2] = -np.inf, np.inf
+    free = replace(robot, limits=replace(robot.limits, lower=lower, upper=upper))
+    once = FourierSeries(period=3.0, offset=HOME, a=np.full((6, 1), 0.1), b=np.zeros((6, 1)))
+    margins = [certify(once, paper_constraints(arm)).margins["position"] for arm in (robot, free)]
+    assert margins[0] == margins[1]
+
+
+def test_a_joint_that_is_limited_on_one_side_alone_is_refused() -> None:
+    limits = load_robot("ur5").limits
+    with pytest.raises(InputError, match="joint 3"):
+        replace(limits, upper=np.where(np.arange(6) == 2, np.inf, limits.upper))

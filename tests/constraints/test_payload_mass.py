@@ -6,9 +6,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from dynid.constraints import safe_constraints
+from dynid.constraints import prior_link, safe_constraints
 from dynid.core import InputError
-from dynid.robot import joint_poses, load_robot, with_tool
+from dynid.robot import Body, box_points, joint_poses, load_robot, with_tool
 
 MASS, COM = 4.0, np.array([0.02, -0.01, 0.08])
 CLOSE = 1e-9
@@ -89,3 +89,18 @@ def test_no_mass_changes_nothing_and_unknown_arms_stay_unjudged() -> None:
 def test_a_mass_that_cannot_be_is_refused(mass: float) -> None:
     with pytest.raises(InputError, match="payload's mass"):
         with_tool(load_robot("ur5"), payload=[mass, 0, 0, 0])
+
+
+def test_an_unknown_tensor_is_that_of_the_links_own_solid() -> None:
+    arm, edges = load_robot("ur5"), np.array([0.1, 0.2, 0.4])
+    boxes = [
+        Body(name=f"box {link}", link=link, points=box_points(size * edges / 2), radius=0.0)
+        for link, size in ((1, 1.0), (2, 2.0))
+    ]
+    mass = 3.0
+    row = [mass, 0.0, 0.0, 0.0, *[np.nan] * 6]
+    robot = replace(arm, inertias=np.tile(row, (6, 1)), bodies=tuple(boxes))
+    square = edges**2
+    uniform = mass / 12 * (square.sum() - square)
+    np.testing.assert_allclose(prior_link(robot, 0)[4:7], uniform, rtol=1e-6)
+    np.testing.assert_allclose(prior_link(robot, 1)[4:7], 4 * uniform, rtol=1e-6)

@@ -363,8 +363,6 @@ def _joints(robot: RobotModel, which: Mask) -> str:
 
 
 def _range(bounds: MotionBounds) -> tuple[Array, Array]:
-    if np.isinf(bounds.lower).any() or np.isinf(bounds.upper).any():
-        lower = np.where(np.isinf(bounds.lower), -1e300, bounds.lower)
-        upper = np.where(np.isinf(bounds.upper), 1e300, bounds.upper)
-        return lower / 2 + upper / 2, upper / 2 - lower / 2
-    return (bounds.lower + bounds.upper) / 2, (bounds.upper - bounds.lower) / 2
+    lower, upper = bounds.lower, bounds.upper
+    middle = np.add(lower, upper, where=np.isfinite(upper), out=np.zeros(len(upper))) / 2
+    return middle, (upper - lower) / 2

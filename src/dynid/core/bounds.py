@@ -15,8 +15,8 @@ class MotionBounds:
     """Bounds of position, velocity and acceleration, one number a joint.
 
     Raises:
-        InputError: Shapes that disagree, a lower limit above its upper one, or another limit that
-            is not positive.
+        InputError: Shapes that disagree, a lower limit above its upper one, one that is infinite
+            beside one that is not, or another limit that is not positive.
     """
 
     lower: Array
@@ -41,6 +41,15 @@ class MotionBounds:
                 f"joint {joint + 1}: lower position limit above the upper one",
                 value=float(self.lower[joint]),
                 limit=float(self.upper[joint]),
+            )
+
+        one_sided = np.isinf(self.lower) != np.isinf(self.upper)
+        if one_sided.any():
+            joint = int(np.argmax(one_sided))
+            raise InputError(
+                f"joint {joint + 1}: one position limit is infinite and the other is not",
+                value=(float(self.lower[joint]), float(self.upper[joint])),
+                limit="both, neither, or NaN for one that is unknown",
             )
 
     @property
