@@ -39,6 +39,7 @@ from dynid.identification.selection.columns import (
 )
 from dynid.identification.selection.gram import left_out_values, shared_picks, signed_solutions
 from dynid.identification.selection.regions import moving_rows
+from dynid.identification.selection.scoring import gain_of
 from dynid.reduction import reduce_model
 from dynid.regressor import FrictionTerms, InverseDynamicModel
 from dynid.robot import load_robot
@@ -266,3 +267,14 @@ def test_an_unknown_purpose_is_refused() -> None:
         IdentifySettings(purpose="something")
     with pytest.raises(InputError, match="--estimator: unknown word; got 3"):
         IdentifySettings(estimator=3)  # pyright: ignore[reportArgumentType]
+
+
+def test_the_deviation_of_a_gain_is_that_of_leaving_each_part_out_once_more() -> None:
+    parts = 12
+    after = np.ones((3, parts))
+    before = after + np.random.default_rng(0).normal(0.01, 0.005, after.shape)
+    gain, deviation = gain_of(before, after)
+    kept = ~np.eye(parts, dtype=bool)
+    others = [0.5 * np.log(before[:, k].sum(1) / after[:, k].sum(1)).sum() for k in kept]
+    assert gain == pytest.approx(0.5 * np.log(before.sum(1) / after.sum(1)).sum(), rel=0.01)
+    assert deviation == pytest.approx(np.sqrt((parts - 1) * np.var(others)), rel=0.01)
