@@ -10,6 +10,9 @@ PYTHON ?= $(shell for p in python3.12 python3.11 python3.13 python3; do \
 	$$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null \
 	&& echo $$p && break; done)
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+# Where the environment says no, every worker, command and controller of the tests would compile all
+# sources again.
+export PYTHONDONTWRITEBYTECODE :=
 PATHS := src tests urtwin docs benchmarks examples README.md CHANGELOG.md CONTRIBUTING.md
 
 .PHONY: install develop chromium demo test lint types floors unit parallel realtime bench proof rivals site readme clean
@@ -36,10 +39,10 @@ $(DEV): $(USER)
 demo: install
 	$(BIN)/dynid demo -o runs/demo --force
 
-# The types are checked by one process, beside the tests.
+# The types are checked beside the tests that mostly wait, and give way to them.
 test: lint floors chromium
-	$(MAKE) --no-print-directory -j 2 types parallel
-	$(MAKE) --no-print-directory realtime
+	$(MAKE) --no-print-directory parallel
+	$(MAKE) --no-print-directory -j 2 types realtime
 
 # Reports and the studio are tested in a real browser. Without it, and without the right to install
 # it, those tests are skipped and say so.
@@ -54,7 +57,7 @@ lint: develop
 	$(BIN)/codespell $(PATHS)
 
 types: develop
-	$(BIN)/pyright --warnings
+	nice -n 19 $(BIN)/pyright --warnings
 
 floors: develop
 	$(BIN)/lint-imports
@@ -65,8 +68,10 @@ unit: parallel realtime
 parallel: develop chromium
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not realtime and not long"
 
+# Only the files that have such tests are collected.
 realtime: develop chromium
-	$(BIN)/python -m pytest -m "realtime and not long"
+	$(BIN)/python -m pytest -m "realtime and not long" \
+	$$(grep -rl --include='test_*.py' mark.realtime tests urtwin/tests)
 
 bench: develop
 	$(BIN)/python benchmarks/startup.py

@@ -35,6 +35,7 @@ def judged(
 def test_good(good: tuple[Record, Record]) -> None:
     found, codes = judged(good)
     assert found.level == "usable"
+    assert "another motion's" in found.headline
     assert not codes & {"ill_conditioned", "over_fitted", "gain_all", "mounting", "contact"}
 
 

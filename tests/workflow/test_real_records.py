@@ -83,6 +83,7 @@ def test_filtered_torques_are_not_called_computed(
     assert "commanded" not in {finding.kind for finding in findings_of(*ur10)}
 
 
+@pytest.mark.usefixtures("undiagnosed")
 def test_the_two_descriptions_of_the_ur10_agree(ur10: tuple[ExperimentRecord, RobotModel]) -> None:
     record, robot = ur10
     other = load_robot(DATA / "ur10_unisa" / "ur10_robot.urdf")

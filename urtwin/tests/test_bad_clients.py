@@ -16,8 +16,6 @@ from urtwin import controller_process
 from urtwin.server.loop import CLIENTS
 from urtwin.server.settings import PORTS, READ_ONLY
 
-pytestmark = pytest.mark.realtime
-
 STEP_ERROR = 1e-12
 GROWTH_MB = 150
 """What the controller may grow by: one bomb alone would bring more if it were kept."""
@@ -109,6 +107,7 @@ def test_half_packets_wait_and_are_completed(host, good):
         assert len(client.reply(Kind.GET_URCONTROL_VERSION)) == 16
 
 
+@pytest.mark.realtime
 def test_a_thousand_connections(host, good):
     before = memory_mb(host)
     with contextlib.ExitStack() as crowd:

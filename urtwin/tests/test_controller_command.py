@@ -15,8 +15,6 @@ from dynid.simulation import SERIAL, simulated_arm
 from rtde_client import RtdeClient, ask_dashboard, send_script, wait_for
 from urtwin import controller_process, own_address
 
-pytestmark = pytest.mark.realtime
-
 BAD_USAGE = {
     "--expose": ["--host", "0.0.0.0"],
     "no IPv4 address": ["--host", "nowhere"],
@@ -77,6 +75,7 @@ def test_sigterm_ends_it_cleanly_and_clients_are_hung_up():
             client.rows(10_000)
 
 
+@pytest.mark.realtime
 def test_a_long_script_that_is_being_compiled_does_not_delay_the_end():
     with controller_process("ur5") as controller:
         send_script(controller.host, "def f():\n" + "x = [1, 2, 3, 4]\n" * 55_000 + "end\n")

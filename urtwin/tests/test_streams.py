@@ -9,8 +9,6 @@ from dynid.protocol import Kind, rtde
 from rtde_client import RtdeClient, ask_dashboard, send_script, wait_for
 from urtwin import controller_process
 
-pytestmark = pytest.mark.realtime
-
 FIELDS = [
     "timestamp",
     "target_q",
@@ -41,6 +39,7 @@ def steps(rows):
     return np.diff(rows["timestamp"])
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize(("which", "rate"), [("real", 125.0), ("real_e", 500.0)])
 def test_real_time_brings_every_cycle_at_its_time(which, rate, request):
     controller = request.getfixturevalue(which)
@@ -111,6 +110,7 @@ def test_inputs_come_back_and_a_second_writer_is_told(fast):
     wait_for(free, "the input is free once its client has left")
 
 
+@pytest.mark.realtime
 def test_virtual_time_waits_for_a_slow_reader_and_is_faster_than_real(fast):
     with RtdeClient(fast.host) as client:
         client.read_outputs(FIELDS)
@@ -134,6 +134,7 @@ def test_virtual_time_waits_for_a_slow_reader_and_is_faster_than_real(fast):
         assert late <= 4
 
 
+@pytest.mark.realtime
 def test_the_same_seed_gives_the_same_record_in_real_and_in_virtual_time():
     records = []
     for virtual in (False, True):
@@ -156,6 +157,7 @@ def test_the_same_seed_gives_the_same_record_in_real_and_in_virtual_time():
     assert real.tobytes() == virtual.tobytes()
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize("rate", [125.0, 500.0])
 def test_set_points_streamed_in_virtual_time_are_neither_skipped_nor_repeated(rate):
     """One for each package, as fast as the client can: bunched, delayed, never lost."""
@@ -192,6 +194,7 @@ end
     )
 
 
+@pytest.mark.realtime
 def test_virtual_time_goes_on_when_a_client_ends_its_stream(fast):
     with RtdeClient(fast.host) as client:
         client.read_outputs(["timestamp"])
