@@ -15,7 +15,7 @@ presliding on every second arm.
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import count
 
 import numpy as np
@@ -131,8 +131,21 @@ def payload(_: str, seed: int) -> tuple[str, dict[str, Array]]:
     return f"{told.name} {mass:.2f} kg: {found.mass:.3f} +- {found.mass_std:.3f}", groups
 
 
-def delay(_: str, seed: int) -> tuple[str, dict[str, Array]]:
-    """The delay measured, its errors over 2 ms, and over its deviation."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LateJoint:
+    """An arm one of whose joints has late torques."""
+
+    real: Plant
+    path: Motion
+    joint: int
+    """From 0."""
+    late_s: float
+    draw: np.random.Generator
+    """What draws the noise."""
+
+
+def late_joint(seed: int) -> LateJoint:
+    """The case of a seed: five arms in turn, presliding on every second five."""
     draw = np.random.default_rng(seed)
     told = arm(ARMS[seed % len(ARMS)])
     n, rate = told.joints, float(draw.choice([125.0, 125.0, 250.0, 500.0]))
@@ -141,6 +154,15 @@ def delay(_: str, seed: int) -> tuple[str, dict[str, Array]]:
         real = replace(real, presliding=np.full(n, 1e-6))
     path = motion(told, "fourier", seed, rate, 30.0 if rate < 250.0 else 20.0)
     joint, late = int(draw.integers(n)), float(draw.uniform(-0.02, 0.06))
+    return LateJoint(real=real, path=path, joint=joint, late_s=late, draw=draw)
+
+
+def delay(_: str, seed: int) -> tuple[str, dict[str, Array]]:
+    """The delay measured, its errors over 2 ms, and over its deviation."""
+    case = late_joint(seed)
+    real, path, joint, late, draw = case.real, case.path, case.joint, case.late_s, case.draw
+    told, rate = real.robot, round(1 / float(path.t[1]))
+    n = told.joints
     rigid = real.torque(path.q, path.dq, path.ddq)
     torque = rigid + real.friction(path.dq, rigid, 1 / rate)
     torque[:, joint] = np.interp(path.t - late, path.t, torque[:, joint])
