@@ -28,7 +28,7 @@ $(BIN)/python:
 # Numba compiles once a machine: beside the downloads, not in the middle of a demo or a test.
 $(USER): pyproject.toml urtwin/pyproject.toml | $(BIN)/python
 	$(PIP) -e .
-	@$(BIN)/dynid design ur5 -o $(VENV)/first.json --starts 1 --jobs 1 --force >/dev/null 2>&1 & \
+	@$(BIN)/dynid design ur5 -o $(VENV)/first.json --starts 2 --jobs 2 --force >/dev/null 2>&1 & \
 	$(PIP) 'dynid[sim,sdp]' -e ./urtwin && wait
 	@touch $@
 
