@@ -64,8 +64,8 @@ class Option:
         several = cast("Iterable[object]", value) if isinstance(value, Iterable) else (value,)
         number = Integral if self.kind in WHOLE else Real
         return all(
-            isinstance(one, number)
-            and not isinstance(one, bool)
+            not isinstance(one, bool)
+            and isinstance(one, number)
             and self.least <= cast("float", one) <= self.most
             for one in several
         )
@@ -130,7 +130,7 @@ def check_options(settings: object) -> None:
         # An estimator of one's own stands in place of a word.
         if declared.words and value != declared.default and not hasattr(value, "fit"):
             check_word(value, declared.words, declared.name)
-        number = isinstance(value, Real) and not isinstance(value, bool)
+        number = not isinstance(value, bool) and isinstance(value, Real)
         if (number or declared.kind in NUMERIC) and not declared.allows(value):
             raise InputError(
                 "out of bounds", where=declared.name, value=value, limit=declared.bounds
