@@ -253,6 +253,7 @@ def test_a_robot_file_is_remembered(run: Run, recordings: Recordings, tmp_path: 
         (["report", "none"], ["none", "no such directory"]),
         (["report", ".", "-o", "page.txt"], ["-o", "page.txt", ".html"]),
         (["report", ".", "-o", "nowhere/page.html"], ["-o", "mkdir -p nowhere"]),
+        (["report", ".", "-o", "no where/page.html"], ["-o", "mkdir -p 'no where'"]),
         (["bench", "estimators", "--only", "ols,magic"], ["--only", "magic", "didim"]),
         (["bench", "estimators", "--seeds", "0"], ["--seeds", "got 0"]),
         (["demo", "-o", ""], ["-o", "no name"]),

@@ -47,3 +47,33 @@ def test_python_may_pass_what_no_command_line_can() -> None:
         with pytest.raises(InputError, match=f"--{next(iter(wrong)).removesuffix('_pose')}"):
             dynid.DesignSettings(**wrong)  # type: ignore[arg-type]
     assert dynid.DesignSettings(noise=()).noise == ()
+
+
+@pytest.mark.parametrize(
+    ("kind", "wrong", "option"),
+    [
+        (dynid.RunSettings, {"repeat": 2.5}, "--repeat"),
+        (dynid.RunSettings, {"repeat": True}, "--repeat"),
+        (dynid.RunSettings, {"slow": "0.2"}, "--slow"),
+        (dynid.RunSettings, {"thermal": 500.0}, "--thermal"),
+        (dynid.DesignSettings, {"seed": "x"}, "--seed"),
+        (dynid.DesignSettings, {"period_s": "10"}, "--period"),
+        (dynid.DesignSettings, {"noise": ("a",)}, "--noise"),
+        (dynid.DesignSettings, {"payload": 3.0}, "--payload"),
+        (dynid.DesignSettings, {"clearance": -1.0}, "--clearance"),
+    ],
+)
+def test_what_is_no_such_number_is_refused_where_it_is_set(
+    kind: type, wrong: dict[str, object], option: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        kind(**wrong)
+    assert (caught.value.where, caught.value.value) == (option, next(iter(wrong.values())))
+    assert caught.value.limit
+
+
+def test_a_margin_that_is_no_number_is_told_what_is_allowed() -> None:
+    with pytest.raises(InputError) as caught:
+        dynid.DesignSettings(margin_percent=float("nan"))
+    assert "0 to 99" in str(caught.value.limit)
+    assert dynid.DesignSettings(seed=np.int64(3), period_s=np.float32(8)).seed == 3  # type: ignore[arg-type]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -98,3 +99,17 @@ def test_names_stand_for_robots() -> None:
     assert dynid.analyze("ur5").base.rank == 52
     assert dynid.analyze("ur5").base.samples == 25
     assert np.isfinite(dynid.analyze("ur5").base.singular_values).all()
+
+
+def test_a_clipped_torque_is_told_once(tmp_path: Path, record: ExperimentRecord) -> None:
+    current = record.signals["current"].copy()
+    top = 0.5 * np.abs(current[:, 1]).max()
+    current[:, 1] = np.clip(current[:, 1], -top, top)
+    names = [f"{word}{j}" for word in ("q", "current") for j in range(6)]
+    table = np.column_stack([record.t, record.signals["q"], current])
+    np.savetxt(
+        tmp_path / "log.csv", table, delimiter=",", header=",".join(["t", *names]), comments=""
+    )
+    result = dynid.identify(dynid.read_recording(tmp_path / "log.csv", robot="ur5"), "ur5", PAPER)
+    told = [finding.joints for finding in result.warnings if finding.kind == "saturated"]
+    assert told == [(1,)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import shlex
 import sys
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
@@ -156,7 +157,7 @@ def check_output(
             raise InputError(f"the output {what}", where=where, value=str(path), limit=limit)
     require_absent(path, force=force)
     if not os.path.isdir(folder):
-        said, step = "the output's directory does not exist", f"Run: mkdir -p {folder}"
+        said, step = "the output's directory does not exist", f"Run: mkdir -p {shlex.quote(folder)}"
         raise InputError(said, where=where, value=folder, next_step=step)
     try:
         # Permissions alone do not tell, least of all to root.

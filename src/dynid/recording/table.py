@@ -128,9 +128,9 @@ class RawTable:
         """Where a row stands in the file: `line 12`."""
         return f"{self.row_word} {int(self.rows[index])}"
 
-    def report(self, kind: str, text: str) -> RawTable:
+    def report(self, kind: str, text: str, joints: tuple[int, ...] = ()) -> RawTable:
         """The same table with one more notice."""
-        return replace(self, notices=(*self.notices, Finding(kind, text)))
+        return replace(self, notices=(*self.notices, Finding(kind, text, joints=joints)))
 
     def leave_out(self, bad: Mask, why: str, kind: str = "corrupt_rows") -> RawTable:
         """The table without (N) bad rows, if there are any, and a notice that names the first.

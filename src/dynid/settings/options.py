@@ -10,14 +10,16 @@ import sys
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any, cast
+from numbers import Integral, Real
+from typing import Any, cast
 
 from dynid.core import InputError, check_word
 
-if TYPE_CHECKING:
-    pass
-
 FINITE = sys.float_info.max
+WHOLE: tuple[Any, ...] = (int, int | None)
+SEVERAL: tuple[Any, ...] = (tuple[float, ...], tuple[float, ...] | None)
+NUMERIC: tuple[Any, ...] = (*WHOLE, float, float | None, *SEVERAL)
+"""Annotations of fields that hold a whole number, several numbers, or numbers of any kind."""
 Parse = Callable[[str, str], Any]
 """From the text and the name of an option to its value; raises `InputError`."""
 
@@ -46,10 +48,27 @@ class Option:
 
     @property
     def bounds(self) -> str:
-        """The bounds in words."""
+        """Which numbers are allowed, in words."""
+        known = "several finite numbers" if self.kind in SEVERAL else "a finite number"
+        known = "a whole number" if self.kind in WHOLE else known
         if self.most < FINITE:
-            return f"{self.least:g} to {self.most:g}"
-        return "finite" if self.least == -FINITE else f"{self.least:g} or more"
+            return f"{known}, {self.least:g} to {self.most:g}"
+        return known if self.least == -FINITE else f"{known}, {self.least:g} or more"
+
+    def allows(self, value: object) -> bool:
+        """Whether a field of numbers may hold this one, or these."""
+        if value is None:
+            return self.default is None
+        if self.kind in SEVERAL and not isinstance(value, Iterable):
+            return False
+        several = cast("Iterable[object]", value) if isinstance(value, Iterable) else (value,)
+        number = Integral if self.kind in WHOLE else Real
+        return all(
+            not isinstance(one, bool)
+            and isinstance(one, number)
+            and self.least <= cast("float", one) <= self.most
+            for one in several
+        )
 
     def read(self, given: Any) -> Any:
         """The value of the field from what was given: text, texts, a number, or a flag.
@@ -104,19 +123,18 @@ def check_options(settings: object) -> None:
     """Refuse what no option takes.
 
     Raises:
-        InputError: A word that is not known, or a number out of bounds.
+        InputError: A word that is not known, no number where one is needed, or one out of bounds.
     """
     for name, declared in options_of(type(settings)).items():
         value: Any = getattr(settings, name)
         # An estimator of one's own stands in place of a word.
         if declared.words and value != declared.default and not hasattr(value, "fit"):
             check_word(value, declared.words, declared.name)
-        several = cast("Iterable[object]", value) if isinstance(value, Iterable) else (value,)
-        for one in several:
-            if isinstance(one, int | float) and not declared.least <= one <= declared.most:
-                raise InputError(
-                    "out of bounds", where=declared.name, value=one, limit=declared.bounds
-                )
+        number = not isinstance(value, bool) and isinstance(value, Real)
+        if (number or declared.kind in NUMERIC) and not declared.allows(value):
+            raise InputError(
+                "out of bounds", where=declared.name, value=value, limit=declared.bounds
+            )
 
 
 class Settings:

@@ -115,9 +115,16 @@ class LimitSettings(SceneSettings):
     )
     collision: bool = flag(True, "--no-collision", "Do not check collisions.")
     margin_percent: float | None = option(
-        None, "PERCENT", "Margin to limits of speed, torque and power. [default: 5]", "--margin"
+        None,
+        "PERCENT",
+        "Margin to limits of speed, torque and power. [default: 5]",
+        "--margin",
+        least=0,
+        most=99,
     )
-    clearance: float | None = option(None, "M", "Smallest distance of bodies [m]. [default: 0.01]")
+    clearance: float | None = option(
+        None, "M", "Smallest distance of bodies [m]. [default: 0.01]", least=0, most=1
+    )
 
 
 PURPOSES = {"prediction": "prediction", "parameters": "a-opt", "cond": "cond"}
@@ -292,6 +299,8 @@ class RunSettings(SceneSettings):
         "cold|warm|DEGC",
         "Set in the simulation; of a real robot, recorded only.",
         parse=parse_thermal,
+        least=DEGC[0],
+        most=DEGC[1],
     )
     slow: float | None = option(
         None, "SHARE", "First pass at a share of the speed, such as 0.2.", least=0.001, most=1

@@ -236,8 +236,13 @@ def identify(
         estimate, training, result = fitted.estimate, fitted.training, None
         faults = diagnose(fitted.records, robot, fitted.window)
         warnings = [*gains_nothing(estimate), *estimate.warnings, *faults]
+        named = {(fault.kind, fault.joints) for fault in faults if fault.joints}
         for record in (*several, *fitted.records):
-            warnings += [notice for notice in record.problems if notice not in warnings]
+            warnings += [
+                notice
+                for notice in record.problems
+                if notice not in warnings and (notice.kind, notice.joints) not in named
+            ]
         if other is not None:
             result = validate(estimate, other, start_s=validation_start_s, stop_s=validation_stop_s)
             warnings += result.warnings

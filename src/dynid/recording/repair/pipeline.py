@@ -175,6 +175,7 @@ def _report_saturation(table: RawTable) -> RawTable:
                 "saturated",
                 f"{table.label(quantity, joint)} stands at its extreme ({peak:.4g}) on "
                 f"{clipped[joint]} rows of the motion: clipped?",
+                (joint,),
             )
     return table
 
