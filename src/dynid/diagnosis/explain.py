@@ -25,6 +25,9 @@ from dynid.diagnosis.residual import (
 
 POOR = 0.12
 """Share of a joint's torque that the reference may leave before these are tried."""
+STRANGE = 2.5
+"""... and how unlikely its inertial parameters may be before anything was measured [nats a joint]:
+light links of another joint leave as little."""
 LEAST_POWER = -0.05
 """Power of friction over all power of a joint: friction that drives says the same."""
 ROWS, EQUATIONS = 500, 3500
@@ -72,11 +75,15 @@ def whole_signals(
         prior: Of the inertial parameters.
 
     Returns:
-        The best first, at most `LOOKS`; nothing where the reference leaves little.
+        The best first, at most `WHOLE_LOOKS`; nothing where the reference leaves little, with
+        inertias like the published ones.
     """
     error = np.square(ref.left(values)).mean(axis=1)
     share = np.sqrt(error / np.maximum(np.square(ref.torque).mean(axis=1), 1e-300))
-    if share.max() < POOR and _friction_power(ref, values).min() > LEAST_POWER:
+    away, n = values - ref.mean, ref.recording.robot.joints
+    away[10 * n :] = 0.0
+    strange = 0.5 * float(away @ ref.precision @ away) > STRANGE * n
+    if share.max() < POOR and not strange and _friction_power(ref, values).min() > LEAST_POWER:
         return []
     rec = ref.recording
     # The same for all joints: an exchange must not gain from joints that count differently.
