@@ -76,7 +76,7 @@ EXAMPLES = (
         script=ASK,
         said="Hello, World!",
     ),
-    Example("dashboard", "dashboard_example", (), "URSoftware|URControl", 0),
+    Example("dashboard", "dashboard_example", (), "STOPPED wait_program|off command success: 1", 2),
     Example("primary_pipeline", "primary_pipeline_example", ("10",), "Type: |VersionMessage", 1),
 )
 
