@@ -65,6 +65,14 @@ EXAMPLES = (
     Example("instruction_executor", "instruction_executor", (), "result SUCCESS", 5),
     Example("trajectory_point_interface", "trajectory_point_interface_example", (), "SUCCESS", 3),
     Example("spline", "spline_example", (), "Movement done", 2, 150.0),
+    Example(
+        "script_command_interface",
+        "script_command_interface_example",
+        ("10",),
+        "Timeout reached",
+        1,
+    ),
+    Example("send_script", "send_script", (), "name_not_found:current_pos|executed success", 4),
     Example("freedrive", "freedrive_example", ("10",), "Robot connected to reverse interface", 1),
     Example("force_mode", "force_mode_example", ("10",), "Robot connected to reverse interface", 1),
     Example(
