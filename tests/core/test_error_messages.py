@@ -85,6 +85,11 @@ def test_a_refused_word_gets_the_closest_allowed_one(limit: object) -> None:
     assert told.next_step == "Stop."
 
 
+def test_an_amount_is_not_compared_with_its_only_limit() -> None:
+    assert InputError("size", value="0 bytes", limit="3 to 12300 bytes").next_step is None
+    assert InputError("size", value="3 bytes", limit="2 bytes").next_step is None
+
+
 def test_a_missing_file_is_compared_with_those_beside_it(tmp_path: Path) -> None:
     (tmp_path / "monday.csv").touch()
     assert like_named(tmp_path / "mondy.csv") == "Did you mean monday.csv?"

@@ -65,6 +65,14 @@ EXAMPLES = (
     Example("instruction_executor", "instruction_executor", (), "result SUCCESS", 5),
     Example("trajectory_point_interface", "trajectory_point_interface_example", (), "SUCCESS", 3),
     Example("spline", "spline_example", (), "Movement done", 2, 150.0),
+    Example(
+        "script_command_interface",
+        "script_command_interface_example",
+        ("10",),
+        "Timeout reached",
+        1,
+    ),
+    Example("send_script", "send_script", (), "name_not_found:current_pos|executed success", 4),
     Example("freedrive", "freedrive_example", ("10",), "Robot connected to reverse interface", 1),
     Example("force_mode", "force_mode_example", ("10",), "Robot connected to reverse interface", 1),
     Example(
@@ -76,7 +84,7 @@ EXAMPLES = (
         script=ASK,
         said="Hello, World!",
     ),
-    Example("dashboard", "dashboard_example", (), "URSoftware|URControl", 0),
+    Example("dashboard", "dashboard_example", (), "STOPPED wait_program|off command success: 1", 2),
     Example("primary_pipeline", "primary_pipeline_example", ("10",), "Type: |VersionMessage", 1),
 )
 

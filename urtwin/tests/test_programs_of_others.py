@@ -134,3 +134,17 @@ def test_a_program_asks_for_an_rtde_output(machine: ControllerMachine) -> None:
     machine.run_script('def p():\n get_rtde_value("nothing")\nend')
     ticks(machine, 0.1)
     assert any("no RTDE output has this name" in line for line in said(machine))
+
+
+def test_a_program_that_streams_speeds_reads_where_they_have_led(
+    machine: ControllerMachine,
+) -> None:
+    # UR's driver begins each piece of a streamed trajectory there: a delay makes it unstable.
+    machine.run_script(
+        "def p():\n a = get_target_joint_positions()\n i = 0\n"
+        " while i < 100:\n  speedj([0.3, 0, 0, 0, 0, 0], 40, get_steptime())\n  i = i + 1\n end\n"
+        " b = get_target_joint_positions()\n write_output_float_register(0, b[0] - a[0])\nend\n"
+    )
+    finish(machine)
+    way = 0.3 * 100 * machine.cycle
+    assert machine.output("output_double_register_0") == pytest.approx(way, abs=ON_THE_SPLINE * 2)

@@ -89,7 +89,7 @@ def check_word(value: str, words: Iterable[str], where: str | None = None) -> No
 
 
 def _suggestion(value: object, limit: object) -> str | None:
-    """The allowed word that is closest to a refused one."""
+    """The allowed word that is closest to a refused one, where there are several."""
     if not isinstance(value, str) or len(value) > LONGEST_WORD:
         return None
     if isinstance(limit, str):
@@ -97,6 +97,8 @@ def _suggestion(value: object, limit: object) -> str | None:
     elif isinstance(limit, tuple | list | frozenset | set):
         words = [word for word in cast("Iterable[object]", limit) if isinstance(word, str)]
     else:
+        return None
+    if len(words) == 1:
         return None
     import difflib
 

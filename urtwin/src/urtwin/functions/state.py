@@ -134,7 +134,7 @@ _ASK: dict[str, Callable[[Core], Value]] = {
     "get_joint_positions": lambda core: core.arm.measured("position"),
     "get_actual_joint_positions": lambda core: core.arm.measured("position"),
     "get_actual_joint_speeds": lambda core: core.arm.measured("velocity"),
-    "get_target_joint_positions": lambda core: core.arm.state.target.q.tolist(),
+    "get_target_joint_positions": lambda core: list(core.arm.setpoint),
     "get_target_joint_speeds": lambda core: core.arm.state.target.dq.tolist(),
     "get_target_joint_accelerations": lambda core: core.arm.state.target.ddq.tolist(),
     # What is left of the torque after the controller's own model of the arm.
