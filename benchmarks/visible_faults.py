@@ -49,7 +49,7 @@ def standing_out(case: Case, joint: int | None) -> float:
         every = np.arange(n)
         columns[(12 + k) * n + every, every] = shape.friction(rec.dq, rec.tau, step).T
     columns = rec.average(columns)
-    prior = inertial_prior(rec)
+    prior = inertial_prior(rec.robot)
     size = np.sqrt(np.square(rec.tau).mean(axis=0))
     tops = [np.maximum(np.abs(x).max(axis=0), 1e-6) for x in (rec.dq, rec.ddq)]
     spread = np.concatenate([*(3 * size / top for top in tops), np.full(2 * n, 2.0)])

@@ -8,7 +8,7 @@ import numpy as np
 from dynid.core import Array, Finding
 from dynid.diagnosis.events import Contact, clock_scale, ripple, rows_of, untouched
 from dynid.diagnosis.explain import Explained, Explanation, explain
-from dynid.diagnosis.residual import ROWS, Recording
+from dynid.diagnosis.residual import ROWS, Recording, inertial_prior
 from dynid.recording import ExperimentRecord, at_limit
 from dynid.robot import RobotModel
 from dynid.signals import ProcessingSettings, Samples, process
@@ -92,6 +92,7 @@ def diagnose(
     if robot.joints > MOST_JOINTS:
         text = f"faults of recordings are looked for on arms of up to {MOST_JOINTS} joints"
         return (Finding("not_diagnosed", text, value=robot.joints, unit="1"),)
+    prior = inertial_prior(robot)
     plain = ProcessingSettings(start_s=settings.start_s, stop_s=settings.stop_s)
     best: dict[tuple[str, tuple[int, ...]], tuple[float, list[Finding]]] = {}
     others: list[Finding] = []
@@ -99,7 +100,7 @@ def diagnose(
         samples = process(record, robot, plain)
         if samples.count < SAMPLES:
             continue
-        explained = _explained(recording_of(robot, samples))
+        explained = _explained(recording_of(robot, samples), prior)
         for item in explained.found:
             key = (item.kind, item.joints)
             if key not in best or best[key][0] < item.score:
@@ -118,16 +119,16 @@ def findings_of(record: ExperimentRecord, robot: RobotModel) -> tuple[Finding, .
     return diagnose([record], robot, ProcessingSettings())
 
 
-def _explained(recording: Recording) -> Explained:
+def _explained(recording: Recording, prior: tuple[Array, Array]) -> Explained:
     """The faults of a recording without its contacts, which look like faults where they are few."""
-    explained = explain(recording)
+    explained = explain(recording, prior)
     if not explained.found:
         return explained
     _, touched = untouched(explained.reference, explained.values)
     rows = rows_of(touched, recording.t)
     if not 0.0 < rows.mean() < MOST_TOUCHED:
         return explained
-    return explain(recording.without(rows))
+    return explain(recording.without(rows), prior)
 
 
 def recording_of(robot: RobotModel, samples: Samples) -> Recording:

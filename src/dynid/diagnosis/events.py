@@ -180,7 +180,7 @@ def untouched(ref: Reference, values: Array) -> tuple[Array, tuple[Contact, ...]
     if not suspected:
         return error, ()
     rest = replace(ref, recording=rec.without(rows_of(suspected, rec.t)))
-    _, values = fits(rest, np.zeros((0, *ref.torque.shape)))
+    _, values = fits(rest)
     error = rec.tau - ref.predicted(values)
     return error, contacts(rec, error, _held(ref, values), unsure=torque_deviations(rest, values))
 

@@ -21,6 +21,7 @@ from dynid.diagnosis.residual import (
     inertial_prior,
     reference,
     settled,
+    sums_of,
 )
 
 POOR = 0.12
@@ -283,15 +284,18 @@ class Explained:
     """(n) RMS error that it leaves in blocks left out [N.m or N]."""
 
 
-def explain(recording: Recording, offsets: bool = True) -> Explained:
+def explain(
+    recording: Recording, prior: tuple[Array, Array] | None = None, offsets: bool = True
+) -> Explained:
     """Look for faults one after the other; each is undone before the next is looked for.
 
     Args:
         recording: The recording.
+        prior: Of its robot, from `inertial_prior`; None to have it made.
         offsets: Whether clocks of torques and motion may be apart.
     """
     told = recording
-    prior = inertial_prior(recording)
+    prior = inertial_prior(recording.robot) if prior is None else prior
     n = recording.robot.joints
     found: list[Explanation] = []
     added: list[Hypothesis] = []
@@ -302,7 +306,7 @@ def explain(recording: Recording, offsets: bool = True) -> Explained:
     power = _friction_power(ref, values)
     best_drop = 0.0
     # A signal that is put right has to explain more than a fault of some size does.
-    for rival in _ranked(ref, values, found)[0][:1] if wholes else ():
+    for rival in _ranked(start, found)[0][:1] if wholes else ():
         known = rival.hypothesis
         undone = known.undo(recording, rival.values) if known.undo else recording
         other = _fitted(undone, prior, [] if known.undo else [known], prior[0])
@@ -323,8 +327,9 @@ def explain(recording: Recording, offsets: bool = True) -> Explained:
             ]  # fmt: skip
     rounds = 0
     while True:
-        ref, _, values = _fitted(recording, prior, added, values[: 10 * n])
-        admitted, left = _ranked(ref, values, found)
+        fitted = _fitted(recording, prior, added, values[: 10 * n])
+        ref, _, values = fitted
+        admitted, left = _ranked(fitted, found)
         if not admitted:
             break
         best = admitted[0].hypothesis
@@ -343,17 +348,22 @@ def explain(recording: Recording, offsets: bool = True) -> Explained:
             recording = best.undo(recording, admitted[0].values)
     if any(e.kind == "clock_offset" and abs(e.value) < STEP_S / 2 for e in found):
         # Corrected until nothing was left of it: it was none.
-        return explain(told, offsets=False)
+        return explain(told, prior, offsets=False)
     return Explained(found=tuple(found), reference=ref, values=values, left=left)
 
 
-def _ranked(ref: Reference, values: Array, found: list[Explanation]) -> tuple[list[Scored], Array]:
+_Fitted = tuple[Reference, Fits, Array]
+"""A reference, its own sums, and (p) its parameters."""
+
+
+def _ranked(fitted: _Fitted, found: list[Explanation]) -> tuple[list[Scored], Array]:
     """Explanations of some size that are likely, the best first.
 
     Also (n) the RMS error that the reference leaves in blocks left out [N.m or N].
     """
+    ref, own, values = fitted
     rivals = hypotheses(ref, values)
-    sums, _ = fits(ref, np.concatenate([rival.columns for rival in rivals]))
+    sums = replace(own, sums=sums_of(ref, *(rival.columns for rival in rivals)))
     likely = sorted(zip(drops(sums, rivals), range(len(rivals)), strict=True), reverse=True)
     worth = [k for drop, k in likely[:LOOKS] if drop > WORTH_A_LOOK]
     firsts = np.cumsum([len(ref.columns), *(len(rival.columns) for rival in rivals)])
@@ -361,9 +371,6 @@ def _ranked(ref: Reference, values: Array, found: list[Explanation]) -> tuple[li
     admitted = [scored for scored in alone if _admitted(scored, found)]
     admitted.sort(key=lambda s: -s.score)
     return admitted, np.sqrt(left_out(sums)[0] / sums.rows)
-
-
-_Fitted = tuple[Reference, Fits, Array]
 
 
 def _drop(one: _Fitted, other: _Fitted) -> float:
@@ -421,7 +428,7 @@ def _fitted(
     columns = np.concatenate([h.columns for h in added]) if added else None
     spread = np.concatenate([h.width for h in added]) if added else None
     ref = reference(recording, prior, inertial, columns, spread)
-    sums, values = fits(ref, np.zeros((0, *ref.torque.shape)))
+    sums, values = fits(ref)
     return ref, sums, values
 
 

@@ -84,14 +84,13 @@ class Recording:
         return replace(self, apart=apart | rows[:, None])
 
 
-def inertial_prior(recording: Recording) -> tuple[Array, Array]:
+def inertial_prior(robot: RobotModel) -> tuple[Array, Array]:
     """(10 n) inertial parameters and (10 n, 10 n) their covariance, from what is published.
 
     Bodies are drawn about the published ones, so that the covariance knows that a heavier link
     has larger moments. Where a mass is unpublished, they are drawn about a uniform rod along the
     link whose mass is unknown: its centre is still beside the link, not anywhere.
     """
-    robot = recording.robot
     n = robot.joints
     draw = np.random.default_rng(0)
     mean, covariance = np.zeros(10 * n), np.zeros((10 * n, 10 * n))
@@ -270,26 +269,23 @@ def correlation_length(error: Array) -> Array:
     The longer of two: errors that drift are seldom new, and of errors that swing (gears that
     vibrate) their power is (Bartlett 1935), though their sum soon vanishes.
     """
+    count = error.shape[1]
+    lags = count // 4
+    # Zeros enough that no lag that is read wraps around.
+    size = 1 << (count + lags).bit_length()
+    spectra = np.fft.rfft(error - error.mean(axis=1, keepdims=True), size)
+    products = np.fft.irfft(np.square(np.abs(spectra)))[:, :lags]
     out = np.ones(len(error))
-    for j, row in enumerate(error):
-        row = row - row.mean()
-        size = 1 << (2 * len(row)).bit_length()
-        spectrum = np.abs(np.fft.rfft(row, size)) ** 2
-        auto = np.fft.irfft(spectrum)[: len(row) // 4]
-        auto /= max(auto[0], 1e-300)
-        stop = int(np.argmax(auto < 0.05)) or len(auto)
-        power = np.square(auto[1:]) - 1 / len(row)
+    for j, auto in enumerate(products / np.maximum(products[:, :1], 1e-300)):
+        stop = int(np.argmax(auto < 0.05)) or lags
+        power = np.square(auto[1:]) - 1 / count
         out[j] = max(1.0, 1 + 2 * float(auto[1:stop].sum()), 1 + 2 * float(power.sum()))
     return out
 
 
-def fits(ref: Reference, added: Array) -> tuple[Fits, Array]:
-    """Sums of a reference with added columns (m, n, T), weighted by what the reference leaves.
-
-    Returns:
-        The sums, and (p) the reference's own parameters.
-    """
-    everything = np.concatenate([ref.columns, added, ref.torque[None]])
+def sums_of(ref: Reference, *added: Array) -> Array:
+    """(`BLOCKS`, n, P + 1, P + 1) sums of products of its columns and of added ones (m, n, T)."""
+    everything = np.concatenate([ref.columns, *added, ref.torque[None]])
     everything = ref.recording.measured(everything)
     rows, n = everything.shape[-1], everything.shape[1]
     cuts = [k * rows // BLOCKS for k in range(BLOCKS + 1)]
@@ -298,8 +294,14 @@ def fits(ref: Reference, added: Array) -> tuple[Fits, Array]:
         for j in range(n):
             part = everything[:, j, a:b]
             sums[k, j] = part @ part.T
+    return sums
+
+
+def fits(ref: Reference) -> tuple[Fits, Array]:
+    """Sums of a reference, weighted by what it leaves, and (p) its parameters."""
+    rows, n = ref.torque.shape[1], len(ref.torque)
     found = Fits(
-        sums=sums,
+        sums=sums_of(ref),
         rows=rows,
         weights=1 / np.maximum(np.square(ref.torque).mean(axis=1), 1e-12),
         counts=float(rows) * np.ones(n),

@@ -254,28 +254,25 @@ class ChainConstants(NamedTuple):
 def chain_constants(robot: RobotModel, frames: str) -> ChainConstants:
     """The constants of `robot` with parameters expressed in the frames `frames`."""
     n = robot.joints
+    links = robot.parameter_frames[frames]
+    before = np.linalg.inv(np.concatenate([np.eye(4)[None], links[:-1]])) @ robot.placements
+    inner, outer = links[:, :3, :3], before[:, :3, :3]
+    slides = np.array(robot.prismatic)[:, None]
+    # A joint that turns is R = a a' + (1 - a a') cos q + [a] sin q, one that slides R = 1.
+    along = robot.axes[:, :, None] * robot.axes[:, None]
+    across = np.cross(np.eye(3), robot.axes[:, None])
+    turning = np.stack([along, np.eye(3) - along, across], axis=1)
+    sliding = np.stack([np.eye(3), np.zeros((3, 3)), np.zeros((3, 3))])
+    terms = outer[:, None] @ np.where(slides[:, :, None, None], sliding, turning)
     geometry = np.zeros((n, 39))
-    screws = np.zeros((n, 6))
-    previous = np.eye(4)
-    for i in range(n):
-        link = robot.parameter_frames[frames][i]
-        before = np.linalg.inv(previous) @ robot.placements[i]
-        axis = robot.axes[i]
-        cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-        outer = np.outer(axis, axis)
-        if robot.prismatic[i]:
-            turns = (np.eye(3), np.zeros((3, 3)), np.zeros((3, 3)))
-            screws[i, 3:] = link[:3, :3].T @ axis
-            geometry[i, 36:39] = before[:3, :3] @ axis
-        else:
-            turns = (outer, np.eye(3) - outer, cross)
-            screws[i, :3] = link[:3, :3].T @ axis
-            screws[i, 3:] = np.cross(screws[i, :3], link[:3, :3].T @ link[:3, 3])
-        for k, turn in enumerate(turns):
-            geometry[i, 9 * k : 9 * k + 9] = (before[:3, :3] @ turn @ link[:3, :3]).ravel()
-            geometry[i, 27 + 3 * k : 30 + 3 * k] = before[:3, :3] @ turn @ link[:3, 3]
-        geometry[i, 27:30] += before[:3, 3]
-        previous = link
+    geometry[:, :27] = (terms @ inner[:, None]).reshape(n, 27)
+    geometry[:, 27:36] = (terms @ links[:, None, :3, 3:]).reshape(n, 9)
+    geometry[:, 27:30] += before[:, :3, 3]
+    geometry[:, 36:] = slides * (outer @ robot.axes[:, :, None])[:, :, 0]
+    own, place = (inner.transpose(0, 2, 1) @ v[:, :, None] for v in (robot.axes, links[:, :3, 3]))
+    axes, places = own[:, :, 0], place[:, :, 0]
+    turned = np.concatenate([axes, np.cross(axes, places)], axis=1)
+    screws = np.where(slides, np.concatenate([np.zeros((n, 3)), axes], axis=1), turned)
     return ChainConstants(
         geometry=read_only(geometry), screws=read_only(screws), gravity=robot.gravity
     )

@@ -78,15 +78,11 @@ class Body:
 
         The triangles are just within the rounded surface.
         """
-        heights = np.linspace(0.0, np.pi, _RINGS)
-        turns = 2 * np.pi * np.arange(_TURNS) / _TURNS
-        ball = np.array(
-            [
-                [np.sin(h) * np.cos(t), np.sin(h) * np.sin(t), np.cos(h)]
-                for h in heights
-                for t in turns
-            ]
-        )
+        heights = np.repeat(np.linspace(0.0, np.pi, _RINGS)[1:-1], _TURNS)
+        turns = np.tile(2 * np.pi * np.arange(_TURNS) / _TURNS, _RINGS - 2)
+        wide = np.sin(heights)
+        rings = np.column_stack([wide * np.cos(turns), wide * np.sin(turns), np.cos(heights)])
+        ball = np.concatenate([rings, [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
         points = (self.points[:, None] + self.radius * ball).reshape(-1, 3)
         hull = _joggled(points)
         faces = hull.simplices

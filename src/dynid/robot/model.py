@@ -296,8 +296,9 @@ class RobotModel:
             raise RobotError("unknown frames", value=self.default_frames, limit=tuple(frames))
         if not np.allclose(np.linalg.norm(self.axes, axis=1), 1.0, atol=1e-9, rtol=0):
             raise RobotError("joint axes must have unit length", where=self.name)
-        for matrices in (self.placements, self.flange[None], *frames.values()):
-            _check_transforms(matrices, self.name)
+        # All at once: a robot file makes a robot a table, and each is checked.
+        poses = (self.placements, self.flange[None], *frames.values())
+        _check_transforms(np.concatenate(poses), self.name)
         for name, length in (("limits", len(self.limits.lower)), ("drives", len(self.drives.gain))):
             if length != n:
                 raise RobotError(f"{name} for every joint", where=self.name, value=length, limit=n)
