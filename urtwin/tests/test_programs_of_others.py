@@ -136,14 +136,15 @@ def test_a_program_asks_for_an_rtde_output(machine: ControllerMachine) -> None:
     assert any("no RTDE output has this name" in line for line in said(machine))
 
 
+@pytest.mark.parametrize("name", ["get_joint_positions", "get_target_joint_positions"])
 def test_a_program_that_streams_speeds_reads_where_they_have_led(
-    machine: ControllerMachine,
+    machine: ControllerMachine, name: str
 ) -> None:
     # UR's driver begins each piece of a streamed trajectory there: a delay makes it unstable.
     machine.run_script(
-        "def p():\n a = get_target_joint_positions()\n i = 0\n"
+        f"def p():\n a = {name}()\n i = 0\n"
         " while i < 100:\n  speedj([0.3, 0, 0, 0, 0, 0], 40, get_steptime())\n  i = i + 1\n end\n"
-        " b = get_target_joint_positions()\n write_output_float_register(0, b[0] - a[0])\nend\n"
+        f" b = {name}()\n write_output_float_register(0, b[0] - a[0])\nend\n"
     )
     finish(machine)
     way = 0.3 * 100 * machine.cycle

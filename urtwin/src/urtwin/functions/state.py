@@ -131,7 +131,7 @@ def _rtde_value(core: Core, variable_name: Value) -> Value:
 
 
 _ASK: dict[str, Callable[[Core], Value]] = {
-    "get_joint_positions": lambda core: core.arm.measured("position"),
+    "get_joint_positions": lambda core: list(core.arm.setpoint),
     "get_actual_joint_positions": lambda core: core.arm.measured("position"),
     "get_actual_joint_speeds": lambda core: core.arm.measured("velocity"),
     "get_target_joint_positions": lambda core: list(core.arm.setpoint),
