@@ -173,17 +173,29 @@ def test_delays_have_deviations() -> None:
     assert given.delays_std_s is None
 
 
-def test_a_sure_delay_is_taken_whatever_is_left_out() -> None:
-    told, late = arm("ur3"), 0.0425
-    path = motion(told, "fourier", 1012, 250.0, 20.0)
-    real = replace(plant(told, 1012), presliding=np.full(6, 1e-6))
+@pytest.mark.parametrize(
+    ("name", "seed", "rate_hz", "seconds", "joint", "late", "presliding"),
+    [
+        # Taken whatever is left out.
+        ("ur3", 1012, 250.0, 20.0, 1, 0.0425, False),
+        # Beside a displacement that lies between those that are tried.
+        ("ur10e", 2006, 125.0, 30.0, 5, 0.0247, True),
+    ],
+)
+def test_a_sure_delay_is_taken(
+    name: str, seed: int, rate_hz: float, seconds: float, joint: int, late: float, presliding: bool
+) -> None:
+    told = arm(name)
+    path, real = motion(told, "fourier", seed, rate_hz, seconds), plant(told, seed)
+    if not presliding:
+        real = replace(real, presliding=np.full(6, 1e-6))
     rigid = real.torque(path.q, path.dq, path.ddq)
-    torque = rigid + real.friction(path.dq, rigid, 1 / 250.0)
-    torque[:, 1] = np.interp(path.t - late, path.t, torque[:, 1])
+    torque = rigid + real.friction(path.dq, rigid, 1 / rate_hz)
+    torque[:, joint] = np.interp(path.t - late, path.t, torque[:, joint])
     torque += real.torque_noise * np.random.default_rng(0).normal(size=torque.shape)
     record = ExperimentRecord(t=path.t, signals={"q": path.q, "effort": torque})
     periodic = ProcessingSettings(period_s=10.0)
     signals = fold_periods(uniform_signals(record, told, periodic), 10.0)
     found = select(told, "urdf", [signals], periodic).settings.delays_s
     assert found is not None
-    assert found[1] == pytest.approx(late, abs=LATE)
+    assert found[joint] == pytest.approx(late, abs=LATE)

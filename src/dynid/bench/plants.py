@@ -143,11 +143,17 @@ class Plant:
         curve = self.coulomb * (
             1 + self.stribeck * np.exp(-np.square(dq / self.stribeck_velocity))
         ) + self.load * np.abs(rigid)
-        travel = step_s * dq / self.presliding
+        # Velocities are linear between samples: a joint goes on, or turns where they are zero.
+        before = np.concatenate([dq[:1], dq[:-1]])
+        turns = before * dq < 0
+        share = np.where(turns, before / np.where(turns, before - dq, 1.0), 0.0)
+        ways = np.stack([share * before, np.where(turns, (1 - share) * dq, before + dq)])
+        travel = step_s * ways / 2 / self.presliding
         decay, sign = np.exp(-np.abs(travel)), np.sign(travel)
         state, now = np.empty_like(dq), np.zeros(dq.shape[1])
         for k in range(len(dq)):
-            now = sign[k] + (now - sign[k]) * decay[k]
+            for part in range(2):
+                now = sign[part, k] + (now - sign[part, k]) * decay[part, k]
             state[k] = now
         return state * curve + self.viscous * dq
 

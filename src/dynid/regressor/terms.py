@@ -97,6 +97,9 @@ def load_from_json(data: Mapping[str, Any] | None) -> LoadFriction | None:
 def friction_state(q: Array, displacement: Array, *, periodic: bool = False) -> Array:
     """The state of friction along a motion.
 
+    A joint that turns back between two samples does so where its velocity, linear between them, is
+    zero; without that, friction would turn half a sample late.
+
     Args:
         q: (n, N) positions in the order of time [rad or m].
         displacement: (n) delta, over which friction builds up [rad or m], above 0.
@@ -117,16 +120,28 @@ def friction_state(q: Array, displacement: Array, *, periodic: bool = False) -> 
 
 @njit(cache=True)
 def _follow(q: Array, displacement: Array, state: Array) -> None:
+    last = q.shape[1] - 1
     for j in range(q.shape[0]):
-        z = 0.0
-        for i in range(1, q.shape[1]):
-            step = (q[j, i] - q[j, i - 1]) / displacement[j]
-            # Exact between two samples: the velocity keeps its sign.
-            if step > 0.0:
-                z = 1.0 - (1.0 - z) * math.exp(-step)
-            elif step < 0.0:
-                z = (1.0 + z) * math.exp(step) - 1.0
+        z, before = 0.0, 0.0
+        for i in range(1, last + 1):
+            step = q[j, i] - q[j, i - 1]
+            # Velocities times the time between samples; a motion turns where they are zero.
+            after = (q[j, i + 1] - q[j, i - 1]) / 2 if i < last else step
+            if before * after < 0.0:
+                share = before / (before - after)
+                z = _moved(z, share * before / 2 / displacement[j])
+                step = (1.0 - share) * after / 2
+            z = _moved(z, step / displacement[j])
             state[j, i] = z
+            before = after
+
+
+@njit(cache=True)
+def _moved(z: float, step: float) -> float:
+    """The state after a motion in one direction, in displacements."""
+    if step > 0.0:
+        return 1.0 - (1.0 - z) * math.exp(-step)
+    return (1.0 + z) * math.exp(step) - 1.0
 
 
 MOST_POWERS = 6

@@ -47,22 +47,21 @@ class CandidateColumns:
     """[rad/s or m/s]"""
     levers: Array
     """(n) 1 for joints that turn, `LEVER` for those that slide."""
-    presliding: bool = False
-    """Whether a joint's friction may build up over a displacement: then `fc` alone is stepped."""
+    displacements: tuple[float, ...] = ()
+    """Over which a joint's friction may build up [rad]: where any, `fc` alone is stepped."""
 
     @property
     def steps(self) -> int:
         """Steps a term: widths, then displacements."""
-        return len(WIDTHS) + (len(DISPLACEMENTS) if self.presliding else 0)
+        return len(WIDTHS) + len(self.displacements)
 
     def states(self, samples: Samples) -> Array:
         """(n, d, N) states of presliding friction, one a displacement; d = 0 without."""
         q = samples.q.T
-        if not self.presliding:
-            return np.zeros((len(q), 0, samples.count))
         periodic = samples.noise is not None
-        every = [friction_state(q, d * self.levers, periodic=periodic) for d in DISPLACEMENTS]
-        return np.stack(every, axis=1)
+        over = [d * self.levers for d in self.displacements]
+        every = [friction_state(q, d, periodic=periodic) for d in over]
+        return np.stack(every, axis=1) if every else np.zeros((len(q), 0, samples.count))
 
     def values(self, dq: Array, load: Array, states: Array, lever: float) -> Array:
         """(c, N) the columns of one joint.
@@ -93,7 +92,7 @@ class CandidateColumns:
     def places(self, joint: int, step: int, terms: frozenset[int]) -> tuple[int, ...]:
         """Where the columns of one choice of a joint stand; terms are indices into `extras`.
 
-        The step is an index into `WIDTHS`, or behind them into `DISPLACEMENTS`.
+        The step is an index into `WIDTHS`, or behind them into the displacements.
         """
         steps = [
             k * self.steps + step

@@ -11,6 +11,7 @@ from dynid.core import Array, Indices, InputError, Mask
 from dynid.identification.bayesian import not_negative, published_prior
 from dynid.identification.problem import block_mean, chunk_size, recorded_rows
 from dynid.identification.selection.columns import (
+    DISPLACEMENTS,
     EXTRA_TERMS,
     EXTRA_WIDTH,
     LEVER,
@@ -144,7 +145,7 @@ class ScoreSearch:
             extras=EXTRA_TERMS if terms is None else (),
             stribeck_velocity=fixed.stribeck_velocity,
             levers=np.where(robot.prismatic, LEVER, 1.0),
-            presliding=self.presliding,
+            displacements=DISPLACEMENTS if self.presliding else (),
         )
         self.base = reduce_model(
             InverseDynamicModel(
@@ -166,12 +167,12 @@ class ScoreSearch:
 
     def plain_score(self, settings: ProcessingSettings) -> float:
         """Score of the paper's friction, from its own columns alone."""
-        columns = replace(self.columns, extras=(), presliding=False)
+        columns = replace(self.columns, extras=(), displacements=())
         blocks = self.summed(settings, columns)
         places = [columns.places(j, PLAIN_WIDTH, frozenset()) for j in range(self.robot.joints)]
         picks = self.picks_at(places, columns)
         prior = self.prior.times(PRIOR_OF_PLAIN)
-        weights = joint_weights(blocks.all, picks, prior, self.positive(picks))
+        weights = joint_weights(blocks.all, picks, prior, self.positive(picks, columns))
         return min(self.errors_of(blocks, picks, weights, w).value for w in COARSE_WEIGHTS)
 
     def summed(
@@ -307,11 +308,11 @@ class ScoreSearch:
         places = [self.columns.places(j, c.step, c.terms) for j, c in enumerate(choices)]
         return self.picks_at(places, self.columns)
 
-    def positive(self, picks: tuple[Pick, ...]) -> Mask:
-        """Unknowns that cannot be negative."""
+    def positive(self, picks: tuple[Pick, ...], columns: CandidateColumns | None = None) -> Mask:
+        """Unknowns that cannot be negative; columns of the blocks, None for all candidates."""
         rank = self.base.rank
         shared = not_negative(self.base.model)[list(self.base.independent)]
-        candidates = self.columns.positive
+        candidates = (columns or self.columns).positive
         own = [candidates[pick.columns[rank:] - rank] for pick in picks]
         return np.concatenate([shared, *own])
 

@@ -16,7 +16,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, Indices, Progress, silent
-from dynid.identification.selection.columns import LOAD, PLAIN_WIDTH, CandidateColumns, JointChoice
+from dynid.identification.selection.columns import (
+    LOAD,
+    PLAIN_WIDTH,
+    WIDTHS,
+    CandidateColumns,
+    JointChoice,
+)
 from dynid.identification.selection.gram import RIDGE, GramBlocks, joint_weights
 from dynid.identification.selection.scoring import (
     GAIN_OF_SHAPE,
@@ -82,10 +88,11 @@ def measured_delays(search: ScoreSearch, settings: ProcessingSettings) -> Delays
         count = max(1, round(reach / step))
         trials = np.asarray(np.arange(-count, count + 1) * step, dtype=np.float64)
         blocks = search.summed(settings, columns, near + trials[:, None])
-        found, reach = near + _best_delays(search, blocks.all, columns, places, trials), 2 * step
+        best, _, _ = _best_delays(search, blocks.all, columns, places, trials)
+        found, reach = near + best, 2 * step
         if step == steps[-1]:
             parts = _parts(blocks)
-            each = np.array([_best_delays(search, b, columns, places, trials) for b in parts])
+            each = np.array([_best_delays(search, b, columns, places, trials)[0] for b in parts])
             std = np.sqrt((len(each) - 1) * each.var(axis=0))
     near = np.where(np.abs(found) < LONGEST_DELAY_S, np.round(found * rate) / rate, 0.0)
     blocks = search.summed(settings, columns, np.stack([np.zeros(n), near]))
@@ -94,7 +101,7 @@ def measured_delays(search: ScoreSearch, settings: ProcessingSettings) -> Delays
 
     def scored(which: list[int]) -> Scores:
         picks = search.picks_at(places, columns, which)
-        weights = joint_weights(blocks.all, picks, prior, search.positive(picks))
+        weights = joint_weights(blocks.all, picks, prior, search.positive(picks, columns))
         return search.errors_of(blocks, picks, weights, PRIOR_OF_PLAIN)
 
     for j in np.argsort(np.abs(near)):
@@ -116,27 +123,52 @@ def _parts(blocks: CandidateBlocks) -> Iterator[GramBlocks]:
         yield parts.merged(np.where(every == part, -1, 0))
 
 
+FINER = tuple(3.0 ** (k / 5) for k in range(-2, 3))
+"""Displacements that are tried about each of `DISPLACEMENTS`, over it."""
+AWAY_S = 0.012
+"""How far from what was measured a delay is looked for again."""
+
+
 def refined_delays(
     search: ScoreSearch, settings: ProcessingSettings, choices: tuple[JointChoice, ...]
 ) -> tuple[float, ...] | None:
     """The delays of the settings, measured again beside the friction that was chosen.
 
-    Not where that is presliding: a displacement that is a little off looks like a delay.
+    A displacement that is a little off looks like a delay: finer ones are tried with it.
     """
     if settings.delays_s is None:
         return None
     rate, late = search.recordings[0].rate_hz, np.array(settings.delays_s)
     step = max(1, round(FINE_STEP_S * rate)) / rate
     near = np.round(late * rate) / rate
-    trials = np.asarray(np.arange(-2, 3) * step, dtype=np.float64)
+    count = max(2, round(AWAY_S / step))
+    trials = np.asarray(np.arange(-count, count + 1) * step, dtype=np.float64)
+    fine = tuple(d * f for d in search.columns.displacements for f in FINER)
+    columns = replace(search.columns, displacements=fine)
     blocks = search.summed(
-        replace(settings, delays_s=None), search.columns, near + trials[:, None] * (late != 0)
+        replace(settings, delays_s=None), columns, near + trials[:, None] * (late != 0)
     )
-    places = [search.columns.places(j, c.step, c.terms) for j, c in enumerate(choices)]
-    by = _best_delays(search, blocks.all, search.columns, places, trials)
-    steps = np.array([choice.displacement is None for choice in choices])
-    again = np.where(steps & (late != 0), near + by, late)
-    return tuple(np.round(again, 4).tolist())
+
+    def placed(j: int, more: int = 0) -> tuple[int, ...]:
+        choice = choices[j]
+        if choice.displacement is None:
+            return columns.places(j, choice.width, choice.terms)
+        index = len(FINER) * choice.displacement + len(FINER) // 2 + more
+        index = min(max(index, 0), len(fine) - 1)
+        return columns.places(j, len(WIDTHS) + index, choice.terms)
+
+    places = [placed(j) for j in range(len(choices))]
+    by, _, weights = _best_delays(search, blocks.all, columns, places, trials)
+    for j, choice in enumerate(choices):
+        if late[j] and choice.displacement is not None:
+            found: dict[tuple[int, ...], tuple[float, Array]] = {}
+            for more in range(-len(FINER), len(FINER) + 1):
+                places[j] = placed(j, more)
+                by, cost, _ = _best_delays(search, blocks.all, columns, places, trials, weights)
+                found[places[j]] = cost, by
+            places[j] = min(found, key=lambda at: found[at][0])
+            by = found[places[j]][1]
+    return tuple(np.round(np.where(late != 0, near + by, late), 4).tolist())
 
 
 def _best_delays(
@@ -145,12 +177,14 @@ def _best_delays(
     columns: CandidateColumns,
     places: Sequence[tuple[int, ...]],
     delays: Array,
-) -> Array:
+    weights: Array | None = None,
+) -> tuple[Array, float, Array]:
     """(n) the delays that fit best, of those whose torques stand in the blocks.
 
     With the torques t of all joints at all delays side by side and s a choice of one a joint,
     the squared error of the best fit to t s is s' (t't - t'W (W'W)^-1 W't) s: one solution
-    serves all choices.
+    serves all choices. Also the squared error of the best, and the (n) weights of the joints: those
+    given, or else one over the noise of the fit.
     """
     n, rank, count = search.robot.joints, search.base.rank, len(delays)
     products = blocks.products.sum(axis=1)
@@ -158,11 +192,13 @@ def _best_delays(
     shrinkage = search.prior.times(PRIOR_OF_PLAIN * float(blocks.rows.sum(axis=1).mean()))
     chosen = np.full(n, int(np.argmin(np.abs(delays))))
     joints, costs = np.arange(n), np.empty((n, count))
+    known, least = weights, np.inf
     for _ in range(2):
         picks = search.picks_at(places, columns, chosen.tolist())
-        weights = joint_weights(
-            blocks, picks, search.prior.times(PRIOR_OF_PLAIN), search.positive(picks)
-        )
+        weights = known
+        if weights is None:
+            prior = search.prior.times(PRIOR_OF_PLAIN)
+            weights = joint_weights(blocks, picks, prior, search.positive(picks, columns))
         matrix, cross = np.zeros((size, size)), np.zeros((size, n * count + 1))
         energy = np.zeros((n * count + 1, n * count + 1))
         matrix[:rank, :rank] = shrinkage.precision
@@ -192,12 +228,16 @@ def _best_delays(
                 chosen[j] = int(np.argmin(costs[j]))
             if (chosen == before).all():
                 break
+        every = np.append(joints * count + chosen, n * count)
+        least = float(square[np.ix_(every, every)].sum())
     inner = np.clip(chosen, 1, count - 2)
     left, middle, right = (costs[joints, inner + k] for k in (-1, 0, 1))
     bend = np.maximum(left - 2.0 * middle + right, 1e-300)
     between = np.clip(0.5 * (left - right) / bend, -0.5, 0.5)
     step = float(delays[1] - delays[0])
-    return delays[chosen] + np.where(inner == chosen, between * step, 0.0)
+    found = delays[chosen] + np.where(inner == chosen, between * step, 0.0)
+    assert weights is not None
+    return found, least, weights
 
 
 PURPOSES = ("anywhere", "this-motion")
