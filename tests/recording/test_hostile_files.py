@@ -10,7 +10,7 @@ from hostile_files import DOCUMENTS, MAKERS
 
 from dynid.core import InputError, RecordError, load_object
 from dynid.recording import read_record, read_recording
-from dynid.recording.content import Budget
+from dynid.recording.content import Budget, refused
 from dynid.recording.store import KEY
 from dynid.robot import load_robot
 
@@ -56,6 +56,11 @@ def test_own_recordings_have_the_same_budget(
     for read in (read_record, read_recording):
         with pytest.raises(RecordError, match=r"memory.*100 MB"):
             read(path)
+
+
+def test_memory_that_is_used_up_within_arrow_is_no_damage() -> None:
+    with pytest.raises(MemoryError), refused("damaged"):
+        raise OSError("Couldn't deserialize thrift: std::bad_alloc")
 
 
 @pytest.mark.parametrize("name", sorted(DOCUMENTS))

@@ -165,12 +165,16 @@ def refused(
 
     Raises:
         InputError: Of that kind.
+        MemoryError: Not what was wrong with the bytes, but that memory was used up.
     """
     try:
         yield
     except (DynidError, MemoryError):
         raise
     except Exception as error:
+        if "bad_alloc" in str(error):
+            # All that Arrow tells of an allocation that failed within a library of its own.
+            raise MemoryError from error
         raise kind(what, where=where, value=said(error), next_step=next_step) from error
 
 

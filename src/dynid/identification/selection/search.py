@@ -177,7 +177,7 @@ def _best_delays(
     columns: CandidateColumns,
     places: Sequence[tuple[int, ...]],
     delays: Array,
-    weights: Array | None = None,
+    given: Array | None = None,
 ) -> tuple[Array, float, Array]:
     """(n) the delays that fit best, of those whose torques stand in the blocks.
 
@@ -192,13 +192,11 @@ def _best_delays(
     shrinkage = search.prior.times(PRIOR_OF_PLAIN * float(blocks.rows.sum(axis=1).mean()))
     chosen = np.full(n, int(np.argmin(np.abs(delays))))
     joints, costs = np.arange(n), np.empty((n, count))
-    known, least = weights, np.inf
+    prior, weights, least = search.prior.times(PRIOR_OF_PLAIN), np.ones(n), np.inf
     for _ in range(2):
         picks = search.picks_at(places, columns, chosen.tolist())
-        weights = known
-        if weights is None:
-            prior = search.prior.times(PRIOR_OF_PLAIN)
-            weights = joint_weights(blocks, picks, prior, search.positive(picks, columns))
+        positive = search.positive(picks, columns)
+        weights = joint_weights(blocks, picks, prior, positive) if given is None else given
         matrix, cross = np.zeros((size, size)), np.zeros((size, n * count + 1))
         energy = np.zeros((n * count + 1, n * count + 1))
         matrix[:rank, :rank] = shrinkage.precision
@@ -236,7 +234,6 @@ def _best_delays(
     between = np.clip(0.5 * (left - right) / bend, -0.5, 0.5)
     step = float(delays[1] - delays[0])
     found = delays[chosen] + np.where(inner == chosen, between * step, 0.0)
-    assert weights is not None
     return found, least, weights
 
 
