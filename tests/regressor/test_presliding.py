@@ -51,7 +51,12 @@ def test_speed_does_not_matter(steps: np.ndarray, pause: int) -> None:
     state = friction_state(q[None], over)[0]
     slow = friction_state(np.repeat(q, pause)[None], over)[0]
     np.testing.assert_allclose(slow[::pause], state, rtol=0, atol=1e-12)
-    assert np.abs(state).max() <= 1.0
+
+
+@settings(max_examples=50, deadline=None)
+@given(arrays(np.float64, 40, elements=st.floats(-1.0, 1.0)))
+def test_no_motion_takes_it_beyond_one(q: np.ndarray) -> None:
+    assert np.abs(friction_state(q[None], np.array([0.3]))).max() <= 1.0
 
 
 @pytest.mark.parametrize("over", [1e-4, 1e-3, 1e-2])

@@ -139,13 +139,12 @@ class ScoreSearch:
         fixed = terms or FrictionTerms()
         stepped = ("fc", "fca", "fs")
         shared = tuple(term for term in fixed.terms if term[0] not in stepped)
-        self.presliding = presliding and terms is None
         self.columns = CandidateColumns(
             stepped=tuple(term for term in fixed.terms if term[0] in stepped),
             extras=EXTRA_TERMS if terms is None else (),
             stribeck_velocity=fixed.stribeck_velocity,
             levers=np.where(robot.prismatic, LEVER, 1.0),
-            displacements=DISPLACEMENTS if self.presliding else (),
+            displacements=DISPLACEMENTS if presliding and terms is None else (),
         )
         self.base = reduce_model(
             InverseDynamicModel(
@@ -372,7 +371,7 @@ class ScoreSearch:
         moves = Moves(
             extras=len(self.columns.extras),
             widths=len(WIDTHS) if self.columns.stepped else 1,
-            presliding=self.presliding,
+            presliding=bool(self.columns.displacements),
         )
         now = self.scores(blocks, choices, weights, prior)
         for _ in range(PASSES):
