@@ -9,7 +9,7 @@ from dynid.core import Array, JobError, require, scipy_part, upper_triangle
 from dynid.identification.bayesian import NOT_NEGATIVE, InertialPrior, metric_moves, symbol_of
 from dynid.identification.problem import IdentificationProblem, base_mapping, joint_factors
 from dynid.regressor import InverseDynamicModel
-from dynid.robot import frame_map, to_pseudo_inertia
+from dynid.robot import PSEUDO_INERTIA_BASIS, frame_map, to_pseudo_inertia
 
 BOUNDED_BY = {"Fca": "Fc", "Fva": "Fv", "Fs": "Fc"}
 """Added friction that must not outweigh its term: friction opposes motion both ways."""
@@ -175,7 +175,7 @@ def solve_conic(
     cones: list[Any] = [clarabel.NonnegativeConeT(len(sizes))]
     for i in range(problem.links):
         first = width + EXTRA * i
-        linear[10 * i : 10 * i + 10] += gamma * np.trace(_BASIS, axis1=1, axis2=2)
+        linear[10 * i : 10 * i + 10] += gamma * np.trace(PSEUDO_INERTIA_BASIS, axis1=1, axis2=2)
         linear[first + 10 : first + EXTRA] = -gamma
         rows += _link_rows(10 * i, first, columns)
         right += [np.zeros(36), *[np.array([0.0, 1.0, 0.0])] * 4]
@@ -209,7 +209,9 @@ def _units(problem: ConsistentProblem) -> Array:
     Friction in N.m beside inertias of a wrist would stop the solver short of its tolerance.
     """
     units, inertial = np.eye(problem.matrix.shape[1]), 10 * problem.links
-    units[:inertial, :inertial] = metric_moves(to_pseudo_inertia(problem.prior), _BASIS)
+    units[:inertial, :inertial] = metric_moves(
+        to_pseudo_inertia(problem.prior), PSEUDO_INERTIA_BASIS
+    )
     norms = np.linalg.norm(problem.matrix[:, inertial:], axis=0)
     for k, norm in enumerate(norms, start=inertial):
         units[k, k] = 1.0 / norm if norm > 0 else 1.0
@@ -219,7 +221,7 @@ def _units(problem: ConsistentProblem) -> Array:
 def _link_rows(here: int, first: int, columns: int) -> list[Array]:
     """Rows of one link: its 8x8 matrix, then the cone of each logarithm."""
     block = np.zeros((columns, 8, 8))
-    block[here : here + 10, :4, :4] = _BASIS
+    block[here : here + 10, :4, :4] = PSEUDO_INERTIA_BASIS
     for k, (a, b) in enumerate(TRIANGLE):
         block[first + k, a, 4 + b] = block[first + k, 4 + b, a] = 1.0
         if a == b:
@@ -242,9 +244,6 @@ def _upper_triangles(matrices: Array) -> Array:
         for a in range(b + 1)
     ]
     return np.stack(entries, axis=-1)
-
-
-_BASIS = to_pseudo_inertia(np.eye(10))
 
 
 AXES = 3

@@ -12,9 +12,15 @@ import numpy as np
 
 from dynid.core import Array, Finding, JobError, freeze, told
 from dynid.identification.shared import PAYLOAD, SharedFit, SharedProblem
-from dynid.robot import PARAMETERS, frame_map, from_pseudo_inertia, tensor, to_pseudo_inertia
+from dynid.robot import (
+    PARAMETERS,
+    PSEUDO_INERTIA_BASIS,
+    frame_map,
+    from_pseudo_inertia,
+    tensor,
+    to_pseudo_inertia,
+)
 
-_BASIS = to_pseudo_inertia(np.eye(10))
 _START = 1e-3
 """Smallest eigenvalue of the first body, over the largest."""
 _SHRINK = 0.1
@@ -52,7 +58,7 @@ def nearest_body(free: Array, covariance: Array) -> Array:
 def _centred(point: Array, free: Array, precision: Array, mu: float) -> Array:
     """The minimiser for one weight of the barrier."""
     for _ in range(_STEPS):
-        solved = _solve(to_pseudo_inertia(point), _BASIS)
+        solved = _solve(to_pseudo_inertia(point), PSEUDO_INERTIA_BASIS)
         gradient = precision @ (point - free) - mu * np.trace(solved, axis1=1, axis2=2)
         hessian = precision + mu * np.einsum("iab,jba->ij", solved, solved)
         scale = 1.0 / np.sqrt(np.diag(hessian))

@@ -33,6 +33,7 @@ from dynid.robot.model import (
 )
 from dynid.robot.transforms import (
     PARAMETERS,
+    PSEUDO_INERTIA_BASIS,
     frame_map,
     from_axes,
     from_body,
@@ -54,6 +55,7 @@ from dynid.robot.urdf_bodies import urdf_shapes
 
 __all__ = [
     "PARAMETERS",
+    "PSEUDO_INERTIA_BASIS",
     "Body",
     "BuiltinRobot",
     "Counterbalance",

@@ -5,7 +5,6 @@ frame's origin, not about the centre of mass. As a symmetric 4x4 pseudo-inertia 
 congruence, J_a = H J_b H' with H the frame b in frame a, which makes the change linear in the ten.
 """
 
-import functools
 import math
 from collections.abc import Sequence
 
@@ -59,9 +58,8 @@ def from_pseudo_inertia(matrix: Array) -> Array:
     )
 
 
-@functools.cache
-def _basis() -> Array:
-    return read_only(to_pseudo_inertia(np.eye(10)))
+PSEUDO_INERTIA_BASIS = read_only(to_pseudo_inertia(np.eye(10)))
+"""(10, 4, 4) the pseudo-inertia of each inertial parameter."""
 
 
 def frame_map(frame: ArrayLike) -> Array:
@@ -73,7 +71,7 @@ def frame_map(frame: ArrayLike) -> Array:
         InputError: `frame` is not a finite (4, 4) array.
     """
     placed = frozen(frame, shape=(4, 4), name="frame")
-    return from_pseudo_inertia(placed @ _basis() @ placed.T).T
+    return from_pseudo_inertia(placed @ PSEUDO_INERTIA_BASIS @ placed.T).T
 
 
 def move(parameters: Array, frame: ArrayLike) -> Array:
