@@ -357,10 +357,13 @@ def test_degrees_over_the_full_circle_come_back_into_the_limits(tmp_path: Path) 
     assert "whole turns" in record.metadata.extra["notes"]
 
 
-def test_units_of_a_line_of_their_own(tmp_path: Path) -> None:
+@pytest.mark.parametrize("sign", ["{}", "[{}]", '"({})"'])
+@pytest.mark.parametrize("degrees", ["deg", "°"])
+def test_units_of_a_line_of_their_own(tmp_path: Path, degrees: str, sign: str) -> None:
     t, q, qd, effort = truth()
     names = ["time", *named("pos{}", "vel{}", "torque{}")]
-    units = ["ms", *["deg"] * 6, *["deg/s"] * 6, *["mNm"] * 6]
+    units = ["ms", *[degrees] * 6, *[f"{degrees}/s"] * 6, *["mNm"] * 6]
+    units = list(map(sign.format, units))
     rows = write(
         tmp_path / "x.csv", units, t * 1e3, np.degrees(q), np.degrees(qd), effort * 1e3
     ).read_text()

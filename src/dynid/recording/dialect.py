@@ -345,10 +345,16 @@ def _first_row(
         titled = len(cells) != width and any(map(is_name, cells))
         if header is False or (_is_data(*count(cells, decimal)) and not titled):
             return k
-        # A damaged first row is a row, not a header: a header is made of names.
-        if header is None and 2 * sum(map(is_name, cells)) < len(cells):
+        # A damaged first row is a row, not a header: a header is made of names, or of units.
+        named = 2 * sum(map(is_name, cells)) >= len(cells)
+        if header is None and not (named or _are_units(cells)):
             return k
     return start
+
+
+def _are_units(cells: list[str]) -> bool:
+    """Whether a line holds only units, which may stand in brackets or quotes."""
+    return all(map(is_unit, filter(None, (cell.strip("\"'[]() ") for cell in cells))))
 
 
 def _between_lists(line: str) -> str:
@@ -370,7 +376,7 @@ def _names(
         cells = [cell.strip().strip("\"'").strip() for cell in split(text, delimiter)]
         if not any(cells):
             continue
-        if all(map(is_unit, filter(None, (cell.strip("[]()") for cell in cells)))):
+        if _are_units(cells):
             units = [cell.strip("[]()- ") for cell in cells] if len(cells) == width else units
             continue
         if len(cells) == width - 1 and delimiter != " ":
