@@ -138,7 +138,14 @@ def test_coarse_positions_that_start_from_rest_are_kept() -> None:
 
 @pytest.mark.parametrize(
     ("factor", "words"),
-    [(60 / (2 * np.pi), "in rpm"), (-1.0, "other sign"), (GEARS, "54 to 101 times.*motors")],
+    [
+        (60 / (2 * np.pi), "in rpm"),
+        (-1.0, "other sign"),
+        (GEARS, "54 to 101 times.*motors"),
+        (np.array([1, 1, 1, 180 / np.pi, 1, 1]), r"57\.\d+ times.*joints . and 4"),
+        (np.array([1e3, 1e3, 1e3, 1, 1, 1]), "to 1000 times.*joints . and [123]"),
+        (1e3, r"999\.9 times.*another unit"),
+    ],
 )
 def test_velocities_that_are_others_are_left_out(factor: object, words: str) -> None:
     table = raw()

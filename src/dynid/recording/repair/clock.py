@@ -7,15 +7,13 @@ import numpy as np
 
 from dynid.core import Array, RecordError
 from dynid.recording.headers import by_rows
-from dynid.recording.repair.motion import DEGREE, RPM, common_slope, velocity_slopes
+from dynid.recording.repair.motion import DEGREE, FASTEST, RPM, common_slope, velocity_slopes
 from dynid.recording.table import Mask, RawTable, Rows
 
 _DAY = 86400.0
 _UNITS = {1.0: "s", 1e-3: "ms", 1e-6: "us", 1e-9: "ns", _DAY: "days"}
 _DAY_COUNTS = ((3e4, 6e4), (7e5, 8e5))
 """Days since 1900, as spreadsheets count, and since year 0, as MATLAB does."""
-_FASTEST = 2e-5
-"""Shortest step that a robot's recorder may have [s]."""
 
 
 def settle_unit(table: RawTable) -> RawTable:
@@ -44,7 +42,7 @@ def settle_unit(table: RawTable) -> RawTable:
             f"time stamps are in {_UNITS[scale]} by their size ({rate:.4g} Hz); converted to s",
         )
     step = float(np.median(np.diff(table.stamps)))
-    if step < _FASTEST:
+    if step < FASTEST:
         table = table.report(
             "unit_suspect",
             f"the time stamps say {1 / step:.4g} Hz, which is no robot's rate: another unit?",
@@ -61,10 +59,10 @@ def _scale(t: Array, table: RawTable) -> float:
             # Degrees on one side only show as a factor of 57.3 on top of the unit.
             for scale in _UNITS:
                 for factor in (1.0, DEGREE, 1 / DEGREE):
-                    if abs(slope / (scale * factor) - 1) < 0.25:
+                    if step * scale > FASTEST and abs(slope / (scale * factor) - 1) < 0.25:
                         return scale
     first = float(table.stamps[0])
-    if step < _FASTEST and any(low < first < high for low, high in _DAY_COUNTS):
+    if step < FASTEST and any(low < first < high for low, high in _DAY_COUNTS):
         return _DAY
     if step < 0.5:
         return 1.0

@@ -9,6 +9,8 @@ DEGREE = np.pi / 180
 """A degree [rad]."""
 RPM = np.pi / 30
 """A revolution a minute [rad/s]."""
+FASTEST = 2e-5
+"""Shortest step that a robot's recorder may have [s]."""
 
 
 def velocity_slopes(t: Array, q: Array, qd: Array) -> tuple[Array, Array]:
@@ -76,7 +78,7 @@ def check_velocities(table: RawTable, rate_hz: float | None) -> RawTable:
         if odd.any() and bool((odd | ~np.isfinite(sure)).all()):
             return table.without("qd").note("qd is left out: it is no velocity of these joints")
         return table
-    wrong = _wrong_unit(slope, slopes[np.abs(np.nan_to_num(sure)) > 0.95])
+    wrong = _wrong_unit(nominal, slope, np.where(np.abs(sure) > 0.95, slopes, np.nan))
     if wrong:
         return table.without("qd").report("unit_suspect", f"{wrong}; qd is left out")
     if abs(slope * DEGREE - 1) < 0.15:
@@ -96,7 +98,7 @@ def check_velocities(table: RawTable, rate_hz: float | None) -> RawTable:
     return table
 
 
-def _wrong_unit(slope: float, sure: Array) -> str:
+def _wrong_unit(nominal: float, slope: float, sure: Array) -> str:
     """What velocities are where they cannot be the joints' in rad/s; empty where they can."""
     if abs(slope / DEGREE - 1) < 0.15:
         return "velocities are 57.3 times what positions in rad say: they are in deg/s"
@@ -105,11 +107,15 @@ def _wrong_unit(slope: float, sure: Array) -> str:
     if abs(slope + 1) < 0.15:
         return "velocities have the other sign than the motion of all joints"
     times = np.abs(1 / sure)
-    if float(times.max()) > 1.5 * float(times.min()) and float(np.median(times)) > 3:
+    low, high = int(np.nanargmin(times)), int(np.nanargmax(times))
+    least, most = float(times[low]), float(times[high])
+    if most > 1.5 * least and max(most, 1 / least) > 3:
         return (
-            f"velocities are {times.min():.4g} to {times.max():.4g} times what positions say, "
-            "another factor for each joint: measured on the motors' side"
+            f"velocities are {least:.4g} to {most:.4g} times what positions say (joints {low + 1} "
+            f"and {high + 1}): in different units, or measured on the motors' side"
         )
+    if nominal / abs(slope) > 1 / FASTEST:
+        return f"velocities are {1 / slope:.4g} times what positions say: in another unit"
     return ""
 
 
