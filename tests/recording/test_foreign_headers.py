@@ -553,3 +553,20 @@ def test_torques_that_are_not_measured_are_not_taken(tmp_path: Path) -> None:
     (tmp_path / "x.csv").write_text("\n".join([",".join(["t", *head]), *rows]) + "\n")
     with pytest.raises(RecordError, match="neither current nor effort"):
         read_recording(tmp_path / "x.csv")
+
+
+@pytest.mark.parametrize("name", ["joint_{}", "axis{}"])
+def test_one_file_a_joint(tmp_path: Path, name: str) -> None:
+    t, q, qd, effort = truth()
+    names = ["time", "position", "velocity", "torque"]
+    files = [
+        write(tmp_path / f"{name.format(k + 1)}.csv", names, t, q[:, k], qd[:, k], effort[:, k])
+        for k in SIX
+    ]
+    with pytest.raises(RecordError, match=r"6 files.*dynid import [^ ]*1.csv .*6.csv$"):
+        read_recording(tmp_path)
+    record = read_recording(files)
+    np.testing.assert_allclose(record.signals["q"], q, atol=1e-9)
+    np.testing.assert_allclose(record.signals["effort"], effort, atol=1e-6)
+    with pytest.raises(RecordError, match=r"3 columns but q has 6|1 joints|3 joints"):
+        read_recording(files[:3], robot=load_robot("ur5"))

@@ -112,14 +112,22 @@ def _named_in_rows(sheets: list[Sheet], joints: int) -> tuple[str, ...]:
 
 
 def _all_names(sheets: list[Sheet]) -> tuple[str, ...] | None:
-    """Names of all columns; each file may have the time: that of the first is taken."""
+    """Names of all columns; each file may have the time: that of the first is taken.
+
+    Columns that every file has are told apart by the files' names, as of one file a joint.
+    """
     if any(sheet.dialect.names is None for sheet in sheets):
         return None
     found: list[str] = []
+    each = [set(sheet.dialect.names or ()) for sheet in sheets]
     for number, sheet in enumerate(sheets):
         for name in sheet.dialect.names or ():
-            again = number > 0 and name in found and (parse_name(name).meaning or ("",))[0] == "t"
-            found.append(f"file{number}/{name}" if again else name)
+            again = number > 0 and name in each[0]
+            if (parse_name(name).meaning or ("",))[0] == "t":
+                found.append(f"file{number}/{name}" if again else name)
+            else:
+                everywhere = len(each) > 1 and all(name in names for names in each)
+                found.append(f"{sheet.dialect.path.stem}/{name}" if everywhere else name)
     return tuple(found)
 
 

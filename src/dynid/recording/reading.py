@@ -83,7 +83,8 @@ def _in_folder(folder: Path) -> list[Path]:
         f"the folder holds {len(others)} files",
         where=str(folder),
         value=[path.name for path in others[:20]],
-        next_step=f"Name one, or those that belong side by side: dynid import {quoted} ...",
+        next_step=f"Name one, or those that belong side by side: dynid import {quoted}"
+        + (" ..." if len(others) > 8 else ""),
     )
 
 
