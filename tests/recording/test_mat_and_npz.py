@@ -198,3 +198,35 @@ def test_a_struct_called_after_degrees_is_not_converted(tmp_path: Path) -> None:
     scipy.io.savemat(tmp_path / "x.mat", {"tilted_30_deg": rec})
     record = read_recording(tmp_path / "x.mat")
     np.testing.assert_array_equal(record.signals["q"], motion.position(t))
+
+
+@pytest.mark.parametrize("columns", [None, "t=log.t,q=log.pos,effort=log.tau[0:6]"])
+def test_units_in_the_attributes_of_hdf5_arrays_are_converted(
+    tmp_path: Path, columns: str | None
+) -> None:
+    library = pytest.importorskip("h5py")
+    motion = Motion()
+    q, tau = motion.position(motion.t), motion.current(motion.t)
+    arrays = {"t": (motion.t, "s"), "pos": (np.degrees(q), "deg"), "tau": (1e3 * tau, "mNm")}
+    with library.File(tmp_path / "run.h5", "w") as file:
+        for name, (values, unit) in arrays.items():
+            file[f"log/{name}"] = values
+            file[f"log/{name}"].attrs["units"] = unit
+    record = read_recording(tmp_path / "run.h5", columns=columns)
+    assert record.problems == ()
+    np.testing.assert_allclose(record.signals["q"], q, atol=1e-9)
+    np.testing.assert_allclose(record.signals["effort"], tau, atol=1e-9)
+
+
+def test_an_array_in_an_unknown_unit_is_refused_unless_the_user_names_it(tmp_path: Path) -> None:
+    library = pytest.importorskip("h5py")
+    motion = Motion()
+    with library.File(tmp_path / "run.h5", "w") as file:
+        file["t"], file["q"] = motion.t, motion.position(motion.t)
+        file["tau"] = motion.current(motion.t)
+        file["tau"].attrs["unit"] = "counts"
+    with pytest.raises(RecordError, match="counts"):
+        read_recording(tmp_path / "run.h5")
+    record = read_recording(tmp_path / "run.h5", columns="t=t,q=q,current=tau")
+    assert "counts" in record.problems[0].message
+    np.testing.assert_array_equal(record.signals["current"], motion.current(motion.t))

@@ -188,8 +188,10 @@ def _collect(
                 inner = f"{stem}({number + 1}).{last}" if stem else f"{path}({number + 1})"
                 _collect(file, file[reference], inner, into, depth + 1, budget)
     elif "MATLAB_empty" not in item.attrs:
+        unit = item.attrs.get("unit", item.attrs.get("units"))
+        mark = f" [{unit}]" if isinstance(unit, str) and unit else ""
         for name, value in _parts(path, item[()]):
-            _keep(name, value, into)
+            _keep(f"{name}{mark}", value, into)
 
 
 def _keep_block(item: Any, name: str, path: str, into: dict[str, Array], budget: Budget) -> bool:

@@ -9,7 +9,7 @@ from dynid.recording.clocks import Clock
 from dynid.recording.headers import Family, Match, match_headers, require_one_order
 from dynid.recording.names import parse_name
 from dynid.recording.record import JOINT_QUANTITIES
-from dynid.recording.units import factors_of
+from dynid.recording.units import factors_of, taken_as_it_is
 
 QUANTITIES = ("t", *JOINT_QUANTITIES)
 _RANGE = re.compile(r"(\d{1,6}):(\d{1,6})")
@@ -151,11 +151,7 @@ def assign(
         units = [family.unit_of(k) for k in numbers]
         factors[quantity], unknown = factors_of(quantity, units)
         if unknown is not None:
-            text = (
-                f"{quantity} is taken as it is from {printable(names[numbers[0]])!r}, though "
-                f"{printable(units[unknown], 20)!r} is no unit of it"
-            )
-            notices.append(Finding("unit_suspect", text))
+            notices.append(taken_as_it_is(quantity, names[numbers[0]], units[unknown]))
         if all(units):
             said.add(quantity)
     return Match(

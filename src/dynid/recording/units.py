@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Sequence
 
-from dynid.core import RecordError
+from dynid.core import Finding, RecordError, printable
 
 _DEG = math.pi / 180
 _REV = 2 * math.pi
@@ -112,6 +112,15 @@ def refuse_unit(quantity: str, unit: str, column: str) -> RecordError:
         limit=", ".join(sorted(known_units(quantity))),
         next_step=hint,
     )
+
+
+def taken_as_it_is(quantity: str, column: str, unit: str) -> Finding:
+    """The finding for a unit that is not converted in a column that the user names."""
+    text = (
+        f"{quantity} is taken as it is from {printable(column)!r}, though "
+        f"{printable(unit, 20)!r} is no unit of it"
+    )
+    return Finding("unit_suspect", text)
 
 
 def known_units(quantity: str) -> frozenset[str]:

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dynid.core import Array, RecordError, printable
+from dynid.core import Array, Finding, RecordError, printable
 from dynid.recording.clocks import rises
 from dynid.recording.columns import select
 from dynid.recording.headers import NotRecognised, match_headers
 from dynid.recording.names import parse_name, says_degrees
 from dynid.recording.table import ANGLES, RawTable, ReadOptions
-from dynid.recording.units import factor_of, refuse_unit
+from dynid.recording.units import factor_of, refuse_unit, taken_as_it_is
 
 SLICE = re.compile(r"(.+?)\[(?::\s*,)?\s*([\d:+]+)\s*\]")
 """A variable and some of its columns: `data[:,1:7]`."""
@@ -120,7 +120,13 @@ def table_of(variables: Mapping[str, Array], options: ReadOptions) -> RawTable:
     if options.columns is None:
         arrays, paths, notes = _guess_variables(variables, options.joints)
     else:
-        paths = dict(options.columns)
+        # HDF5 attributes add a unit to a path, which a user need not write.
+        marked = {path.partition(" [")[0]: path for path in variables}
+        paths = {
+            name: marked.get(path)
+            or SLICE.sub(lambda part: f"{marked.get(part[1], part[1])}[{part[2]}]", path)
+            for name, path in options.columns.items()
+        }
         arrays = {name: _pick(variables, name, path) for name, path in paths.items()}
     if clock := _leading_clock(arrays, joints):
         arrays = {name: _whole(value)[:, 1:] for name, value in arrays.items() if name != "t"}
@@ -131,12 +137,16 @@ def table_of(variables: Mapping[str, Array], options: ReadOptions) -> RawTable:
     said = {name: unit for name, path in paths.items() if (unit := _unit_of(name, path))}
     factors = {name: factor_of(name, unit) for name, unit in said.items()}
     signals: dict[str, Array] = {}
+    notices: list[Finding] = []
     for name, value in arrays.items():
         if name == "t":
             continue
         factor = factors.get(name, 1.0)
-        if factor is None:
+        if factor is None and options.columns is None:
             raise refuse_unit(name, said[name], paths[name])
+        if factor is None:
+            factor = 1.0
+            notices.append(taken_as_it_is(name, paths[name], said.pop(name)))
         signals[name] = _upright(value, length, width, f"{name}={paths[name]}") * factor
     rows = len(signals["q"])
     for name, value in signals.items():
@@ -151,7 +161,9 @@ def table_of(variables: Mapping[str, Array], options: ReadOptions) -> RawTable:
         raise RecordError(
             f"t={paths['t']} has {len(t)} values but q has {rows} samples", value=signals["q"].shape
         )
-    changed = [name for name, factor in factors.items() if name != "t" and factor != 1.0]
+    changed = [
+        name for name, factor in factors.items() if name != "t" and factor not in (1.0, None)
+    ]
     if changed:
         notes.append(f"converted to SI units as the names say: {', '.join(changed)}")
     return RawTable(
@@ -163,6 +175,7 @@ def table_of(variables: Mapping[str, Array], options: ReadOptions) -> RawTable:
         labels={name: (path,) * signals["q"].shape[1] for name, path in paths.items()},
         said=frozenset(said),
         notes=tuple(notes),
+        notices=tuple(notices),
     )
 
 
