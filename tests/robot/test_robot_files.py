@@ -159,6 +159,14 @@ BROKEN = {
     "control": (b"name = '\x00'", "not a TOML file"),
     "not utf-8": (b"name = '\xff\xfe'", "not a TOML file"),
     "empty": ("", "exactly one of urdf"),
+    "twist in degrees": (
+        "[dh]\na = [0.0]\nd = [0.0]\nalpha = [90.0]\n",
+        "dh: 'alpha' is more than a turn; got .90.0.*radians",
+    ),
+    "pose in degrees": (
+        "[[joint]]\nname = 'a'\nrpy = [0, 0, -90]\n",
+        "joint 1: 'rpy' is more than a turn.*radians",
+    ),
     "long": ("#" * (MAX_BYTES + 1), "too large"),
     "nested": ("a = " + "[" * 100_000, "nested too deep|not a TOML"),
     "two kinds": ('urdf = "x.urdf"\n' + DH, "exactly one of urdf.*urdf and dh"),

@@ -287,8 +287,8 @@ def _from_dh(top: TomlTable, path: Path) -> RobotModel:
     robot = robot_from_dh(
         a=a,
         d=table.numbers("d", n),
-        alpha=table.numbers("alpha", n),
-        theta=table.numbers("theta", n) if "theta" in table else None,
+        alpha=table.angles("alpha", n),
+        theta=table.angles("theta", n) if "theta" in table else None,
         convention=table.text("convention", CONVENTIONS),
         joint_types=table.texts("joint_types", n) if "joint_types" in table else None,
         sign=table.numbers("sign", n) if "sign" in table else None,
@@ -328,7 +328,7 @@ def _pose(top: TomlTable, key: str) -> Array | None:
 def _row_pose(row: TomlTable) -> Array:
     zero = np.zeros(3)
     xyz = row.numbers("xyz", 3) if "xyz" in row else zero
-    rpy = row.numbers("rpy", 3) if "rpy" in row else zero
+    rpy = row.angles("rpy", 3) if "rpy" in row else zero
     return from_xyz_rpy(xyz.tolist(), rpy.tolist())
 
 

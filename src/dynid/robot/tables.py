@@ -72,6 +72,8 @@ def located(where: str) -> Generator[None]:
 
 
 _LARGEST = 1e9
+_TURN = 6.2832
+"""Largest fixed angle [rad]."""
 _MOST_PARTS = 16
 _DEEP_KEY = re.compile(rf"^[ \t\[]*(?:[\w\"'-]+[ \t]*\.[ \t]*){{{_MOST_PARTS},}}", re.MULTILINE)
 
@@ -163,6 +165,14 @@ class TomlTable:
         """A list of numbers (count); `unknown` allows nan."""
         items = self._list(key, count)
         return np.array([self._number(key, item, unknown) for item in items], dtype=np.float64)
+
+    def angles(self, key: str, count: int) -> Array:
+        """A list of fixed angles (count) [rad]."""
+        values = self.numbers(key, count)
+        if (np.abs(values) > _TURN).any():
+            limit = "one turn (6.2832 rad); if these are degrees, write radians"
+            raise self._wrong(key, "is more than a turn", values.tolist(), limit)
+        return values
 
     def rows(self, key: str, count: int | None, width: int, *, unknown: bool = False) -> Array:
         """A list of lists of numbers (count, width), of any count if None; `unknown` allows nan."""
