@@ -120,14 +120,15 @@ def _all_names(sheets: list[Sheet]) -> tuple[str, ...] | None:
         return None
     found: list[str] = []
     each = [set(sheet.dialect.names or ()) for sheet in sheets]
+    shared = set[str]().union(*each).intersection(*each) if len(each) > 1 else set[str]()
+    if not _says_anything(tuple(shared)):
+        shared.clear()
     for number, sheet in enumerate(sheets):
         for name in sheet.dialect.names or ():
-            again = number > 0 and name in each[0]
             if (parse_name(name).meaning or ("",))[0] == "t":
-                found.append(f"file{number}/{name}" if again else name)
+                found.append(f"file{number}/{name}" if number > 0 and name in found else name)
             else:
-                everywhere = len(each) > 1 and all(name in names for names in each)
-                found.append(f"{sheet.dialect.path.stem}/{name}" if everywhere else name)
+                found.append(f"{sheet.dialect.path.stem}/{name}" if name in shared else name)
     return tuple(found)
 
 
