@@ -43,10 +43,11 @@ def test_in_another_thread_the_event_is_the_callers() -> None:
     assert seen == [True]
 
 
-def test_a_question_can_be_left_by_ctrl_c() -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_question_can_be_left_by_a_signal(number: int) -> None:
     with stop_on_signals() as event:
         with pytest.raises(KeyboardInterrupt), interruptible():
-            os.kill(os.getpid(), signal.SIGINT)
+            os.kill(os.getpid(), number)
         assert not event.is_set()
-        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), number)
         assert event.wait(1.0)

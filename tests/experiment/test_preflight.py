@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -100,6 +101,7 @@ def test_an_e_series_robot_needs_an_e_series_controller() -> None:
 def test_the_payload_asked_for_must_be_set_with_its_centre() -> None:
     plan = replace(PLAN, robot=with_tool(UR5, payload=[1.2, 0.0, 0.0, 0.05]))
     assert failed(READY, plan) == ["payload"]
+    assert any("--payload" in check.finding for check in looked(plan, READY))
     held = replace(READY, payload=1.2, payload_cog=np.array([0.0, 0.0, 0.05]))
     assert failed(held, plan) == []
     assert failed(replace(held, payload_cog=np.zeros(3)), plan) == ["payload"]
@@ -114,6 +116,12 @@ def test_a_design_beyond_the_limits_is_refused() -> None:
     with pytest.raises(InputError, match=r"must not run on ur5: .*velocity") as caught:
         check_design(plan, CONSTRAINTS)
     assert caught.value.exit_code == 2
+    # Value, limit and margin stand there, and the step concerns the robot as it was described.
+    assert re.search(
+        r"velocity \(\w+\): -?[\d.]+ at \S+ s, limit 3\.142 less 5 %", str(caught.value)
+    )
+    assert re.search(r"collision \([^)]+\): -?[\d.]+ at \S+ s, limit 0\.\d+[;.]", str(caught.value))
+    assert "with the same options" in str(caught.value)
 
 
 def test_a_way_to_the_start_beyond_the_limits_is_refused() -> None:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from gentle import CYCLES, write_motion
 
+from dynid import read_estimate
 from dynid.core import DynidError, InputError, JsonFields
 from dynid.recording import read_record
 from dynid.studio.opening import open_path
@@ -71,6 +72,8 @@ def test_run_then_identify_then_export_and_report(page: Page) -> None:
     (shown,) = state["results"]
     assert shown["name"] == "estimate.json"
     assert "this result" in shown["headline"].lower()
+    told = read_estimate(folder / "estimate.json").warnings
+    assert {finding.message[:200] for finding in told} <= {text[:200] for text in shown["warnings"]}
     assert [item["name"] for item in shown["joints"]] == list(page.session.robot.joint_names)
     assert json.dumps(page.look_up("curves", lambda _: "record.parquet")).count("predicted") == 1
     (folder / "report.html").write_text("mine")

@@ -16,7 +16,7 @@ import dynid
 from dynid.bench import Plant, motion, plant
 from dynid.cli.app import main
 from dynid.identification import holm, repeated_motions, trend
-from dynid.workflow import identify_files
+from dynid.workflow import identify_files, report
 
 START = datetime(2026, 1, 5, tzinfo=UTC)
 RATE_HZ, LENGTH_S, DAYS = 100.0, 4.0, 12
@@ -211,6 +211,16 @@ def test_an_object_store_that_holds_nothing(place: str, words: str, tmp_path: Pa
         dynid.fleet(place, tmp_path / "out")
     with pytest.raises(dynid.InputError):
         identify_files([f"{place}/run.parquet"])
+
+
+def test_a_file_is_no_fleet_and_no_folder_of_a_report(tmp_path: Path) -> None:
+    file = tmp_path / "my arm" / "estimate.json"
+    file.parent.mkdir()
+    file.write_text("{}")
+    with pytest.raises(dynid.InputError, match="this is a file, and a fleet is"):
+        dynid.fleet(file, tmp_path / "out")
+    with pytest.raises(dynid.InputError, match=f"Run: dynid report '{file.parent}'"):
+        report(file, tmp_path / "report.html")
 
 
 def test_false_alarms_come_at_the_stated_rate() -> None:

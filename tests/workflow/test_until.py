@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,7 @@ from designed_arm import written_arm
 from dynid import DesignSettings, IdentifySettings, design
 from dynid.cli.app import main
 from dynid.core import InputError, JobError
+from dynid.experiment import stop_on_signals
 from dynid.workflow import RunSettings, run_until
 
 QUICK = {
@@ -57,6 +60,23 @@ def test_what_no_time_would_reach_is_said(first: Path, tmp_path: Path) -> None:
     assert (tmp_path / "run_2.parquet").exists()
     with pytest.raises(JobError, match="the accuracy was not reached"):
         found.raise_if_missed()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_between_the_runs_a_signal_ends_the_rounds_at_once(
+    first: Path, tmp_path: Path, number: int
+) -> None:
+    told: list[str] = []
+
+    def interrupt(what: str, share: float) -> None:
+        if (tmp_path / "run.parquet").exists() and not what.startswith("run"):
+            told.append(what)
+            os.kill(os.getpid(), number)
+
+    with stop_on_signals() as cancel, pytest.raises(KeyboardInterrupt):
+        run_until(first, tmp_path / "run.parquet", 0.01, **QUICK, cancel=cancel, progress=interrupt)
+    assert len(told) == 1
+    assert not (tmp_path / "run_2.parquet").exists()
 
 
 def test_an_accuracy_that_is_no_share_moves_nothing(

@@ -222,15 +222,16 @@ def stop_on_signals() -> Generator[threading.Event]:
 
 @contextmanager
 def interruptible() -> Generator[None]:
-    """Inside `stop_on_signals`: let Ctrl-C raise again while a person is asked something."""
+    """Inside `stop_on_signals`: let signals raise again while no robot moves."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    before = {number: signal.signal(number, signal.default_int_handler) for number in _SIGNALS}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 OpenRecorder = Callable[[], AbstractContextManager[Recorder]]

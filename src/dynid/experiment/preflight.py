@@ -288,7 +288,8 @@ def check_design(
     if not certificate.holds:
         raise InputError(
             f"the design must not run on {plan.robot.name}: {_broken(certificate)}",
-            next_step="See: dynid check DESIGN.json, and design again with --limits safe.",
+            next_step="Design again, with --limits safe, for this robot, tool, payload, mounting "
+            "and scene; dynid check with the same options shows every margin.",
         )
     return certificate
 
@@ -350,7 +351,9 @@ def _payload(asked: Tool, state: ControllerState) -> PreflightCheck:
         away = float(np.abs(state.payload_cog - asked.com).max())
         fits = away <= _COG
         finding += f", centres {1e3 * away:.3g} mm apart"
-    return PreflightCheck("payload", fits, finding)
+    return PreflightCheck(
+        "payload", fits, finding if fits else f"{finding} (--payload KG,X,Y,Z, or set it there)"
+    )
 
 
 def _tool(asked: Tool, state: ControllerState) -> PreflightCheck:
@@ -377,5 +380,9 @@ def _broken(certificate: Certificate) -> str:
     for kind in certificate.broken:
         item = certificate.worst[kind]
         place = f" ({item.what})" if item.what else ""
-        found.append(f"{kind.replace('_', ' ')}{place} by {-item.room:.3g} at {item.t:.3g} s")
-    return ", ".join(found)
+        free = "" if item.distance else f" less {100 * item.required:g} %"
+        found.append(
+            f"{kind.replace('_', ' ')}{place}: {item.value:.4g} at {item.t:.3g} s, "
+            f"limit {item.limit:.4g}{free}"
+        )
+    return "; ".join(found)

@@ -11,6 +11,7 @@ import importlib
 import itertools
 import json
 import os
+import shlex
 import struct
 import zlib
 from collections.abc import Iterator
@@ -54,7 +55,7 @@ def partial_path(path: Path) -> Path:
 
 def read_partial(path: Path) -> str:
     """The command that makes a recording of a `.partial` file."""
-    return f"What is there can be read: dynid import {path} -o RECORD.parquet"
+    return f"What is there can be read: dynid import {shlex.quote(str(path))} -o RECORD.parquet"
 
 
 def is_partial(path: Path) -> bool:

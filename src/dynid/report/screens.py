@@ -1,5 +1,6 @@
 """The screens that decide, as values for the page: answers, errors, rival models, next steps."""
 
+import shlex
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -230,7 +231,7 @@ def _steps(contents: ReportContents, item: ReportedEstimate) -> Iterator[Step]:
         yield Step(
             do="Add its recording to the folder.",
             why="Without it there is neither a prediction nor a verdict.",
-            command=f"dynid report {contents.directory}",
+            command=f"dynid report {shlex.quote(str(contents.directory))}",
         )
     told: set[str] = set()
     for finding in sorted(item.warnings, key=lambda f: f.severity != "error"):
@@ -241,7 +242,7 @@ def _steps(contents: ReportContents, item: ReportedEstimate) -> Iterator[Step]:
         yield Step(
             do="Validate on another motion.",
             why="No other recording has confirmed this result.",
-            command=f"dynid validate {item.name} OTHER_RECORDING",
+            command=f"dynid validate {shlex.quote(item.name)} OTHER_RECORDING",
         )
     for finding in item.warnings:
         if finding.code == "weak_excitation" and finding.next_step not in told:
@@ -255,7 +256,7 @@ def _steps(contents: ReportContents, item: ReportedEstimate) -> Iterator[Step]:
         yield Step(
             do="Export the model.",
             why="C for feed-forward control, MJCF or URDF for simulators.",
-            command=f"dynid export {item.name} --to mjcf -o robot.xml",
+            command=f"dynid export {shlex.quote(item.name)} --to mjcf -o robot.xml",
         )
 
 

@@ -186,7 +186,9 @@ class DesignSettings(LimitSettings):
     population: int = option(POPULATION, "N", "Of the genetic algorithm.")
     generations: int = option(GENERATIONS, "N", "Of the genetic algorithm.")
     """After the random one."""
-    starts: int | None = option(None, "N", "Of the gradient method. [default: 4; 12 for cond]")
+    starts: int | None = option(
+        None, "N", "Of the gradient method. [default: 6; 4 for parameters; 12 for cond]"
+    )
     """None for the default, or for as many as fit into the budget."""
     budget_s: float | None = option(
         None, "S", "Time to search; the result then depends on the machine.", "--budget"

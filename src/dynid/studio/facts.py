@@ -156,7 +156,8 @@ def margins(worst: Mapping[str, Worst]) -> list[dict[str, Any]]:
                 "what": printable(item.what.replace("_joint", "").replace("_", " "), 44),
                 "used": min(used, 9.99),
                 "allowed": allowed,
-                "value": _finite(scale * abs(item.value)),
+                # A distance below zero is how deep bodies are in each other.
+                "value": _finite(scale * (item.value if item.distance else abs(item.value))),
                 "limit": _finite(scale * abs(item.limit)),
                 "distance": item.distance,
                 "level": level,
@@ -298,7 +299,7 @@ def _facts(item: ReportedEstimate) -> dict[str, Any]:
         "name": printable(item.name, 120),
         "level": LEVELS[item.level],
         "headline": printable(item.headline, 300),
-        "warnings": [printable(str(warning), 300) for warning in item.warnings[:6]],
+        "warnings": [printable(warning.message, 300) for warning in item.warnings[:6]],
         "parameters": [
             {
                 "name": printable(estimate.names[k]),

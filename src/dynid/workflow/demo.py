@@ -21,6 +21,7 @@ from dynid.core import (
     write_json,
 )
 from dynid.excitation import ExcitationDesign
+from dynid.experiment import stop_on_signals
 from dynid.identification import write_estimate
 from dynid.recording import ExperimentRecord, read_record
 from dynid.robot import load_robot
@@ -171,8 +172,8 @@ def _record(motion: Path, path: Path, thermal: str, seed: int, quick: bool) -> N
     settings = RunSettings(
         repeat=1 if quick else REPETITIONS, thermal=thermal, seed=seed, force=True
     )
-    with _simulated_robot(thermal, seed) as on:
-        run_design(motion, path, on=on, settings=settings).raise_if_aborted()
+    with _simulated_robot(thermal, seed) as on, stop_on_signals() as cancel:
+        run_design(motion, path, on=on, settings=settings, cancel=cancel).raise_if_aborted()
     warm = np.mean(read_record(path).signals["temperature"], axis=0)
     write_truth(path, simulated_arm(load_robot(ROBOT), serial=SERIAL), warm)
 

@@ -254,6 +254,8 @@ def _looked_into(
         ]
     root, output = Path(folder), output.resolve()
     if not root.is_dir():
+        if root.exists():
+            raise InputError("this is a file, and a fleet is a folder", where=str(folder))
         raise InputError("there is no such folder", where=str(folder), next_step=like_named(root))
     paths = sorted(
         path

@@ -4,6 +4,7 @@ A design is judged over time; an estimate stands beside its record and beside wh
 """
 
 import itertools
+import shlex
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -301,7 +302,7 @@ def report(
         what, step = "there is no such directory", like_named(folder)
         if folder.exists():
             what = "this is a file, and a report is of a directory"
-            step = f"Run: dynid report {folder.parent}"
+            step = f"Run: dynid report {shlex.quote(str(folder.parent))}"
         raise InputError(what, where=str(directory), next_step=step)
     tell: Progress = progress or silent
     found = _reporting_search(folder, tell)

@@ -5,6 +5,7 @@ Recordings of the simulated arm, in the form of a real one.
 
 import json
 import math
+import shlex
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -213,7 +214,7 @@ class Run:
         if self.record is not None:
             kept = f"{self.result.outcome.samples} samples are kept in {self.record}"
             if self.record.suffix != ".parquet":
-                step = f"Read it: dynid import {self.record} -o OTHER.parquet"
+                step = f"Read it: dynid import {shlex.quote(str(self.record))} -o OTHER.parquet"
         where = f"the robot was stopped in the pass '{self.result.stopped_in}'"
         raise JobError(f"{where}: {abort.message}; {kept}", next_step=step)
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from dynid.core import InputError, JobError, Progress, require_absent
 from dynid.excitation import safe_motions
+from dynid.experiment import interruptible
 from dynid.recording import open_several
 from dynid.reduction import reduce_model
 from dynid.regressor import InverseDynamicModel
@@ -145,6 +146,7 @@ def run_until(
     Raises:
         InputError: An accuracy that is no share, a plain trajectory, or what `run_design` refuses.
         JobError: See `run_design`.
+        KeyboardInterrupt: A signal between two runs.
     """
     if not 0.01 <= percent <= 100:
         raise InputError(
@@ -171,7 +173,9 @@ def run_until(
             previous = (*again.previous, *map(str, records))
             more = replace(again, previous=previous, seed=again.seed + number - 1)
             robot = stored.stored.robot if asked.robot is None else asked.robot
-            design(robot, more, output=place, progress=progress)
+            with interruptible():
+                if design(robot, more, output=place, progress=progress).interrupted:
+                    raise KeyboardInterrupt
         run = run_design(
             place,
             record,
@@ -186,9 +190,10 @@ def run_until(
             ended = STOPPED
             break
         records.append(run.record)
-        several = open_several(records, stored.robot)
-        result = identify(several, stored.robot, identification, progress=progress)
-        told = accuracy(result.estimate, several, motions)
+        with interruptible():
+            several = open_several(records, stored.robot)
+            result = identify(several, stored.robot, identification, progress=progress)
+            told = accuracy(result.estimate, several, motions)
         rounds.append(Round(design=place, run=run, accuracy=told))
         if told is None:
             raise JobError(

@@ -1,0 +1,29 @@
+"""The demo that Ctrl-C meets while it records."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from dynid import read_record
+from dynid.core import JobError
+from dynid.workflow import run_demo
+
+
+def test_an_interrupted_recording_is_closed_and_says_why(tmp_path: Path) -> None:
+    def interrupt() -> None:
+        while not list(tmp_path.glob("*.partial")):
+            time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=interrupt, daemon=True).start()
+    with pytest.raises(JobError, match="interrupted"):
+        run_demo(tmp_path, quick=True)
+    assert not list(tmp_path.glob("*.partial"))
+    for path in tmp_path.glob("*.parquet"):
+        assert any(problem.kind == "aborted" for problem in read_record(path).problems)
