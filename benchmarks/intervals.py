@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 from itertools import count
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 import dynid
@@ -39,6 +40,7 @@ WIDTH = 0.02
 ARMS = ("ur5", "ur10e", "ur3", "seven", "heavy")
 GAINS_OFF, FRICTION_OFF = 0.02, 0.2
 IN_TIME_S = 2e-3
+FINE_HZ = 4000.0
 SETTINGS = {
     "known": dynid.IdentifySettings(
         preset="paper", estimator="wls", terms=FrictionTerms(width=WIDTH)
@@ -137,6 +139,8 @@ class LateJoint:
 
     real: Plant
     path: Motion
+    fine: Motion
+    """The same motion in steps of 0.25 ms: what is late was a torque between two samples."""
     joint: int
     """From 0."""
     late_s: float
@@ -152,9 +156,11 @@ def late_joint(seed: int) -> LateJoint:
     real = plant(told, seed)
     if seed // len(ARMS) % 2 == 0:
         real = replace(real, presliding=np.full(n, 1e-6))
-    path = motion(told, "fourier", seed, rate, 30.0 if rate < 250.0 else 20.0)
+    each = round(FINE_HZ / rate)
+    fine = motion(told, "fourier", seed, each * rate, 30.0 if rate < 250.0 else 20.0)
+    path = Motion(t=fine.t[::each], q=fine.q[::each], dq=fine.dq[::each], ddq=fine.ddq[::each])
     joint, late = int(draw.integers(n)), float(draw.uniform(-0.02, 0.06))
-    return LateJoint(real=real, path=path, joint=joint, late_s=late, draw=draw)
+    return LateJoint(real=real, path=path, fine=fine, joint=joint, late_s=late, draw=draw)
 
 
 def delay(_: str, seed: int) -> tuple[str, dict[str, Array]]:
@@ -163,9 +169,11 @@ def delay(_: str, seed: int) -> tuple[str, dict[str, Array]]:
     real, path, joint, late, draw = case.real, case.path, case.joint, case.late_s, case.draw
     told, rate = real.robot, round(1 / float(path.t[1]))
     n = told.joints
-    rigid = real.torque(path.q, path.dq, path.ddq)
-    torque = rigid + real.friction(path.dq, rigid, 1 / rate)
-    torque[:, joint] = np.interp(path.t - late, path.t, torque[:, joint])
+    fine, slow = case.fine, real.torque(path.q, path.dq, path.ddq)
+    rigid = CubicSpline(path.t, slow)(fine.t)
+    whole = rigid + real.friction(fine.dq, rigid, float(fine.t[1]))
+    torque = whole[:: round(len(fine.t) / len(path.t))]
+    torque[:, joint] = np.interp(path.t - late, fine.t, whole[:, joint])
     torque += real.torque_noise * draw.normal(size=torque.shape)
     settings = ProcessingSettings(period_s=10.0)
     signals = uniform_signals(recording(path, torque, draw), told, settings)

@@ -89,6 +89,7 @@ def test_the_columns_that_a_joint_may_take_know_their_signs() -> None:
         extras=("fo", "fca", "fr", "fl"),
         stribeck_velocity=0.1,
         levers=np.ones(1),
+        unit=np.ones(1),
     )
     width = len(WIDTHS)
     expected = [True] * width + [False, False, True] + [True] * width

@@ -48,7 +48,9 @@ class CandidateColumns:
     levers: Array
     """(n) 1 for joints that turn, `LEVER` for those that slide."""
     displacements: tuple[float, ...] = ()
-    """Over which a joint's friction may build up [rad]: where any, `fc` alone is stepped."""
+    """Over which a joint's friction may build up, over `unit`: where any, `fc` alone is stepped."""
+    unit: Array
+    """(n) [rad or m]"""
 
     @property
     def steps(self) -> int:
@@ -59,7 +61,7 @@ class CandidateColumns:
         """(n, d, N) states of presliding friction, one a displacement; d = 0 without."""
         q = samples.q.T
         periodic = samples.noise is not None
-        over = [d * self.levers for d in self.displacements]
+        over = [d * self.unit for d in self.displacements]
         every = [friction_state(q, d, periodic=periodic) for d in over]
         return np.stack(every, axis=1) if every else np.zeros((len(q), 0, samples.count))
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline  # pyright: ignore[reportMissingTypeStubs]
 
 from dynid.core import Array, Indices, InputError, Mask
 from dynid.identification.bayesian import not_negative, published_prior
@@ -121,6 +122,20 @@ class CandidateBlocks:
         self.rows = float(blocks.rows.sum(axis=1).mean())
 
 
+def _moved(signals: UniformSignals, late_s: float, circular: bool) -> UniformSignals:
+    """Signals whose motion comes later [s], by less than a sample."""
+    index = np.arange(len(signals.t) + circular, dtype=np.float64)
+
+    def moved(values: Array) -> Array:
+        whole = np.concatenate([values, values[:1]]) if circular else values
+        spline = CubicSpline(index, whole, bc_type="periodic" if circular else "not-a-knot")
+        at = index[: len(values)] - late_s * signals.rate_hz
+        return np.asarray(spline(at), dtype=np.float64)
+
+    qd = None if signals.qd is None else moved(signals.qd)
+    return replace(signals, q=moved(signals.q), qd=qd)
+
+
 class ScoreSearch:
     """Scores choices on the recordings; caches the blocks of the current settings."""
 
@@ -139,11 +154,13 @@ class ScoreSearch:
         fixed = terms or FrictionTerms()
         stepped = ("fc", "fca", "fs")
         shared = tuple(term for term in fixed.terms if term[0] not in stepped)
+        levers = np.where(robot.prismatic, LEVER, 1.0)
         self.columns = CandidateColumns(
             stepped=tuple(term for term in fixed.terms if term[0] in stepped),
             extras=EXTRA_TERMS if terms is None else (),
             stribeck_velocity=fixed.stribeck_velocity,
-            levers=np.where(robot.prismatic, LEVER, 1.0),
+            levers=levers,
+            unit=levers,
             displacements=DISPLACEMENTS if presliding and terms is None else (),
         )
         self.base = reduce_model(
@@ -157,6 +174,7 @@ class ScoreSearch:
         self.prior = Shrinkage(mean=known.mean, precision=known.precision)
         self.regions: Regions = find_regions([r.q for r in recordings], robot.prismatic)
         self._cache: tuple[ProcessingSettings, CandidateBlocks] | None = None
+        self._load: tuple[ProcessingSettings, Array] | None = None
 
     def blocks(self, settings: ProcessingSettings) -> CandidateBlocks:
         """Blocks of all candidates for one cut-off and velocity source."""
@@ -179,20 +197,27 @@ class ScoreSearch:
         settings: ProcessingSettings,
         columns: CandidateColumns,
         versions: Array | None = None,
+        late_s: float = 0.0,
     ) -> CandidateBlocks:
         """Blocks of some columns, and of the torques with the delays (V, n) of some versions [s].
 
-        None for those of the settings alone.
+        None for those of the settings alone. The motion is moved later by `late_s` [s], which adds
+        to the delays.
         """
         if versions is None:
             versions = np.array(settings.delays_s or (0.0,) * self.robot.joints)[None]
-        processed = [
-            samples_from(signals, replace(settings, decimate=True)) for signals in self.recordings
-        ]
+        decimated = replace(settings, decimate=True)
+        processed = [samples_from(signals, decimated) for signals in self.recordings]
         inertias = None
         if LOAD in columns.extras:
-            inertias = load_inertias(self.base.model, processed, EXTRA_WIDTH)
+            if self._load is None or self._load[0] != settings:
+                found = load_inertias(self.base.model, processed, EXTRA_WIDTH)
+                self._load = (settings, found)
+            inertias = self._load[1]
         labels = [self._labels(samples, k) for k, samples in enumerate(processed)]
+        if late_s:
+            moved = [_moved(s, late_s, settings.period_s is not None) for s in self.recordings]
+            processed = [samples_from(signals, decimated) for signals in moved]
         groups = np.concatenate(labels, axis=1)
         if not groups[:-1].any():
             raise InputError(
@@ -333,10 +358,15 @@ class ScoreSearch:
         return self.errors_of(blocks, self.picks(choices), weights, prior)
 
     def errors_of(
-        self, blocks: CandidateBlocks, picks: tuple[Pick, ...], weights: Array, prior: float
+        self,
+        blocks: CandidateBlocks,
+        picks: tuple[Pick, ...],
+        weights: Array,
+        prior: float,
+        columns: CandidateColumns | None = None,
     ) -> Scores:
-        """Left-out errors of the columns that are picked."""
-        shrinkage, positive = self.prior.times(prior * blocks.rows), self.positive(picks)
+        """Left-out errors of the columns that are picked, see `positive`."""
+        shrinkage, positive = self.prior.times(prior * blocks.rows), self.positive(picks, columns)
         errors: list[Array] = []
         rows: list[Array] = []
         for whole, counted in blocks.parts:

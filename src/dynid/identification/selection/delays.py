@@ -1,0 +1,311 @@
+"""How much later each joint's torque was recorded than the motion.
+
+A delay and friction that builds up over a displacement look alike where a joint turns back, and
+not elsewhere. So a delay is measured beside all friction that is known, at once and without a
+choice; and when friction is chosen, measured again with the displacement, of which the best one is
+taken for each delay. Then the motion is moved by parts of a sample and the torque by whole ones:
+the motion is smooth between samples, the torque of friction is not.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dynid.core import Array, Indices, Mask
+from dynid.identification.selection.columns import LOAD, WIDTHS, CandidateColumns, JointChoice
+from dynid.identification.selection.gram import RIDGE, GramBlocks, joint_weights
+from dynid.identification.selection.scoring import (
+    LEAST_GAIN,
+    PRIOR_OF_PLAIN,
+    Scores,
+    ScoreSearch,
+)
+from dynid.signals import ProcessingSettings
+
+LONGEST_DELAY_S = 0.08
+DELAY_STEP_S, FINE_STEP_S = 0.008, 0.002
+"""Between delays that are tried, and between those beside the best where the rate allows."""
+CERTAIN = 4.0
+"""Size of a delay over its standard deviation from which it is taken in any case."""
+AWAY_S = 0.012
+"""How far from what was measured a delay is looked for again."""
+FINER = tuple(3.0 ** (k / 5) for k in range(-2, 3))
+"""Displacements that are tried about each of `DISPLACEMENTS`, over it."""
+FINEST = tuple(1.09**k for k in range(-4, 5))
+"""Those that are tried about the best of them, over it."""
+WEIGHTINGS, SWEEPS = 2, 12
+"""Weights from the errors of the fit, and each time all joints in turn, at most so often."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Delays:
+    """How much later torques were recorded than the motion."""
+
+    taken_s: tuple[float, ...] | None = None
+    """(n) delays that pay, 0 for the others; None where none does [s]."""
+    std_s: tuple[float, ...] | None = None
+    """(n) their standard deviations, from leaving parts out; None where none was measured [s]."""
+
+
+Options = Sequence[tuple[int, ...]]
+"""Columns that may stand for the friction of a joint, one choice each."""
+
+
+def measured_delays(search: ScoreSearch, settings: ProcessingSettings) -> Delays:
+    """Measure each joint's delay.
+
+    A delay is taken that is sure from leaving parts out, or that lowers the errors on these by
+    more than their standard error, on every partition: so many columns foretell parts left out
+    poorly.
+
+    Args:
+        search: The recordings.
+        settings: Without delays.
+    """
+    smooth = settings.torque_filter
+    if smooth is not None and smooth.cutoff_hz * LONGEST_DELAY_S < 0.5:
+        # The filter has spread every reversal over more time than any delay.
+        return Delays()
+    rate, n, extras = search.recordings[0].rate_hz, search.robot.joints, search.columns.extras
+    columns = replace(search.columns, extras=tuple(term for term in extras if term != LOAD))
+    places = [tuple(range(len(columns.positive)))] * n
+    options, every = [[place] for place in places], np.ones(n)
+    sums = _DelayedSums.of(search, settings, columns, 0.0 * every, LONGEST_DELAY_S, DELAY_STEP_S)
+    found, _ = sums.best(search, options, [0] * n)
+    sums = _DelayedSums.of(search, settings, columns, found, 2 * DELAY_STEP_S, FINE_STEP_S)
+    found, _ = sums.best(search, options, [0] * n)
+    each = np.array([part.best(search, options, [0] * n)[0] for part in sums.without_parts()])
+    std = np.sqrt((len(each) - 1) * each.var(axis=0))
+    near = np.where(np.abs(found) < LONGEST_DELAY_S, np.round(found * rate) / rate, 0.0)
+    taken = _taken(search, settings, columns, places, near, np.abs(found) < CERTAIN * std)
+    late = tuple(np.where(taken, found, 0.0).tolist()) if any(taken) else None
+    return Delays(taken_s=late, std_s=tuple(std.tolist()))
+
+
+def refined_delays(
+    search: ScoreSearch, settings: ProcessingSettings, choices: tuple[JointChoice, ...]
+) -> tuple[float, ...] | None:
+    """The delays of the settings, measured again beside the friction that was chosen.
+
+    With each displacement of a joint whose friction builds up, and with load friction: a
+    displacement that is a little off looks like a delay, and so does what it leaves.
+    """
+    if settings.delays_s is None:
+        return None
+    late, plain = np.array(settings.delays_s), replace(settings, delays_s=None)
+    over = tuple(d * f for d in search.columns.displacements for f in FINER)
+    columns = replace(search.columns, displacements=over)
+    first, load = len(WIDTHS), frozenset(k for k, t in enumerate(columns.extras) if t == LOAD)
+    steps = [
+        choice.width
+        if choice.displacement is None
+        else first + len(FINER) * choice.displacement + len(FINER) // 2
+        for choice in choices
+    ]
+    late_joints = late != 0
+    builds_up = [bool(by) and step >= first for by, step in zip(late_joints, steps, strict=True)]
+
+    def again(near: Array, reach_s: float) -> tuple[Array, list[int]]:
+        """The delays, and the steps of friction that go with them."""
+        every = range(first, columns.steps)
+        tried = [every if free else (now,) for free, now in zip(builds_up, steps, strict=True)]
+        options = [
+            [
+                columns.places(j, step, choice.terms | load if free else choice.terms)
+                for step in mine
+            ]
+            for j, (choice, mine, free) in enumerate(zip(choices, tried, builds_up, strict=True))
+        ]
+        start = [mine.index(now) for mine, now in zip(tried, steps, strict=True)]
+        sums = _DelayedSums.of(
+            search, plain, columns, near, reach_s, FINE_STEP_S, late_joints, parted=True
+        )
+        found, chosen = sums.best(search, options, start)
+        return found, [mine[k] for mine, k in zip(tried, chosen, strict=True)]
+
+    near, steps = again(late, AWAY_S)
+    if any(builds_up):
+        # Beside each joint's own displacement.
+        lengths = [over[step - first] if step >= first else 1.0 for step in steps]
+        columns = replace(columns, displacements=FINEST, unit=columns.unit * np.array(lengths))
+        steps = [first + len(FINEST) // 2 if step >= first else step for step in steps]
+        near, _ = again(near, AWAY_S / 2)
+    return tuple(np.round(near, 4).tolist())
+
+
+def _taken(
+    search: ScoreSearch,
+    settings: ProcessingSettings,
+    columns: CandidateColumns,
+    places: list[tuple[int, ...]],
+    near: Array,
+    unsure: Mask,
+) -> list[int]:
+    """1 for each joint whose delay (n) near [s] is sure or pays on parts left out, else 0."""
+    blocks = search.summed(settings, columns, np.stack([np.zeros(len(near)), near]))
+    prior = search.prior.times(PRIOR_OF_PLAIN)
+
+    def scored(which: list[int]) -> Scores:
+        picks = search.picks_at(places, columns, which)
+        weights = joint_weights(blocks.all, picks, prior, search.positive(picks, columns))
+        return search.errors_of(blocks, picks, weights, PRIOR_OF_PLAIN, columns)
+
+    taken: list[int] = (near != 0).astype(int).tolist()
+    for j in np.argsort(np.abs(near)):
+        if taken[j]:
+            without = [*taken[:j], 0, *taken[j + 1 :]]
+            gains = scored(taken).gains(scored(without))
+            if unsure[j] and min(gain - error for gain, error in gains) < LEAST_GAIN:
+                taken = without
+    return taken
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _DelayedSums:
+    """Sums with the torques moved by whole samples and the motion by parts of one."""
+
+    columns: CandidateColumns
+    near: Array
+    """(n) delays about which others are tried, whole samples [s]."""
+    whole: Array
+    """(V) added to them by moving the torques [s]."""
+    parts: Array
+    """(F) added by moving the motion, less than one of these steps [s]."""
+    free: Mask
+    """(n) joints whose delay is looked for; that of the others stays."""
+    blocks: tuple[GramBlocks, ...]
+    """(F)"""
+    left_out: tuple[GramBlocks, ...]
+    """(F) a cell a region of the workspace or stretch of time."""
+
+    @staticmethod
+    def of(
+        search: ScoreSearch,
+        settings: ProcessingSettings,
+        columns: CandidateColumns,
+        near: Array,
+        reach_s: float,
+        step_s: float,
+        free: Mask | None = None,
+        *,
+        parted: bool = False,
+    ) -> "_DelayedSums":
+        """The sums about delays (n), as far as so much away, in such steps [s].
+
+        Joints that are not free keep theirs; all are by default.
+        """
+        rate = search.recordings[0].rate_hz
+        step = max(1, round(step_s * rate)) / rate
+        count = max(2, round(reach_s / step))
+        near = np.round(near * rate) / rate
+        whole = np.arange(-count, count + 1) * step
+        shares = max(1, round(step / step_s)) if parted else 1
+        parts = step / shares * (np.arange(shares) - shares // 2)
+        free = np.ones(len(near), dtype=bool) if free is None else free
+        versions = near + whole[:, None] * free
+        sums = [search.summed(settings, columns, versions, part) for part in parts.tolist()]
+        return _DelayedSums(
+            columns=columns,
+            near=near,
+            whole=np.asarray(whole, dtype=np.float64),
+            parts=np.asarray(parts, dtype=np.float64),
+            free=free,
+            blocks=tuple(each.all for each in sums),
+            left_out=tuple(each.parts[0][0] for each in sums),
+        )
+
+    def without_parts(self) -> "Iterator[_DelayedSums]":
+        """The sums of all parts of the recordings but one, in turn."""
+        cells: Indices = np.arange(int(self.left_out[0].rows.shape[1]))
+        for cell in cells:
+            groups = np.where(cells == cell, -1, 0)
+            yield replace(self, blocks=tuple(each.merged(groups) for each in self.left_out))
+
+    def best(
+        self, search: ScoreSearch, options: Sequence[Options], start: Sequence[int]
+    ) -> tuple[Array, list[int]]:
+        """(n) delays that fit best, and which of each joint's options does, beginning at some.
+
+        One joint at a time, all of its delays and options; before that all joints together.
+        """
+        rank = search.base.rank
+        first, middle = rank + len(self.columns.positive), len(self.blocks) // 2
+        joints = [
+            _eliminated([sums.products[j].sum(axis=0) for sums in self.blocks], own, rank, first)
+            for j, own in enumerate(options)
+        ]
+        shrinkage = search.prior.times(PRIOR_OF_PLAIN)
+        prior = shrinkage.times(float(self.blocks[0].rows.sum(axis=1).mean()))
+        known = prior.precision @ prior.mean
+        states = [(k, middle, len(self.whole) // 2) for k in start]
+        found = self.near.copy()
+        tried = (self.whole[:, None] + self.parts).ravel()
+        for _ in range(WEIGHTINGS):
+            places = [own[k] for own, (k, _, _) in zip(options, states, strict=True)]
+            picks = search.picks_at(places, self.columns, [version for *_, version in states])
+            positive = search.positive(picks, self.columns)
+            squares = np.square(joint_weights(self.blocks[middle], picks, shrinkage, positive))
+            weighted = [square * joint for square, joint in zip(squares, joints, strict=True)]
+            every = np.sum([weighted[j][k, middle] for j, (k, *_) in enumerate(states)], axis=0)
+            version = int(np.argmin(_costs(every, prior.precision, known)))
+            states = [(k, middle, version) for k, *_ in states]
+            for _ in range(SWEEPS):
+                before = list(states)
+                for j in np.flatnonzero(self.free):
+                    matrix, vector = prior.precision.copy(), known.copy()
+                    for i, (k, part, version) in enumerate(states):
+                        if i != j:
+                            matrix += weighted[i][k, part, :rank, :rank]
+                            vector += weighted[i][k, part, :rank, rank + version]
+                    costs = _costs(weighted[j], matrix, vector)
+                    k, part, version = np.unravel_index(int(np.argmin(costs)), costs.shape)
+                    states[j] = (int(k), int(part), int(version))
+                    # From the earliest delay to the latest.
+                    found[j] = self.near[j] + _lowest(tried, costs.min(axis=0).T.ravel())
+                if states == before:
+                    break
+        return found, [k for k, *_ in states]
+
+
+def _eliminated(products: Sequence[Array], options: Options, rank: int, first: int) -> Array:
+    """(S, F, r + V, r + V) a joint's products of shared columns (r) and torques (V).
+
+    What the columns (S) of its own friction explain of them is taken away, in each of its sums of
+    products (F).
+    """
+    shared = np.delete(np.arange(len(products[0])), np.arange(rank, first))
+    left, base = np.empty((len(options), len(products), *2 * shared.shape)), np.arange(rank)
+    for k, option in enumerate(options):
+        own = rank + np.array(option, dtype=np.intp)
+        for f, product in enumerate(products):
+            scale = np.sqrt(np.maximum(np.diagonal(product)[own], 1e-300))
+            cross = product[np.ix_(own, shared)] / scale[:, None]
+            square = product[np.ix_(own, own)] / np.outer(scale, scale) + RIDGE * np.eye(len(own))
+            left[k, f] = product[np.ix_(shared, shared)] - cross.T @ np.linalg.solve(square, cross)
+            left[k, f, base, base] += RIDGE * np.diagonal(product)[:rank]
+    return left
+
+
+def _costs(products: Array, matrix: Array, vector: Array) -> Array:
+    """(..., V) squared errors that the best shared parameters leave of each torque.
+
+    Of products (..., r + V, r + V), to which other joints and the prior add a matrix (r, r) and a
+    vector (r).
+    """
+    rank = len(vector)
+    square, target = products[..., :rank, :rank] + matrix, products[..., :rank, rank:]
+    energy = np.diagonal(products, axis1=-2, axis2=-1)[..., rank:]
+    scale = np.sqrt(np.maximum(np.diagonal(square, axis1=-2, axis2=-1), 1e-300))
+    square = square / (scale[..., :, None] * scale[..., None, :])
+    target = (target + vector[:, None]) / scale[..., None]
+    return energy - (target * np.linalg.solve(square, target)).sum(axis=-2)
+
+
+def _lowest(delays: Array, costs: Array) -> float:
+    """The vertex of the parabola through the lowest of the costs of delays in even steps."""
+    k = int(np.clip(np.argmin(costs), 1, len(costs) - 2))
+    left, middle, right = costs[k - 1 : k + 2]
+    bend = max(float(left - 2.0 * middle + right), 1e-300)
+    between = float(np.clip(0.5 * (left - right) / bend, -0.5, 0.5))
+    return float(delays[k] + between * (delays[1] - delays[0]))
