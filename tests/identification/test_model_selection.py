@@ -103,6 +103,7 @@ def test_a_joint_that_slides_tries_its_own_widths_and_displacements() -> None:
         extras=(),
         stribeck_velocity=0.1,
         levers=np.array([1.0, LEVER]),
+        unit=np.array([1.0, LEVER]),
         displacements=DISPLACEMENTS,
     )
     dq, states = np.linspace(-1, 1, 21), np.zeros((len(DISPLACEMENTS), 21))

@@ -180,6 +180,8 @@ def test_delays_have_deviations() -> None:
         ("ur3", 1012, 250.0, 20.0, 1, 0.0425, False),
         # Beside a displacement that lies between those that are tried.
         ("ur10e", 2006, 125.0, 30.0, 5, 0.0247, True),
+        # Told by a displacement that is looked for anew at each delay.
+        ("ur5", 2035, 125.0, 30.0, 1, 0.045, True),
     ],
 )
 def test_a_sure_delay_is_taken(

@@ -36,6 +36,8 @@ FINEST = tuple(1.09**k for k in range(-4, 5))
 """Those that are tried about the best of them, over it."""
 WEIGHTINGS, SWEEPS = 2, 12
 """Weights from the errors of the fit, and each time all joints in turn, at most so often."""
+UNSEEN = 1e-12
+"""Of unit columns: for parameters that no row shows, those of a joint at rest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -297,7 +299,7 @@ def _costs(products: Array, matrix: Array, vector: Array) -> Array:
     square, target = products[..., :rank, :rank] + matrix, products[..., :rank, rank:]
     energy = np.diagonal(products, axis1=-2, axis2=-1)[..., rank:]
     scale = np.sqrt(np.maximum(np.diagonal(square, axis1=-2, axis2=-1), 1e-300))
-    square = square / (scale[..., :, None] * scale[..., None, :])
+    square = square / (scale[..., :, None] * scale[..., None, :]) + UNSEEN * np.eye(rank)
     target = (target + vector[:, None]) / scale[..., None]
     return energy - (target * np.linalg.solve(square, target)).sum(axis=-2)
 
