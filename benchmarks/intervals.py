@@ -140,7 +140,7 @@ class LateJoint:
     real: Plant
     path: Motion
     fine: Motion
-    """The same motion in steps of 0.25 ms: what is late was a torque between two samples."""
+    """The same motion at `FINE_HZ`: a late torque is one between two samples."""
     joint: int
     """From 0."""
     late_s: float
@@ -169,8 +169,8 @@ def delay(_: str, seed: int) -> tuple[str, dict[str, Array]]:
     real, path, joint, late, draw = case.real, case.path, case.joint, case.late_s, case.draw
     told, rate = real.robot, round(1 / float(path.t[1]))
     n = told.joints
-    fine, slow = case.fine, real.torque(path.q, path.dq, path.ddq)
-    rigid = CubicSpline(path.t, slow)(fine.t)
+    fine, sampled = case.fine, real.torque(path.q, path.dq, path.ddq)
+    rigid = CubicSpline(path.t, sampled)(fine.t)
     whole = rigid + real.friction(fine.dq, rigid, float(fine.t[1]))
     torque = whole[:: round(len(fine.t) / len(path.t))]
     torque[:, joint] = np.interp(path.t - late, fine.t, whole[:, joint])

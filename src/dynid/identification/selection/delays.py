@@ -3,7 +3,7 @@
 A delay and friction that builds up over a displacement look alike where a joint turns back, and
 not elsewhere. So a delay is measured beside all friction that is known, at once and without a
 choice; and when friction is chosen, measured again with the displacement, of which the best one is
-taken for each delay. Then the motion is moved by parts of a sample and the torque by whole ones:
+taken for each delay. Then the motion is moved by fractions of a sample, the torque by whole ones:
 the motion is smooth between samples, the torque of friction is not.
 """
 
@@ -72,8 +72,8 @@ def measured_delays(search: ScoreSearch, settings: ProcessingSettings) -> Delays
     rate, n, extras = search.recordings[0].rate_hz, search.robot.joints, search.columns.extras
     columns = replace(search.columns, extras=tuple(term for term in extras if term != LOAD))
     places = [tuple(range(len(columns.positive)))] * n
-    options, every = [[place] for place in places], np.ones(n)
-    sums = _DelayedSums.of(search, settings, columns, 0.0 * every, LONGEST_DELAY_S, DELAY_STEP_S)
+    options = [[place] for place in places]
+    sums = _DelayedSums.of(search, settings, columns, np.zeros(n), LONGEST_DELAY_S, DELAY_STEP_S)
     found, _ = sums.best(search, options, [0] * n)
     sums = _DelayedSums.of(search, settings, columns, found, 2 * DELAY_STEP_S, FINE_STEP_S)
     found, _ = sums.best(search, options, [0] * n)
@@ -121,7 +121,7 @@ def refined_delays(
         ]
         start = [mine.index(now) for mine, now in zip(tried, steps, strict=True)]
         sums = _DelayedSums.of(
-            search, plain, columns, near, reach_s, FINE_STEP_S, late_joints, parted=True
+            search, plain, columns, near, reach_s, FINE_STEP_S, late_joints, between=True
         )
         found, chosen = sums.best(search, options, start)
         return found, [mine[k] for mine, k in zip(tried, chosen, strict=True)]
@@ -165,14 +165,14 @@ def _taken(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _DelayedSums:
-    """Sums with the torques moved by whole samples and the motion by parts of one."""
+    """Sums with the torques moved by whole samples and the motion by fractions of one."""
 
     columns: CandidateColumns
     near: Array
     """(n) delays about which others are tried, whole samples [s]."""
     whole: Array
     """(V) added to them by moving the torques [s]."""
-    parts: Array
+    fractions: Array
     """(F) added by moving the motion, less than one of these steps [s]."""
     free: Mask
     """(n) joints whose delay is looked for; that of the others stays."""
@@ -191,27 +191,28 @@ class _DelayedSums:
         step_s: float,
         free: Mask | None = None,
         *,
-        parted: bool = False,
+        between: bool = False,
     ) -> "_DelayedSums":
         """The sums about delays (n), as far as so much away, in such steps [s].
 
-        Joints that are not free keep theirs; all are by default.
+        Joints that are not free keep theirs; all are by default. `between` samples: with motions
+        moved by fractions of a step.
         """
         rate = search.recordings[0].rate_hz
         step = max(1, round(step_s * rate)) / rate
         count = max(2, round(reach_s / step))
         near = np.round(near * rate) / rate
         whole = np.arange(-count, count + 1) * step
-        shares = max(1, round(step / step_s)) if parted else 1
-        parts = step / shares * (np.arange(shares) - shares // 2)
+        shares = max(1, round(step / step_s)) if between else 1
+        fractions = step / shares * (np.arange(shares) - shares // 2)
         free = np.ones(len(near), dtype=bool) if free is None else free
         versions = near + whole[:, None] * free
-        sums = [search.summed(settings, columns, versions, part) for part in parts.tolist()]
+        sums = [search.summed(settings, columns, versions, by) for by in fractions.tolist()]
         return _DelayedSums(
             columns=columns,
             near=near,
             whole=np.asarray(whole, dtype=np.float64),
-            parts=np.asarray(parts, dtype=np.float64),
+            fractions=np.asarray(fractions, dtype=np.float64),
             free=free,
             blocks=tuple(each.all for each in sums),
             left_out=tuple(each.parts[0][0] for each in sums),
@@ -242,7 +243,7 @@ class _DelayedSums:
         known = prior.precision @ prior.mean
         states = [(k, middle, len(self.whole) // 2) for k in start]
         found = self.near.copy()
-        tried = (self.whole[:, None] + self.parts).ravel()
+        tried = (self.whole[:, None] + self.fractions).ravel()
         for _ in range(WEIGHTINGS):
             places = [own[k] for own, (k, _, _) in zip(options, states, strict=True)]
             picks = search.picks_at(places, self.columns, [version for *_, version in states])
@@ -256,13 +257,13 @@ class _DelayedSums:
                 before = list(states)
                 for j in np.flatnonzero(self.free):
                     matrix, vector = prior.precision.copy(), known.copy()
-                    for i, (k, part, version) in enumerate(states):
+                    for i, (k, fraction, version) in enumerate(states):
                         if i != j:
-                            matrix += weighted[i][k, part, :rank, :rank]
-                            vector += weighted[i][k, part, :rank, rank + version]
+                            matrix += weighted[i][k, fraction, :rank, :rank]
+                            vector += weighted[i][k, fraction, :rank, rank + version]
                     costs = _costs(weighted[j], matrix, vector)
-                    k, part, version = np.unravel_index(int(np.argmin(costs)), costs.shape)
-                    states[j] = (int(k), int(part), int(version))
+                    k, fraction, version = np.unravel_index(int(np.argmin(costs)), costs.shape)
+                    states[j] = (int(k), int(fraction), int(version))
                     # From the earliest delay to the latest.
                     found[j] = self.near[j] + _lowest(tried, costs.min(axis=0).T.ravel())
                 if states == before:
