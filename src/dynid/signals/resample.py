@@ -171,10 +171,17 @@ def find_period(q: Array, rate_hz: float) -> float | None:
     return float(first / rate_hz)
 
 
+FORGOTTEN = 0.06
+"""Friction knows nothing of what was before a movement so long: three times the longest
+displacement over which it may build up [rad or m]."""
+
+
 def fold_periods(signals: UniformSignals, period_s: float) -> UniformSignals:
     """Average whole repetitions into one period; their scatter is the noise of the torque.
 
-    What lies in gaps does not count; where every repetition has a gap, nothing is valid.
+    What lies in gaps does not count; where every repetition has a gap, nothing is valid. Nor does
+    the torque of a joint at the beginning, until it has moved by `FORGOTTEN` or half as far as it
+    ever does, where another repetition shows it: friction there depends on what was before.
 
     Raises:
         InputError: The period is not a whole number of samples (to 1e-3 of one, or to 1e-6 of
@@ -196,13 +203,18 @@ def fold_periods(signals: UniformSignals, period_s: float) -> UniformSignals:
     def mean(values: Array) -> Array:
         return (_stacked(values, repetitions, length) * weights).sum(axis=0)
 
-    noise = signals.noise
-    torque = mean(signals.torque)
-    freedom = np.maximum(total - 1, 0).sum()
-    if freedom > 0:
-        errors = counts * (_stacked(signals.torque, repetitions, length) - torque)
+    torques = _stacked(signals.torque, repetitions, length)
+    known = np.repeat(counts, torques.shape[2], axis=2)
+    away = np.maximum.accumulate(np.abs(signals.q[:length] - signals.q[0]), axis=0)
+    settled = away >= np.minimum(FORGOTTEN, away[-1] / 2)
+    known[0] *= settled | (known[1:].sum(axis=0) == 0)
+    many = known.sum(axis=0)
+    torque = (torques * np.where(many > 0, known / np.maximum(many, 1), weights)).sum(axis=0)
+    noise, freedom = signals.noise, np.maximum(many - 1, 0).sum(axis=0)
+    if freedom.all():
+        errors = known * (torques - torque)
         # The mean of R repetitions is less noisy than each by 1/sqrt(R).
-        noise = np.sqrt(np.square(errors).sum(axis=(0, 1)) / freedom / total.mean())
+        noise = np.sqrt(np.square(errors).sum(axis=(0, 1)) / freedom / many.mean(axis=0))
     return replace(
         signals,
         t=signals.t[:length],
