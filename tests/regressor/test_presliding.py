@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -89,9 +91,10 @@ def test_a_period_begins_as_it_ends() -> None:
 def test_the_model_puts_it_in_place_of_the_step() -> None:
     robot = load_robot("ur5")
     load = LoadFriction(joints=(1,), parameters=(1.0,) * 60)
-    friction = FrictionTerms(presliding=(0.0, OVER, 0.0, 0.0, 0.0, OVER), load=load, width=0.0)
+    given = FrictionTerms(terms=(("fc", None), ("fv", None), ("fs", (1,))), load=load, width=0.0)
+    friction = replace(given, presliding=(0.0, OVER, 0.0, 0.0, 0.0, OVER))
     model = InverseDynamicModel(robot=robot, friction=friction)
-    plain = InverseDynamicModel(robot=robot, friction=FrictionTerms(load=load, width=0.0))
+    plain = InverseDynamicModel(robot=robot, friction=given)
     t = np.linspace(0, 1, 300)[:, None]
     q = 0.1 * np.sin(9 * t + np.arange(6))
     dq, ddq = 0.9 * np.cos(9 * t + np.arange(6)), -8.1 * np.sin(9 * t + np.arange(6))
@@ -104,10 +107,12 @@ def test_the_model_puts_it_in_place_of_the_step() -> None:
     own = friction_state(q.T[[1, 5]], np.array([OVER, OVER]))
     np.testing.assert_array_equal(with_it[names.index("Fc2"), 1], own[0])
     np.testing.assert_array_equal(with_it[names.index("Fc6"), 5], own[1])
+    rest = np.exp(-np.square(dq[:, 1] / given.stribeck_velocity))
+    np.testing.assert_allclose(with_it[names.index("Fs2"), 1], rest * own[0], rtol=1e-12)
     size = np.abs(without[names.index("Fl2"), 1])
     carried = np.abs(with_it[names.index("Fl2"), 1])
     np.testing.assert_allclose(carried, size * np.abs(own[0]), rtol=1e-9, atol=1e-9)
-    for name in ("Fc2", "Fc6", "Fl2"):
+    for name in ("Fc2", "Fc6", "Fs2", "Fl2"):
         with_it[names.index(name)] = without[names.index(name)]
     np.testing.assert_array_equal(with_it, without)
     p = np.random.default_rng(0).normal(size=len(names))

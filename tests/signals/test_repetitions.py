@@ -176,6 +176,30 @@ def test_what_lies_in_a_gap_does_not_count() -> None:
     np.testing.assert_allclose(one.noise, 0.3 / np.sqrt(3), rtol=0.1, atol=0)
 
 
+def test_friction_from_before_the_first_repetition_does_not_count() -> None:
+    whole = _repeated(3)
+    q = 0.2 * whole.q
+    q[:, 1] = q[0, 1]
+    away = np.abs(q - q[0])
+    # Joint 1 moves by enough, joint 2 never does, joint 3 by 0.04 in all.
+    q[:, 2] = q[0, 2] + 0.04 * (q[:, 2] - q[0, 2]) / away[:, 2].max()
+    other = np.zeros_like(whole.torque)
+    first = np.argmax(np.abs(q - q[0]) >= np.array([0.06, np.inf, 0.02]), axis=0)
+    assert 0 < first[0] < first[2] < LENGTH
+    for joint in (0, 2):
+        other[: first[joint], joint] = 3.0
+    whole = replace(whole, q=q)
+    one = fold_periods(replace(whole, torque=whole.torque + other), 5.0)
+    np.testing.assert_allclose(one.torque, whole.torque[:LENGTH], rtol=0, atol=EXACT * 100)
+    assert one.noise is not None
+    assert (one.noise < EXACT * 100).all()
+    # Where the other repetitions have gaps, it is all that is known.
+    torn = replace(whole, valid=np.where(np.arange(3 * LENGTH) % LENGTH < 2, 0.0, 1.0))
+    torn.valid[:2] = 1.0
+    one = fold_periods(replace(torn, torque=whole.torque + other), 5.0)
+    np.testing.assert_allclose(one.torque[:2, 0], whole.torque[:2, 0] + 3, rtol=0, atol=1e-9)
+
+
 def test_where_every_repetition_has_a_gap_nothing_is_valid() -> None:
     whole = _repeated(2)
     torn = replace(whole, valid=np.where(np.arange(2 * LENGTH) % LENGTH < 20, 0.0, 1.0))

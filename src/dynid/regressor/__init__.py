@@ -20,6 +20,7 @@ from dynid.regressor.terms import (
     friction_state,
     parse_terms,
     ripples_from_json,
+    stribeck,
     terms_from_json,
 )
 
@@ -46,6 +47,7 @@ __all__ = [
     "regressor_pullback",
     "ripples_from_json",
     "smooth_sign",
+    "stribeck",
     "terms_from_json",
     "torque_adjoint",
     "turns",

@@ -18,6 +18,7 @@ from dynid.regressor.terms import (
     Width,
     smooth_sign,
     smooth_slope,
+    stribeck,
 )
 from dynid.robot import RobotModel
 
@@ -64,13 +65,13 @@ class ColumnBlock(ABC):
         out += np.tensordot(parameters, columns, axes=1)
 
 
-def _bell(shape: FrictionTerms, dq: Array) -> Array:
-    return np.exp(-np.square(dq / shape.stribeck_velocity))
+def _stribeck(shape: FrictionTerms, dq: Array) -> Array:
+    return stribeck(dq, shape.stribeck_velocity) * smooth_sign(dq, shape.width)
 
 
-def _bell_slope(shape: FrictionTerms, dq: Array) -> Array:
+def _stribeck_slope(shape: FrictionTerms, dq: Array) -> Array:
     fall = 2.0 * dq / shape.stribeck_velocity**2 * smooth_sign(dq, shape.width)
-    return _bell(shape, dq) * (smooth_slope(dq, shape.width) - fall)
+    return stribeck(dq, shape.stribeck_velocity) * (smooth_slope(dq, shape.width) - fall)
 
 
 def _root_slope(_shape: FrictionTerms, dq: Array) -> Array:
@@ -106,7 +107,7 @@ JOINT_TERMS = {
         lambda s, v: np.sign(v) * smooth_slope(v, s.width),
     ),
     "fva": JointTerm("Fva", 1, lambda _, v, __: np.abs(v), lambda _, v: np.sign(v)),
-    "fs": JointTerm("Fs", 0, lambda s, v, _: _bell(s, v) * smooth_sign(v, s.width), _bell_slope),
+    "fs": JointTerm("Fs", 0, lambda s, v, _: _stribeck(s, v), _stribeck_slope),
     "fr": JointTerm("Fr", -3, lambda _, v, __: np.cbrt(v), _root_slope),
 }
 """Coulomb friction as a step of given width, viscous, reflected motor inertia, a constant,

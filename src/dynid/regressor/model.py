@@ -16,7 +16,7 @@ from dynid.regressor.inertial import (
     torque_kernel,
     turns,
 )
-from dynid.regressor.terms import FrictionTerms, friction_state
+from dynid.regressor.terms import FrictionTerms, friction_state, stribeck
 from dynid.robot import RobotModel
 
 INERTIAL = ("m", "mx", "my", "mz", "Jxx", "Jyy", "Jzz", "Jyz", "Jxz", "Jxy")
@@ -144,9 +144,12 @@ class InverseDynamicModel:
         self.fill_beside(velocity, acceleration, out[first:])
         first += sum(self.counts)
         before = () if state is None else self._presliding()
-        for j, name in ((j, f"Fc{j + 1}") for j in before):
-            if state is not None and name in self.names:
-                out[self.names.index(name), j] = state[j]
+        if state is not None:
+            rest = stribeck(velocity, self.friction.stribeck_velocity)
+            for j in before:
+                for name, share in ((f"Fc{j + 1}", 1.0), (f"Fs{j + 1}", rest[j])):
+                    if name in self.names:
+                        out[self.names.index(name), j] = share * state[j]
         load = self.friction.load
         if load is not None:
             carried = np.tensordot(np.array(load.parameters), out[: 10 * robot.joints], axes=1)

@@ -39,6 +39,11 @@ def smooth_slope(dq: Array, width: Width) -> Array:
     return out
 
 
+def stribeck(dq: Array, velocity: float) -> Array:
+    """exp(-(dq / velocity)^2): how much of the breakaway torque is left at a speed."""
+    return np.exp(-np.square(dq / velocity))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadFriction:
     """Which joints have it, and what their load is.
@@ -289,7 +294,8 @@ class FrictionTerms:
     """For the term `fs` [rad/s or m/s]."""
     presliding: tuple[float, ...] = ()
     """Displacement over which each joint's friction builds up [rad or m]; 0 for joints without,
-    none at all for an arm without. Found by an identification, see `presliding.friction_state`."""
+    none at all for an arm without. Coulomb, Stribeck and load friction are then `friction_state`
+    in place of the step. Found by an identification."""
     load: LoadFriction | None = None
     """Friction that grows with the load: found by an identification, not a word of `--terms`."""
     ripples: tuple[TorqueRipple, ...] = ()

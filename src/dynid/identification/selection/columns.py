@@ -18,10 +18,13 @@ from dynid.regressor import (
     LoadFriction,
     friction_state,
     smooth_sign,
+    stribeck,
 )
 from dynid.signals import Samples, joined
 
 LOAD = "fl"
+WITH_STEP = ("fs", LOAD)
+"""Terms that a joint may take whose columns are those of its step times something."""
 WIDTHS = (0.001, 0.003, 0.01, 0.02, 0.04, 0.07, 0.12, 0.2)
 """Widths of the Coulomb step that are tried [rad/s]."""
 DISPLACEMENTS = (2e-4, 6e-4, 2e-3, 6e-3, 2e-2)
@@ -34,7 +37,7 @@ EXTRA_WIDTH = 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CandidateColumns:
-    """One step a width for each stepped term, then the extra terms, load-dependent ones last.
+    """One step a width for each stepped term, then the extra terms, those with one a step last.
 
     Steps of presliding friction stand behind those with a width.
     """
@@ -42,13 +45,15 @@ class CandidateColumns:
     stepped: tuple[tuple[str, tuple[int, ...] | None], ...]
     """Terms with a step that all choices have, and their joints from 0; None for all."""
     extras: tuple[str, ...]
-    """Terms that a joint may take besides; load-dependent friction has the step's width."""
+    """Terms that a joint may take besides; those `with_step` last."""
     stribeck_velocity: float
     """[rad/s or m/s]"""
     levers: Array
     """(n) 1 for joints that turn, `LEVER` for those that slide."""
     displacements: tuple[float, ...] = ()
     """Over which a joint's friction may build up, over `unit`: where any, `fc` alone is stepped."""
+    with_step: tuple[str, ...] = WITH_STEP
+    """Extra terms that have a column a step; of the others each has one."""
     unit: Array
     """(n) [rad or m]"""
 
@@ -76,19 +81,20 @@ class CandidateColumns:
         for term, _ in self.stepped:
             stepped += [*(self._column(term, dq, width) for width in widths), *states]
         within = lever * EXTRA_WIDTH
-        extra = [self._column(term, dq, within) for term in self.extras if term != LOAD]
-        loaded: list[Array] = []
-        if LOAD in self.extras:
-            steps = (*(smooth_sign(dq, width) for width in widths), *states)
-            loaded = [load * step for step in steps]
-        return np.array([*stepped, *extra, *loaded])
+        extra = [self._column(t, dq, within) for t in self.extras if t not in self.with_step]
+        steps = np.array([*(smooth_sign(dq, width) for width in widths), *states])
+        times = {"fs": stribeck(dq, self.stribeck_velocity), LOAD: load}
+        grown = [
+            times[term] * step for term in self.extras if term in self.with_step for step in steps
+        ]
+        return np.array([*stepped, *extra, *grown])
 
     @property
     def positive(self) -> Mask:
         """(c) columns whose parameters cannot be negative."""
         words = [word for word, _ in self.stepped for _ in range(self.steps)]
-        words += [word for word in self.extras if word != LOAD]
-        words += [LOAD for _ in range(self.steps) if LOAD in self.extras]
+        words += [word for word in self.extras if word not in self.with_step]
+        words += [word for word in self.extras if word in self.with_step for _ in range(self.steps)]
         return np.array([word.capitalize() in NOT_NEGATIVE for word in words], dtype=bool)
 
     def places(self, joint: int, step: int, terms: frozenset[int]) -> tuple[int, ...]:
@@ -102,10 +108,11 @@ class CandidateColumns:
             if joints is None or joint in joints
         ]
         first = len(self.stepped) * self.steps
-        return (
-            *steps,
-            *(first + k + (step if self.extras[k] == LOAD else 0) for k in sorted(terms)),
-        )
+        plain = sum(term not in self.with_step for term in self.extras)
+        for k in sorted(terms):
+            behind = (k - plain) * self.steps + step if k >= plain else 0
+            steps.append(first + min(k, plain) + behind)
+        return tuple(steps)
 
     def _column(self, term: str, dq: Array, width: float) -> Array:
         shape = FrictionTerms(width=width, stribeck_velocity=self.stribeck_velocity)
@@ -113,8 +120,8 @@ class CandidateColumns:
         return JointColumns(term=term, shape=shape).values(velocity, velocity)[0]
 
 
-EXTRA_TERMS = ("fo", "fca", "fva", "fs", "fr", LOAD)
-"""Terms that a joint may take beside the paper's; load-dependent friction has the step's width."""
+EXTRA_TERMS = ("fo", "fca", "fva", "fr", *WITH_STEP)
+"""Terms that a joint may take beside the paper's."""
 PLAIN_WIDTH = WIDTHS.index(0.01)
 """Where every joint begins."""
 

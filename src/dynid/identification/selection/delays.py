@@ -4,7 +4,8 @@ A delay and friction that builds up over a displacement look alike where a joint
 not elsewhere. So a delay is measured beside all friction that is known, at once and without a
 choice; and when friction is chosen, measured again with the displacement, of which the best one is
 taken for each delay. Then the motion is moved by fractions of a sample, the torque by whole ones:
-the motion is smooth between samples, the torque of friction is not.
+the motion is smooth between samples, the torque of friction is not. Rows in motion alone tell:
+where a joint comes to rest slowly, a displacement of 1e-6 rad lasts as long as a delay.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,7 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynid.core import Array, Indices, Mask
-from dynid.identification.selection.columns import LOAD, WIDTHS, CandidateColumns, JointChoice
+from dynid.identification.selection.columns import (
+    LOAD,
+    WIDTHS,
+    CandidateColumns,
+    JointChoice,
+)
 from dynid.identification.selection.gram import RIDGE, GramBlocks, joint_weights
 from dynid.identification.selection.scoring import (
     LEAST_GAIN,
@@ -69,8 +75,9 @@ def measured_delays(search: ScoreSearch, settings: ProcessingSettings) -> Delays
     if smooth is not None and smooth.cutoff_hz * LONGEST_DELAY_S < 0.5:
         # The filter has spread every reversal over more time than any delay.
         return Delays()
-    rate, n, extras = search.recordings[0].rate_hz, search.robot.joints, search.columns.extras
-    columns = replace(search.columns, extras=tuple(term for term in extras if term != LOAD))
+    rate, n = search.recordings[0].rate_hz, search.robot.joints
+    extras = tuple(term for term in search.columns.extras if term != LOAD)
+    columns = replace(search.columns, extras=extras, with_step=())
     places = [tuple(range(len(columns.positive)))] * n
     options = [[place] for place in places]
     sums = _DelayedSums.of(search, settings, columns, np.zeros(n), LONGEST_DELAY_S, DELAY_STEP_S)
@@ -90,49 +97,49 @@ def refined_delays(
 ) -> tuple[float, ...] | None:
     """The delays of the settings, measured again beside the friction that was chosen.
 
-    With each displacement of a joint whose friction builds up, and with load friction: a
-    displacement that is a little off looks like a delay, and so does what it leaves.
+    With each step of a late joint, and with load friction: a displacement that is a little off
+    looks like a delay, and so does what it leaves.
     """
     if settings.delays_s is None:
         return None
     late, plain = np.array(settings.delays_s), replace(settings, delays_s=None)
     over = tuple(d * f for d in search.columns.displacements for f in FINER)
     columns = replace(search.columns, displacements=over)
-    first, load = len(WIDTHS), frozenset(k for k, t in enumerate(columns.extras) if t == LOAD)
+    first = len(WIDTHS)
+    load = frozenset(k for k, t in enumerate(columns.extras) if t == LOAD)
     steps = [
         choice.width
         if choice.displacement is None
         else first + len(FINER) * choice.displacement + len(FINER) // 2
         for choice in choices
     ]
-    late_joints = late != 0
-    builds_up = [bool(by) and step >= first for by, step in zip(late_joints, steps, strict=True)]
+    free = late != 0
 
-    def again(near: Array, reach_s: float) -> tuple[Array, list[int]]:
-        """The delays, and the steps of friction that go with them."""
-        every = range(first, columns.steps)
-        tried = [every if free else (now,) for free, now in zip(builds_up, steps, strict=True)]
+    def again(near: Array, reach_s: float, which: Mask, every: range) -> tuple[Array, list[int]]:
+        """The delays, and the steps of friction with them: of `which` joints any of `every`."""
+        tried = [every if by else (now,) for by, now in zip(which, steps, strict=True)]
         options = [
             [
-                columns.places(j, step, choice.terms | load if free else choice.terms)
+                columns.places(j, step, choice.terms | load if free[j] else choice.terms)
                 for step in mine
             ]
-            for j, (choice, mine, free) in enumerate(zip(choices, tried, builds_up, strict=True))
+            for j, (choice, mine) in enumerate(zip(choices, tried, strict=True))
         ]
         start = [mine.index(now) for mine, now in zip(tried, steps, strict=True)]
         sums = _DelayedSums.of(
-            search, plain, columns, near, reach_s, FINE_STEP_S, late_joints, between=True
+            search, plain, columns, near, reach_s, FINE_STEP_S, free, between=True
         )
         found, chosen = sums.best(search, options, start)
         return found, [mine[k] for mine, k in zip(tried, chosen, strict=True)]
 
-    near, steps = again(late, AWAY_S)
-    if any(builds_up):
+    near, steps = again(late, AWAY_S, free, range(columns.steps))
+    finer = free & (np.array(steps) >= first)
+    if finer.any():
         # Beside each joint's own displacement.
         lengths = [over[step - first] if step >= first else 1.0 for step in steps]
         columns = replace(columns, displacements=FINEST, unit=columns.unit * np.array(lengths))
         steps = [first + len(FINEST) // 2 if step >= first else step for step in steps]
-        near, _ = again(near, AWAY_S / 2)
+        near, _ = again(near, AWAY_S / 2, finer, range(first, columns.steps))
     return tuple(np.round(near, 4).tolist())
 
 
@@ -214,8 +221,8 @@ class _DelayedSums:
             whole=np.asarray(whole, dtype=np.float64),
             fractions=np.asarray(fractions, dtype=np.float64),
             free=free,
-            blocks=tuple(each.all for each in sums),
-            left_out=tuple(each.parts[0][0] for each in sums),
+            blocks=tuple(each.counted for each in sums),
+            left_out=tuple(each.parts[0][1] for each in sums),
         )
 
     def without_parts(self) -> "Iterator[_DelayedSums]":

@@ -112,6 +112,8 @@ class CandidateBlocks:
 
     def __init__(self, blocks: GramBlocks, groups: Indices, counted: Indices) -> None:
         self.all = blocks
+        # One cell of the rows that count.
+        self.counted = blocks.merged(counted - 1)
         used = [np.where(counted, group, -1) for group in groups]
         self.parts = [
             (blocks.merged(group), blocks.merged(some))
