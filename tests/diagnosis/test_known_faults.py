@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -62,6 +63,21 @@ def test_a_tilted_base_is_measured(tmp_path: Path, degrees: float) -> None:
     assert found.kind == "mounting"
     value, std = np.degrees([found.value or 0.0, found.std or 0.0])
     assert value == pytest.approx(degrees, abs=max(SIGMAS * std, 0.1))
+
+
+@pytest.mark.parametrize("degrees", [40.0, 130.0])
+def test_a_base_far_from_its_mounting_is_measured_and_its_gravity_is_named(
+    tmp_path: Path, degrees: float
+) -> None:
+    # A coarse direction is found first, and then what it is off by, about another axis.
+    found = next(f for f in faults(tmp_path, Wrong(tilt_deg=degrees)) if f.kind == "mounting")
+    value, std = np.degrees([found.value or 0.0, found.std or 0.0])
+    assert value == pytest.approx(degrees, abs=max(SIGMAS * std, 0.5))
+    named = re.search(r"gravity = \[(.*?)\]", found.next_step)
+    assert named is not None
+    gravity = np.array([float(x) for x in named[1].split(",")])
+    away = np.degrees(np.arccos(-gravity[2] / np.linalg.norm(gravity)))
+    assert away == pytest.approx(degrees, abs=max(SIGMAS * std, 0.5))
 
 
 def test_a_base_on_the_wall_must_not_be_used(tmp_path: Path) -> None:

@@ -31,11 +31,12 @@ def test_a_sound_recording_has_no_findings() -> None:
     assert kept.problems == ()
 
 
-@pytest.mark.parametrize(("quantity", "value"), [("current", 0.0), ("current", 1.5), ("q", 0.2)])
+@pytest.mark.parametrize(("quantity", "value"), [("current", -0.0), ("current", 1.5), ("q", 0.2)])
 def test_dead_channels_are_named_by_joint(quantity: str, value: float) -> None:
     (kept,) = checked_records([damaged(quantity, 1, value)])
     (found,) = kept.problems
     assert (found.kind, found.joints, found.value) == ("dead_channel", (1,), value)
+    assert "is -0" not in found.text
     # Once is enough.
     assert checked_records([kept])[0].problems == (found,)
 

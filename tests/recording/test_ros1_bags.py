@@ -91,6 +91,18 @@ def test_a_bag_that_was_cut_off(tmp_path: Path, compression: str | None) -> None
     np.testing.assert_array_equal(record.signals["q"], motion.position(motion.t)[: record.samples])
 
 
+@pytest.mark.parametrize("compression", [None, "LZ4"])
+def test_a_bag_that_was_cut_off_in_its_only_chunk(tmp_path: Path, compression: str | None) -> None:
+    motion = Motion(samples=1500)
+    path = write_bag(tmp_path / "run.bag", motion, compression=compression)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(0.6 * len(data))])
+    record = read_recording(path)
+    assert [problem.code for problem in record.problems] == ["truncated_file"]
+    assert 700 < record.samples < 1500
+    np.testing.assert_array_equal(record.signals["q"], motion.position(motion.t)[: record.samples])
+
+
 @pytest.mark.parametrize("damages", [25, pytest.param(60, marks=pytest.mark.long)])
 def test_damaged_bags_are_read_or_refused_in_words(damages: int, tmp_path: Path) -> None:
     path = write_bag(tmp_path / "run.bag")

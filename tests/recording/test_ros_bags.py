@@ -286,6 +286,23 @@ def test_cut_bags_give_what_precedes_the_cut(tmp_path: Path, write, share: float
     assert_true_to(record, motion)
 
 
+@pytest.mark.parametrize("compression", ["", "zstd", "lz4"])
+def test_of_the_chunk_that_is_cut_what_is_there_is_read(tmp_path: Path, compression: str) -> None:
+    motion = Motion(samples=50)  # one chunk
+    path = write_mcap(motion, tmp_path / "x.mcap", compression)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(0.8 * len(data))])
+    if compression:
+        # Compressed in one block: nothing of it comes out.
+        with pytest.raises(RecordError, match=r"no message in it can be read.*is cut off"):
+            read_recording(path)
+        return
+    record = read_recording(path)
+    assert codes(record) == ["truncated_file"]
+    assert 25 < record.samples < 50
+    assert_true_to(record, motion)
+
+
 def test_damaged_chunk_is_left_out_and_reported(tmp_path: Path) -> None:
     motion = Motion()
     path = write_mcap(motion, tmp_path / "x.mcap")
@@ -348,3 +365,17 @@ def test_efforts_that_are_not_numbers_are_no_torque(tmp_path: Path) -> None:
     path = write_db3(motion, tmp_path / "bag.db3", stream)
     with pytest.raises(RecordError, match="neither current nor effort"):
         read_recording(path)
+
+
+def test_efforts_that_are_missing_name_the_other_topics(tmp_path: Path) -> None:
+    motion = Motion(samples=60)
+    stream = [
+        (int(s * 1e9), joint_state(int(s * 1e9), UR_JOINTS, motion.position(motion.t)[k], [], []))
+        for k, s in enumerate(motion.t)
+    ]
+    path = write_db3(motion, tmp_path / "bag.db3", stream)
+    add_topic(path, "/driver/states", motion)
+    with pytest.raises(RecordError, match=r"effort.*--topic, of /driver/states") as refused:
+        read_recording(path)
+    assert "current=13:19" not in str(refused.value)
+    assert_true_to(read_recording(path, topic="/driver/states"), motion)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -124,6 +125,22 @@ def test_strangers_are_refused_in_one_message(changes: dict[str, object], word: 
         compare(estimate(), other_model(**changes))
     assert caught.value.exit_code == 2
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("share", "same"), [(1e-8, True), (1e-3, False)])
+def test_a_last_digit_makes_no_other_base_set(share: float, same: bool) -> None:
+    base = estimate()
+    changed = [
+        re.sub(r"(\d+\.\d+)\*", lambda m: f"{float(m[1]) * (1 + share):.10g}*", text)
+        for text in base.expressions
+    ]
+    assert tuple(changed) != base.expressions
+    other = replace(base, expressions=tuple(changed))
+    if same:
+        assert not compare(base, other).z.any()
+        return
+    with pytest.raises(InputError, match="base sets"):
+        compare(base, other)
 
 
 def test_other_base_sets_are_refused() -> None:

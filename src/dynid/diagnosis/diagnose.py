@@ -45,7 +45,7 @@ _STEPS = {
     "accelerations low",
     "link_length": "check the kinematics of the robot file",
     "spring": "add the spring or counterbalance to the robot file",
-    "mounting": "level the base, or write it into the robot file ([mount] gravity)",
+    "mounting": "level the base, or write it into the robot file: [mount] gravity = {gravity}",
     "payload": "remove it, or add it to the last link of the robot file",
     "friction_drift": "move the arm until it is warm, or identify parts with --from and --to",
     "gravity_compensated": "record the whole torque: the controller's gravity has been taken off",
@@ -104,8 +104,9 @@ def diagnose(
         for item in explained.found:
             key = (item.kind, item.joints)
             if key not in best or best[key][0] < item.score:
-                rival = [_as_likely(finding_of(other, robot)) for other in item.rivals[:1]]
-                best[key] = (item.score, [finding_of(item, robot), *rival])
+                undone = explained.reference.recording.robot
+                rival = [_as_likely(finding_of(other, robot, undone)) for other in item.rivals[:1]]
+                best[key] = (item.score, [finding_of(item, robot, undone), *rival])
         others += _signals(record, robot, samples, explained)
     ranked = sorted(best.values(), key=lambda pair: (pair[1][0].severity != "error", -pair[0]))
     kinds = {pair[1][0].kind for pair in ranked}
@@ -145,8 +146,8 @@ def recording_of(robot: RobotModel, samples: Samples) -> Recording:
     )
 
 
-def finding_of(item: Explanation, robot: RobotModel) -> Finding:
-    """An explanation as a finding."""
+def finding_of(item: Explanation, robot: RobotModel, undone: RobotModel) -> Finding:
+    """An explanation as a finding; `undone` is the robot after all that was found."""
     every = len(item.joints) == robot.joints > 1
     names = "all joints" if every else " and ".join(robot.joint_names[j] for j in item.joints)
     value, std = item.value, item.std
@@ -169,7 +170,7 @@ def finding_of(item: Explanation, robot: RobotModel) -> Finding:
         value=1 + value if factor else value,
         std=std,
         unit=item.unit,
-        next_step=_STEPS[item.kind],
+        next_step=_STEPS[item.kind].format(gravity=np.round(undone.gravity, 3).tolist()),
     )
 
 

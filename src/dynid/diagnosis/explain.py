@@ -121,7 +121,7 @@ def _rivals(rec: Recording, paired: list[int]) -> Iterator[WholeSignal]:
         down = np.array(way)
         if not down.any():
             continue
-        angle = float(np.arccos(np.clip(down @ robot.gravity / max(size, 1e-9), -1, 1)))
+        angle = _angle(down, robot.gravity)
         if angle > _LEAST_TURN:
             changed = replace(rec, robot=replace(robot, gravity=size * down))
             yield WholeSignal(
@@ -166,6 +166,11 @@ def _rivals(rec: Recording, paired: list[int]) -> Iterator[WholeSignal]:
 
 def _unit(vector: Array) -> Array:
     return vector / max(float(np.linalg.norm(vector)), 1e-9)
+
+
+def _angle(one: Array, other: Array) -> float:
+    """Between two vectors [rad]."""
+    return float(np.arccos(np.clip(_unit(one) @ _unit(other), -1, 1)))
 
 
 def _turned(rec: Recording, by: dict[int, float]) -> WholeSignal:
@@ -349,6 +354,9 @@ def explain(
     if any(e.kind == "clock_offset" and abs(e.value) < STEP_S / 2 for e in found):
         # Corrected until nothing was left of it: it was none.
         return explain(told, prior, offsets=False)
+    # Turns about several axes do not add up.
+    turn = _angle(told.robot.gravity, ref.recording.robot.gravity)
+    found = [replace(e, value=turn) if e.kind == "mounting" else e for e in found]
     return Explained(found=tuple(found), reference=ref, values=values, left=left)
 
 

@@ -219,7 +219,7 @@ class Estimate:
     def half_width(
         self, q: Array, dq: Array, ddq: Array, state: Array | None = None, *, level: float = 0.9
     ) -> Array:
-        """Half widths (N, n) of the intervals of measured torques [N.m or N].
+        """Half widths (N, n) of the intervals of torques measured on another day [N.m or N].
 
         The motion as for `predict`; the level is the share of torques within, 0.5 to 0.99.
 

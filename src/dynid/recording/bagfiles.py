@@ -5,6 +5,7 @@ by this module: rosbags refuses every file that is cut off. All of 40 cut copies
 recording give their messages here.
 """
 
+import io
 import operator
 import shutil
 import sqlite3
@@ -244,8 +245,10 @@ def mcap_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
     try:
         with path.open("rb") as stream:
             reader = library.StreamReader(stream, emit_chunks=True, record_size_limit=MAX_BYTES)
+            place = len(MCAP_MAGIC)
             with suppress(*failures):
                 for record in reader.records:
+                    place = stream.tell()
                     kind = type(record).__name__
                     ended = ended or kind in ("DataEnd", "Footer")
                     if ended:
@@ -263,6 +266,11 @@ def mcap_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
                         damaged += 1
                         continue
                     yield from state.messages(iter(inner))
+            if not ended:
+                stream.seek(place)
+                with suppress(*failures, InflateError):
+                    inner = _cut_chunk(stream.read(MAX_BYTES), library)
+                    yield from state.messages(inner)
     except OSError as error:
         raise unreadable(path, error) from error
     if damaged:
@@ -271,6 +279,17 @@ def mcap_messages(path: Path, catalog: Catalog) -> Iterator[Message]:
         )
     if not ended:
         catalog.report("truncated_file", f"{path.name} is cut off; what precedes the cut is taken")
+
+
+def _cut_chunk(data: bytes, library: Any) -> Iterator[Any]:
+    """The records of the MCAP chunk in which a file is cut off, of what is there."""
+    if not data.startswith(b"\x06"):
+        return iter(())
+    # Opcode and length, times, size and checksum, before the name of the compression.
+    (named,) = struct.unpack_from("<I", data, 37)
+    packed = data[49 + named :]
+    plain = inflate(packed, data[41 : 41 + named].decode())
+    return iter(library.StreamReader(io.BytesIO(plain), skip_magic=True).records)
 
 
 MAGIC = b"#ROSBAG V2.0\n"
@@ -334,6 +353,8 @@ def _records(stream: BinaryIO, size: int, state: _State) -> Iterator[Message]:
         fields = _fields(header)
         if count > size - stream.tell():
             state.cut = True
+            if fields.get(b"op") == bytes([_CHUNK]):
+                yield from _record(fields, stream.read(), state)
             return
         if fields.get(b"op") == _BAG_HEADER and len(fields.get(b"chunk_count", b"")) == 4:
             (state.expected,) = struct.unpack("<I", fields[b"chunk_count"])
@@ -374,13 +395,16 @@ def _record(fields: dict[bytes, bytes], data: bytes, state: _State) -> Iterator[
 def _chunk(fields: dict[bytes, bytes], data: bytes, state: _State) -> Iterator[Message]:
     (size,) = struct.unpack("<I", fields[b"size"])
     method = fields[b"compression"].decode(errors="replace")
-    data = inflate(data, "" if method == "none" else method, size)
+    # Of the chunk in which the file is cut off, what is there.
+    data = inflate(data, "" if method == "none" else method, None if state.cut else size)
     offset = 0
     while offset + 8 <= len(data):
         (length,) = struct.unpack_from("<I", data, offset)
         header = data[offset + 4 : offset + 4 + length]
         (count,) = struct.unpack_from("<I", data, offset + 4 + length)
         start = offset + 8 + length
+        if start + count > len(data) and state.cut:
+            return
         inner = _fields(header)
         if inner.get(b"op", b"\x00")[0] in (_MESSAGE, _CONNECTION):
             yield from _record(inner, data[start : start + count], state)

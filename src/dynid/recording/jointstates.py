@@ -31,7 +31,7 @@ from dynid.recording.messages import (
     stamp_of,
 )
 from dynid.recording.names import TARGET, places_of
-from dynid.recording.table import RawTable, ReadOptions
+from dynid.recording.table import TORQUE_SOURCES, RawTable, ReadOptions
 
 FIELDS = ("position", "velocity", "effort")
 _NAN = float("nan")
@@ -161,6 +161,9 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             topics[name] = _Collector(MessageDecoder(plain_topic))
         topics[name].add(receive, data)
     others = {name: item for name, item in catalog.topics.items() if not item.is_joint_state}
+    if catalog.findings and not topics and not others:
+        cause = catalog.findings[0].text.partition(";")[0]
+        raise RecordError("no message in it can be read", value=cause)
     if topic is not None:
         states = topic in topics
     else:
@@ -202,13 +205,25 @@ def read_bag(paths: list[Path], options: ReadOptions, budget: Budget) -> RawTabl
             raise RecordError(
                 f"columns: item '{quantity}={name}' is not in a JointState message", limit=FIELDS
             )
+    signals = {
+        quantity: values[field]
+        for quantity, field in mapping.items()
+        if quantity == "q" or not np.isnan(values[field]).all()
+    }
+    if not {*TORQUE_SOURCES} & {*signals} and {*TORQUE_SOURCES} & {*mapping}:
+        rest = [f"{item.name} ({item.kind})" for item in catalog.topics.values()]
+        rest = sorted(text for text in rest if text.partition(" ")[0] != chosen)[:10]
+        raise RecordError(
+            f"there is neither current nor effort: no message of {chosen} has efforts",
+            next_step="Record the topic that has them"
+            + (
+                f", or choose it with --topic, of {printable(', '.join(rest), 500)}." * bool(rest)
+                or "."
+            ),
+        )
     return RawTable(
         **clock_facts(times),
-        signals={
-            quantity: values[field]
-            for quantity, field in mapping.items()
-            if quantity == "q" or not np.isnan(values[field]).all()
-        },
+        signals=signals,
         labels={
             quantity: tuple(f"{field} of {name}" for name in names)
             for quantity, field in mapping.items()

@@ -2,7 +2,8 @@
 
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -47,10 +48,14 @@ def _guess_variables(
         path for path, value in variables.items() if path and max(value.shape, default=0) >= _FEWEST
     ]
     paths = paths or list(variables)
-    try:
+    arrays: dict[str, Array] = {}
+    labels: dict[str, str] = {}
+    with _by_names(variables, paths):
         match = match_headers(paths, joints)
-        arrays: dict[str, Array] = {}
-        labels: dict[str, str] = {}
+    _require_one_set(
+        variables, {name: [paths[k] for k in match.columns[name]] for name in match.columns}
+    )
+    with _by_names(variables, paths):
         for quantity, numbers in match.columns.items():
             if quantity == "t":
                 continue
@@ -65,6 +70,21 @@ def _guess_variables(
                     )
                 # One vector a joint.
                 arrays[quantity] = np.column_stack([part.ravel() for part in parts])
+    clocks = [clock for clock in match.clocks if len(clock.columns) == 1]
+    longest = max(arrays["q"].shape)
+    for clock in clocks:
+        path = paths[clock.columns[0]]
+        if variables[path].size == longest:
+            arrays["t"], labels["t"] = variables[path], path
+            break
+    return arrays, labels, list(match.notes)
+
+
+@contextmanager
+def _by_names(variables: Mapping[str, Array], paths: Sequence[str]) -> Generator[None]:
+    """The variables in an error about their names."""
+    try:
+        yield
     except RecordError as error:
         known = error.value and not isinstance(error, NotRecognised)
         shown = f" ({printable(str(error.value), 200)})" if known else ""
@@ -74,14 +94,22 @@ def _guess_variables(
             next_step="Name them with --columns, for example t=rec.time,q=rec.pos,effort=rec.tau, "
             "or t=0,q=1:7,effort=7:13 of the only matrix.",
         ) from error
-    clocks = [clock for clock in match.clocks if len(clock.columns) == 1]
-    longest = max(arrays["q"].shape)
-    for clock in clocks:
-        path = paths[clock.columns[0]]
-        if variables[path].size == longest:
-            arrays["t"], labels["t"] = variables[path], path
-            break
-    return arrays, labels, list(match.notes)
+
+
+def _require_one_set(variables: Mapping[str, Array], paths: Mapping[str, list[str]]) -> None:
+    """Refuse several matrices of positions, as of two runs: one vector each would be a joint's.
+
+    Raises:
+        RecordError: There are several.
+    """
+    shapes = [variables[path].shape for path in paths["q"]]
+    if len(shapes) > 1 and any(len(shape) == 2 and min(shape) > 1 for shape in shapes):
+        columns = ",".join(f"{name}={found[0]}" for name, found in paths.items())
+        raise RecordError(
+            f"{len(shapes)} sets of variables can be q",
+            value=", ".join(paths["q"][:20]),
+            next_step=f"Choose with --columns, for those of {paths['q'][0]}: --columns {columns}",
+        )
 
 
 _COLUMNS = re.compile(r"[\d:+]+")

@@ -46,7 +46,12 @@ def drop_missing(table: RawTable) -> RawTable:
             "there is neither current nor effort",
             value="; ".join(hints) or None,
             next_step="A recording needs motor currents or joint torques; name their columns "
-            "with --columns, for example current=13:19.",
+            "with --columns, for example "
+            + (
+                "q=PATH,effort=PATH of a field."
+                if table.row_word == "message"
+                else "current=13:19."
+            ),
         )
     good = np.all([np.isfinite(value).all(axis=1) for value in table.signals.values()], axis=0)
     good &= np.isfinite(t)

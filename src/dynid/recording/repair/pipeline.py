@@ -48,7 +48,7 @@ def check_channels(record: ExperimentRecord) -> tuple[Finding, ...]:
                     about("unit_suspect", text, severity="error", value=size, next_step=step)
                 )
             elif low == high and moves and _is_dead(record, quantity, joint):
-                text = f"{name} is {float(low):.4g} on every row"
+                text = f"{name} is {float(low) + 0.0:.4g} on every row"
                 step = "check its column and its sensor"
                 found.append(about("dead_channel", text, value=float(low), next_step=step))
     return tuple(found)
