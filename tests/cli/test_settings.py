@@ -61,6 +61,7 @@ def test_python_may_pass_what_no_command_line_can() -> None:
         (dynid.DesignSettings, {"noise": ("a",)}, "--noise"),
         (dynid.DesignSettings, {"payload": 3.0}, "--payload"),
         (dynid.DesignSettings, {"clearance": -1.0}, "--clearance"),
+        (dynid.DesignSettings, {"clearance": 0.0}, "--clearance"),
     ],
 )
 def test_what_is_no_such_number_is_refused_where_it_is_set(

@@ -123,7 +123,7 @@ class LimitSettings(SceneSettings):
         most=99,
     )
     clearance: float | None = option(
-        None, "M", "Smallest distance of bodies [m]. [default: 0.01]", least=0, most=1
+        None, "M", "Smallest distance of bodies [m]. [default: 0.01]", least=0.001, most=1
     )
 
 
