@@ -16,13 +16,12 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynid.core import Array, Finding, InputError, JobError, RecordError, require_absent
+from dynid.core import Array, Finding, InputError, JobError, RecordError, free_name, require_absent
 from dynid.recording.content import said
 from dynid.recording.record import RecordMetadata, check_quantities, metadata_to_json
 from dynid.recording.store import (
     MARK,
     create_partial,
-    free_name,
     pack,
     partial_path,
     read_partial,
