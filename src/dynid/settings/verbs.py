@@ -139,7 +139,7 @@ MOST_HARMONICS = 100
 POINTS_A_SECOND = 1.5
 """Rests of a point-to-point motion."""
 FOURIER = ("fourier", "modified-fourier", "fourier-quintic")
-POPULATION, GENERATIONS = 300, 5
+PERIOD_S, POPULATION, GENERATIONS = 10.0, 300, 5
 """The paper's."""
 
 
@@ -180,7 +180,7 @@ class DesignSettings(LimitSettings):
     trajectory: str = option("fourier", (*FOURIER, "bspline", "points"), "Kind of motion.")
     harmonics: int | None = option(None, "H", "Of the series. [default: up to 1 Hz; 5 for cond]")
     """A B-spline gets as many free numbers, `points` as many points; None: see `order`."""
-    period_s: float = option(10.0, "S", "Time of one period.", "--period", least=0.1, most=3600)
+    period_s: float = option(PERIOD_S, "S", "Time of one period.", "--period", least=0.1, most=3600)
     rate_hz: float = 125.0
     """Samples a second at which criteria are computed."""
     population: int = option(POPULATION, "N", "Of the genetic algorithm.")
@@ -256,15 +256,26 @@ class DesignSettings(LimitSettings):
 
     @property
     def unused(self) -> tuple[str, ...]:
-        """Options that were given and that the method has no use for."""
+        """Options that were given and have no effect beside the others, each in a sentence."""
         genetic = self.method == "ga"
+        no_use = f"is not used by --method {self.method}"
+        task = self.minimised == "prediction" or self.accuracy_percent is not None
         given = {
-            "--population": not genetic and self.population != POPULATION,
-            "--generations": not genetic and self.generations != GENERATIONS,
-            "--starts": genetic and self.starts is not None,
-            "--dask": genetic and self.dask is not None,
+            f"--population {no_use}": not genetic and self.population != POPULATION,
+            f"--generations {no_use}": not genetic and self.generations != GENERATIONS,
+            f"--starts {no_use}": genetic and self.starts is not None,
+            f"--dask {no_use}": genetic and self.dask is not None,
+            "--period is only where the search begins: --accuracy decides the period": (
+                self.accuracy_percent is not None and self.period_s != PERIOD_S
+            ),
+            f"--motion does not change a motion for {self.minimised}, only its expected error": (
+                bool(self.motions) and not task
+            ),
+            f"--for is not used beside --criterion {self.criterion}": (
+                bool(self.purpose and self.criterion)
+            ),
         }
-        return tuple(name for name, wrongly in given.items() if wrongly)
+        return tuple(words for words, wrongly in given.items() if wrongly)
 
     def to_json(self) -> dict[str, Any]:
         """A JSON object."""

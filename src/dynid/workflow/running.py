@@ -351,8 +351,10 @@ def _made_ready(
 
 def _host(on: str) -> str:
     scheme, found, host = on.partition("://")
-    if (scheme, found) != ("ur", "://") or not host or "/" in host:
-        raise InputError("unknown robot to run on", where="--on", value=on, limit="sim, ur://HOST")
+    # An IPv6 address has several colons.
+    if (scheme, found) != ("ur", "://") or not host or "/" in host or host.count(":") == 1:
+        limit = "sim, ur://HOST (a name or an address, no port: UR's ports are fixed)"
+        raise InputError("unknown robot to run on", where="--on", value=on, limit=limit)
     return host
 
 
