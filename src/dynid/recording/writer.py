@@ -208,8 +208,9 @@ class RecordWriter:
         self._raise_sync()
         record = recover(self._partial, finished=True)
         stands = self.path.exists() and (self._aborted or not self._force)
-        stopped = free_name(self.path, f"{self.path.stem}.aborted-", self.path.suffix)
-        target = stopped if stands else self.path
+        why = "aborted" if self._aborted else "new"
+        beside = free_name(self.path, f"{self.path.stem}.{why}-", self.path.suffix)
+        target = beside if stands else self.path
         write_record(record, target)
         self._partial.unlink(missing_ok=True)
         self.record_path, self._saved = target, record.samples
